@@ -1,0 +1,1 @@
+"""Mission sets, benchmarks and their tables."""

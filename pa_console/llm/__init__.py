@@ -1,0 +1,1 @@
+"""The local LLM: catalogue, worker process, constrained decoding, planner and judge."""

@@ -1,0 +1,1 @@
+"""The eight steps from mission to report, as a stream of typed events."""

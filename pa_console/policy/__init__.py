@@ -1,0 +1,1 @@
+"""The rulebook, its retrieval and its deterministic checks; it knows no simulator."""

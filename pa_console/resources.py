@@ -1,0 +1,31 @@
+"""Finds the worlds, rules and model catalogue that are installed with the package."""
+
+from pathlib import Path
+
+_PACKAGE = Path(__file__).resolve().parent
+
+
+def data_folder() -> Path:
+    """Return the folder that holds `worlds/`, `rules/` and `models/`.
+
+    It is `pa_console/data` in an installed package and the repository itself in a checkout.
+    """
+    installed = _PACKAGE / "data"
+    return installed if installed.is_dir() else _PACKAGE.parent
+
+
+def find_data(kind: str, name: str, file: str) -> Path:
+    """Return the path of `name`, a path of the user's or the name of something installed.
+
+    `find_data("worlds", "checkpoint", "world.yaml")` is the installed checkpoint. A name that
+    is an existing file is that file; an existing folder is `file` inside it. The path returned
+    may not exist: opening it gives the error that names it.
+    """
+    given = Path(name).expanduser()
+    if given.is_file():
+        return given
+    if given.is_dir() and (given / file).is_file():
+        return given / file
+    folder = data_folder() / kind
+    candidates = [folder / name / file, folder / f"{name}.yaml", folder / name]
+    return next((path for path in candidates if path.is_file()), given)

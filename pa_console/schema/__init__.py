@@ -1,0 +1,1 @@
+"""What things are: strict pydantic models shared by every other package."""

@@ -1,0 +1,56 @@
+"""What the safeguards and the JudgeLLM say of a plan (paper, Section IV-F)."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from pa_console.schema.base import StrictModel
+from pa_console.schema.rule import Priority
+
+FindingStatus = Literal["complies", "violates", "not_applicable", "judged_only", "error"]
+JudgeOpinion = Literal["complies", "violates", "unclear"]
+
+
+class Finding(StrictModel):
+    """The deterministic result for one rule; `error` (a check that failed to run) blocks too."""
+
+    rule_id: str
+    priority: Priority
+    status: FindingStatus
+    message: str = ""
+
+    @property
+    def broken(self) -> bool:
+        """Whether the rule does not demonstrably hold."""
+        return self.status in ("violates", "error")
+
+    @property
+    def blocking(self) -> bool:
+        """Whether nobody may approve the plan because of it."""
+        return self.broken and self.priority in ("critical", "high")
+
+
+class RuleOpinion(StrictModel):
+    """The judge's opinion on one rule."""
+
+    rule_id: str
+    opinion: JudgeOpinion
+
+
+class Verdict(StrictModel):
+    """The JudgeLLM's answer: overall Success or Failure, per rule, with feedback."""
+
+    verdict: Literal["Success", "Failure"]
+    rules: tuple[RuleOpinion, ...] = ()
+    feedback: str = Field(default="", max_length=600)
+
+
+class Usage(StrictModel):
+    """What one generation cost: tokens by kind, seconds to the first token and in all."""
+
+    prompt_tokens: int = 0
+    cached_tokens: int = Field(default=0, description="prompt tokens found in the KV cache")
+    completion_tokens: int = 0
+    sampled_tokens: int = Field(default=0, description="the rest was forced by the grammar")
+    first_token_s: float = 0.0
+    seconds: float = 0.0

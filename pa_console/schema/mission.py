@@ -1,0 +1,93 @@
+"""A mission from intake to outcome: command, decision, verification, metrics."""
+
+from datetime import datetime
+from typing import Literal
+
+from pydantic import Field
+
+from pa_console.schema.base import Name, NonNegative, StrictModel
+from pa_console.schema.incident import Incident
+from pa_console.schema.plan import Plan
+
+MAX_MISSION_TEXT = 2000
+DecisionKind = Literal["approve", "reject", "modify"]
+MissionStatus = Literal[
+    "verified", "unverified", "refused", "rejected", "held", "cancelled", "failed"
+]
+Outcome = Literal["pass", "fail", "unknown"]
+
+
+class Mission(StrictModel):
+    """One mission command in plain language (paper, Step 1)."""
+
+    id: str
+    text: str = Field(min_length=1, max_length=MAX_MISSION_TEXT)
+    source: Literal["operator", "alarm"] = "operator"
+    created: datetime
+
+
+class Decision(StrictModel):
+    """What the operator (or the standing instruction given at start) decided, and why."""
+
+    kind: DecisionKind
+    by: str = "operator"
+    reason: str = ""
+    override_judge: bool = False
+    acknowledged: tuple[str, ...] = Field(default=(), description="rule ids of warnings accepted")
+    plan: Plan | None = Field(default=None, description="the operator's own plan, for `modify`")
+
+
+class ActionOutcome(StrictModel):
+    """Whether telemetry shows that one action happened."""
+
+    agent: Name
+    command: str
+    outcome: Outcome
+    reason: str
+
+
+class Verification(StrictModel):
+    """Telemetry's answer on whether the plan happened and every gate stayed covered."""
+
+    outcome: Outcome
+    actions: tuple[ActionOutcome, ...]
+    gates_lost: tuple[Name, ...] = ()
+    reason: str = ""
+
+
+class Metrics(StrictModel):
+    """Seconds per stage of one mission; execution is in simulated seconds, the rest wall time."""
+
+    retrieval_s: NonNegative = 0.0
+    picture_s: NonNegative = 0.0
+    prompt_s: NonNegative = 0.0
+    first_token_s: NonNegative = 0.0
+    planning_s: NonNegative = 0.0
+    checks_s: NonNegative = 0.0
+    rehearsal_s: NonNegative = 0.0
+    judging_s: NonNegative = 0.0
+    decision_s: NonNegative = 0.0
+    dispatch_s: NonNegative = 0.0
+    execution_s: NonNegative = 0.0
+    outcome_s: NonNegative = 0.0
+    end_to_end_s: NonNegative = 0.0
+    attempts: int = 0
+
+
+class MissionCase(StrictModel):
+    """One entry of a mission set: a command, its set-up and its success conditions."""
+
+    id: str
+    category: str
+    command: str = Field(min_length=1, max_length=MAX_MISSION_TEXT)
+    setup: tuple[Incident, ...] = ()
+    success: tuple[str, ...] = Field(default=(), description="CEL over the finished run")
+    expect: Literal["execute", "refuse", "either"] = "either"
+
+
+class MissionSet(StrictModel):
+    """A file of missions for one world."""
+
+    name: str
+    source: str = ""
+    missions: tuple[MissionCase, ...] = Field(min_length=1)

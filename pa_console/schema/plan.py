@@ -1,0 +1,91 @@
+"""The plan that the LLM writes: a reason and device commands (paper, Section IV-E)."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Annotated, Literal, NamedTuple, cast
+
+from pydantic import BeforeValidator, Field, field_validator
+
+from pa_console.schema.base import StrictModel
+from pa_console.schema.world import AssetKind
+
+Verb = Literal[
+    "hold", "move_to", "observe", "identify", "warn", "block", "return_to_base", "report"
+]
+
+
+class CommandSpec(NamedTuple):
+    """Who may carry a command out, and whether it names a frame."""
+
+    kinds: frozenset[AssetKind]
+    takes_frame: bool
+
+
+_ALL: frozenset[AssetKind] = frozenset(("uav", "ugv", "robot"))
+
+COMMANDS: Mapping[Verb, CommandSpec] = MappingProxyType(
+    {
+        "hold": CommandSpec(_ALL, False),
+        "move_to": CommandSpec(_ALL, True),
+        "observe": CommandSpec(frozenset(("uav",)), True),
+        "identify": CommandSpec(frozenset(("robot",)), True),
+        "warn": CommandSpec(frozenset(("robot",)), True),
+        "block": CommandSpec(frozenset(("ugv",)), True),
+        "return_to_base": CommandSpec(_ALL, False),
+        "report": CommandSpec(_ALL, False),
+    }
+)
+"""The whole vocabulary. It has no command for force, and none is ever added (ROE-01)."""
+
+MAX_ACTIONS = 64
+MAX_REASON = 600
+
+
+def _without_frame_prefix(value: object) -> object:
+    """Read the paper's `FRAME_Drone_T01` as `Drone_T01`."""
+    return value.replace("FRAME_", "") if isinstance(value, str) else value
+
+
+Token = Annotated[str, BeforeValidator(_without_frame_prefix)]
+
+
+class Action(StrictModel):
+    """One device command, e.g. agent `Drone_T01`, command `move_to EastGate`."""
+
+    agent: Token = Field(min_length=1, max_length=64)
+    command: Token = Field(min_length=1, max_length=160)
+
+    @field_validator("command")
+    @classmethod
+    def _in_vocabulary(cls, value: str) -> str:
+        words = value.split()
+        spec = COMMANDS.get(cast(Verb, words[0])) if words else None
+        if spec is None:
+            raise ValueError(f"unknown command {value!r}; known: {', '.join(COMMANDS)}")
+        if len(words) != 1 + spec.takes_frame:
+            needs = "exactly one frame" if spec.takes_frame else "no frame"
+            raise ValueError(f"command {value!r}: '{words[0]}' takes {needs}")
+        return " ".join(words)
+
+    @property
+    def verb(self) -> Verb:
+        """The command's first word."""
+        return cast(Verb, self.command.split()[0])
+
+    @property
+    def target(self) -> str | None:
+        """The frame that the command names, None for a command without one."""
+        words = self.command.split()
+        return words[1] if len(words) > 1 else None
+
+
+class Plan(StrictModel):
+    """A reason and the actions it leads to; actions start together, in list order."""
+
+    reason: str = Field(max_length=MAX_REASON)
+    actions: tuple[Action, ...] = Field(max_length=MAX_ACTIONS)
+
+    @property
+    def agents(self) -> tuple[str, ...]:
+        """The agents addressed, in order, repeated if the plan repeats them."""
+        return tuple(action.agent for action in self.actions)

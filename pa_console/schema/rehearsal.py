@@ -1,0 +1,57 @@
+"""What a plan did when it was run in a forked simulation (step 6)."""
+
+from pydantic import Field
+
+from pa_console.schema.base import Name, NonNegative, Percent, StrictModel
+from pa_console.schema.telemetry import Picture
+
+
+class GateTimeline(StrictModel):
+    """Cover of one gate during the plan; `longest_gap_s` is the longest time without any."""
+
+    covered_before: bool
+    covered_after: bool
+    longest_gap_s: NonNegative
+
+
+class TrackTimeline(StrictModel):
+    """When things first happened to a track, in seconds from the start; None means never."""
+
+    observed_s: NonNegative | None = None
+    ground_contact_s: NonNegative | None = Field(
+        default=None, description="a ground asset sent by the plan came within its sensor range"
+    )
+    identified_s: NonNegative | None = None
+    warned_s: NonNegative | None = None
+    blocked_s: NonNegative | None = None
+    least_distance_m: NonNegative | None = Field(
+        default=None, description="closest approach of a ground asset while unidentified"
+    )
+
+
+class AssetTimeline(StrictModel):
+    """What one addressed asset did during the plan."""
+
+    finished: bool = Field(description="its command ended as done")
+    detail: str = Field(default="", description="why it did not finish")
+    left_perimeter: bool = False
+    entered_zones: tuple[Name, ...] = ()
+    least_battery_pct: Percent = 100.0
+    travelled_m: NonNegative = 0.0
+
+
+class Timeline(StrictModel):
+    """The rehearsed plan from its start to the end of its last command, or the horizon."""
+
+    duration_s: NonNegative
+    gates: dict[Name, GateTimeline]
+    tracks: dict[Name, TrackTimeline] = {}
+    assets: dict[Name, AssetTimeline] = {}
+
+
+class Rehearsal(StrictModel):
+    """`after` is the picture when the rehearsed plan had ended."""
+
+    before: Picture
+    after: Picture
+    timeline: Timeline

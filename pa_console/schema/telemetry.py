@@ -1,0 +1,92 @@
+"""What is known of the checkpoint at one moment: the common operational picture."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from pa_console.schema.base import Name, NonNegative, Percent, Point, StrictModel
+from pa_console.schema.world import AssetKind
+
+AssetStatus = Literal["ok", "degraded", "failed"]
+CommsStatus = Literal["ok", "degraded", "lost"]
+Task = Literal[
+    "idle", "holding", "moving", "observing", "identifying", "warning", "blocking", "returning",
+    "charging", "none",
+]  # fmt: skip
+Identity = Literal["unknown", "authorized", "unauthorized"]
+Intent = Literal["unknown", "benign", "hostile"]
+TrackStatus = Literal["approaching", "stopped", "leaving", "inside"]
+
+
+class AssetTelemetry(StrictModel):
+    """The latest report of one asset; `stamp_s` is when it was sent, in simulated seconds."""
+
+    id: Name
+    kind: AssetKind
+    at: Name | None = Field(description="frame the asset is at, None between frames")
+    post: Name | None = Field(description="frame the asset is assigned to or heading to")
+    position: Point
+    heading_deg: float = Field(description="0 east, 90 north")
+    speed_mps: NonNegative
+    status: AssetStatus
+    task: Task
+    battery_pct: Percent
+    low_battery: bool
+    comms: CommsStatus
+    available: bool = Field(description="status not failed, comms not lost, battery not empty")
+    route: tuple[Point, ...] = Field(default=(), description="waypoints still ahead")
+    command_id: str | None = None
+    stamp_s: NonNegative
+
+
+class Track(StrictModel):
+    """A detected vehicle or person that is not ours."""
+
+    id: Name
+    kind: Literal["vehicle", "person"]
+    gate: Name = Field(description="the gate it approaches or stands at")
+    position: Point
+    heading_deg: float
+    speed_mps: NonNegative
+    distance_m: NonNegative = Field(description="to its gate")
+    identity: Identity = "unknown"
+    intent: Intent = "unknown"
+    status: TrackStatus = "approaching"
+    observed_by: tuple[Name, ...] = Field(default=(), description="UAVs that see it now")
+    observed: bool = Field(default=False, description="a UAV has seen it at least once")
+    warned: bool = False
+    stamp_s: NonNegative
+
+
+class GateCover(StrictModel):
+    """Whether a gate is watched, by whom, and for how long it has not been."""
+
+    covered: bool
+    by: tuple[Name, ...] = ()
+    uncovered_s: NonNegative = 0.0
+
+
+class Picture(StrictModel):
+    """The common operational picture at `time_s`: assets, tracks and cover per gate by name."""
+
+    tick: int
+    time_s: NonNegative
+    assets: dict[Name, AssetTelemetry]
+    tracks: dict[Name, Track] = {}
+    gates: dict[Name, GateCover]
+
+
+class Digest(StrictModel):
+    """The picture as an operator would ask for it; what the models are given (step 3)."""
+
+    covered: dict[Name, int] = Field(description="number of assets covering each gate")
+    uncovered: tuple[Name, ...]
+    free: dict[AssetKind, tuple[Name, ...]] = Field(
+        description="assets that may leave their place without uncovering a gate, best first"
+    )
+    sole_cover: dict[Name, Name] = Field(description="gate -> the only asset that covers it")
+    posts: dict[Name, str] = Field(description="asset -> 'kind at frame, task' for those up")
+    down: tuple[Name, ...]
+    low_battery: tuple[Name, ...]
+    degraded_comms: tuple[Name, ...] = ()
+    tracks: tuple[str, ...] = Field(description="one line a track, nearest first")

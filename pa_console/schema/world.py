@@ -1,0 +1,105 @@
+"""The checkpoint as data: frames, walls, lanes, zones, platforms and assets, all in metres."""
+
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
+
+from pa_console.schema.base import Name, NonNegative, Percent, Point, Positive, StrictModel
+
+AssetKind = Literal["uav", "ugv", "robot"]
+
+
+class Frame(StrictModel):
+    """A named position that commands can refer to (paper, Section IV-A; WF-08, CAP-06)."""
+
+    kind: Literal["gate", "post", "base"]
+    at: Point
+    radius_m: Positive = Field(default=8.0, description="within this an asset is at the frame")
+
+
+class Wall(StrictModel):
+    """A straight wall that ground vehicles cannot cross."""
+
+    start: Point
+    end: Point
+    thickness_m: Positive = 1.0
+
+
+class Lane(StrictModel):
+    """A road outside the perimeter that leads vehicles to a gate, far end first."""
+
+    gate: Name
+    points: tuple[Point, ...] = Field(min_length=2)
+
+
+class Zone(StrictModel):
+    """A polygon with a meaning; a restricted zone may be entered on a verified threat (ROE-07)."""
+
+    kind: Literal["restricted"]
+    polygon: tuple[Point, ...] = Field(min_length=3)
+
+
+class Platform(StrictModel):
+    """What one kind of asset can do physically."""
+
+    speed_mps: Positive
+    turn_rate_dps: Positive
+    radius_m: Positive
+    sensor_range_m: Positive
+    drain_idle_pct_per_min: NonNegative
+    drain_moving_pct_per_min: NonNegative
+
+
+class AssetSpec(StrictModel):
+    """One asset of the team and the frame where it starts its watch."""
+
+    kind: AssetKind
+    post: Name
+    battery_pct: Percent = 100.0
+
+
+class World(StrictModel):
+    """Everything about a checkpoint that does not change while it is simulated."""
+
+    name: Name
+    title: str
+    dt_s: Positive = Field(default=0.1, le=0.5, description="fixed simulation step")
+    telemetry_period_s: Positive = 0.5
+    standoff_m: Positive = Field(description="least distance to an unverified track (ROE-04)")
+    coverage_grace_s: Positive = Field(description="a gate may be uncovered this long (WF-03)")
+    low_battery_pct: Percent = 25.0
+    perimeter: tuple[Point, ...] = Field(min_length=3)
+    walls: tuple[Wall, ...] = ()
+    frames: dict[Name, Frame]
+    lanes: dict[Name, Lane] = {}
+    zones: dict[Name, Zone] = {}
+    platforms: dict[AssetKind, Platform]
+    assets: dict[Name, AssetSpec]
+
+    @property
+    def gates(self) -> tuple[str, ...]:
+        """Names of the gate frames, in file order."""
+        return tuple(name for name, frame in self.frames.items() if frame.kind == "gate")
+
+    @property
+    def base(self) -> str:
+        """Name of the frame to which `return_to_base` leads."""
+        return next(name for name, frame in self.frames.items() if frame.kind == "base")
+
+    @model_validator(mode="after")
+    def _references_exist(self) -> Self:
+        if not self.gates:
+            raise ValueError("frames: at least one frame must have kind 'gate'")
+        if sum(frame.kind == "base" for frame in self.frames.values()) != 1:
+            raise ValueError("frames: exactly one frame must have kind 'base'")
+        if not self.assets:
+            raise ValueError("assets: at least one asset is needed")
+        for name, lane in self.lanes.items():
+            if lane.gate not in self.gates:
+                raise ValueError(f"lanes.{name}.gate: {lane.gate!r} is not a gate frame")
+        for name, asset in self.assets.items():
+            if asset.post not in self.frames:
+                raise ValueError(f"assets.{name}.post: {asset.post!r} is not a frame")
+            if asset.kind not in self.platforms:
+                raise ValueError(f"assets.{name}.kind: no platform describes {asset.kind!r}")
+        return self

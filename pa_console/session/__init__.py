@@ -1,0 +1,1 @@
+"""The session's memory: hash-chained log, the fold over events, replay."""

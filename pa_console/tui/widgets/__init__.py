@@ -1,0 +1,1 @@
+"""Widgets that stand alone, each with its own messages and CSS."""
