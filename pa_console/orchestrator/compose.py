@@ -1,0 +1,84 @@
+"""Puts a station together from the names of a world, a rule file and a model."""
+
+import hashlib
+import secrets
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+from pa_console import __version__
+from pa_console.llm.engine import Engine
+from pa_console.llm.grammar import plan_grammar
+from pa_console.llm.judge import Judge
+from pa_console.llm.planner import Planner
+from pa_console.orchestrator.clock import Clock
+from pa_console.orchestrator.services import Services
+from pa_console.orchestrator.station import Station
+from pa_console.policy.retriever import Retriever
+from pa_console.policy.rulebook import Rulebook, load_rules
+from pa_console.resources import find_data
+from pa_console.schema.event import SessionStarted
+from pa_console.schema.world import World
+from pa_console.sim.checkpoint import Checkpoint
+from pa_console.sim.world_file import load_world
+
+PINNED_PACKAGES = ("llama-cpp-python", "llguidance", "pymunk", "common-expression-language")
+
+
+@dataclass(frozen=True)
+class Site:
+    """A world and the rules in force there, with the hashes of their files."""
+
+    world: World
+    world_path: Path
+    rulebook: Rulebook
+
+    @property
+    def world_sha256(self) -> str:
+        """SHA-256 of the world file."""
+        return hashlib.sha256(self.world_path.read_bytes()).hexdigest()
+
+
+def load_site(world: str, rules: str) -> Site:
+    """Load a world and a rule file by installed name or path; raises DocumentError."""
+    world_path = find_data("worlds", world, "world.yaml")
+    rules_path = find_data("rules", rules, "rules.yaml")
+    return Site(load_world(world_path), world_path, load_rules(rules_path))
+
+
+def new_session_id() -> str:
+    """Return a session id that sorts by time."""
+    return f"{datetime.now(UTC):%Y%m%dT%H%M%S}-{secrets.token_hex(2)}"
+
+
+def open_station(
+    site: Site, engine: Engine, clock: Clock, *, seed: int = 0, readonly: bool = False
+) -> Station:
+    """Return a station on `site` whose planner and judge are two roles on `engine`."""
+    sim = Checkpoint(site.world, seed)
+    services = Services(
+        sim=sim,
+        rulebook=site.rulebook,
+        retriever=Retriever(site.rulebook.rules),
+        engine=engine,
+        planner=Planner(engine),
+        judge=Judge(engine),
+    )
+    grammar = plan_grammar(site.world, sim.picture())
+    started = SessionStarted(
+        session=new_session_id(),
+        version=__version__,
+        world=site.world.name,
+        world_sha256=site.world_sha256,
+        rules=site.rulebook.name,
+        rules_sha256=site.rulebook.sha256,
+        model=engine.model.name,
+        model_sha256=engine.model.sha256 or "not pinned",
+        seed=seed,
+        sampler=engine.sampler,
+        grammar_sha256=hashlib.sha256(grammar.encode()).hexdigest(),
+        readonly=readonly,
+        packages={name: version(name) for name in PINNED_PACKAGES},
+    )
+    return Station(services, clock, started, readonly)

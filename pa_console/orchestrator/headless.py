@@ -1,0 +1,91 @@
+"""Runs missions without a screen: one station, one mission after another, a given approver."""
+
+from collections.abc import Callable, Sequence
+from typing import Literal
+
+from pa_console.orchestrator.station import Station
+from pa_console.schema import event as ev
+from pa_console.schema.incident import Incident
+from pa_console.schema.mission import Decision, MissionStatus
+from pa_console.session.fold import MissionTrace, SessionState
+
+Approver = Callable[[ev.ApprovalRequested], Decision]
+Sink = Callable[[ev.Event, SessionState], None]
+ApprovalMode = Literal["auto", "never"]
+SETUP_SETTLE_S = 2.0
+
+
+def standing_approver(mode: ApprovalMode, override_reason: str = "") -> Approver:
+    """Return the approver that follows a standing instruction given before the mission.
+
+    `auto` approves what may be approved and acknowledges warnings; a judge's Failure is only
+    overridden with `override_reason`. `never` rejects every plan.
+    """
+
+    def decide(request: ev.ApprovalRequested) -> Decision:
+        by = f"standing instruction: --approve {mode}"
+        if mode == "never":
+            return Decision(kind="reject", by=by, reason="plans are never approved in this run")
+        if request.blocked_by:
+            return Decision(kind="reject", by=by, reason="; ".join(request.blocked_by))
+        if request.needs_override and not override_reason.strip():
+            reason = "the judge said Failure and no override reason was given"
+            return Decision(kind="reject", by=by, reason=reason)
+        return Decision(
+            kind="approve",
+            by=by,
+            reason=override_reason or "approved by standing instruction",
+            override_judge=request.needs_override,
+            acknowledged=request.acknowledge,
+        )
+
+    return decide
+
+
+async def run_missions(
+    station: Station,
+    texts: Sequence[str],
+    approver: Approver,
+    sink: Sink,
+    setup: Sequence[Incident] = (),
+) -> list[MissionTrace]:
+    """Bring the set-up about, run `texts` in order and return their traces.
+
+    `sink` is given every event and the state after it, in order; raises ValueError for a set-up
+    or a mission that the station does not take.
+    """
+    state = SessionState()
+    waiting = list(texts)
+    submitted: list[str] = []
+    async for event in station.run():
+        state.apply(event)
+        sink(event, state)
+        match event.data:
+            case ev.TelemetryReceived() if not submitted:
+                if setup:
+                    for incident in setup:
+                        station.inject(incident)
+                    setup = ()
+                    await station.advance(SETUP_SETTLE_S)
+                submitted.append(station.submit(waiting.pop(0)).id)
+            case ev.ApprovalRequested():
+                station.decide(approver(event.data))
+            case ev.MissionFinished():
+                if waiting:
+                    submitted.append(station.submit(waiting.pop(0)).id)
+                else:
+                    await station.close("every mission is finished")
+            case _:
+                pass
+    return [state.missions[mission] for mission in submitted]
+
+
+EXIT_CODES: dict[MissionStatus, int] = {
+    "verified": 0,
+    "unverified": 4,
+    "refused": 3,
+    "rejected": 3,
+    "held": 3,
+    "cancelled": 3,
+    "failed": 1,
+}

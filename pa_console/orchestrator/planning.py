@@ -1,0 +1,214 @@
+"""Steps 2 to 6 of a mission: from its words to a plan that was checked, rehearsed and judged."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from time import perf_counter
+
+from pa_console.llm.grammar import judge_grammar, plan_grammar
+from pa_console.llm.judge import Judgement
+from pa_console.llm.planner import Proposal
+from pa_console.llm.prompts import judge_prompt, planner_prompt
+from pa_console.orchestrator.digest import digest_picture
+from pa_console.orchestrator.safeguards import Examination, examine
+from pa_console.orchestrator.services import Payloads, Services, Stopwatch
+from pa_console.schema import event as ev
+from pa_console.schema.finding import Verdict
+from pa_console.schema.mission import Mission
+from pa_console.schema.plan import Plan
+from pa_console.schema.rule import Rule, RuleHit
+from pa_console.schema.telemetry import Digest
+
+
+@dataclass
+class Candidate:
+    """A plan that went through the safeguards, and the judge's answer once there is one."""
+
+    attempt: int
+    examination: Examination
+    verdict: Verdict | None = None
+    judge_error: str = ""
+
+
+class Planning:
+    """Makes and examines plans for one mission; `best` is the one to decide on."""
+
+    def __init__(self, services: Services, mission: Mission, stopwatch: Stopwatch) -> None:
+        self._services, self._mission, self._watch = services, mission, stopwatch
+        self._hits: tuple[RuleHit, ...] = ()
+        self._digest: Digest | None = None
+        self.attempts = 0
+        self.best: Candidate | None = None
+        self.error = ""
+        """Why there is no `best`."""
+
+    async def retrieve(self) -> Payloads:
+        """Step 2: the rules that concern the mission's words, and the pinned ones."""
+        started = perf_counter()
+        retriever = self._services.retriever
+        self._hits = retriever.retrieve(self._mission.text, self._services.top_k)
+        seconds = perf_counter() - started
+        self._watch.add("retrieval_s", seconds)
+        yield ev.RulesRetrieved(method=retriever.method, hits=self._hits, seconds=seconds)
+
+    async def propose(self, reasons: Sequence[str] = (), previous: str = "") -> Payloads:
+        """Steps 3 to 6: ask for a plan until one breaks no rule, at most 1 + repairs times.
+
+        `reasons` say what was wrong with the `previous` plan. The least bad plan becomes `best`.
+        """
+        self.best, self.error = None, ""
+        seen: set[Plan] = set()
+        for last in [False] * self._services.repairs + [True]:
+            async for payload in self._ask(reasons, previous):
+                yield payload
+            proposal = self._proposal
+            if proposal.plan is None:
+                self.error = proposal.error
+                if proposal.fatal:
+                    return
+                reasons = (proposal.error,)
+            else:
+                async for payload in self._examine(proposal.plan):
+                    yield payload
+                reasons = self._latest.broken
+            repeated = proposal.plan in seen
+            if not reasons or last or repeated:
+                return
+            if proposal.plan is not None:
+                seen.add(proposal.plan)
+            previous = proposal.text
+            yield ev.RepairRequested(attempt=self.attempts, reasons=tuple(reasons))
+
+    async def take(self, plan: Plan) -> Payloads:
+        """Step 6 for a plan that the operator wrote: it is examined like any other."""
+        self.attempts += 1
+        self.best = None
+        text = plan.model_dump_json()
+        yield ev.PlanProposed(attempt=self.attempts, author="operator", text=text, plan=plan)
+        async for payload in self._examine(plan):
+            yield payload
+
+    async def judge(self) -> Payloads:
+        """Step 6: the JudgeLLM's verdict on `best`; a blocked plan needs none."""
+        candidate = self.best
+        if candidate is None or candidate.examination.blocked:
+            return
+        rehearsal = candidate.examination.rehearsal
+        if self._digest is None or rehearsal is None:
+            return
+        rules = self._judged_rules(candidate.examination)
+        started = perf_counter()
+        prompt = judge_prompt(
+            self._services.sim.world,
+            self._digest,
+            rules,
+            self._mission,
+            candidate.examination.plan,
+            rehearsal,
+        )
+        yield ev.PromptBuilt(
+            role="judge",
+            attempt=candidate.attempt,
+            system=prompt.system,
+            user=prompt.user,
+            seconds=perf_counter() - started,
+        )
+        grammar = judge_grammar([rule.id for rule in rules])
+        with self._watch.time("judging_s"):
+            async for piece in self._services.judge.judge(prompt, grammar):
+                if isinstance(piece, str):
+                    yield ev.TextStreamed(role="judge", attempt=candidate.attempt, text=piece)
+                else:
+                    candidate.verdict, candidate.judge_error = piece.verdict, piece.error
+                    yield _judged(candidate.attempt, piece)
+
+    async def reexamine(self) -> Examination | None:
+        """Examine `best` in the present state; None when it may still be executed."""
+        if self.best is None:
+            return None
+        plan = self.best.examination.plan
+        services = self._services
+        fresh = await examine(plan, self._mission, services.sim, services.rulebook)
+        self._count(fresh)
+        return fresh if fresh.blocked else None
+
+    async def _ask(self, reasons: Sequence[str], previous: str) -> Payloads:
+        """Steps 3 to 5, once."""
+        self.attempts += 1
+        services = self._services
+        started = perf_counter()
+        picture = services.sim.picture()
+        self._digest = digest_picture(picture, services.sim.world)
+        seconds = perf_counter() - started
+        self._watch.add("picture_s", seconds)
+        yield ev.PictureDigested(digest=self._digest, seconds=seconds)
+        started = perf_counter()
+        rules = [services.rulebook.get(hit.rule_id) for hit in self._hits]
+        prompt = planner_prompt(
+            services.sim.world, self._digest, rules, self._mission, reasons, previous
+        )
+        grammar = plan_grammar(services.sim.world, picture)
+        seconds = perf_counter() - started
+        self._watch.add("prompt_s", seconds)
+        yield ev.PromptBuilt(
+            role="planner",
+            attempt=self.attempts,
+            system=prompt.system,
+            user=prompt.user,
+            seconds=seconds,
+        )
+        with self._watch.time("planning_s"):
+            async for piece in services.planner.plan(prompt, grammar):
+                if isinstance(piece, str):
+                    yield ev.TextStreamed(role="planner", attempt=self.attempts, text=piece)
+                else:
+                    self._proposal = piece
+                    yield _proposed(self.attempts, piece)
+        if self.attempts == 1:
+            self._watch.add("first_token_s", self._proposal.usage.first_token_s)
+
+    async def _examine(self, plan: Plan) -> Payloads:
+        services = self._services
+        found = await examine(plan, self._mission, services.sim, services.rulebook)
+        self._count(found)
+        self._latest = found
+        if found.rehearsal is not None:
+            yield ev.PlanRehearsed(
+                attempt=self.attempts, rehearsal=found.rehearsal, seconds=found.rehearsal_s
+            )
+        yield ev.PlanChecked(attempt=self.attempts, findings=found.findings, seconds=found.checks_s)
+        if self.best is None or found.badness < self.best.examination.badness:
+            self.best = Candidate(self.attempts, found)
+
+    def _count(self, examination: Examination) -> None:
+        self._watch.add("checks_s", examination.checks_s)
+        self._watch.add("rehearsal_s", examination.rehearsal_s)
+
+    def _judged_rules(self, examination: Examination) -> list[Rule]:
+        """Return the retrieved and pinned rules that apply to the plan, and every broken one."""
+        findings = {finding.rule_id: finding for finding in examination.findings}
+        ids = [
+            hit.rule_id
+            for hit in self._hits
+            if hit.rule_id not in findings or findings[hit.rule_id].status != "not_applicable"
+        ]
+        ids += [f.rule_id for f in examination.findings if f.broken and f.rule_id not in ids]
+        return [self._services.rulebook.get(rule_id) for rule_id in ids]
+
+
+def _proposed(attempt: int, proposal: Proposal) -> ev.PlanProposed:
+    return ev.PlanProposed(
+        attempt=attempt,
+        text=proposal.text,
+        plan=proposal.plan,
+        error=proposal.error,
+        usage=proposal.usage,
+    )
+
+
+def _judged(attempt: int, judgement: Judgement) -> ev.PlanJudged:
+    return ev.PlanJudged(
+        attempt=attempt,
+        verdict=judgement.verdict,
+        error=judgement.error,
+        usage=judgement.usage,
+    )

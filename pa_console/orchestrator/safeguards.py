@@ -1,0 +1,59 @@
+"""Step 6: structure, rehearsal and every rule in force, whatever was retrieved."""
+
+from dataclasses import dataclass
+from time import perf_counter
+
+from pa_console.orchestrator.rehearsal import rehearse
+from pa_console.policy.checks import check_plan
+from pa_console.policy.rulebook import Rulebook
+from pa_console.policy.structure import problems
+from pa_console.schema.finding import Finding
+from pa_console.schema.mission import Mission
+from pa_console.schema.plan import Plan
+from pa_console.schema.rehearsal import Rehearsal
+from pa_console.sim.checkpoint import Checkpoint
+
+
+@dataclass(frozen=True)
+class Examination:
+    """What the safeguards found; there is no rehearsal when the plan cannot even be started."""
+
+    plan: Plan
+    findings: tuple[Finding, ...]
+    rehearsal: Rehearsal | None
+    checks_s: float
+    rehearsal_s: float
+
+    @property
+    def blocked(self) -> bool:
+        """Whether nobody may approve the plan."""
+        return any(finding.blocking for finding in self.findings)
+
+    @property
+    def broken(self) -> tuple[str, ...]:
+        """Every broken rule with what is wrong, for the planner's next attempt."""
+        return tuple(f"{f.rule_id}: {f.message}" for f in self.findings if f.broken)
+
+    @property
+    def badness(self) -> tuple[int, int]:
+        """Blocking findings, then warnings: the smaller the better."""
+        blocking = sum(finding.blocking for finding in self.findings)
+        return blocking, len(self.broken) - blocking
+
+
+async def examine(plan: Plan, mission: Mission, sim: Checkpoint, rulebook: Rulebook) -> Examination:
+    """Check `plan` against the present state of `sim`: its structure first, then by rehearsal."""
+    started = perf_counter()
+    structural = problems(plan, sim.world, sim.picture())
+    checked = perf_counter()
+    if structural:
+        return Examination(plan, structural, None, checked - started, 0.0)
+    rehearsal = await rehearse(sim, plan)
+    rehearsed = perf_counter()
+    findings = check_plan(
+        rulebook, plan=plan, rehearsal=rehearsal, mission=mission, world=sim.world
+    )
+    done = perf_counter()
+    return Examination(
+        plan, findings, rehearsal, checked - started + done - rehearsed, rehearsed - checked
+    )

@@ -1,0 +1,55 @@
+"""What every mission is worked on with, and the stopwatch that its metrics come from."""
+
+from collections.abc import AsyncIterator, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from time import perf_counter
+
+from pa_console.llm.judge import Judge
+from pa_console.llm.planner import Planner
+from pa_console.policy.retriever import Retriever
+from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.event import EventPayload
+from pa_console.schema.mission import Metrics
+from pa_console.sim.checkpoint import Checkpoint
+
+Payloads = AsyncIterator[EventPayload]
+
+
+@dataclass(frozen=True)
+class Services:
+    """The simulation, the policy and the two roles of the LLM; `repairs` bounds step 6's loop."""
+
+    sim: Checkpoint
+    rulebook: Rulebook
+    retriever: Retriever
+    planner: Planner
+    judge: Judge
+    repairs: int = 2
+    top_k: int = 3
+
+
+@dataclass
+class Stopwatch:
+    """Adds up the seconds of each stage under the names of the Metrics fields."""
+
+    seconds: dict[str, float] = field(default_factory=dict[str, float])
+    started: float = field(default_factory=perf_counter)
+
+    def add(self, stage: str, seconds: float) -> None:
+        """Add `seconds` to `stage`."""
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + seconds
+
+    @contextmanager
+    def time(self, stage: str) -> Iterator[None]:
+        """Add the wall time of the block to `stage`."""
+        begin = perf_counter()
+        try:
+            yield
+        finally:
+            self.add(stage, perf_counter() - begin)
+
+    def metrics(self, attempts: int) -> Metrics:
+        """Return everything measured so far, end to end until now."""
+        total = perf_counter() - self.started
+        return Metrics(**self.seconds, end_to_end_s=total, attempts=attempts)
