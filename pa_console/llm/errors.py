@@ -1,0 +1,25 @@
+"""What can go wrong with a model or its engine, worded for the person at the console."""
+
+
+class ModelError(Exception):
+    """A model that is unknown, missing, or not the file that the catalogue pins."""
+
+
+class PullError(ModelError):
+    """A model that could not be fetched; says what failed at each source and what to do."""
+
+
+class EngineError(Exception):
+    """A generation that did not happen; asking again with the same prompt may not help."""
+
+
+class EngineDiedError(EngineError):
+    """The worker process ended while it was needed; the next generation starts a new one."""
+
+
+class ModelUnavailableError(EngineError):
+    """The model cannot be loaded."""
+
+
+class PromptRefusedError(EngineError):
+    """The prompt does not fit in the model's context, or its grammar is not valid."""

@@ -1,0 +1,17 @@
+"""Looks for free disk space before anything is fetched."""
+
+import shutil
+from pathlib import Path
+
+from pa_console.llm.cache import CACHE_VARIABLE
+from pa_console.llm.errors import PullError
+
+
+def require_room(folder: Path, needed: int) -> None:
+    """Raise PullError unless `needed` bytes are free on the disk of the existing `folder`."""
+    free = shutil.disk_usage(folder).free
+    if free < needed:
+        raise PullError(
+            f"{needed / 1e6:.0f} MB are needed in {folder} and {free / 1e6:.0f} MB are free: "
+            f"free some space, or set {CACHE_VARIABLE} to a folder on another disk"
+        )

@@ -1,0 +1,93 @@
+"""Runs a downloader as a child process and reports how much it has written."""
+
+import os
+import signal
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from pa_console.llm.errors import PullError
+
+POLL_S = 0.2
+STALL_S = 90.0
+STOP_S = 3.0
+
+
+def folder_size(folder: Path) -> int:
+    """Return the bytes in all files under `folder`, which may change meanwhile."""
+    total = 0
+    for root, _, names in os.walk(folder):
+        for name in names:
+            try:
+                total += os.lstat(os.path.join(root, name)).st_size
+            except FileNotFoundError:
+                continue
+    return total
+
+
+def run_watched(
+    command: Sequence[str],
+    *,
+    environment: Mapping[str, str],
+    folder: Path,
+    report: Callable[[int], None],
+    stall_s: float = STALL_S,
+) -> None:
+    """Run `command`, calling `report` with the bytes under `folder` about five times a second.
+
+    The child never outlives the call: it is stopped on Ctrl-C, when `report` raises, and when
+    nothing was written for `stall_s` seconds. Raises PullError with the child's last words.
+    """
+    with tempfile.TemporaryFile() as output:
+        child = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            env={**os.environ, **environment},
+            start_new_session=True,
+        )
+        try:
+            _watch(child, folder, report, stall_s)
+        finally:
+            _stop(child)
+        if child.returncode != 0:
+            output.seek(0)
+            raise PullError(_last_words(output.read().decode("utf-8", "replace")))
+
+
+def _watch(
+    child: subprocess.Popen[bytes], folder: Path, report: Callable[[int], None], stall_s: float
+) -> None:
+    size, since = -1, time.monotonic()
+    while True:
+        try:
+            child.wait(timeout=POLL_S)
+            return
+        except subprocess.TimeoutExpired:
+            now = folder_size(folder)
+            if now != size:
+                size, since = now, time.monotonic()
+                report(size)
+            elif time.monotonic() - since > stall_s:
+                raise PullError(f"nothing arrived for {stall_s:.0f} s, given up") from None
+
+
+def _stop(child: subprocess.Popen[bytes]) -> None:
+    if child.poll() is not None:
+        return
+    child.send_signal(signal.SIGTERM)
+    try:
+        child.wait(timeout=STOP_S)
+    except subprocess.TimeoutExpired:
+        child.kill()
+        child.wait()
+
+
+def _last_words(output: str) -> str:
+    """Return the line that says what went wrong, as pip and Python put it."""
+    lines = [line.strip() for line in output.splitlines() if line.strip()]
+    errors = [line.removeprefix("ERROR:").strip() for line in lines if line.startswith("ERROR:")]
+    return (errors or lines or ["it ended without a word"])[-1]
