@@ -12,6 +12,7 @@ from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.rule import RuleHit
 from pa_console.schema.telemetry import Digest, Picture
+from pa_console.session.wording import in_words
 
 NOTICES_KEPT = 500
 
@@ -73,9 +74,11 @@ class MissionTrace:
 
     def attempt(self, number: int) -> Attempt:
         """Return attempt `number` (from 1), opening it when it is new."""
-        while len(self.attempts) < number:
-            self.attempts.append(Attempt(len(self.attempts) + 1))
-        return self.attempts[number - 1]
+        for attempt in reversed(self.attempts):
+            if attempt.number == number:
+                return attempt
+        self.attempts.append(Attempt(number))
+        return self.attempts[-1]
 
     @property
     def decision(self) -> Decision | None:
@@ -136,12 +139,12 @@ class SessionState:
             case ev.Noticed(level=level, subject=subject, text=text):
                 self._notice(event, level, subject, text)
             case ev.IncidentHappened(incident=incident):
-                self._notice(event, "warning", "incident", str(incident))
+                self._notice(event, "warning", "incident", in_words(incident))
             case ev.MissionReceived(mission=mission):
                 self.missions[mission.id] = MissionTrace(mission)
                 self._notice(event, "info", mission.id, mission.text)
             case ev.MissionStarted():
-                self.active = event.mission
+                self.active = event.mission if event.mission in self.missions else None
             case ev.MissionFinished(status=status, reason=reason):
                 self.active = None
                 level = "info" if status == "verified" else "warning"

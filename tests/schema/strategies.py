@@ -1,0 +1,98 @@
+"""Hypothesis strategies for every schema model, derived from the models' own fields."""
+
+import types
+from datetime import UTC, datetime
+from functools import cache
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from annotated_types import Ge, Gt, Le, MaxLen, MinLen
+from hypothesis import strategies as st
+from pydantic import BaseModel
+
+from pa_console.schema.event import Event, EventPayload
+from pa_console.schema.plan import COMMANDS, Action
+
+PAYLOADS: tuple[type[BaseModel], ...] = get_args(get_args(EventPayload)[0])
+FRAMES = ("NorthGate", "EastGate", "Checkpoint", "Base")
+TEXT = st.text(st.characters(codec="utf-8"), max_size=12)
+NUMBERS = st.integers(-1_000_000, 1_000_000)
+
+
+def actions() -> st.SearchStrategy[Action]:
+    """Any action that the vocabulary allows."""
+    commands = [
+        f"{verb} {frame}" if spec.takes_frame else verb
+        for verb, spec in COMMANDS.items()
+        for frame in FRAMES
+    ]
+    names = st.from_regex(r"\A[A-Z][a-z]{1,5}_T0[1-9]\Z")
+    return st.builds(Action, agent=names, command=st.sampled_from(commands))
+
+
+@cache
+def models(model: type[BaseModel]) -> st.SearchStrategy[Any]:
+    """Any valid value of `model`."""
+    if model is Action:
+        return actions()
+    fields = {
+        name: values(field.annotation, field.metadata) for name, field in model.model_fields.items()
+    }
+    return st.builds(model, **fields)
+
+
+def events() -> st.SearchStrategy[Event]:
+    """Any event."""
+    return models(Event)
+
+
+def values(annotation: Any, metadata: Any = ()) -> st.SearchStrategy[Any]:
+    """Any value that a field of type `annotation` takes."""
+    origin, args = get_origin(annotation), get_args(annotation)
+    metadata = [part for item in metadata for part in getattr(item, "metadata", (item,))]
+    if origin is Annotated:
+        return values(args[0], (*args[1:], *metadata))
+    if origin is Literal:
+        return st.sampled_from(args)
+    if origin in (Union, types.UnionType):
+        return st.one_of([values(arg) for arg in args])
+    if origin is tuple and args[-1] is Ellipsis:
+        least = _bound(metadata, MinLen, "min_length", 0)
+        return st.lists(values(args[0]), min_size=least, max_size=least + 2).map(tuple)
+    if origin is tuple:
+        return st.tuples(*(values(arg) for arg in args))
+    if origin is dict:
+        return st.dictionaries(values(args[0]), values(args[1]), max_size=2)
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        model = annotation
+        return st.deferred(lambda: models(model))
+    return _scalars(annotation, metadata)
+
+
+def _scalars(annotation: Any, metadata: Any) -> st.SearchStrategy[Any]:
+    pattern: str | None = next((p for m in metadata if (p := getattr(m, "pattern", None))), None)
+    if pattern is not None:
+        return st.from_regex(rf"\A{pattern.strip('^$')}\Z").map(lambda text: text[:60])
+    if annotation is str:
+        most = _bound(metadata, MaxLen, "max_length", 12)
+        least = _bound(metadata, MinLen, "min_length", 0)
+        return st.text(st.characters(codec="utf-8"), min_size=least, max_size=min(most, 12))
+    if annotation is float:
+        least = _bound(metadata, Ge, "ge", _bound(metadata, Gt, "gt", None))
+        return st.floats(
+            least,
+            _bound(metadata, Le, "le", None),
+            exclude_min=any(isinstance(item, Gt) for item in metadata),
+            allow_nan=False,
+            allow_infinity=False,
+        )
+    simple: dict[Any, st.SearchStrategy[Any]] = {
+        int: NUMBERS,
+        bool: st.booleans(),
+        type(None): st.none(),
+        datetime: st.datetimes(datetime(2000, 1, 1), datetime(2100, 1, 1), timezones=st.just(UTC)),
+    }
+    return simple[annotation]
+
+
+def _bound(metadata: Any, kind: type, attribute: str, default: Any) -> Any:
+    return next((getattr(m, attribute) for m in metadata if isinstance(m, kind)), default)
