@@ -43,6 +43,11 @@ class Station:
         self._closed = False
 
     @property
+    def session(self) -> str:
+        """The id of the session."""
+        return self._started.session
+
+    @property
     def world(self) -> World:
         """The world that is simulated."""
         return self._sim.world

@@ -1,0 +1,32 @@
+"""`pa-console console`: the screen."""
+
+import sys
+from typing import Annotated
+
+import typer
+
+from pa_console.cli.output import ModelOption, RulesOption, SeedOption, WorldOption
+
+
+def console(
+    world: WorldOption = "checkpoint",
+    rules: RulesOption = "checkpoint",
+    model: ModelOption = None,
+    seed: SeedOption = 0,
+    readonly: Annotated[
+        bool, typer.Option("--readonly", help="Look only: every command is refused.")
+    ] = False,
+    no_mouse: Annotated[
+        bool, typer.Option("--no-mouse", help="Leave the mouse to the terminal.")
+    ] = False,
+) -> None:
+    """Open the console: live checkpoint, policy browser, missions, trace and approval."""
+    if not sys.stdout.isatty():
+        raise ValueError("the console needs a terminal; use 'pa-console mission' in scripts")
+    from pa_console.orchestrator.clock import RealTimeClock  # noqa: PLC0415 - after argument errors
+    from pa_console.orchestrator.compose import load_site, open_engine, open_station  # noqa: PLC0415
+    from pa_console.tui.app import run_console  # noqa: PLC0415
+
+    site = load_site(world, rules)
+    station = open_station(site, open_engine(model), RealTimeClock(), seed=seed, readonly=readonly)
+    run_console(station, mouse=not no_mouse)

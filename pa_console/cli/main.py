@@ -1,0 +1,89 @@
+"""Wires the verbs together and turns every failure into one clear line and an exit code."""
+
+import contextlib
+import os
+import sys
+import tempfile
+import traceback
+from typing import Annotated
+
+import click
+import typer
+
+from pa_console import __version__
+from pa_console.cli import bench, console, mission, models, replay, rules
+from pa_console.cli.output import BAD_INPUT, FAILED, errors
+from pa_console.llm.errors import EngineError, ModelError
+from pa_console.schema.document import DocumentError
+from pa_console.session.chain import LogError
+
+INTERRUPTED = 130
+
+app = typer.Typer(
+    name="pa-console",
+    help="Command a team of robots in plain language, safely, with a local LLM.",
+    epilog="Exit codes: 0 done and verified, 2 bad input, 3 refused or rejected, "
+    "4 executed but not verified, 1 anything else.",
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command("console")(console.console)
+app.command("mission")(mission.mission)
+app.command("replay")(replay.replay)
+app.command("bench")(bench.bench)
+app.add_typer(rules.app, name="rules")
+app.add_typer(models.app, name="models")
+
+
+@app.callback(invoke_without_command=True)
+def _default(
+    context: typer.Context,
+    version: Annotated[
+        bool, typer.Option("--version", help="Show the version and leave.", is_eager=True)
+    ] = False,
+) -> None:
+    """Open the console when no verb is given."""
+    if version:
+        typer.echo(f"pa-console {__version__}")
+        raise typer.Exit
+    if context.invoked_subcommand is None:
+        console.console()
+
+
+def main() -> None:
+    """Run the command line; never lets a traceback reach the user."""
+    try:
+        code = app(standalone_mode=False)
+    except (DocumentError, ModelError, LogError, ValueError) as error:
+        code = _fail(str(error), BAD_INPUT)
+    except EngineError as error:
+        code = _fail(str(error), FAILED)
+    except click.ClickException as error:
+        error.show()
+        code = BAD_INPUT
+    except (KeyboardInterrupt, click.Abort):
+        code = _fail("interrupted", INTERRUPTED)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = FAILED
+    except OSError as error:
+        code = _fail(f"{error.filename or 'input/output'}: {error.strerror or error}", FAILED)
+    except Exception as error:
+        code = _fail(f"internal error: {error}; {_keep_traceback()}", FAILED)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _fail(text: str, code: int) -> int:
+    errors.print(f"error: {text}", style="bold red", markup=False, highlight=False, soft_wrap=True)
+    return code
+
+
+def _keep_traceback() -> str:
+    """Write the traceback to a file for a bug report and say where it is."""
+    with contextlib.suppress(OSError):
+        handle, path = tempfile.mkstemp(prefix="pa-console-", suffix=".txt")
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(traceback.format_exc())
+        return f"please report it with {path}"
+    return "please report it"

@@ -1,0 +1,150 @@
+"""`pa-console mission`: one mission through all eight steps, without the screen."""
+
+import asyncio
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from pydantic import TypeAdapter, ValidationError
+from rich.status import Status
+
+from pa_console.cli.output import (
+    JsonOption,
+    ModelOption,
+    RulesOption,
+    SeedOption,
+    WorldOption,
+    errors,
+    out,
+    print_json,
+)
+from pa_console.cli.trace import print_trace
+from pa_console.orchestrator.clock import SteppedClock
+from pa_console.orchestrator.compose import load_site, open_engine, open_station
+from pa_console.orchestrator.headless import (
+    EXIT_CODES,
+    Approver,
+    run_missions,
+    standing_approver,
+)
+from pa_console.schema.document import Document
+from pa_console.schema.event import ApprovalRequested, Event
+from pa_console.schema.incident import Incident
+from pa_console.schema.mission import Decision
+from pa_console.session.fold import SessionState
+from pa_console.session.log import LogWriter, default_folder, new_log_path
+
+
+class Approve(StrEnum):
+    """Who decides about the plan."""
+
+    ask = "ask"
+    auto = "auto"
+    never = "never"
+
+
+def mission(
+    text: Annotated[str, typer.Argument(help="The mission, in plain language.")],
+    world: WorldOption = "checkpoint",
+    rules: RulesOption = "checkpoint",
+    model: ModelOption = None,
+    approve: Annotated[
+        Approve, typer.Option(help="ask: on the terminal; auto: whatever the safeguards allow.")
+    ] = Approve.ask,
+    override_reason: Annotated[
+        str, typer.Option(help="With --approve auto: overrule a judge's Failure, for this reason.")
+    ] = "",
+    event: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Set-up before the mission, as YAML; repeatable. "
+            "Example: '{kind: spawn, gate: WestGate, distance_m: 60}'"
+        ),
+    ] = None,
+    seed: SeedOption = 0,
+    log: Annotated[Path | None, typer.Option(help="Where to write the session log.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Plan, check, rehearse, judge, decide, execute and verify one mission."""
+    setup = [_incident(number, text_) for number, text_ in enumerate(event or (), start=1)]
+    site = load_site(world, rules)
+    engine = open_engine(model)
+    station = open_station(site, engine, SteppedClock(), seed=seed)
+    approver = _ask if approve is Approve.ask else standing_approver(approve.value, override_reason)
+    path = log or new_log_path(default_folder(), station.session)
+    with LogWriter(path, station.session) as writer, errors.status("starting") as status:
+        progress = _Progress(writer, status, ask=approve is Approve.ask)
+        approver = progress.pausing(approver)
+        traces = asyncio.run(run_missions(station, [text], approver, progress.show, setup))
+    trace = traces[0]
+    code = EXIT_CODES[trace.status] if trace.status is not None else 1
+    if json:
+        print_json({"exit_code": code, "log": str(path), "mission": trace})
+    else:
+        print_trace(out, trace)
+        out.print(f"log: {path}", markup=False)
+    raise typer.Exit(code)
+
+
+def _incident(number: int, text: str) -> Incident:
+    """Read one --event; raises DocumentError naming the option and the field."""
+    document = Document(f"--event {number}", text)
+    try:
+        return TypeAdapter[Incident](Incident).validate_python(document.value)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise document.error(first["loc"], first["msg"]) from error
+
+
+class _Progress:
+    """Writes every event to the log and keeps one line on the terminal up to date."""
+
+    def __init__(self, writer: LogWriter, status: Status, ask: bool) -> None:
+        self._writer, self._status, self._ask = writer, status, ask
+
+    def show(self, event: Event, state: SessionState) -> None:
+        """Take in one event."""
+        self._writer.append(event)
+        trace = state.current
+        if trace is not None:
+            attempt = f", attempt {len(trace.attempts)}" if len(trace.attempts) > 1 else ""
+            self._status.update(f"{trace.mission.id}: {trace.stage}{attempt}")
+        elif state.worker is not None:
+            self._status.update(f"model {state.worker.state} {state.worker.detail}")
+
+    def pausing(self, approver: Approver) -> Approver:
+        """Return `approver` with the progress line out of its way."""
+
+        def decide(request: ApprovalRequested) -> Decision:
+            self._status.stop()
+            try:
+                return approver(request)
+            finally:
+                self._status.start()
+
+        return decide if self._ask else approver
+
+
+def _ask(request: ApprovalRequested) -> Decision:
+    """Ask on the terminal; no answer, or no terminal, is a rejection."""
+    errors.print(f"\nPlan: {request.plan.reason}", markup=False)
+    for action in request.plan.actions:
+        errors.print(f"  {action.agent}  {action.command}", markup=False)
+    for reason in request.blocked_by:
+        errors.print(f"blocked: {reason}", style="bold red", markup=False)
+    if request.blocked_by:
+        return Decision(kind="reject", reason="; ".join(request.blocked_by))
+    if request.acknowledge:
+        errors.print(f"broken, to be acknowledged: {', '.join(request.acknowledge)}", markup=False)
+    if not typer.confirm("Approve?", default=False, err=True):
+        return Decision(kind="reject", reason="rejected at the terminal")
+    reason = ""
+    if request.needs_override:
+        reason = typer.prompt("The judge said Failure. Reason for overruling it", err=True)
+    return Decision(
+        kind="approve",
+        reason=reason,
+        override_judge=request.needs_override,
+        acknowledged=request.acknowledge,
+    )

@@ -1,0 +1,102 @@
+"""`pa-console models`: list the catalogue, pull a model, run missions with models."""
+
+import asyncio
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from pa_console.cli.output import (
+    JsonOption,
+    RulesOption,
+    SeedOption,
+    WorldOption,
+    errors,
+    out,
+    print_json,
+)
+from pa_console.llm.catalog import Catalog, ModelEntry
+from pa_console.llm.fetch import pull as fetch
+
+app = typer.Typer(help="List, pull and try language models.", no_args_is_help=True)
+
+
+@app.command("list")
+def list_models(json: JsonOption = False) -> None:
+    """List the models of the catalogue and whether each is on this machine."""
+    catalog = Catalog.load()
+    if json:
+        print_json([_row(catalog, entry) for entry in catalog.models])
+        return
+    table = Table("model", "size", "quantisation", "licence", "here", "what it is")
+    for entry in catalog.models:
+        name = f"{entry.name} (default)" if entry.name == catalog.default else entry.name
+        here = "yes" if entry.local_file is not None else "no"
+        about = f"{entry.title}. {entry.notes}".strip()
+        size = f"{entry.size_mb} MB"
+        table.add_row(name, size, entry.quantisation, entry.licence, here, about)
+    out.print(table)
+
+
+def _row(catalog: Catalog, entry: ModelEntry) -> dict[str, object]:
+    local = entry.local_file
+    return entry.model_dump(mode="json") | {
+        "default": entry.name == catalog.default,
+        "path": None if local is None else str(local),
+    }
+
+
+@app.command()
+def pull(
+    name: Annotated[
+        str | None, typer.Argument(help="A model of the catalogue; default: the default one.")
+    ] = None,
+    json: JsonOption = False,
+) -> None:
+    """Fetch a model into the user's cache: resumable, and kept only if its hash is right."""
+    catalog = Catalog.load()
+    entry = catalog.get(name or catalog.default)
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        DownloadColumn(),
+        TimeRemainingColumn(),
+    )
+    told = ""
+    with Progress(*columns, console=errors) as bar:
+        task = bar.add_task(entry.name, total=entry.size_mb * 1_000_000)
+
+        def progress(done: int, total: int, text: str) -> None:
+            nonlocal told
+            told = text
+            bar.update(task, completed=done, total=total, description=f"{entry.name}: {text}")
+
+        path = fetch(entry, progress)
+        size = path.stat().st_size
+        bar.update(task, completed=size, total=size, description=f"{entry.name} is ready")
+    if json:
+        print_json({"model": entry.name, "path": str(path), "sha256": entry.sha256})
+    else:
+        out.print(f"{path}", markup=False, soft_wrap=True)
+        if entry.sha256 is None and told:
+            errors.print(told, markup=False)
+
+
+@app.command()
+def bench(
+    names: Annotated[list[str], typer.Argument(help="Models of the catalogue or GGUF files.")],
+    missions: Annotated[
+        Path | None, typer.Option(help="A mission set; default: the paper's ten.")
+    ] = None,
+    world: WorldOption = "checkpoint",
+    rules: RulesOption = "checkpoint",
+    seed: SeedOption = 0,
+    logs: Annotated[Path | None, typer.Option(help="A folder for a session log a run.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Run every mission of a set through the whole pipeline with each model, and tabulate."""
+    from pa_console.cli.bench_models import run_bench  # noqa: PLC0415 - only this verb needs it
+
+    asyncio.run(run_bench(names, missions, (world, rules), seed, logs, json))

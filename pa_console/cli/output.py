@@ -1,0 +1,36 @@
+"""What every verb shares: the two consoles, JSON output, exit codes and common options."""
+
+import json
+import sys
+from typing import Annotated, Any
+
+import typer
+from pydantic import TypeAdapter
+from rich.console import Console
+
+FAILED = 1
+BAD_INPUT = 2
+
+out = Console(highlight=False)
+errors = Console(stderr=True, highlight=False)
+
+WorldOption = Annotated[
+    str, typer.Option("--world", help="A world: an installed name, a folder or a file.")
+]
+RulesOption = Annotated[
+    str, typer.Option("--rules", help="A rule file: an installed name or path.")
+]
+ModelOption = Annotated[
+    str | None,
+    typer.Option("--model", help="A model of the catalogue, or the path of a GGUF file."),
+]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the simulation.")]
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else there.")
+]
+
+
+def print_json(value: Any) -> None:
+    """Print `value`, dataclasses and pydantic models included, as one indented JSON document."""
+    plain = TypeAdapter(Any).dump_python(value, mode="json")
+    sys.stdout.write(json.dumps(plain, indent=2, ensure_ascii=False) + "\n")

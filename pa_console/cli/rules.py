@@ -1,0 +1,103 @@
+"""`pa-console rules`: list the policy, search it as the retriever does, check a rule file."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from pa_console.cli.output import JsonOption, RulesOption, errors, out, print_json
+from pa_console.policy.examples import run_example
+from pa_console.policy.retriever import Retriever
+from pa_console.policy.rulebook import Rulebook, load_rules
+from pa_console.resources import find_data
+from pa_console.schema.rule import Rule
+
+BROKEN = 2
+
+app = typer.Typer(help="List, search and check the policy rules.", no_args_is_help=True)
+
+
+def _load(rules: str) -> Rulebook:
+    return load_rules(find_data("rules", rules, "rules.yaml"))
+
+
+def _how(rule: Rule) -> str:
+    return "checked" if rule.check is not None else "judged only"
+
+
+@app.command("list")
+def list_rules(rules: RulesOption = "checkpoint", json: JsonOption = False) -> None:
+    """List every rule in force: id, priority, whether it is checked or only judged, text."""
+    book = _load(rules)
+    if json:
+        print_json([rule.model_dump(mode="json") for rule in book.rules])
+        return
+    table = Table("rule", "priority", "how", "text", title=f"{book.name}: {len(book.rules)} rules")
+    for rule in book.rules:
+        table.add_row(rule.id, rule.priority, _how(rule), rule.text)
+    out.print(table)
+
+
+@app.command()
+def search(
+    text: Annotated[str, typer.Argument(help="Words of a mission.")],
+    rules: RulesOption = "checkpoint",
+    top: Annotated[int, typer.Option("--top", "-k", min=1, help="Number of rules.")] = 3,
+    json: JsonOption = False,
+) -> None:
+    """Show what the retriever finds for TEXT: pinned rules first, then the best, with scores."""
+    book = _load(rules)
+    hits = Retriever(book.rules).retrieve(text, top)
+    if json:
+        print_json([hit.model_dump(mode="json") for hit in hits])
+        return
+    names = sorted({name for hit in hits for name in hit.components})
+    table = Table("rule", "score", *names, "why", "text")
+    for hit in hits:
+        parts = [f"{hit.components.get(name, 0.0):.3f}" for name in names]
+        why = "pinned" if hit.pinned else "retrieved"
+        table.add_row(hit.rule_id, f"{hit.score:.3f}", *parts, why, book.get(hit.rule_id).text)
+    out.print(table)
+
+
+@app.command()
+def check(
+    file: Annotated[Path | None, typer.Argument(help="A rule file; default: checkpoint.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Load a rule file, compile its checks and run every example; exit code 2 if one is wrong."""
+    book = _load(str(file) if file is not None else "checkpoint")
+    wrong: list[dict[str, str]] = []
+    examples = 0
+    for rule in book.rules:
+        for example in rule.examples:
+            examples += 1
+            found = run_example(book, rule, example)
+            status = {"complies": "pass", "violates": "fail"}.get(found.status, found.status)
+            if status != example.expect:
+                wrong.append(
+                    {
+                        "rule": rule.id,
+                        "example": example.name,
+                        "expected": example.expect,
+                        "got": status,
+                        "message": found.message,
+                    }
+                )
+    checked = sum(rule.check is not None for rule in book.rules)
+    if json:
+        print_json({"rules": len(book.rules), "checked": checked, "examples": examples,
+                    "wrong": wrong})  # fmt: skip
+    else:
+        for entry in wrong:
+            errors.print(
+                f"{entry['rule']}: example {entry['example']!r} should {entry['expected']}, "
+                f"got {entry['got']}: {entry['message']}",
+                markup=False,
+            )
+        out.print(
+            f"{len(book.rules)} rules, {checked} checked, {examples} examples, {len(wrong)} wrong"
+        )
+    if wrong:
+        raise typer.Exit(BROKEN)
