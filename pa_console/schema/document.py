@@ -33,14 +33,16 @@ class Document:
         try:
             node = yaml.compose(text, Loader=yaml.SafeLoader)
             self.value = yaml.safe_load(text)
+            if node is not None:
+                self._index(node, ())
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             problem = f"not valid YAML: {error.problem or error.context}"
             raise DocumentError(source, mark.line + 1 if mark else 0, "", problem) from error
         except (yaml.YAMLError, ValueError) as error:
             raise DocumentError(source, 0, "", f"not valid YAML: {error}") from error
-        if node is not None:
-            self._index(node, ())
+        except RecursionError as error:
+            raise DocumentError(source, 0, "", "nested too deeply, or contains itself") from error
 
     @classmethod
     def read(cls, path: Path) -> "Document":
