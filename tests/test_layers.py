@@ -1,0 +1,67 @@
+"""The core runs without a screen and without the model library, and imports point one way."""
+
+import json
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import pa_console
+
+ROOT = Path(pa_console.__file__).parents[1]
+ABOVE = ("pa_console.cli", "pa_console.tui", "pa_console.__main__")
+"""The front ends, which may import Textual."""
+
+WORKER = "pa_console.llm.worker"
+"""The process that holds the model, the only place where llama_cpp is imported."""
+
+PROBE = """
+import importlib, json, sys
+for name in sys.argv[1:]:
+    importlib.import_module(name)
+print(json.dumps(sorted({name.partition(".")[0] for name in sys.modules})))
+"""
+
+
+def core_modules() -> list[str]:
+    paths = sorted((ROOT / "pa_console").rglob("*.py"))
+    names = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in paths]
+    modules = [name.removesuffix(".__init__") for name in names]
+    return [name for name in modules if not name.startswith((*ABOVE, WORKER))]
+
+
+def imported_by(modules: list[str]) -> set[str]:
+    """The top-level packages that a fresh interpreter has after importing `modules`."""
+    command = [sys.executable, "-c", PROBE, *modules]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return set(json.loads(done.stdout))
+
+
+def test_the_core_is_all_there() -> None:
+    packages = {name.split(".")[1] for name in core_modules() if "." in name}
+    assert packages >= {"schema", "resources", "sim", "policy", "llm", "session"}
+    assert packages >= {"orchestrator", "evaluation"}
+
+
+def test_the_core_needs_neither_a_screen_nor_the_model_library() -> None:
+    imported = imported_by(core_modules())
+    assert "pa_console" in imported
+    assert not imported & {"textual", "llama_cpp", "llguidance"}
+
+
+def test_the_probe_would_see_a_screen() -> None:
+    assert "textual" in imported_by(["textual"])
+
+
+def test_the_import_contracts_hold(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("importlinter")
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setattr(sys, "path", sys.path.copy())
+    lint_imports = import_module("importlinter.cli").lint_imports
+    failed = lint_imports(config_filename=str(ROOT / "pyproject.toml"), no_cache=True)
+    assert not failed, capsys.readouterr().out

@@ -1,0 +1,57 @@
+"""What `pip install` brings: the package with its worlds, rules and model catalogue."""
+
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import pa_console
+
+ROOT = Path(pa_console.__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
+    """The names of the files in a wheel built from this checkout."""
+    pytest.importorskip("hatchling")
+    folder = tmp_path_factory.mktemp("wheel")
+    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    (built,) = folder.glob("*.whl")
+    return set(zipfile.ZipFile(built).namelist())
+
+
+def test_the_default_world_rules_and_catalogue_are_inside(wheel: set[str]) -> None:
+    assert wheel >= {
+        "pa_console/data/worlds/checkpoint/world.yaml",
+        "pa_console/data/worlds/checkpoint/missions/paper.yaml",
+        "pa_console/data/rules/checkpoint.yaml",
+        "pa_console/data/models/catalog.yaml",
+    }
+
+
+def test_every_data_file_of_the_checkout_is_inside(wheel: set[str]) -> None:
+    for kind in ("worlds", "rules", "models"):
+        for path in (ROOT / kind).rglob("*.yaml"):
+            assert f"pa_console/data/{path.relative_to(ROOT).as_posix()}" in wheel
+
+
+def test_every_module_and_style_sheet_is_inside(wheel: set[str]) -> None:
+    for path in (ROOT / "pa_console").rglob("*"):
+        if path.suffix in (".py", ".tcss"):
+            assert path.relative_to(ROOT).as_posix() in wheel
+
+
+def test_nothing_else_is_inside(wheel: set[str]) -> None:
+    folders = {name.split("/")[0] for name in wheel}
+    assert {folder for folder in folders if not folder.endswith(".dist-info")} == {"pa_console"}
+    weights = [name for name in wheel if name.endswith(".gguf") and ".lora." not in name]
+    assert not weights
+
+
+def test_the_command_is_installed(wheel: set[str]) -> None:
+    assert any(name.endswith(".dist-info/entry_points.txt") for name in wheel)
+    assert any(name.endswith(".dist-info/licenses/LICENSE") for name in wheel)
