@@ -13,8 +13,9 @@ Progress = Callable[[int, int, str], None]
 
 SCRIPT = """\
 import sys
-from huggingface_hub import hf_hub_download
+from huggingface_hub import constants, get_session, hf_hub_download
 repo, name, revision, folder = sys.argv[1:]
+get_session().head(constants.ENDPOINT, timeout=8)
 hf_hub_download(repo, name, revision=revision, local_dir=folder)
 """
 ENVIRONMENT = {

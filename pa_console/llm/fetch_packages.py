@@ -31,13 +31,7 @@ def fetch_packages(source: PackageSource, place: Path, total: int, progress: Pro
         if part.is_file():
             continue
         text = f"part {number} of {source.parts}" if source.parts > 1 else source.package
-        so_far = done
-        _fetch_part(
-            source,
-            number,
-            part,
-            lambda size, at=so_far, what=text: progress(at + size, total, what),
-        )
+        _fetch_part(source, number, part, partial(_report_more, progress, done, total, text))
         done += part.stat().st_size
     progress(min(done, total), total, "joining the parts")
     return _join(parts, place / "joined")

@@ -1,0 +1,130 @@
+"""Greedy decoding under a grammar, with forced tokens evaluated in batches.
+
+Only the worker process imports this. The most likely token is tried first; the mask over the whole
+vocabulary is computed only when the grammar refuses it.
+"""
+
+import codecs
+from collections.abc import Callable, Sequence
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from llguidance import LLMatcher
+from llguidance.llamacpp import lltokenizer_from_vocab
+from numpy.typing import NDArray
+
+from pa_console.llm.protocol import Finish
+from pa_console.llm.runtime import InterruptedEvaluationError, Runtime
+from pa_console.schema.finding import Usage
+
+
+class Decoder:
+    """Writes answers with one model; temperature 0, so the same prompt gives the same answer."""
+
+    def __init__(self, runtime: Runtime) -> None:
+        self._runtime = runtime
+        self._ends = frozenset(runtime.end_tokens)
+        vocabulary: Any = runtime.vocabulary
+        self._tokenizer = lltokenizer_from_vocab(vocabulary, eos_token=sorted(self._ends))
+
+    def answer(
+        self,
+        sequence: int,
+        prompt: Sequence[int],
+        grammar: str,
+        max_tokens: int,
+        on_text: Callable[[str], None],
+    ) -> tuple[Finish, Usage]:
+        """Write an answer to `prompt` that `grammar` (lark) accepts, giving text as it comes.
+
+        Returns why it ended and what it cost. Raises ValueError when the grammar is not valid or
+        prompt and answer do not fit in the context.
+        """
+        room = self._runtime.n_ctx - max_tokens
+        if len(prompt) > room:
+            raise ValueError(
+                f"the prompt has {len(prompt)} tokens and at most {room} fit beside an answer of "
+                f"{max_tokens} in the model's context of {self._runtime.n_ctx}: shorten the mission"
+            )
+        matcher = LLMatcher(self._tokenizer, grammar, log_level=0)
+        if matcher.is_error():
+            raise ValueError(f"the grammar is not valid: {matcher.get_error()}")
+        run = _Run(self._runtime, self._tokenizer, matcher, self._ends, on_text)
+        finish = run.write(sequence, prompt, max_tokens)
+        return finish, run.usage(len(prompt))
+
+
+class _Run:
+    """One answer being written."""
+
+    def __init__(
+        self,
+        runtime: Runtime,
+        tokenizer: Any,
+        matcher: LLMatcher,
+        ends: frozenset[int],
+        on_text: Callable[[str], None],
+    ) -> None:
+        self._runtime, self._tokenizer, self._matcher = runtime, tokenizer, matcher
+        self._ends, self._on_text = ends, on_text
+        self._utf8 = codecs.getincrementaldecoder("utf-8")("replace")
+        self._started = perf_counter()
+        self._first_token_s = 0.0
+        self._cached = self._written = self._sampled = 0
+
+    def write(self, sequence: int, prompt: Sequence[int], max_tokens: int) -> Finish:
+        try:
+            logits, self._cached = self._runtime.begin(sequence, prompt)
+            self._first_token_s = perf_counter() - self._started
+            while True:
+                tokens = self._next(logits)
+                tokens = tokens[: max_tokens - self._written]
+                self._written += len(tokens)
+                self._give(tokens)
+                if self._matcher.is_stopped():
+                    return "stop"
+                if self._written >= max_tokens:
+                    return "length"
+                position = len(prompt) + self._written - len(tokens)
+                logits = self._runtime.extend(sequence, position, tokens)
+        except InterruptedEvaluationError:
+            return "cancelled"
+
+    def usage(self, prompt_tokens: int) -> Usage:
+        return Usage(
+            prompt_tokens=prompt_tokens,
+            cached_tokens=self._cached,
+            completion_tokens=self._written,
+            sampled_tokens=self._sampled,
+            first_token_s=self._first_token_s,
+            seconds=perf_counter() - self._started,
+        )
+
+    def _next(self, logits: NDArray[np.float32]) -> list[int]:
+        """Return the next tokens: those that are forced, or one chosen and those it forces."""
+        tokens = self._forced()
+        if tokens or self._matcher.is_stopped():
+            return tokens
+        token = int(np.argmax(logits))
+        if self._matcher.try_consume_tokens([token]) != 1:
+            mask = np.frombuffer(self._matcher.compute_bitmask(), dtype=np.uint8)
+            allowed = np.unpackbits(mask, bitorder="little")[: logits.size].astype(bool)
+            if not allowed.any():
+                raise ValueError(f"the grammar is at a dead end: {self._matcher.get_error()}")
+            token = int(np.argmax(np.where(allowed, logits, -np.inf)))
+            self._matcher.consume_token(token)
+        self._sampled += 1
+        return [token, *self._forced()]
+
+    def _forced(self) -> list[int]:
+        tokens = self._matcher.compute_ff_tokens()
+        if tokens:
+            self._matcher.consume_tokens(tokens)
+        return tokens
+
+    def _give(self, tokens: Sequence[int]) -> None:
+        data = self._tokenizer.decode_bytes([t for t in tokens if t not in self._ends])
+        text = self._utf8.decode(data)
+        if text:
+            self._on_text(text)

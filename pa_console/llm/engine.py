@@ -1,0 +1,220 @@
+"""The parent side of the LLM: an asyncio engine over one worker process.
+
+The event loop is never blocked: the worker is an asyncio subprocess that speaks JSON lines.
+"""
+
+import asyncio
+from collections.abc import AsyncGenerator, Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import perf_counter
+
+from pa_console.llm.catalog import LocalModel
+from pa_console.llm.errors import EngineDiedError, ModelUnavailableError, PromptRefusedError
+from pa_console.llm.process import Worker
+from pa_console.llm.protocol import Cancel, Done, Finish, Generate, Load, Piece, Refused
+from pa_console.llm.threads import physical_cores
+from pa_console.schema.event import Role, WorkerState
+from pa_console.schema.finding import Usage
+
+SAMPLER = "greedy seed=0"
+N_CTX = 4096
+LOAD_LIMIT_S = 300.0
+DIED = "the model's process died; it is started again when it is needed"
+GRACE_S = 1.0
+"""How long a worker that was told to stop may take before it is killed."""
+
+OnState = Callable[[WorkerState, str], None]
+
+
+@dataclass(frozen=True)
+class ModelInfo:
+    """What the session log pins of the model; `n_ctx` is exact once the engine is ready."""
+
+    name: str
+    path: Path
+    sha256: str
+    n_ctx: int
+    description: str
+
+
+@dataclass(frozen=True)
+class Request:
+    """One prompt; `deadline_s` counts from when the model is loaded and begins on it."""
+
+    role: Role
+    system: str
+    user: str
+    grammar: str
+    max_tokens: int
+    deadline_s: float
+
+
+@dataclass(frozen=True)
+class Completed:
+    """The end of a generation: the whole text, what it cost and why it ended."""
+
+    text: str
+    usage: Usage
+    finish: Finish
+
+
+class Engine:
+    """Answers prompts, one at a time; `on_state` is told of every change of the worker."""
+
+    def __init__(
+        self,
+        model: LocalModel,
+        on_state: OnState | None = None,
+        *,
+        n_ctx: int = N_CTX,
+        threads: int | None = None,
+    ) -> None:
+        self.model = model
+        self.info = ModelInfo(model.name, model.path, model.sha256, n_ctx, model.description)
+        self.sampler = SAMPLER
+        self.state: WorkerState = "unavailable"
+        self.detail = "not started"
+        self.on_state = on_state
+        self._load = Load(
+            path=str(model.path),
+            chat=model.chat,
+            n_ctx=n_ctx,
+            threads=threads or physical_cores(),
+        )
+        self._worker: Worker | None = None
+        self._turn = asyncio.Lock()
+        self._stop = asyncio.Event()
+        self._number = 0
+        self._closed = False
+
+    async def start(self) -> None:
+        """Start loading the model and return at once."""
+        self._closed = False
+        await self._living_worker()
+
+    async def close(self) -> None:
+        """Stop whatever runs and end the worker."""
+        self._closed = True
+        self.cancel()
+        worker, self._worker = self._worker, None
+        if worker is not None:
+            await worker.close()
+
+    def cancel(self) -> None:
+        """Stop the generation that is running, if any; it ends as `cancelled`."""
+        self._stop.set()
+        if self._worker is not None:
+            self._worker.interrupt()
+
+    async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
+        """Give the answer to `request` in pieces, then one Completed.
+
+        Raises ModelUnavailableError when the model cannot be loaded, PromptRefusedError when the
+        prompt does not fit, EngineDiedError when the worker ended meanwhile.
+        """
+        async with self._turn:
+            self._stop.clear()
+            worker = await self._living_worker()
+            if not await self._loaded(worker):
+                yield Completed("", Usage(), "cancelled")
+                return
+            self._number += 1
+            try:
+                async for item in self._exchange(worker, self._number, request):
+                    yield item
+            finally:
+                worker.send(Cancel(id=self._number))
+
+    async def _living_worker(self) -> Worker:
+        if self._closed:
+            raise ModelUnavailableError("the engine is closed")
+        if self._worker is None or self._worker.ended:
+            self._change("loading", self.model.name)
+            self._worker = await Worker.spawn(self._load, self._on_ready, self._on_end)
+        return self._worker
+
+    async def _loaded(self, worker: Worker) -> bool:
+        """Wait for the model; False when cancelled meanwhile."""
+        stop = asyncio.ensure_future(self._stop.wait())
+        try:
+            await asyncio.wait(
+                {worker.ready, stop}, timeout=LOAD_LIMIT_S, return_when=asyncio.FIRST_COMPLETED
+            )
+        finally:
+            stop.cancel()
+        if worker.ready.done():
+            if worker.error:
+                raise ModelUnavailableError(
+                    f"model {self.model.name} cannot be used: {worker.error}"
+                )
+            if worker.ended:
+                raise EngineDiedError(DIED)
+            return True
+        if self._stop.is_set():
+            return False
+        await worker.kill()
+        raise ModelUnavailableError(
+            f"model {self.model.name} was not loaded within {LOAD_LIMIT_S:.0f} s"
+        )
+
+    async def _exchange(
+        self, worker: Worker, number: int, request: Request
+    ) -> AsyncGenerator[str | Completed]:
+        """Send `request` and pass the worker's messages on until it is over or too late."""
+        worker.send(
+            Generate(
+                id=number,
+                role=request.role,
+                system=request.system,
+                user=request.user,
+                grammar=request.grammar,
+                max_tokens=request.max_tokens,
+            )
+        )
+        started = perf_counter()
+        limit, text = started + request.deadline_s, ""
+        asked: Finish | None = None
+        while True:
+            message = await worker.receive(limit)
+            match message:
+                case Piece(id=id_) if id_ == number:
+                    text += message.text
+                    yield message.text
+                case Done(id=id_) if id_ == number:
+                    yield Completed(text, message.usage, asked or message.finish)
+                    return
+                case Refused(id=id_) if id_ == number:
+                    raise PromptRefusedError(message.error)
+                case "ended":
+                    raise EngineDiedError(DIED)
+                case "stop" if asked is None and self._stop.is_set():
+                    asked = "cancelled"
+                    worker.send(Cancel(id=number))
+                    limit = perf_counter() + GRACE_S
+                case "late" if asked is None:
+                    asked = "deadline"
+                    worker.send(Cancel(id=number))
+                    limit = perf_counter() + GRACE_S
+                case "late":
+                    await worker.kill()
+                    usage = Usage(seconds=perf_counter() - started)
+                    yield Completed(text, usage, asked or "deadline")
+                    await self._living_worker()
+                    return
+                case _:
+                    continue
+
+    def _on_ready(self, n_ctx: int, description: str) -> None:
+        self.info = replace(self.info, n_ctx=n_ctx, description=description)
+        self._change("ready", self.model.name)
+
+    def _on_end(self, error: str) -> None:
+        """Say why the worker ended: it could not load, or it died."""
+        if not self._closed:
+            self._change("unavailable" if error else "dead", error or "the process ended")
+
+    def _change(self, state: WorkerState, detail: str) -> None:
+        self.state, self.detail = state, detail
+        if self.on_state is not None:
+            self.on_state(state, detail)

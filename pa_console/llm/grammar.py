@@ -1,0 +1,91 @@
+"""Grammars that make every completed answer readable (lark, in the dialect of llguidance).
+
+A plan addresses only assets that are up, each at most once and in any order, with commands of its
+kind and frames that exist. The text depends on nothing but its arguments, so its hash pins it.
+"""
+
+import json
+from collections.abc import Iterable, Sequence
+
+from pa_console.schema.plan import COMMANDS, MAX_ACTIONS
+from pa_console.schema.telemetry import Picture
+from pa_console.schema.world import AssetKind, World
+
+KINDS: tuple[AssetKind, ...] = ("uav", "ugv", "robot")
+REASON_CHARS = 200
+FEEDBACK_CHARS = 240
+TEXT = r"[ !#-\[\]-~]"
+"""Printable ASCII without the quote and the backslash: nothing to escape in JSON."""
+
+_AGENT = '{{"agent": "{}", "command": "'
+_OPINION = '{{"id": "{}", "verdict": "'
+_END = '"}'
+
+
+def plan_grammar(world: World, picture: Picture) -> str:
+    """Return the grammar of a plan; with no asset up, the only plan is one without actions.
+
+    Whether an agent was used is a bit of llguidance's rule parameter, 64 of them (its limit and
+    MAX_ACTIONS); raises ValueError when more assets are up.
+    """
+    up: dict[str, AssetKind] = {
+        name: spec.kind
+        for name, spec in world.assets.items()
+        if name in picture.assets and picture.assets[name].available
+    }
+    if len(up) > MAX_ACTIONS:
+        raise ValueError(f"{len(up)} assets are up and a plan can address {MAX_ACTIONS} at most")
+    actions = ["first::0x0"] if up else []
+    whole = [_literal('{"reason": "'), "REASON", _literal('", "actions": ['), *actions]
+    lines = [
+        f"start: {' '.join(whole)} {_literal(']}')}",
+        f"REASON: /{TEXT}{{1,{REASON_CHARS}}}/",
+    ]
+    if up:
+        one = [f"{_action(a, kind)} more::set_bit({i})" for i, (a, kind) in enumerate(up.items())]
+        next_one = [f'", " {action} %if bit_clear({i})' for i, action in enumerate(one)]
+        lines.append("first::_: " + "\n  | ".join(one))
+        lines.append('more::_: ""\n  | ' + "\n  | ".join(next_one))
+        lines += [_commands(kind) for kind in KINDS if kind in up.values()]
+        lines.append("frame: " + _choice(world.frames))
+    return "\n".join(lines) + "\n"
+
+
+def judge_grammar(rule_ids: Sequence[str]) -> str:
+    """Return the grammar of a verdict: an opinion on each rule in order, feedback, then overall."""
+    opinions = [
+        f"{_literal(_OPINION.format(rule_id))} opinion {_literal(_END)}" for rule_id in rule_ids
+    ]
+    whole = [_literal('{"rules": ['), _literal(", ").join(opinions), _literal('], "feedback": "')]
+    whole += ["FEEDBACK", _literal('", "verdict": "'), "verdict", _literal(_END)]
+    lines = [
+        f"start: {' '.join(whole)}",
+        f"FEEDBACK: /{TEXT}{{1,{FEEDBACK_CHARS}}}/",
+        f"verdict: {_choice(('Success', 'Failure'))}",
+    ]
+    if rule_ids:
+        lines.append(f"opinion: {_choice(('complies', 'violates', 'unclear'))}")
+    return "\n".join(lines) + "\n"
+
+
+def _action(agent: str, kind: AssetKind) -> str:
+    return f"{_literal(_AGENT.format(agent))} {kind}_command {_literal(_END)}"
+
+
+def _commands(kind: AssetKind) -> str:
+    """Return the rule for the commands that an asset of `kind` can carry out."""
+    words = [
+        f"{_literal(verb + ' ')} frame" if spec.takes_frame else _literal(verb)
+        for verb, spec in COMMANDS.items()
+        if kind in spec.kinds
+    ]
+    return f"{kind}_command: " + " | ".join(words)
+
+
+def _choice(words: Iterable[str]) -> str:
+    return " | ".join(map(_literal, words))
+
+
+def _literal(text: str) -> str:
+    """Return `text` as a lark string; its escapes are those of JSON."""
+    return json.dumps(text)

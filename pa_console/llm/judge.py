@@ -1,0 +1,75 @@
+"""The judge role (paper, Section IV-F): an independent verdict on a plan or an outcome."""
+
+from collections.abc import AsyncGenerator
+from dataclasses import dataclass, field
+from typing import Literal
+
+from pydantic import Field, ValidationError
+
+from pa_console.llm.asking import ask
+from pa_console.llm.engine import Engine, Request
+from pa_console.llm.grammar import FEEDBACK_CHARS
+from pa_console.llm.prompts import Prompt
+from pa_console.schema.base import StrictModel
+from pa_console.schema.finding import JudgeOpinion, RuleOpinion, Usage, Verdict
+
+MAX_TOKENS = 900
+DEADLINE_S = 60.0
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """The judge's whole answer; `verdict` None means hold, `error` says why."""
+
+    text: str
+    verdict: Verdict | None
+    error: str = ""
+    usage: Usage = field(default_factory=Usage)
+
+
+class Judge:
+    """Judges plans with the model of `engine`, each within `deadline_s` seconds."""
+
+    def __init__(
+        self, engine: Engine, *, max_tokens: int = MAX_TOKENS, deadline_s: float = DEADLINE_S
+    ) -> None:
+        self._engine, self._max_tokens, self._deadline_s = engine, max_tokens, deadline_s
+
+    async def judge(self, prompt: Prompt, grammar: str) -> AsyncGenerator[str | Judgement]:
+        """Give the answer to `prompt` in pieces, then one Judgement; never raises EngineError."""
+        request = Request(
+            "judge", prompt.system, prompt.user, grammar, self._max_tokens, self._deadline_s
+        )
+        async for item in ask(self._engine, request):
+            if isinstance(item, str):
+                yield item
+            elif item.error:
+                yield Judgement(item.text, None, item.error, item.usage)
+            else:
+                verdict, error = read_verdict(item.text)
+                yield Judgement(item.text, verdict, error, item.usage)
+
+
+class _Opinion(StrictModel):
+    id: str
+    verdict: JudgeOpinion
+
+
+class _Answer(StrictModel):
+    """The JSON that the judge writes, opinions first so that the verdict rests on them."""
+
+    rules: tuple[_Opinion, ...]
+    feedback: str = Field(max_length=FEEDBACK_CHARS)
+    verdict: Literal["Success", "Failure"]
+
+
+def read_verdict(text: str) -> tuple[Verdict | None, str]:
+    """Return the verdict that `text` holds, or None and the first thing wrong with it."""
+    try:
+        answer = _Answer.model_validate_json(text)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(map(str, first["loc"]))
+        return None, f"the answer is not a verdict: {where + ': ' if where else ''}{first['msg']}"
+    opinions = tuple(RuleOpinion(rule_id=rule.id, opinion=rule.verdict) for rule in answer.rules)
+    return Verdict(verdict=answer.verdict, rules=opinions, feedback=answer.feedback), ""

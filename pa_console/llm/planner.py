@@ -1,0 +1,62 @@
+"""The planner role: a prompt in, text as it comes, then a plan or why there is none."""
+
+from collections.abc import AsyncGenerator
+from dataclasses import dataclass, field
+
+from pydantic import ValidationError
+
+from pa_console.llm.asking import ask
+from pa_console.llm.engine import Engine, Request
+from pa_console.llm.prompts import Prompt
+from pa_console.schema.finding import Usage
+from pa_console.schema.plan import Plan
+
+MAX_TOKENS = 700
+DEADLINE_S = 60.0
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """The planner's whole answer; `plan` None means hold, `error` says why.
+
+    `fatal` means that asking again would not help: cancelled, too late, or the engine failed.
+    """
+
+    text: str
+    plan: Plan | None
+    error: str = ""
+    fatal: bool = False
+    usage: Usage = field(default_factory=Usage)
+
+
+class Planner:
+    """Writes plans with the model of `engine`, each within `deadline_s` seconds."""
+
+    def __init__(
+        self, engine: Engine, *, max_tokens: int = MAX_TOKENS, deadline_s: float = DEADLINE_S
+    ) -> None:
+        self._engine, self._max_tokens, self._deadline_s = engine, max_tokens, deadline_s
+
+    async def plan(self, prompt: Prompt, grammar: str) -> AsyncGenerator[str | Proposal]:
+        """Give the answer to `prompt` in pieces, then one Proposal; never raises EngineError."""
+        request = Request(
+            "planner", prompt.system, prompt.user, grammar, self._max_tokens, self._deadline_s
+        )
+        async for item in ask(self._engine, request):
+            if isinstance(item, str):
+                yield item
+            elif item.error:
+                yield Proposal(item.text, None, item.error, item.fatal, item.usage)
+            else:
+                plan, error = read_plan(item.text)
+                yield Proposal(item.text, plan, error, usage=item.usage)
+
+
+def read_plan(text: str) -> tuple[Plan | None, str]:
+    """Return the plan that `text` holds, or None and the first thing wrong with it."""
+    try:
+        return Plan.model_validate_json(text), ""
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(map(str, first["loc"]))
+        return None, f"the answer is not a plan: {where + ': ' if where else ''}{first['msg']}"

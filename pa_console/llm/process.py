@@ -1,0 +1,123 @@
+"""One worker process as the event loop sees it: spawned, spoken to, noticed when it ends."""
+
+import asyncio
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from time import perf_counter
+from typing import Literal
+
+from pa_console.llm.protocol import (
+    Done,
+    FromWorker,
+    Load,
+    LoadFailed,
+    Piece,
+    Ready,
+    Refused,
+    encode,
+)
+from pa_console.schema.base import StrictModel
+
+COMMAND = ("-P", "-m", "pa_console.llm.worker")
+LINE_LIMIT = 1 << 20
+EXIT_S = 2.0
+
+Answer = Piece | Done | Refused
+Signal = Literal["stop", "late", "ended"]
+
+
+class Worker:
+    """A running worker; `ready` resolves to whether its model was loaded, `error` says why not.
+
+    An empty `error` of a worker that has `ended` means that it died.
+    """
+
+    def __init__(
+        self,
+        child: asyncio.subprocess.Process,
+        on_ready: Callable[[int, str], None],
+        on_end: Callable[[str], None],
+    ) -> None:
+        self.pid = child.pid
+        self.ended = False
+        self.error = ""
+        self.ready: asyncio.Future[bool] = asyncio.get_running_loop().create_future()
+        self._child, self._on_ready, self._on_end = child, on_ready, on_end
+        self._answers: asyncio.Queue[Answer | Signal] = asyncio.Queue()
+        self._listener = asyncio.create_task(self._listen(), name="llm worker")
+
+    @classmethod
+    async def spawn(
+        cls, load: Load, on_ready: Callable[[int, str], None], on_end: Callable[[str], None]
+    ) -> "Worker":
+        """Start a worker that loads a model; it has no terminal, so Ctrl-C does not reach it."""
+        child = await asyncio.create_subprocess_exec(
+            sys.executable,
+            *COMMAND,
+            stdin=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.DEVNULL,
+            start_new_session=True,
+            limit=LINE_LIMIT,
+        )
+        worker = cls(child, on_ready, on_end)
+        worker.send(load)
+        return worker
+
+    def send(self, message: StrictModel) -> None:
+        """Write a message; a worker that is gone gets none."""
+        stream = self._child.stdin
+        if stream is not None and not self.ended and not stream.is_closing():
+            stream.write(encode(message))
+
+    async def receive(self, limit: float) -> Answer | Signal:
+        """Return the next answer or signal, "late" when none came until perf_counter() `limit`."""
+        try:
+            return await asyncio.wait_for(self._answers.get(), max(0.0, limit - perf_counter()))
+        except TimeoutError:
+            return "late"
+
+    def interrupt(self) -> None:
+        """Make `receive` return "stop"."""
+        self._answers.put_nowait("stop")
+
+    async def kill(self) -> None:
+        """End the process now and wait until it is gone."""
+        self._kill()
+        await self._listener
+
+    async def close(self) -> None:
+        """Let the process end by closing its input; kill it when it does not."""
+        if self._child.stdin is not None:
+            self._child.stdin.close()
+        try:
+            await asyncio.wait_for(asyncio.shield(self._listener), EXIT_S)
+        except TimeoutError:
+            await self.kill()
+
+    def _kill(self) -> None:
+        with suppress(ProcessLookupError):
+            self._child.kill()
+
+    async def _listen(self) -> None:
+        """Sort what the worker says until it says no more, then reap it."""
+        stream = self._child.stdout
+        try:
+            while stream is not None and (line := await stream.readline()):
+                match FromWorker.validate_json(line):
+                    case Ready(n_ctx=n_ctx, description=description):
+                        self._on_ready(n_ctx, description)
+                        self.ready.set_result(True)
+                    case LoadFailed(error=error):
+                        self.error = error
+                    case answer:
+                        self._answers.put_nowait(answer)
+        finally:
+            self.ended = True
+            self._kill()
+            await self._child.wait()
+            if not self.ready.done():
+                self.ready.set_result(False)
+            self._answers.put_nowait("ended")
+            self._on_end(self.error)

@@ -1,0 +1,117 @@
+"""The process that holds the model: reads requests on stdin, writes answers on stdout.
+
+It owns the only imports of llama.cpp and llguidance. It ignores Ctrl-C (its parent decides), ends
+at once when its parent is gone, and prints nothing to the terminal.
+"""
+
+import os
+import signal
+import sys
+import threading
+from queue import SimpleQueue
+from typing import IO
+
+from pa_console.llm.protocol import (
+    Cancel,
+    Done,
+    Generate,
+    Load,
+    LoadFailed,
+    Piece,
+    Ready,
+    Refused,
+    ToWorker,
+    encode,
+)
+from pa_console.schema.base import StrictModel
+from pa_console.schema.event import Role
+
+SEQUENCES: dict[Role, int] = {"planner": 0, "judge": 1}
+"""Each role keeps its own KV cache, so its fixed prompt is evaluated once."""
+
+
+class Inbox:
+    """Reads the parent's messages in a thread, so that a cancel is seen while the model works."""
+
+    def __init__(self, stream: IO[bytes]) -> None:
+        self.requests: SimpleQueue[Load | Generate] = SimpleQueue()
+        self._stream = stream
+        self._cancelled = 0
+        self.current = 0
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def stopped(self) -> bool:
+        """Whether the generation now running was cancelled."""
+        return self.current <= self._cancelled
+
+    def _listen(self) -> None:
+        for line in self._stream:
+            message = ToWorker.validate_json(line)
+            if isinstance(message, Cancel):
+                self._cancelled = max(self._cancelled, message.id)
+            else:
+                self.requests.put(message)
+        os._exit(0)
+
+
+def serve(inbox: Inbox, outbox: IO[bytes]) -> None:
+    """Load the model of the first message, then answer one request after the other."""
+
+    def send(message: StrictModel) -> None:
+        outbox.write(encode(message))
+
+    load = inbox.requests.get()
+    if not isinstance(load, Load):
+        raise TypeError("the first message must be Load")
+    try:
+        from pa_console.llm.chat import ChatPrompt  # noqa: PLC0415
+        from pa_console.llm.decoding import Decoder  # noqa: PLC0415
+        from pa_console.llm.runtime import Runtime  # noqa: PLC0415
+
+        inbox.current = 1
+        runtime = Runtime(
+            load.path,
+            n_ctx=load.n_ctx,
+            sequences=len(SEQUENCES),
+            threads=load.threads,
+            stopped=inbox.stopped,
+        )
+        chat, decoder = ChatPrompt(runtime, load.chat), Decoder(runtime)
+    except Exception as error:  # whatever it is, the parent has to know
+        send(LoadFailed(error=str(error) or type(error).__name__))
+        return
+    send(Ready(n_ctx=runtime.n_ctx, description=runtime.description))
+    while True:
+        request = inbox.requests.get()
+        if not isinstance(request, Generate):
+            continue
+        number = inbox.current = request.id
+        try:
+            finish, usage = decoder.answer(
+                SEQUENCES[request.role],
+                chat.tokens(request.system, request.user),
+                request.grammar,
+                request.max_tokens,
+                lambda text, number=number: send(Piece(id=number, text=text)),
+            )
+        except (ValueError, RuntimeError) as error:
+            send(Refused(id=number, error=str(error)))
+        else:
+            send(Done(id=number, finish=finish, usage=usage))
+
+
+def main() -> None:
+    """Keep the pipes to the parent for messages only, and serve."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    incoming, outgoing = os.dup(0), os.dup(1)
+    nothing = os.open(os.devnull, os.O_RDWR)
+    for descriptor in (0, 1, 2):
+        os.dup2(nothing, descriptor)
+    try:
+        serve(Inbox(os.fdopen(incoming, "rb")), os.fdopen(outgoing, "wb", buffering=0))
+    except BrokenPipeError:
+        sys.exit(0)
+
+
+if __name__ == "__main__":
+    main()
