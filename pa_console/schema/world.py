@@ -48,6 +48,7 @@ class Platform(StrictModel):
     sensor_range_m: Positive
     drain_idle_pct_per_min: NonNegative
     drain_moving_pct_per_min: NonNegative
+    charge_pct_per_min: NonNegative = Field(default=10.0, description="at the base, after a return")
 
 
 class AssetSpec(StrictModel):

@@ -1,1 +1,1 @@
-"""The 2D checkpoint simulation; it knows nothing of LLMs, rules or screens."""
+"""The checkpoint in simulation: world files, routes, motion, devices, tracks, link, telemetry."""

@@ -1,0 +1,96 @@
+"""The simulated checkpoint: fixed step, seeded, forkable; knows nothing of LLMs or rules."""
+
+import random
+
+from pa_console.schema.command import CommandReply, DeviceCommand
+from pa_console.schema.incident import Incident
+from pa_console.schema.telemetry import Picture
+from pa_console.schema.world import World
+from pa_console.sim import devices, incidents, link, motion, physics, power, telemetry, tracks
+from pa_console.sim.state import AssetState, Scene
+from pa_console.sim.terrain import Terrain
+
+
+class Checkpoint:
+    """A world in motion; `step()` advances it by `world.dt_s` and nothing else does."""
+
+    def __init__(self, world: World, seed: int = 0) -> None:
+        """Start `world` with every asset on its watch; raises ValueError if one has no place."""
+        self.world = world
+        self._terrain = Terrain(world)
+        self._period = max(1, round(world.telemetry_period_s / world.dt_s))
+        self.reset(seed)
+
+    def reset(self, seed: int) -> None:
+        """Begin anew at tick 0; equal seeds give equal histories under equal inputs."""
+        self.seed = seed
+        self._scene = Scene(rng=random.Random(seed))
+        for index, (name, spec) in enumerate(self.world.assets.items()):
+            at = self.world.frames[spec.post].at
+            asset = AssetState(name, spec.kind, index, *at, 0.0, spec.battery_pct, spec.post, at)
+            incidents.place(self._terrain, self._scene, asset, spec.post)
+            self._scene.assets[name] = asset
+        self._picture = telemetry.report(self._terrain, self._scene, lossless=True)
+
+    @property
+    def tick(self) -> int:
+        """Steps taken since the last reset."""
+        return self._scene.tick
+
+    @property
+    def time_s(self) -> float:
+        """Simulated seconds since the last reset."""
+        return self._terrain.seconds(self._scene.tick)
+
+    def step(self) -> list[CommandReply]:
+        """Advance by one `dt_s`; return the replies that arrived from devices during it."""
+        terrain, scene, dt_s = self._terrain, self._scene, self.world.dt_s
+        scene.tick += 1
+        for command in link.take_commands(scene):
+            for reply in devices.accept(terrain, scene, command):
+                link.send_reply(scene, reply, dt_s)
+        velocities = motion.drive(terrain, scene, dt_s)
+        if velocities:
+            physics.move(terrain, scene.assets.values(), velocities, dt_s)
+        if scene.tracks:
+            tracks.advance(terrain, scene, dt_s)
+        power.drain(self.world, scene, dt_s)
+        for asset in scene.assets.values():
+            if asset.command is not None or asset.route or asset.down:
+                for reply in devices.work(terrain, scene, asset):
+                    link.send_reply(scene, reply, dt_s)
+        if scene.tick % self._period == 0:
+            self._picture = telemetry.report(terrain, scene)
+        return link.take_replies(scene)
+
+    def send(self, command: DeviceCommand) -> None:
+        """Put `command` on the link; its device gets it at the next step and answers.
+
+        An agent that does not exist is answered with `refused`; one whose link is lost not at all.
+        """
+        link.send_command(self._scene, command, self.world.dt_s)
+
+    def inject(self, incident: Incident) -> None:
+        """Make `incident` happen now and show in the picture at once.
+
+        Raises ValueError naming what exists for an unknown asset, gate or frame, for a track at a
+        gate without a lane, and for a frame with no place left.
+        """
+        incidents.apply(self._terrain, self._scene, incident)
+        self._picture = telemetry.report(self._terrain, self._scene, lossless=True)
+
+    def picture(self) -> Picture:
+        """Return telemetry as last reported, every `world.telemetry_period_s`."""
+        return self._picture
+
+    def fork(self) -> "Checkpoint":
+        """Return an independent copy; equal inputs keep the two equal, contacts included."""
+        twin = Checkpoint.__new__(Checkpoint)
+        twin.world, twin.seed = self.world, self.seed
+        twin._terrain, twin._period = self._terrain, self._period
+        twin._scene, twin._picture = self._scene.copy(), self._picture
+        return twin
+
+    def state_hash(self) -> str:
+        """Return the SHA-256 over the whole dynamic state."""
+        return self._scene.digest()

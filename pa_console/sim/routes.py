@@ -1,0 +1,159 @@
+"""Plans routes round walls and restricted zones over visibility graphs (CAP-09, ROE-07)."""
+
+import networkx as nx
+import numpy as np
+import numpy.typing as npt
+import shapely
+from shapely.geometry import MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
+from shapely.geometry.polygon import orient
+from shapely.ops import nearest_points
+
+from pa_console.schema.base import Point
+from pa_console.schema.world import AssetKind, World
+
+CLEARANCE_M = 0.8
+"""Space kept between the hull of a vehicle and a wall or zone while it follows a route."""
+OUTSIDE_MARGIN_M = 60.0
+_TOLERANCE_M = 0.01
+
+Route = tuple[Point, ...]
+Floats = npt.NDArray[np.float64]
+
+
+class Area:
+    """One connected or broken piece of free ground, with the shortest ways between its corners."""
+
+    def __init__(self, free: BaseGeometry) -> None:
+        """Prepare `free` (a polygon or several, metres) for many queries."""
+        self._free = free
+        self._tolerant = free.buffer(_TOLERANCE_M)
+        shapely.prepare(self._tolerant)
+        self._nodes = _corners(free)
+        count = len(self._nodes)
+        first, second = np.triu_indices(count, k=1)
+        seen = self._sees(self._nodes[first], self._nodes[second])
+        lengths = np.linalg.norm(self._nodes[first] - self._nodes[second], axis=1)
+        graph: nx.Graph[int] = nx.Graph()
+        graph.add_nodes_from(range(count))
+        seen_lists = (part[seen].tolist() for part in (first, second, lengths))
+        graph.add_weighted_edges_from(zip(*seen_lists, strict=True))
+        self._edge: Floats = np.full((count, count), np.inf)
+        self._edge[first[seen], second[seen]] = lengths[seen]
+        self._edge[second[seen], first[seen]] = lengths[seen]
+        self._least: Floats = (
+            np.asarray(nx.floyd_warshall_numpy(graph)) if count else np.zeros((0, 0))
+        )
+
+    def contains(self, x: float, y: float) -> bool:
+        """Return whether the point is free."""
+        return bool(shapely.contains_xy(self._tolerant, x, y))
+
+    def path(self, start: Point, target: Point) -> Route | None:
+        """Return the shortest waypoints after `start` up to `target`, None when there is no way.
+
+        A start that is not free is first led to the nearest free point.
+        """
+        if not self.contains(*target):
+            return None
+        lead: Route = ()
+        if not self.contains(*start):
+            near = nearest_points(self._free, shapely.Point(start))[0]
+            start = (near.x, near.y)
+            lead = (start,)
+        ends = np.array([start, target])
+        if self._sees(ends[:1], ends[1:])[0]:
+            return (*lead, target)
+        way = self._corner_path(ends[0], ends[1])
+        return None if way is None else (*lead, *way, target)
+
+    def _corner_path(self, start: Floats, target: Floats) -> Route | None:
+        out, into = self._reach(start), self._reach(target)
+        total = out[:, None] + self._least + into[None, :]
+        if not total.size or not np.isfinite(total.min()):
+            return None
+        here, last = (int(index) for index in np.unravel_index(int(total.argmin()), total.shape))
+        way = [here]
+        while here != last:
+            here = int((self._edge[here] + self._least[:, last]).argmin())
+            way.append(here)
+        return tuple((float(self._nodes[i, 0]), float(self._nodes[i, 1])) for i in way)
+
+    def _reach(self, point: Floats) -> Floats:
+        """Return the straight distance from `point` to every corner it sees, inf to the others."""
+        seen = self._sees(np.broadcast_to(point, self._nodes.shape), self._nodes)
+        return np.where(seen, np.linalg.norm(self._nodes - point, axis=1), np.inf)
+
+    def _sees(self, starts: Floats, ends: Floats) -> npt.NDArray[np.bool_]:
+        """Return, for each pair of (n, 2) points, whether the straight line between is free."""
+        lines = shapely.linestrings(np.stack((starts, ends), axis=1))
+        return np.atleast_1d(shapely.covers(self._tolerant, lines))
+
+
+class Planner:
+    """Routes for every kind of asset in one world; areas are built on first use and kept."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self._perimeter = Polygon(world.perimeter)
+        self._zones = {name: Polygon(zone.polygon) for name, zone in world.zones.items()}
+        self._areas: dict[tuple[AssetKind, frozenset[str], bool], Area] = {}
+
+    def route(self, kind: AssetKind, start: Point, target: Point) -> Route | None:
+        """Return waypoints from `start` (not included) to `target`, None when unreachable.
+
+        Restricted zones are avoided unless an end lies inside one; the perimeter is left only
+        when an end lies outside it (ROE-06, ROE-07).
+        """
+        return self.area(kind, start, target).path(start, target)
+
+    def area(self, kind: AssetKind, *ends: Point) -> Area:
+        """Return the free ground for `kind` on a way between `ends`."""
+        points = [shapely.Point(end) for end in ends]
+        entered = frozenset(
+            name for name, zone in self._zones.items() if any(zone.covers(p) for p in points)
+        )
+        inside = all(self._perimeter.covers(point) for point in points)
+        key = (kind, entered, inside)
+        if key not in self._areas:
+            self._areas[key] = Area(self._free(kind, entered, inside))
+        return self._areas[key]
+
+    def _free(self, kind: AssetKind, entered: frozenset[str], inside: bool) -> BaseGeometry:
+        radius = self._world.platforms[kind].radius_m
+        obstacles = [
+            zone.buffer(radius + CLEARANCE_M, join_style="mitre")
+            for name, zone in self._zones.items()
+            if name not in entered
+        ]
+        if kind != "uav":
+            obstacles += [
+                shapely.LineString((wall.start, wall.end)).buffer(
+                    wall.thickness_m / 2 + radius + CLEARANCE_M, cap_style="square"
+                )
+                for wall in self._world.walls
+            ]
+        if inside:
+            ground = self._perimeter.buffer(-radius, join_style="mitre")
+        else:
+            points = [p for lane in self._world.lanes.values() for p in lane.points]
+            points += [frame.at for frame in self._world.frames.values()]
+            everything = shapely.MultiPoint([*points, *self._world.perimeter])
+            ground = shapely.box(*everything.buffer(OUTSIDE_MARGIN_M).bounds)
+        return ground.difference(shapely.union_all(obstacles)).simplify(0.02)
+
+
+def _corners(free: BaseGeometry) -> Floats:
+    """Return the corners (n, 2) of `free` that a shortest way can bend round: the reflex ones."""
+    parts = list(free.geoms) if isinstance(free, MultiPolygon) else [free]
+    found: list[Floats] = [np.zeros((0, 2))]
+    for part in parts:
+        if not isinstance(part, Polygon) or part.is_empty:
+            continue
+        turned = orient(part)
+        for ring in (turned.exterior, *turned.interiors):
+            points = np.asarray(ring.coords)[:-1, :2]
+            before = points - np.roll(points, 1, axis=0)
+            after = np.roll(points, -1, axis=0) - points
+            found.append(points[before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] < 0])
+    return np.concatenate(found)

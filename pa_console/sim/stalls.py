@@ -1,0 +1,84 @@
+"""Notices assets that make no headway and resolves it: one retreats, or the way is given up."""
+
+import math
+
+from pa_console.schema.base import Point
+from pa_console.sim.motion import way_left
+from pa_console.sim.routes import Route
+from pa_console.sim.state import AssetState, Scene
+from pa_console.sim.terrain import Terrain
+
+PATIENCE_S = 3.0
+MOST_STALLS = 8
+RETREAT_M = 4.0
+_CHECK_S = 0.5
+_HEADWAY_M = 0.05
+_NEIGHBOUR_M = 4.0
+
+
+def unstick(terrain: Terrain, scene: Scene, asset: AssetState) -> str:
+    """Look after an asset under way; return why it has to give up, '' while it need not.
+
+    An asset that is stuck within its frame stays where it stands. Of two that block each other
+    the later one of the team retreats along its way, farther at every try, and lets the other by.
+    """
+    dt_s = terrain.world.dt_s
+    if (scene.tick - asset.nearest_tick) % max(1, round(_CHECK_S / dt_s)):
+        return ""
+    left = way_left(asset)
+    if left < asset.nearest_m - _HEADWAY_M:
+        asset.nearest_m, asset.nearest_tick = left, scene.tick
+        return ""
+    turning_s = 180.0 / terrain.world.platforms[asset.kind].turn_rate_dps
+    if (scene.tick - asset.nearest_tick) * dt_s < PATIENCE_S + turning_s:
+        return ""
+    asset.stalls += 1
+    asset.nearest_m, asset.nearest_tick = math.inf, scene.tick
+    if asset.post is not None and terrain.frame_at(asset.x, asset.y) == asset.post:
+        asset.station, asset.route = asset.position, ()
+        return ""
+    if asset.stalls > MOST_STALLS:
+        reason = f"it keeps its distance from {asset.held_by}" if asset.held_by else "blocked"
+        return f"the way to {asset.post} is closed: {reason}"
+    _replan(terrain, scene, asset)
+    return ""
+
+
+def _replan(terrain: Terrain, scene: Scene, asset: AssetState) -> None:
+    """Plan the rest of the way anew, after a retreat when it is this asset's turn to yield."""
+    back: Route = ()
+    if not asset.held_by and (_yields(terrain, scene, asset) or asset.stalls % 3 == 0):
+        way = terrain.planner.route(asset.kind, asset.position, asset.origin) or ()
+        back = _cut(asset.position, way, RETREAT_M * asset.stalls)
+    start = back[-1] if back else asset.position
+    onward = terrain.planner.route(asset.kind, start, asset.station)
+    if onward is not None:
+        asset.route = (*back, *onward)
+
+
+def _yields(terrain: Terrain, scene: Scene, asset: AssetState) -> bool:
+    """Return whether an earlier asset of the team wants to pass close by."""
+    platforms = terrain.world.platforms
+    for other in scene.assets.values():
+        if other.index >= asset.index or other.kind == "uav" or not other.route or other.down:
+            continue
+        reach = platforms[asset.kind].radius_m + platforms[other.kind].radius_m + _NEIGHBOUR_M
+        if math.dist(asset.position, other.position) < reach:
+            return True
+    return False
+
+
+def _cut(start: Point, way: Route, length_m: float) -> Route:
+    """Return the first `length_m` metres of a way that leaves `start`."""
+    kept: list[Point] = []
+    here = start
+    for point in way:
+        step = math.dist(here, point)
+        if step >= length_m:
+            part = length_m / step if step else 0.0
+            dx, dy = point[0] - here[0], point[1] - here[1]
+            kept.append((here[0] + dx * part, here[1] + dy * part))
+            break
+        kept.append(point)
+        here, length_m = point, length_m - step
+    return tuple(kept)

@@ -1,0 +1,120 @@
+"""Loads a world file and checks that its geometry makes sense, naming file, line and field."""
+
+import math
+import re
+from collections import Counter
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import shapely
+from shapely.geometry import LineString, Polygon
+
+from pa_console.schema.document import Document, DocumentError, FieldPath
+from pa_console.schema.world import World
+from pa_console.sim.lanes import waiting_distance
+from pa_console.sim.terrain import Terrain
+
+_NAMED_FIELD = re.compile(r"^Value error, (\w+(?:\.\w+)*): (.*)$", re.DOTALL)
+
+Problem = tuple[FieldPath, str]
+
+
+def load_world(path: Path) -> World:
+    """Read the world at `path`; raises DocumentError at its first problem, geometry included."""
+    document = Document.read(path)
+    try:
+        world = document.parse(World)
+    except DocumentError as error:
+        named = _NAMED_FIELD.match(error.problem)
+        if error.field or named is None:
+            raise
+        raise document.error(tuple(named[1].split(".")), named[2]) from error
+    for field, problem in geometry_problems(world):
+        raise document.error(field, problem)
+    return world
+
+
+def geometry_problems(world: World) -> Iterator[Problem]:
+    """Yield (field, what is wrong and what to do) for everything that cannot be simulated."""
+    yield from _polygons(world)
+    yield from _walls(world)
+    yield from _frames(world)
+    yield from _lanes(world)
+    yield from _posts(world)
+
+
+def _polygons(world: World) -> Iterator[Problem]:
+    named = [(("perimeter",), world.perimeter)]
+    named += [(("zones", name, "polygon"), zone.polygon) for name, zone in world.zones.items()]
+    for field, points in named:
+        polygon = Polygon(points)
+        if not polygon.is_valid or polygon.area <= 0.0:
+            yield field, "the sides cross or enclose nothing; list the corners in order"
+
+
+def _walls(world: World) -> Iterator[Problem]:
+    for index, wall in enumerate(world.walls):
+        if wall.start == wall.end:
+            yield ("walls", index), "start and end are the same point"
+
+
+def _frames(world: World) -> Iterator[Problem]:
+    """Frames must be where a ground asset can stand, and apart, or `at` would be ambiguous."""
+    ground = [p.radius_m for kind, p in world.platforms.items() if kind != "uav"]
+    widest = max(ground, default=0.0)
+    for name, frame in world.frames.items():
+        for index, wall in enumerate(world.walls):
+            line = LineString((wall.start, wall.end))
+            gap = line.distance(shapely.Point(frame.at)) - wall.thickness_m / 2
+            if gap < widest:
+                yield (
+                    ("frames", name, "at"),
+                    f"it is {max(gap, 0.0):.1f} m from the face of walls.{index}, a ground asset "
+                    f"needs {widest:g} m; move the frame or the wall",
+                )
+        for other, spec in world.frames.items():
+            if other <= name:
+                continue
+            gap = math.dist(frame.at, spec.at)
+            if gap < frame.radius_m + spec.radius_m:
+                yield (
+                    ("frames", name, "at"),
+                    f"it overlaps {other}, {gap:.1f} m away; move it or make a radius smaller",
+                )
+
+
+def _lanes(world: World) -> Iterator[Problem]:
+    """A lane must lead to where tracks wait for its gate, on open ground."""
+    reach = waiting_distance(world)
+    for name, lane in world.lanes.items():
+        if any(a == b for a, b in pairwise(lane.points)):
+            yield ("lanes", name, "points"), "a point is repeated"
+            continue
+        line = LineString(lane.points)
+        gap = math.dist(lane.points[-1], world.frames[lane.gate].at)
+        if gap > reach:
+            yield (
+                ("lanes", name, "points"),
+                f"it ends {gap:.1f} m from {lane.gate}; its last point must be within {reach:g} m",
+            )
+        for index, wall in enumerate(world.walls):
+            if line.distance(LineString((wall.start, wall.end))) < wall.thickness_m / 2:
+                yield ("lanes", name, "points"), f"it runs through walls.{index}"
+
+
+def _posts(world: World) -> Iterator[Problem]:
+    """There must be a standing place for every asset at the frame where it starts."""
+    if any(True for source in (_polygons, _walls, _lanes) for _ in source(world)):
+        return
+    terrain = Terrain(world)
+    posted = Counter((spec.post, spec.kind == "uav") for spec in world.assets.values())
+    for name, spec in world.assets.items():
+        count = posted[spec.post, spec.kind == "uav"]
+        room = len(terrain.places(spec.post, spec.kind))
+        if count > room:
+            yield (
+                ("assets", name, "post"),
+                f"{spec.post} has room for {room} such assets, {count} are posted there; "
+                "enlarge its radius_m or post some elsewhere",
+            )
