@@ -1,8 +1,12 @@
 """What `pip install` brings: the package with its worlds, rules and model catalogue."""
 
+import ast
+import re
 import subprocess
 import sys
+import tomllib
 import zipfile
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
@@ -55,3 +59,26 @@ def test_nothing_else_is_inside(wheel: set[str]) -> None:
 def test_the_command_is_installed(wheel: set[str]) -> None:
     assert any(name.endswith(".dist-info/entry_points.txt") for name in wheel)
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in wheel)
+
+
+def libraries_imported() -> dict[str, Path]:
+    """Every top-level module that the package imports, and a file that does."""
+    found: dict[str, Path] = {}
+    for path in (ROOT / "pa_console").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                found.update({alias.name.split(".")[0]: path for alias in node.names})
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                found[node.module.split(".")[0]] = path
+    own = {*sys.stdlib_module_names, "pa_console"}
+    return {name: path for name, path in found.items() if name not in own}
+
+
+def test_every_library_that_is_imported_is_asked_for() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    asked = [*project["dependencies"], *project["optional-dependencies"]["hub"]]
+    declared = {re.split(r"[^\w.-]", line)[0].lower().replace("_", "-") for line in asked}
+    distributions = packages_distributions()
+    for module, path in libraries_imported().items():
+        names = {name.lower().replace("_", "-") for name in distributions.get(module, [module])}
+        assert names & declared, f"{path} imports {module}, which pyproject.toml does not ask for"

@@ -1,0 +1,94 @@
+# PA Console. `make console` from a fresh clone opens it; a second `make` starts at once.
+# Everything that is installed goes into .venv, models go into the user's cache folder.
+
+PYTHON ?= python3
+ARGS ?=
+
+SHELL := bash
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := PYTHONUNBUFFERED=1 $(BIN)/python -m pip install --disable-pip-version-check
+LLAMA := $(shell sed -n 's/^ *"\(llama-cpp-python==[^"]*\)".*/\1/p' pyproject.toml)
+TEST_MODEL := smollm2-135m
+
+# Keeps pip's whole output in the log $(1) and shows only how far it is: on a terminal in one
+# line that is written over, elsewhere every 20th compiled file. Shows the end of the log when
+# pip fails.
+define calmly
+2>&1 | tee $(1) | { \
+	while IFS= read -r line; do \
+		if [[ $$line =~ ^\ *\[([0-9]+)/([0-9]+)\] ]]; then \
+			if [ -t 1 ]; then printf '\r\033[K  compiled %d of %d files' "$${BASH_REMATCH[@]:1:2}"; \
+			elif (( BASH_REMATCH[1] % 20 == 0 )); then \
+				printf '  compiled %d of %d files\n' "$${BASH_REMATCH[@]:1:2}"; fi; \
+		elif [ -t 1 ] && [[ $$line =~ ^\ *(Collecting|Building|Installing)\ ([^\ ]+) ]]; then \
+			printf '\r\033[K  %s %.60s' "$${BASH_REMATCH[1]}" "$${BASH_REMATCH[2]}"; \
+		fi; \
+	done; \
+	if [ -t 1 ]; then printf '\r\033[K'; fi; } \
+|| { tail -n 25 $(1); echo; echo "The installation failed; the whole output is in $(1)."
+endef
+
+.DEFAULT_GOAL := help
+.PHONY: help console test lint clean
+
+help:
+	@echo "make console   open the console (the first time installs it and fetches the model)"
+	@echo "make test      run the tests            ARGS=... is passed on to pytest"
+	@echo "make lint      check style, formatting, types and import contracts"
+	@echo "make clean     remove .venv and everything generated; fetched models stay"
+	@echo
+	@echo "PYTHON=...     the Python to install with, 3.11 or newer (now: $(PYTHON))"
+
+console: $(VENV)/.installed-base
+	@$(BIN)/pa-console models pull
+	@$(BIN)/pa-console
+
+test: $(VENV)/.installed-test
+	@$(BIN)/pa-console models pull $(TEST_MODEL)
+	@$(BIN)/pytest $(ARGS)
+
+lint: $(VENV)/.installed-dev
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/pyright
+	@$(BIN)/lint-imports --no-logo
+
+clean:
+	rm -rf $(VENV) build dist .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	find pa_console tests -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(BIN)/python:
+	@command -v "$(PYTHON)" >/dev/null || { \
+		echo "There is no '$(PYTHON)' here: install Python 3.11 or newer, or name it: make PYTHON=python3.12 ..."; \
+		exit 1; }
+	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+		echo "PA Console needs Python 3.11 or newer, and '$(PYTHON)' is $$("$(PYTHON)" -V 2>&1): name another one: make PYTHON=python3.12 ..."; \
+		exit 1; }
+	@echo "Creating $(VENV) with $$("$(PYTHON)" -V)"
+	@"$(PYTHON)" -m venv $(VENV) || { \
+		rm -rf $(VENV); \
+		echo "The virtual environment could not be created; on Debian and Ubuntu: apt install python3-venv"; \
+		exit 1; }
+
+# llama.cpp's own switches leave out the vision library and nothing else. Half of what is still
+# compiled is its `common` library, which the package forces on and does not install; a CMake
+# file that is included after llama.cpp's `project()` switches it off again.
+$(VENV)/.$(LLAMA): | $(BIN)/python
+	@printf '%s\n' '# Half of the build time, and not part of the package that is installed.' \
+		'set(LLAMA_BUILD_COMMON OFF)' > $(VENV)/llama-build.cmake
+	@echo "Building llama.cpp, once, about 2 minutes on two cores (pip keeps it for other clones)"
+	@set -o pipefail; \
+	CMAKE_ARGS="$$CMAKE_ARGS -DLLAVA_BUILD=OFF '-DCMAKE_PROJECT_llama.cpp_INCLUDE=$(CURDIR)/$(VENV)/llama-build.cmake'" \
+	$(PIP) --verbose --no-deps "$(LLAMA)" $(call calmly,$(VENV)/llama-build.log); \
+		echo "It needs a C and C++ compiler; on Debian and Ubuntu: apt install build-essential"; exit 1; }
+	@touch $@
+	@echo "llama.cpp is ready"
+
+$(VENV)/.installed-base: EXTRA :=
+$(VENV)/.installed-test: EXTRA := [test]
+$(VENV)/.installed-dev: EXTRA := [dev]
+$(VENV)/.installed-%: pyproject.toml $(VENV)/.$(LLAMA)
+	@echo "Installing PA Console$(EXTRA) and its libraries, about a minute"
+	@set -o pipefail; $(PIP) --editable '.$(EXTRA)' $(call calmly,$(VENV)/install.log); exit 1; }
+	@touch $@
