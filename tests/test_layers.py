@@ -14,8 +14,8 @@ ROOT = Path(pa_console.__file__).parents[1]
 ABOVE = ("pa_console.cli", "pa_console.tui", "pa_console.__main__")
 """The front ends, which may import Textual."""
 
-WORKER = "pa_console.llm.worker"
-"""The process that holds the model, the only place where llama_cpp is imported."""
+WORKER = tuple(f"pa_console.llm.{name}" for name in ("worker", "runtime", "decoding", "chat"))
+"""What runs in the process that holds the model; nothing else may import the model libraries."""
 
 PROBE = """
 import importlib, json, sys
@@ -29,7 +29,7 @@ def core_modules() -> list[str]:
     paths = sorted((ROOT / "pa_console").rglob("*.py"))
     names = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in paths]
     modules = [name.removesuffix(".__init__") for name in names]
-    return [name for name in modules if not name.startswith((*ABOVE, WORKER))]
+    return [name for name in modules if not name.startswith((*ABOVE, *WORKER))]
 
 
 def imported_by(modules: list[str]) -> set[str]:
@@ -46,10 +46,14 @@ def test_the_core_is_all_there() -> None:
     assert packages >= {"orchestrator", "evaluation"}
 
 
-def test_the_core_needs_neither_a_screen_nor_the_model_library() -> None:
+def test_the_core_needs_neither_a_screen_nor_the_model_libraries() -> None:
     imported = imported_by(core_modules())
     assert "pa_console" in imported
     assert not imported & {"textual", "llama_cpp", "llguidance"}
+
+
+def test_only_the_worker_needs_the_model_libraries() -> None:
+    assert imported_by(list(WORKER)) >= {"llama_cpp", "llguidance"}
 
 
 def test_the_probe_would_see_a_screen() -> None:

@@ -13,8 +13,7 @@ from datetime import UTC
 from pathlib import Path
 from typing import Any, NoReturn, cast, get_args
 
-from pydantic import ValidationError
-from pydantic_core import to_json
+from pydantic import TypeAdapter, ValidationError
 
 from pa_console.schema.document import DocumentError
 from pa_console.schema.event import Event, EventPayload
@@ -24,6 +23,7 @@ GENESIS = "0" * 64
 KINDS = frozenset(
     payload.model_fields["kind"].default for payload in get_args(get_args(EventPayload)[0])
 )
+_JSON = TypeAdapter(Any)
 _DISK_FULL = frozenset((errno.ENOSPC, errno.EDQUOT))
 
 
@@ -90,7 +90,7 @@ def parse(line: bytes) -> Record:
     content = {key: fields[key] for key in ("t", "tick", "mission")}
     content["data"] = {**cast(dict[str, Any], data), "kind": kind}
     try:
-        return Record(text, fields, Event.model_validate_json(to_json(content)))
+        return Record(text, fields, Event.model_validate_json(_JSON.dump_json(content)))
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         field = ".".join(str(part) for part in first["loc"] if part != kind)
