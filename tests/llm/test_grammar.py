@@ -1,0 +1,139 @@
+"""Grammars: every plan of the vocabulary is writable, nothing else is."""
+
+import json
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from llguidance import LLMatcher, LLTokenizer
+
+from pa_console.llm.grammar import REASON_CHARS, judge_grammar, plan_grammar
+from pa_console.llm.judge import read_verdict
+from pa_console.schema.plan import COMMANDS, Plan
+from tests.llm.site import KINDS, WORLD, picture
+
+BYTES = LLTokenizer("byte")
+PLAIN = "".join(chr(code) for code in range(32, 127) if chr(code) not in '"\\')
+
+
+def accepts(grammar: str, text: str) -> bool:
+    matcher = LLMatcher(BYTES, grammar)
+    tokens = BYTES.tokenize_str(text)
+    return matcher.try_consume_tokens(tokens) == len(tokens) and matcher.is_accepting()
+
+
+def commands(agent: str) -> list[str]:
+    """Return every command that `agent` may be given."""
+    return [
+        command
+        for verb, spec in COMMANDS.items()
+        if KINDS[agent] in spec.kinds
+        for command in (
+            [f"{verb} {frame}" for frame in WORLD.frames] if spec.takes_frame else [verb]
+        )
+    ]
+
+
+@st.composite
+def plans(draw: st.DrawFn) -> dict[str, Any]:
+    agents = draw(st.lists(st.sampled_from(sorted(KINDS)), unique=True, min_size=1))
+    actions = [{"agent": a, "command": draw(st.sampled_from(commands(a)))} for a in agents]
+    reason = draw(st.text(PLAIN, min_size=1, max_size=REASON_CHARS))
+    return {"reason": reason, "actions": actions}
+
+
+@given(plans())
+def test_every_plan_of_the_vocabulary_is_writable_and_reads_back(plan: dict[str, Any]):
+    text = json.dumps(plan)
+    assert accepts(plan_grammar(WORLD, picture()), text)
+    assert json.loads(Plan.model_validate_json(text).model_dump_json()) == plan
+
+
+@given(plans(), st.integers(0, 3), st.integers(0, 3))
+def test_no_agent_is_addressed_twice(plan: dict[str, Any], chosen: int, place: int):
+    actions = plan["actions"]
+    actions.insert(place % (len(actions) + 1), actions[chosen % len(actions)])
+    assert not accepts(plan_grammar(WORLD, picture()), json.dumps(plan))
+
+
+@given(plans(), st.sampled_from(sorted(KINDS)))
+def test_an_asset_that_is_down_is_not_addressed(plan: dict[str, Any], down: str):
+    addressed = down in [action["agent"] for action in plan["actions"]]
+    grammar = plan_grammar(WORLD, picture(down=(down,)))
+    assert accepts(grammar, json.dumps(plan)) is not addressed
+
+
+@pytest.mark.parametrize(
+    "action",
+    [
+        {"agent": "Hawk_1", "command": "block RiverGate"},
+        {"agent": "Mule_1", "command": "warn RiverGate"},
+        {"agent": "Guard_1", "command": "observe RiverGate"},
+        {"agent": "Hawk_1", "command": "move_to Elsewhere"},
+        {"agent": "Hawk_1", "command": "move_to"},
+        {"agent": "Hawk_1", "command": "hold RiverGate"},
+        {"agent": "Hawk_1", "command": "engage RiverGate"},
+        {"agent": "Hawk_9", "command": "hold"},
+    ],
+)
+def test_what_is_not_in_the_vocabulary_is_not_writable(action: dict[str, str]):
+    plan = {"reason": "because", "actions": [action]}
+    assert not accepts(plan_grammar(WORLD, picture()), json.dumps(plan))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"reason": "none", "actions": []}',
+        '{"reason": "", "actions": [{"agent": "Hawk_1", "command": "hold"}]}',
+        '{"actions": [{"agent": "Hawk_1", "command": "hold"}], "reason": "late"}',
+        '{"reason": "a\\nb", "actions": [{"agent": "Hawk_1", "command": "hold"}]}',
+        '{"reason": "%s", "actions": [{"agent": "Hawk_1", "command": "hold"}]}' % ("x" * 201),
+        '{"reason": "two", "actions": [{"agent": "Hawk_1", "command": "hold"}]}, {}',
+    ],
+)
+def test_the_shape_is_bounded(text: str):
+    assert not accepts(plan_grammar(WORLD, picture()), text)
+
+
+def test_with_every_asset_down_the_only_plan_has_no_actions():
+    grammar = plan_grammar(WORLD, picture(down=tuple(KINDS)))
+    assert accepts(grammar, '{"reason": "all assets are down", "actions": []}')
+
+
+def test_the_same_arguments_give_the_same_text():
+    assert plan_grammar(WORLD, picture()) == plan_grammar(WORLD, picture())
+
+
+@given(
+    st.lists(st.sampled_from(["ROE-01", "WF-03", "CAP-10"]), unique=True),
+    st.sampled_from(["Success", "Failure"]),
+    st.text(PLAIN, min_size=1, max_size=240),
+    st.data(),
+)
+def test_every_verdict_on_the_given_rules_is_writable_and_reads_back(
+    ids: list[str], overall: str, feedback: str, data: st.DataObject
+):
+    opinions = st.sampled_from(["complies", "violates", "unclear"])
+    answer = {
+        "rules": [{"id": rule_id, "verdict": data.draw(opinions)} for rule_id in ids],
+        "feedback": feedback,
+        "verdict": overall,
+    }
+    assert accepts(judge_grammar(ids), json.dumps(answer))
+    verdict, error = read_verdict(json.dumps(answer))
+    assert verdict is not None, error
+    assert [rule.rule_id for rule in verdict.rules] == ids
+    assert (verdict.verdict, verdict.feedback) == (overall, feedback)
+
+
+def test_a_verdict_on_other_rules_is_not_writable():
+    answer = {
+        "rules": [{"id": "WF-03", "verdict": "complies"}],
+        "feedback": "fine",
+        "verdict": "Success",
+    }
+    assert accepts(judge_grammar(["WF-03"]), json.dumps(answer))
+    assert not accepts(judge_grammar(["WF-04"]), json.dumps(answer))
+    assert not accepts(judge_grammar(["WF-03", "WF-04"]), json.dumps(answer))
