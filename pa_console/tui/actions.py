@@ -1,0 +1,178 @@
+"""The one registry of actions: key bindings, footer, command palette and help are made from it."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from textual.binding import Binding, BindingType
+
+Need = Literal["live", "replay", "writable", "mission", "idle_trace", "approval"]
+Group = Literal["Mission", "Safety", "View", "Copy", "Simulation", "Replay", "Console"]
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What decides which actions are legal at this moment."""
+
+    replay: bool = False
+    readonly: bool = False
+    mission: bool = False
+    traced: bool = False
+    approval: bool = False
+
+
+@dataclass(frozen=True)
+class ConsoleAction:
+    """One thing that the operator can do.
+
+    `id` names it in the user's keymap, `keys` are Textual key names separated by commas, and
+    `action` is the method of the app without `action_`.
+    """
+
+    id: str
+    keys: str
+    label: str
+    help: str
+    group: Group
+    action: str
+    needs: tuple[Need, ...] = ()
+    footer: bool = False
+    palette: bool = True
+    urgent: bool = False
+
+    def refusal(self, now: Situation) -> str:
+        """Return why the action is not legal now, empty when it is."""
+        return next((why for need in self.needs if (why := _refusal(need, now))), "")
+
+    @property
+    def bindings(self) -> list[Binding]:
+        """The Textual bindings; an urgent action's first key works over every other screen."""
+        first, _, others = self.keys.partition(",")
+        if not self.urgent:
+            first, others = self.keys, ""
+        result = [
+            Binding(
+                first,
+                self.action,
+                self.label,
+                show=self.footer,
+                id=self.id,
+                tooltip=self.help,
+                priority=self.urgent,
+            )
+        ]
+        if others:
+            result.append(Binding(others, self.action, self.label, show=False))
+        return result
+
+
+def _refusal(need: Need, now: Situation) -> str:
+    match need:
+        case "live":
+            return "not in a replay" if now.replay else ""
+        case "replay":
+            return "" if now.replay else "only in a replay"
+        case "writable":
+            return "the console is read-only" if now.readonly else ""
+        case "mission":
+            return "" if now.mission else "no mission is active"
+        case "idle_trace":
+            return "" if now.traced else "there is no mission yet"
+        case "approval":
+            return "" if now.approval else "nothing waits for approval"
+
+
+_COMMAND: tuple[Need, ...] = ("live", "writable")
+
+ACTIONS: tuple[ConsoleAction, ...] = (
+    ConsoleAction(
+        "help", "f1,question_mark", "Help", "Show all keys and the meaning of every sign",
+        "Console", "help", footer=True,
+    ),
+    ConsoleAction("view_map", "f2,1", "Map", "Go to the map", "View", "view('map')"),
+    ConsoleAction("view_assets", "f3,2", "Assets", "Go to the assets", "View", "view('assets')"),
+    ConsoleAction("view_trace", "f4,3", "Trace", "Go to the trace of the mission", "View",
+                  "view('trace')"),
+    ConsoleAction("view_events", "f5,4", "Events", "Go to the event list", "View",
+                  "view('events')"),
+    ConsoleAction("policies", "f6,p", "Policies", "Browse and search the rules", "View",
+                  "policies", footer=True),
+    ConsoleAction(
+        "approval", "f7,g", "To approval", "Go to the plan that waits for a decision",
+        "Mission", "to_approval", needs=("live", "writable", "approval"), footer=True,
+    ),
+    ConsoleAction(
+        "cancel", "f8,c", "Cancel", "Cancel the active mission, in any stage",
+        "Mission", "cancel_mission", needs=(*_COMMAND, "mission"), footer=True,
+    ),
+    ConsoleAction(
+        "stop", "f9,S", "STOP ALL", "Stop: every asset holds and open plans are void",
+        "Safety", "stop_all", needs=_COMMAND, footer=True, urgent=True,
+    ),
+    ConsoleAction("prompt", "i,slash", "Mission", "Type a mission", "Mission", "to_prompt",
+                  needs=_COMMAND, footer=True),
+    ConsoleAction("leave", "escape", "Leave", "Leave the field; what was typed stays",
+                  "Mission", "leave", palette=False),
+    ConsoleAction("earlier", "left_square_bracket", "Earlier", "Trace of the mission before",
+                  "View", "select_mission(-1)", needs=("idle_trace",)),
+    ConsoleAction("later", "right_square_bracket", "Later", "Trace of the mission after",
+                  "View", "select_mission(1)", needs=("idle_trace",)),
+    ConsoleAction("copy_trace", "y", "Copy trace", "Copy the trace, and write it to a file",
+                  "Copy", "copy_trace", needs=("idle_trace",)),
+    ConsoleAction("copy_plan", "Y", "Copy plan", "Copy the plan's JSON, and write it to a file",
+                  "Copy", "copy_plan", needs=("idle_trace",)),
+    ConsoleAction("faster", "plus", "Faster", "Twice the speed, up to 8x", "Simulation",
+                  "change_rate(2.0)"),
+    ConsoleAction("slower", "minus", "Slower", "Half the speed, down to 1x (replay: 1/4x)",
+                  "Simulation", "change_rate(0.5)"),
+    ConsoleAction("play", "space", "Play/pause", "Play or pause the replay", "Replay",
+                  "play_pause", needs=("replay",), footer=True),
+    ConsoleAction("step", "right", "Step", "One event forward", "Replay", "step(1)",
+                  needs=("replay",), footer=True),
+    ConsoleAction("back", "left", "Back", "One event back", "Replay", "step(-1)",
+                  needs=("replay",), footer=True),
+    ConsoleAction("next_mission", "n", "Next mission", "Jump to the next mission", "Replay",
+                  "next_mission", needs=("replay",), footer=True),
+    ConsoleAction("theme", "T", "Theme", "Choose the colours", "Console", "change_theme"),
+    ConsoleAction("palette", "ctrl+p,f10", "Palette", "Search all commands that are legal now",
+                  "Console", "command_palette", footer=True, palette=False),
+    ConsoleAction("quit", "q,ctrl+q", "Quit", "Leave the console", "Console", "leave_console",
+                  footer=True),
+)  # fmt: skip
+
+GROUPS: tuple[Group, ...] = (
+    "Mission", "Safety", "View", "Copy", "Simulation", "Replay", "Console"
+)  # fmt: skip
+
+_BY_CALL = {action.action: action for action in ACTIONS}
+
+
+def find_action(name: str, parameters: tuple[object, ...]) -> ConsoleAction | None:
+    """Return the registered action that the app method `name` with `parameters` carries out."""
+    call = f"{name}({', '.join(map(repr, parameters))})" if parameters else name
+    return _BY_CALL.get(call)
+
+
+def bindings() -> list[BindingType]:
+    """Return the bindings of the whole registry."""
+    return [binding for action in ACTIONS for binding in action.bindings]
+
+
+def key_text(keys: str) -> str:
+    """Write Textual key names as they stand on a keyboard."""
+    words = {
+        "question_mark": "?",
+        "slash": "/",
+        "plus": "+",
+        "minus": "-",
+        "escape": "Esc",
+        "left_square_bracket": "[",
+        "right_square_bracket": "]",
+        "left": "←",
+        "right": "→",
+        "space": "Space",
+    }
+    parts = [
+        words.get(key, key.upper() if key[0] == "f" and len(key) > 1 else key)
+        for key in keys.split(",")
+    ]
+    return " ".join(part.replace("ctrl+", "^") for part in parts)

@@ -1,0 +1,289 @@
+"""The operator console: wires the operator's actions to the station, the replay and the screens."""
+
+import asyncio
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from pa_console.schema.document import DocumentError
+from pa_console.schema.incident import Incident
+from pa_console.schema.mission import Decision
+from pa_console.schema.plan import Plan
+from pa_console.schema.world import World
+from pa_console.tui.actions import bindings
+from pa_console.tui.export import export_folder, plan_text, trace_text, write_copy
+from pa_console.tui.history import History, history_file
+from pa_console.tui.keymap import keymap_file, load_keymap
+from pa_console.tui.palette import ConsoleCommands
+from pa_console.tui.ports import (
+    Clock,
+    LogSink,
+    PlayerPort,
+    RetrieverPort,
+    RulebookPort,
+    StationPort,
+)
+from pa_console.tui.replay import ReplayDeck
+from pa_console.tui.screens.main import MainScreen
+from pa_console.tui.session_app import FRAME_S, SessionApp
+from pa_console.tui.theme import DEFAULT_THEME, THEMES
+from pa_console.tui.whatif import next_rate
+from pa_console.tui.widgets.approval_panel import ApprovalPanel
+from pa_console.tui.widgets.mission_prompt import MissionPrompt
+
+CLOSE_WITHIN_S = 3.0
+"""The console leaves after this long even when the session does not end by itself."""
+
+CLOSED = {
+    "REPLAY": "REPLAY: this is a recording, every command is refused",
+    "READ-ONLY": "READ-ONLY: every command is refused",
+}
+
+
+class ConsoleApp(SessionApp):
+    """The console over a live station, or over a player (then everything is refused)."""
+
+    TITLE = "PA Console"
+    CSS_PATH = "console.tcss"
+    BINDINGS = bindings()
+    COMMANDS = {ConsoleCommands}
+
+    def __init__(
+        self,
+        world: World,
+        station: StationPort | None,
+        rulebook: RulebookPort,
+        retriever: RetrieverPort,
+        log: LogSink | None = None,
+        *,
+        readonly: bool = False,
+        player: PlayerPort | None = None,
+        clock: Clock = time.monotonic,
+        history: Path | None = None,
+        copies: Path | None = None,
+        keymap: Path | None = None,
+    ) -> None:
+        """Paths that are None are the user's own, in the platform's folders."""
+        super().__init__(
+            world, station, rulebook, retriever, log, readonly=readonly, player=player, clock=clock
+        )
+        self._history, self._copies, self._key_file = history, copies, keymap
+        self._drafts: dict[tuple[str, int], str] = {}
+        self._deck = ReplayDeck(player, clock) if player else None
+
+    def on_mount(self) -> None:
+        """Show the screen first; the session starts after the first paint."""
+        for theme in THEMES:
+            self.register_theme(theme)
+        self.theme = DEFAULT_THEME
+        mode = "REPLAY" if self.player else "READ-ONLY" if self.readonly else "LIVE"
+        closed = CLOSED.get(mode, "")
+        history = History(None if closed else self._history or history_file())
+        rules = {rule.id: rule for rule in self.rulebook.rules}
+        self.main = MainScreen(
+            self.world, rules, history, closed=closed, mode=mode, clock=self.clock
+        )
+        self.push_screen(self.main)
+        self.call_after_refresh(self._start)
+
+    def _start(self) -> None:
+        try:
+            self.set_keymap(load_keymap(self._key_file or keymap_file()))
+        except DocumentError as error:
+            self._tell(str(error), "Your keys were not used", bad=True)
+        if self._deck is not None:
+            self.set_interval(FRAME_S, self._play_on)
+            self._show_replay()
+        self.start_session()
+
+    def _tell(self, text: str, title: str, bad: bool = False) -> None:
+        self.notify(text, title=title, severity="error" if bad else "information", markup=False)
+
+    # Commands to the station
+
+    def _try(self, title: str, command: Callable[[StationPort], object]) -> bool:
+        """Give a command; a refusal is shown. Returns whether it was taken."""
+        if self.station is None or self.readonly:
+            self._tell("the console is read-only", f"{title} refused", bad=True)
+            return False
+        try:
+            command(self.station)
+        except ValueError as error:
+            self._tell(str(error), f"{title} refused", bad=True)
+            return False
+        return True
+
+    def on_mission_prompt_given(self, message: MissionPrompt.Given) -> None:
+        """Submit a mission; a refused text stays in the field."""
+        if self._try("Mission", lambda station: station.submit(message.text)) and self.main:
+            self.main.query_one(MissionPrompt).taken(message.text)
+
+    def on_approval_panel_decided(self, message: ApprovalPanel.Decided) -> None:
+        """Pass the decision on."""
+        self._decide(message.decision)
+
+    def _decide(self, decision: Decision) -> None:
+        if not self._try("Decision", lambda station: station.decide(decision)) and self.main:
+            self.main.query_one(ApprovalPanel).refused()
+
+    def on_approval_panel_modify_asked(self) -> None:
+        """Open the editor on the waiting plan, or on the draft that was left."""
+        trace = self.state.current
+        if trace is None or trace.approval is None:
+            return
+        from pa_console.tui.screens.plan_editor import PlanEditor, plan_json  # noqa: PLC0415
+
+        key = trace.mission.id, trace.approval.attempt
+        editor = PlanEditor(self._drafts.get(key) or plan_json(trace.approval.plan))
+
+        def closed(plan: Plan | None) -> None:
+            self._drafts[key] = editor.draft
+            now = self.state.current
+            still = now is not None and now.approval is not None and now.mission.id == key[0]
+            if plan is not None and not still:
+                self._tell("the plan no longer waits for a decision", "Modify", bad=True)
+            elif plan is not None:
+                self._decide(Decision(kind="modify", plan=plan))
+
+        self.push_screen(editor, closed)
+
+    def inject(self, incident: Incident) -> None:
+        """Make something happen in the simulation."""
+        self._try("What-if", lambda station: station.inject(incident))
+
+    def set_rate(self, rate: float) -> None:
+        """Set the speed of the simulation or of the replay."""
+        if self._deck is not None:
+            self._deck.rate = self.rate = rate
+            self._show_replay()
+        elif self.station is not None and not self.readonly:
+            self.station.rate = self.rate = rate
+        self.changed(frozenset(("status",)))
+
+    def action_cancel_mission(self) -> None:
+        """Cancel the active mission at once."""
+        self._try("Cancel", lambda station: station.cancel())
+
+    def action_stop_all(self) -> None:
+        """Make every asset hold, at once and without a question."""
+        if self._try("Stop", lambda station: station.stop_all()):
+            self._tell("every asset was told to hold; open plans are void", "Stop")
+
+    def action_change_rate(self, factor: float) -> None:
+        """Go faster or slower."""
+        self.set_rate(next_rate(self.rate, factor, slow=self._deck is not None))
+
+    # The replay
+
+    def _play_on(self) -> None:
+        if self._deck is not None and self._deck.play_on():
+            self._show_replay()
+
+    def _show_replay(self) -> None:
+        if self._deck is not None and self.main is not None:
+            self.main.show_replay(self._deck.line())
+            self.changed(self._deck.views)
+
+    def action_play_pause(self) -> None:
+        """Play or pause."""
+        if self._deck is not None:
+            self._deck.play_pause()
+            self._show_replay()
+
+    def action_step(self, by: int) -> None:
+        """One event forward or back."""
+        if self._deck is not None:
+            self._deck.step(by)
+            self._show_replay()
+
+    def action_next_mission(self) -> None:
+        """On to where the next mission begins."""
+        if self._deck is not None:
+            self._deck.next_mission()
+            self._show_replay()
+
+    # Where to look
+
+    def action_view(self, view: str) -> None:
+        """Go to a pane."""
+        if self.main is not None:
+            self.main.focus_view(view)
+
+    def action_to_approval(self) -> None:
+        """Go to the plan that waits."""
+        if self.main is not None:
+            self.main.to_approval()
+
+    def action_to_prompt(self) -> None:
+        """Go to the mission field."""
+        if self.main is not None:
+            self.main.query_one(MissionPrompt).take_cursor()
+
+    def action_leave(self) -> None:
+        """Leave a field."""
+        if self.main is not None and self.screen is self.main:
+            self.main.leave_field()
+
+    def action_select_mission(self, by: int) -> None:
+        """Show the trace of the mission before or after."""
+        if self.main is not None:
+            self.main.select(self.state, by)
+
+    def action_help(self) -> None:
+        """Show the help page."""
+        from pa_console.tui.screens.help import HelpScreen  # noqa: PLC0415
+
+        self.push_screen(HelpScreen(self.situation))
+
+    def action_policies(self) -> None:
+        """Show the policy browser."""
+        from pa_console.tui.screens.policies import PolicyScreen  # noqa: PLC0415
+
+        self.push_screen(PolicyScreen(self.rulebook, self.retriever))
+
+    # Copying
+
+    def action_copy_trace(self) -> None:
+        """Copy the shown trace."""
+        trace = self.main.selected(self.state) if self.main else None
+        if trace is not None:
+            rules = {rule.id: rule for rule in self.rulebook.rules}
+            self._copy("trace", f"{trace.mission.id}-trace.txt", trace_text(trace, rules))
+
+    def action_copy_plan(self) -> None:
+        """Copy the shown plan."""
+        trace = self.main.selected(self.state) if self.main else None
+        if trace is not None:
+            self._copy("plan", f"{trace.mission.id}-plan.json", plan_text(trace))
+
+    def _copy(self, what: str, file: str, text: str) -> None:
+        self.copy_to_clipboard(text)
+        where = write_copy(self._copies or export_folder(), file, text)
+        self._tell(f"{where}, and sent to the terminal's clipboard", f"Copied the {what}")
+
+    # Leaving
+
+    def action_leave_console(self) -> None:
+        """Leave, after a question when a mission is active."""
+        if self.state.active is None or self.player is not None or self.readonly:
+            self.run_worker(self._close(), exit_on_error=False)
+            return
+        from pa_console.tui.screens.confirm import Confirm  # noqa: PLC0415
+
+        question = (
+            f"Mission {self.state.active} is still active.\n"
+            "Leaving ends the session; the mission is cancelled."
+        )
+
+        def answered(leave: bool | None) -> None:
+            if leave:
+                self.run_worker(self._close(), exit_on_error=False)
+
+        self.push_screen(Confirm(question, yes="Leave", no="Stay"), answered)
+
+    async def _close(self) -> None:
+        if self.station is not None:
+            with suppress(Exception):
+                await asyncio.wait_for(self.station.close(), CLOSE_WITHIN_S)
+        self.exit()

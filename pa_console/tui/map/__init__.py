@@ -1,0 +1,1 @@
+"""Draws the checkpoint from above into character cells; knows no widget."""

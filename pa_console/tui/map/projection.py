@@ -1,0 +1,76 @@
+"""From metres to character cells, which are about twice as tall as wide."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import chain
+
+from pa_console.schema.base import Point
+from pa_console.schema.world import World
+from pa_console.tui.map.canvas import Cell
+
+CELL_ASPECT = 2.0
+MOST_STRETCH = 1.7
+"""How much wider than true the plan may be drawn, so that it fills a wide pane."""
+
+LANE_SHARE = 0.45
+"""How much of the site's size the view reaches beyond it along the lanes."""
+
+
+@dataclass(frozen=True)
+class Projection:
+    """Fits the site, and its lanes as far as useful, into `width` x `height` cells."""
+
+    world: World
+    width: int
+    height: int
+
+    @cached_property
+    def _view(self) -> tuple[float, float, float, float]:
+        """West, south, east and north edge in metres."""
+        world = self.world
+        site = list(
+            chain(
+                world.perimeter,
+                (frame.at for frame in world.frames.values()),
+                *((wall.start, wall.end) for wall in world.walls),
+                *(zone.polygon for zone in world.zones.values()),
+            )
+        )
+        west, east = min(p[0] for p in site), max(p[0] for p in site)
+        south, north = min(p[1] for p in site), max(p[1] for p in site)
+        reach_x, reach_y = LANE_SHARE * (east - west), LANE_SHARE * (north - south)
+        far = [point for lane in world.lanes.values() for point in lane.points]
+        return (
+            max(west - reach_x, min([west, *(p[0] for p in far)])),
+            max(south - reach_y, min([south, *(p[1] for p in far)])),
+            min(east + reach_x, max([east, *(p[0] for p in far)])),
+            min(north + reach_y, max([north, *(p[1] for p in far)])),
+        )
+
+    @cached_property
+    def _scale(self) -> tuple[float, float]:
+        """Cells per metre, across and down."""
+        west, south, east, north = self._view
+        across = (self.width - 3) / max(east - west, 1.0)
+        down = (self.height - 1) / max(north - south, 1.0)
+        return (
+            min(across, down * CELL_ASPECT * MOST_STRETCH),
+            min(down, across / CELL_ASPECT * 1.2),
+        )
+
+    def cell(self, point: Point) -> Cell:
+        """Return the cell of a point in metres; it may lie outside the canvas."""
+        west, south, east, north = self._view
+        across, down = self._scale
+        column = (self.width - 1) / 2 + (point[0] - (west + east) / 2) * across
+        row = (self.height - 1) / 2 - (point[1] - (south + north) / 2) * down
+        return round(column), round(row)
+
+    def centre(self, cell: Cell) -> Point:
+        """Return the point in metres that a cell's centre stands for."""
+        west, south, east, north = self._view
+        across, down = self._scale
+        return (
+            (west + east) / 2 + (cell[0] - (self.width - 1) / 2) / across,
+            (south + north) / 2 - (cell[1] - (self.height - 1) / 2) / down,
+        )

@@ -1,0 +1,79 @@
+"""The command palette: the registry's actions that are legal now, what-ifs and speeds."""
+
+from collections.abc import Iterator
+from functools import partial
+from typing import Protocol, cast
+
+from textual.command import DiscoveryHit, Hit, Hits, Provider
+from textual.types import IgnoreReturnCallbackType
+
+from pa_console.schema.incident import Incident
+from pa_console.schema.world import World
+from pa_console.tui.actions import ACTIONS, Situation, key_text
+from pa_console.tui.whatif import RATES, what_ifs
+
+Command = tuple[str, IgnoreReturnCallbackType, str]
+"""Title, what it does, help."""
+
+
+class PaletteHost(Protocol):
+    """What the palette needs of the app."""
+
+    world: World
+
+    @property
+    def situation(self) -> Situation:
+        """What decides which actions are legal now."""
+        ...
+
+    async def run_action(self, action: str) -> bool:
+        """Carry out an action by name."""
+        ...
+
+    def inject(self, incident: Incident) -> None:
+        """Make something happen in the simulation."""
+        ...
+
+    def set_rate(self, rate: float) -> None:
+        """Set the simulation's speed."""
+        ...
+
+
+class ConsoleCommands(Provider):
+    """Offers what can be done at this moment, and nothing else."""
+
+    @property
+    def _host(self) -> PaletteHost:
+        return cast(PaletteHost, self.app)
+
+    def _actions(self) -> Iterator[Command]:
+        now = self._host.situation
+        for action in ACTIONS:
+            if action.palette and not action.refusal(now):
+                run = partial(self._host.run_action, f"app.{action.action}")
+                yield f"{action.help}  [{key_text(action.keys)}]", run, action.group
+
+    def _simulation(self) -> Iterator[Command]:
+        now = self._host.situation
+        if now.replay or now.readonly:
+            return
+        for rate in RATES:
+            yield f"Speed {rate:g}x", partial(self._host.set_rate, rate), "Simulation"
+        for title, incident in what_ifs(self._host.world):
+            yield title, partial(self._host.inject, incident), "Simulation only"
+
+    async def discover(self) -> Hits:
+        """Yield the actions, and the what-ifs that start a typical situation."""
+        for title, run, help_text in self._actions():
+            yield DiscoveryHit(title, run, help=help_text)
+        for title, run, help_text in self._simulation():
+            if "Speed" in title or "unknown vehicle" in title:
+                yield DiscoveryHit(title, run, help=help_text)
+
+    async def search(self, query: str) -> Hits:
+        """Yield everything that matches what was typed."""
+        matcher = self.matcher(query)
+        for title, run, help_text in (*self._actions(), *self._simulation()):
+            score = matcher.match(title)
+            if score > 0:
+                yield Hit(score, matcher.highlight(title), run, text=title, help=help_text)

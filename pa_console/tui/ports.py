@@ -1,0 +1,114 @@
+"""What the console needs of its surroundings, as protocols, so that every screen stands alone."""
+
+from collections.abc import AsyncIterator, Callable, Sequence
+from typing import Protocol
+
+from pa_console.schema.event import Event
+from pa_console.schema.incident import Incident
+from pa_console.schema.mission import Decision, Mission
+from pa_console.schema.rule import Rule, RuleHit
+from pa_console.session.fold import SessionState
+
+Clock = Callable[[], float]
+"""Seconds that only grow; replaced in tests so that no test has to wait."""
+
+LogSink = Callable[[Event], None]
+"""Takes every event in order; the transient ones are for it to leave out."""
+
+
+class StationPort(Protocol):
+    """A live session: its events and the commands that may be given to it."""
+
+    rate: float
+
+    def run(self) -> AsyncIterator[Event]:
+        """Yield every event of the session until it is closed."""
+        ...
+
+    def submit(self, text: str) -> Mission:
+        """Queue a mission; raises ValueError with a text for the operator when refused."""
+        ...
+
+    def decide(self, decision: Decision) -> None:
+        """Answer the open approval; raises ValueError when none is open."""
+        ...
+
+    def cancel(self) -> None:
+        """Cancel the active mission at once, in any stage."""
+        ...
+
+    def stop_all(self) -> None:
+        """Make every asset hold and void open plans."""
+        ...
+
+    def inject(self, incident: Incident) -> None:
+        """Change the simulated checkpoint; raises ValueError for an unknown asset or gate."""
+        ...
+
+    async def close(self) -> None:
+        """End the session."""
+        ...
+
+
+class PlayerPort(Protocol):
+    """A recorded session that can be moved through; read `state` afresh after every call.
+
+    `index` counts the events applied, `position` and `duration` are seconds.
+    """
+
+    state: SessionState
+    index: int
+    position: float
+    playing: bool
+    rate: float
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first event to the last."""
+        ...
+
+    @property
+    def finished(self) -> bool:
+        """Whether every event was played."""
+        ...
+
+    def play(self) -> None:
+        """Let time move."""
+        ...
+
+    def pause(self) -> None:
+        """Stop time."""
+        ...
+
+    def advance(self, wall_s: float) -> Sequence[Event]:
+        """Let `wall_s` seconds pass; return the events that came up."""
+        ...
+
+    def step(self) -> None:
+        """Pause, one event forward."""
+        ...
+
+    def step_back(self) -> None:
+        """Pause, one event back."""
+        ...
+
+    def step_mission(self) -> None:
+        """Pause, and go on to the next event of a mission."""
+        ...
+
+
+class RulebookPort(Protocol):
+    """The rules in force."""
+
+    @property
+    def rules(self) -> tuple[Rule, ...]:
+        """Every rule, in file order."""
+        ...
+
+
+class RetrieverPort(Protocol):
+    """Scores rules against a text."""
+
+    def score_all(self, text: str) -> Sequence[RuleHit]:
+        """Return one hit for every rule with its score and the score's components."""
+        ...

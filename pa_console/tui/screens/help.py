@@ -1,0 +1,73 @@
+"""All keys, from the action registry, and the meaning of every sign, from the vocabulary."""
+
+from itertools import groupby
+
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.containers import VerticalScroll
+from textual.screen import ModalScreen
+
+from pa_console.tui.actions import ACTIONS, GROUPS, Situation, key_text
+from pa_console.tui.trace.rows import Row, column, row
+from pa_console.tui.vocabulary import NOTE, QUIET, TERMS
+from pa_console.tui.widgets.sheet import Sheet
+
+_APPROVAL = (
+    ("r", "Reject the plan"), ("m", "Modify the plan"),
+    ("a", "Approve; dead for the first 0.6 s, so that no stray key approves"),
+    ("Tab", "To the warnings, the reason and the buttons"),
+)  # fmt: skip
+_PROMPT = (
+    ("Enter", "Send the mission"),
+    ("↑ ↓", "Missions typed before"),
+    ("Esc", "Leave the field; the text stays"),
+)
+
+
+def help_rows(now: Situation) -> list[Row]:
+    """Return the help page; an action that is not legal now says why."""
+    rows: list[Row] = []
+    for group in GROUPS:
+        rows.append(row("", (group, f"bold {NOTE}")))
+        for action in ACTIONS:
+            if action.group == group:
+                why = action.refusal(now)
+                rows.append(
+                    row(
+                        ["  ", column(key_text(action.keys), 10, "bold")],
+                        action.help,
+                        (f"  (now: {why})" if why else "", QUIET),
+                    )
+                )
+    for name, keys in (("In the approval panel", _APPROVAL), ("In the mission field", _PROMPT)):
+        rows.append(row("", (name, f"bold {NOTE}")))
+        rows += [row(["  ", column(key, 10, "bold")], text) for key, text in keys]
+    rows.append(row("", ("Signs", f"bold {NOTE}")))
+    for family, items in groupby(TERMS.items(), key=lambda item: item[0].split(".")[0]):
+        parts: list[tuple[str, str] | str] = []
+        for _, mark in items:
+            parts += [(f"{mark.glyph} {mark.word}", mark.style), "   "]
+        rows.append(row(["  ", column(family, 10, QUIET)], *parts))
+    return rows
+
+
+class HelpScreen(ModalScreen[None]):
+    """The help page; any of Escape, F1, q or ? closes it."""
+
+    BINDINGS = [Binding("escape,f1,q,question_mark", "dismiss", "Close")]
+
+    def __init__(self, now: Situation) -> None:
+        super().__init__()
+        self._now = now
+
+    def compose(self) -> ComposeResult:
+        """Yield the page."""
+        with VerticalScroll(id="help"):
+            yield Sheet(tuple(help_rows(self._now)))
+
+    def on_mount(self) -> None:
+        """Name the page and let the arrow keys scroll it."""
+        page = self.query_one("#help", VerticalScroll)
+        page.border_title = "Help"
+        page.border_subtitle = "Esc closes"
+        page.focus()

@@ -1,0 +1,175 @@
+"""The one main screen, live and in a replay: map, assets, events, trace, approval, prompt."""
+
+from collections.abc import Mapping
+
+from textual import events
+from textual.app import ComposeResult
+from textual.containers import Horizontal, Vertical
+from textual.content import Content
+from textual.screen import Screen
+from textual.widgets import Button, Footer, Static
+
+from pa_console.schema.rule import Rule
+from pa_console.schema.world import World
+from pa_console.session.fold import MissionTrace, SessionState
+from pa_console.tui.history import History
+from pa_console.tui.ports import Clock
+from pa_console.tui.widgets.approval_panel import ApprovalPanel
+from pa_console.tui.widgets.asset_table import AssetTable
+from pa_console.tui.widgets.event_list import EventList
+from pa_console.tui.widgets.map_view import MapView
+from pa_console.tui.widgets.mission_prompt import MissionPrompt
+from pa_console.tui.widgets.status_bar import StatusBar
+from pa_console.tui.widgets.trace_pane import TracePane
+from pa_console.tui.widgets.view_bar import VIEWS, ViewBar
+
+LEAST_SIZE = (60, 18)
+WIDE_SIZE = (100, 30)
+TOO_SMALL = (
+    "PA Console needs 60 x 18 cells.\nThis terminal has {width} x {height}:\nmake it larger."
+)
+
+
+class MainScreen(Screen[None]):
+    """Lays the panes out for the terminal's size and passes the state on to them."""
+
+    def __init__(
+        self,
+        world: World,
+        rules: Mapping[str, Rule],
+        history: History,
+        *,
+        closed: str,
+        mode: str,
+        clock: Clock,
+    ) -> None:
+        """`closed` says why no mission is taken here, `mode` is LIVE, READ-ONLY or REPLAY."""
+        super().__init__()
+        self._world, self._rules, self._history = world, rules, history
+        self._closed_why, self.mode, self._clock = closed, mode, clock
+        self._view = "map"
+        self._selected: str | None = None
+
+    def compose(self) -> ComposeResult:
+        """Yield all panes; the style sheet decides which are seen."""
+        yield StatusBar(id="status", markup=False)
+        yield ViewBar(id="views", markup=False)
+        with Horizontal(id="body"):
+            with Vertical(id="left"):
+                yield MapView(self._world, id="map")
+                yield AssetTable(self._world, id="assets")
+                yield EventList(id="events")
+            with Vertical(id="right"):
+                yield TracePane(self._rules, id="trace")
+                yield ApprovalPanel(self._clock)
+        if self.mode == "REPLAY":
+            yield Static(id="replay", markup=False)
+        yield MissionPrompt(self._history, self._closed_why)
+        yield Footer(show_command_palette=False, compact=True)
+        yield Static(id="too-small", markup=False)
+
+    def on_mount(self) -> None:
+        """Start where missions are typed."""
+        self.set_class(self.mode == "REPLAY", "-replay")
+        self.go_to("map")
+        if self._closed_why:
+            self.query_one("#map").focus()
+        else:
+            self.query_one(MissionPrompt).take_cursor()
+
+    def on_resize(self, event: events.Resize) -> None:
+        """Choose the layout for the terminal's size."""
+        width, height = event.size
+        small = width < LEAST_SIZE[0] or height < LEAST_SIZE[1]
+        self.set_class(small, "-too-small")
+        self.set_class(width < WIDE_SIZE[0] or height < WIDE_SIZE[1], "-compact")
+        if small:
+            text = TOO_SMALL.format(width=width, height=height)
+            self.query_one("#too-small", Static).update(text)
+
+    @property
+    def compact(self) -> bool:
+        """Whether one pane is shown at a time."""
+        return self.has_class("-compact")
+
+    def go_to(self, view: str) -> None:
+        """Show a view, and give it the keys unless the operator is typing."""
+        self._view = view
+        for name, _ in VIEWS:
+            self.set_class(name == view, f"-view-{name}")
+        self.query_one(ViewBar).show(view)
+
+    def focus_view(self, view: str) -> None:
+        """Show a view and give it the keys."""
+        self.go_to(view)
+        target = "#trace-body" if view == "trace" else f"#{view}"
+        self.query_one(target).focus()
+
+    def on_view_bar_chosen(self, message: ViewBar.Chosen) -> None:
+        """Go where the pointer said."""
+        self.focus_view(message.view)
+
+    def selected(self, state: SessionState) -> MissionTrace | None:
+        """Return the mission whose trace is shown: the chosen one, else the current one."""
+        return state.missions.get(self._selected or "") or state.current
+
+    def select(self, state: SessionState, by: int) -> None:
+        """Choose the mission before or after; after the last the current one is followed."""
+        ids = list(state.missions)
+        shown = self.selected(state)
+        if shown is None:
+            return
+        index = ids.index(shown.mission.id) + by
+        self._selected = ids[max(index, 0)] if index < len(ids) - 1 else None
+        self.refresh_views(state, frozenset(("trace",)), 1.0, 0.0)
+
+    def refresh_views(
+        self, state: SessionState, views: frozenset[str], rate: float, silent_s: float
+    ) -> None:
+        """Bring the panes in `views` up to date; the others are not touched."""
+        if "status" in views:
+            bar = self.query_one(StatusBar)
+            bar.show(state, self._world.title, self.mode, rate, silent_s)
+        if "map" in views:
+            self.query_one(MapView).show(state.picture)
+        if "assets" in views:
+            self.query_one(AssetTable).show(state.picture)
+        if "events" in views:
+            self.query_one(EventList).show(state.notices)
+        if "trace" in views:
+            self.query_one(TracePane).show(self.selected(state))
+            if self.mode == "LIVE":
+                self._show_approval(state)
+
+    def _show_approval(self, state: SessionState) -> None:
+        """Show or withdraw the open request; focus moves only when nobody is typing."""
+        panel, prompt = self.query_one(ApprovalPanel), self.query_one(MissionPrompt)
+        had_keys = panel.has_focus_within
+        appeared = panel.show(state.current)
+        if appeared:
+            self._selected = None
+            self.query_one(TracePane).show(state.current)
+            if self.compact and self._view not in ("map", "trace"):
+                self.go_to("trace")
+            if prompt.has_cursor and prompt.draft:
+                self.notify("A plan waits for your decision: F7 goes there", title="Approval")
+            else:
+                panel.take_focus()
+        elif not panel.display and had_keys:
+            prompt.take_cursor()
+
+    def show_replay(self, line: Content) -> None:
+        """Show where the replay stands."""
+        self.query_one("#replay", Static).update(line)
+
+    def to_approval(self) -> None:
+        """Give the keys to the approval panel."""
+        self.query_one(ApprovalPanel).take_focus()
+
+    def leave_field(self) -> None:
+        """Leave the prompt or a field of the approval panel; nothing typed is lost."""
+        panel = self.query_one(ApprovalPanel)
+        if panel.display and not isinstance(self.focused, Button):
+            panel.take_focus()
+        else:
+            self.focus_view(self._view)

@@ -1,0 +1,94 @@
+"""Lets the operator change a plan's JSON, checked while it is typed."""
+
+import json
+
+from pydantic import ValidationError
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.containers import Horizontal, Vertical
+from textual.screen import ModalScreen
+from textual.widgets import Button, Static, TextArea
+
+from pa_console.schema.plan import COMMANDS, Plan
+
+
+def plan_json(plan: Plan) -> str:
+    """Write a plan as JSON for editing: one action a line."""
+    actions = ",\n".join(f"    {json.dumps(a.model_dump())}" for a in plan.actions)
+    listed = f"[\n{actions}\n  ]" if plan.actions else "[]"
+    return f'{{\n  "reason": {json.dumps(plan.reason)},\n  "actions": {listed}\n}}'
+
+
+def read_plan(text: str) -> Plan | str:
+    """Return the plan that `text` is, or what is wrong with it and where."""
+    try:
+        return Plan.model_validate_json(text)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = ".".join(str(part) for part in first["loc"])
+        return f"{place}: {first['msg']}" if place else first["msg"]
+
+
+class PlanEditor(ModalScreen[Plan | None]):
+    """Returns the changed plan, or None; the draft survives in `draft` when it is left."""
+
+    BINDINGS = [
+        Binding("escape", "leave", "Back, keep the draft"),
+        Binding("ctrl+s,f10", "send", "Send to the safeguards"),
+    ]
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.draft = text
+
+    def compose(self) -> ComposeResult:
+        """Yield the editor, the verdict on its text, and the buttons."""
+        with Vertical(id="editor"):
+            yield Static("The changed plan goes through all safeguards again.", id="editor-note")
+            yield TextArea(self.draft, id="editor-text", tab_behavior="focus", compact=True)
+            yield Static(id="editor-error", markup=False)
+            yield Static("commands: " + ", ".join(_usage()), id="editor-help", markup=False)
+            with Horizontal(id="editor-buttons"):
+                yield Button("Back (Esc)", id="leave", compact=True)
+                yield Button("Send (^S)", id="send", variant="primary", compact=True)
+
+    def on_mount(self) -> None:
+        """Start in the text."""
+        self.query_one("#editor").border_title = "Modify the plan"
+        self.query_one(TextArea).focus()
+        self._check()
+
+    def on_text_area_changed(self) -> None:
+        """Check what was typed at once."""
+        self._check()
+
+    def _check(self) -> Plan | None:
+        self.draft = self.query_one(TextArea).text
+        read = read_plan(self.draft)
+        error = self.query_one("#editor-error", Static)
+        good = isinstance(read, Plan)
+        error.update("✔ the plan can be read" if good else f"✘ {read}")
+        error.set_class(good, "-good")
+        self.query_one("#send", Button).disabled = not good
+        return read if isinstance(read, Plan) else None
+
+    def on_button_pressed(self, event: Button.Pressed) -> None:
+        """Send or leave."""
+        if event.button.id == "send":
+            self.action_send()
+        else:
+            self.action_leave()
+
+    def action_send(self) -> None:
+        """Return the plan if it can be read."""
+        plan = self._check()
+        if plan is not None:
+            self.dismiss(plan)
+
+    def action_leave(self) -> None:
+        """Return nothing; the approval stays open."""
+        self.dismiss(None)
+
+
+def _usage() -> list[str]:
+    return [f"{verb} FRAME" if spec.takes_frame else verb for verb, spec in COMMANDS.items()]

@@ -1,0 +1,171 @@
+"""The half of the app that faces the session: takes events in, folds them, repaints panes."""
+
+import asyncio
+import time
+
+from textual.app import App
+from textual.message import Message
+
+from pa_console.schema.event import Event
+from pa_console.schema.world import World
+from pa_console.session.fold import SessionState
+from pa_console.tui.actions import Situation, find_action
+from pa_console.tui.ports import (
+    Clock,
+    LogSink,
+    PlayerPort,
+    RetrieverPort,
+    RulebookPort,
+    StationPort,
+)
+from pa_console.tui.refresh import ALL_VIEWS, views_of
+from pa_console.tui.screens.main import MainScreen
+
+FRAME_S = 0.12
+"""Least wall time between two repaints: about eight a second, whatever the event rate."""
+
+LOOK_S = 1.0
+"""How often the age of the telemetry is looked at, in wall seconds."""
+
+
+class SessionApp(App[None]):
+    """Feeds the main screen from a live station or, without one, from a recorded session."""
+
+    class Received(Message):
+        """The station yielded an event."""
+
+        def __init__(self, event: Event) -> None:
+            super().__init__()
+            self.event = event
+
+    class StreamEnded(Message):
+        """The station yields no more; `problem` is empty when it ended in order."""
+
+        def __init__(self, problem: str) -> None:
+            super().__init__()
+            self.problem = problem
+
+    def __init__(
+        self,
+        world: World,
+        station: StationPort | None,
+        rulebook: RulebookPort,
+        retriever: RetrieverPort,
+        log: LogSink | None = None,
+        *,
+        readonly: bool = False,
+        player: PlayerPort | None = None,
+        clock: Clock = time.monotonic,
+    ) -> None:
+        """A live console needs `station`, a replay `player`; `clock` is replaced in tests."""
+        super().__init__()
+        self.world, self.station, self.player = world, station, player
+        self.rulebook, self.retriever, self.log_sink = rulebook, retriever, log
+        self.readonly, self.clock = readonly, clock
+        self.rate = station.rate if station else 1.0
+        self.main: MainScreen | None = None
+        self._folded = SessionState()
+        self._dirty: frozenset[str] = frozenset()
+        self._flush_due = False
+        self._last_telemetry = clock()
+        self._situation = Situation()
+
+    @property
+    def state(self) -> SessionState:
+        """The session as it stands, live or at the replay's position."""
+        return self.player.state if self.player else self._folded
+
+    @property
+    def situation(self) -> Situation:
+        """What decides which actions are legal now."""
+        current = self.state.current
+        return Situation(
+            replay=self.player is not None,
+            readonly=self.readonly or self.station is None,
+            mission=self.state.active is not None,
+            traced=current is not None,
+            approval=current is not None and current.approval is not None,
+        )
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Allow a registered action only while it is legal; it is hidden from the footer else."""
+        registered = find_action(action, parameters)
+        if registered is not None and registered.refusal(self.situation):
+            return False
+        return super().check_action(action, parameters)
+
+    def start_session(self) -> None:
+        """Begin to listen; called after the first paint."""
+        if self.station is not None and self.player is None:
+            self.run_worker(self._listen(self.station), group="session", exit_on_error=False)
+            self.set_interval(LOOK_S, self._look_for_silence)
+        self.changed(ALL_VIEWS)
+
+    async def _listen(self, station: StationPort) -> None:
+        """Post every event of the session; the screen stays usable when the stream breaks."""
+        problem = ""
+        try:
+            async for event in station.run():
+                self.post_message(self.Received(event))
+                await asyncio.sleep(0)
+        except Exception as error:  # whatever broke, the operator must keep the console
+            problem = f"{type(error).__name__}: {error}"
+        self.post_message(self.StreamEnded(problem))
+
+    def on_session_app_received(self, message: Received) -> None:
+        """Log and fold one event, and note which panes it concerns."""
+        self._write_log(message.event)
+        self._folded.apply(message.event)
+        if message.event.data.kind == "telemetry":
+            self._last_telemetry = self.clock()
+        self.changed(views_of(message.event.data.kind))
+
+    def _write_log(self, event: Event) -> None:
+        if self.log_sink is None:
+            return
+        try:
+            self.log_sink(event)
+        except Exception as error:  # a full disk must not stop the operator, but must be told
+            self.log_sink = None
+            self.notify(
+                f"The session log can no longer be written: {error}",
+                title="Log",
+                severity="error",
+                timeout=60,
+                markup=False,
+            )
+
+    def on_session_app_stream_ended(self, message: StreamEnded) -> None:
+        """Say that nothing new will arrive when that was not asked for."""
+        if message.problem:
+            self.notify(
+                f"The session broke off: {message.problem}. What was received stays "
+                "readable; start the console again to go on.",
+                title="No more events",
+                severity="error",
+                timeout=60,
+                markup=False,
+            )
+        self.changed(ALL_VIEWS)
+
+    def changed(self, views: frozenset[str]) -> None:
+        """Have `views` repainted with the next frame."""
+        self._dirty |= views
+        if not self._flush_due:
+            self._flush_due = True
+            self.set_timer(FRAME_S, self.flush)
+
+    def flush(self) -> None:
+        """Repaint what has changed since the last frame."""
+        self._flush_due = False
+        views, self._dirty = self._dirty, frozenset()
+        if views and self.main is not None and self.main.is_mounted:
+            silent = self.clock() - self._last_telemetry
+            self.main.refresh_views(self.state, views, self.rate, silent)
+        if self.situation != self._situation:
+            self._situation = self.situation
+            self.refresh_bindings()
+
+    def _look_for_silence(self) -> None:
+        if self.clock() - self._last_telemetry > 4 * LOOK_S:
+            self.changed(frozenset(("status",)))

@@ -1,0 +1,72 @@
+"""Rows with a hanging indent: what a trace is made of, laid out for a width or as plain text."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import cast
+
+from textual.content import Content
+
+Part = str | tuple[str, str] | Content
+
+LEAST_BODY = 12
+
+
+@dataclass(frozen=True)
+class Row:
+    """A fixed `lead` and a `body` that wraps beside it."""
+
+    lead: Content
+    body: Content
+
+
+@dataclass(frozen=True)
+class Section:
+    """One titled part of a trace; `key` says which part it is while its content grows."""
+
+    key: str
+    title: Content
+    rows: tuple[Row, ...]
+    collapsed: bool = False
+
+
+def row(lead: Sequence[Part] | Part = "", *body: Part) -> Row:
+    """Build a row from texts, (text, style) pairs and contents; nothing is read as markup."""
+    if isinstance(lead, list):
+        return Row(Content.assemble(*cast(list[Part], lead)), Content.assemble(*body))
+    return Row(Content.assemble(cast(Part, lead)), Content.assemble(*body))
+
+
+def text_rows(text: str, style: str = "", indent: int = 2) -> tuple[Row, ...]:
+    """Return a row for each line of a text that somebody else wrote, e.g. a prompt."""
+    return tuple(row(" " * indent, (line, style)) for line in text.splitlines())
+
+
+def column(text: str, width: int, style: str = "") -> tuple[str, str]:
+    """Return `text` cut or padded to `width` cells and one more, for the lead of a row."""
+    cut = text if len(text) <= width else text[: width - 1] + "…"
+    return f"{cut:<{width}} ", style
+
+
+def layout(rows: Sequence[Row], width: int) -> list[Content]:
+    """Return the lines of `rows` at `width` cells; a body too narrow goes under its lead."""
+    lines: list[Content] = []
+    for item in rows:
+        lead, body = item.lead, item.body
+        beside = width - lead.cell_length
+        if beside < LEAST_BODY and body:
+            lines += lead.wrap(max(1, width))
+            lead, beside = Content("  "), max(1, width - 2)
+        pieces = body.wrap(max(1, beside)) if body else [Content()]
+        lines.append(lead + pieces[0])
+        hang = Content(" " * lead.cell_length)
+        lines += [hang + piece for piece in pieces[1:]]
+    return lines
+
+
+def plain(sections: Sequence[Section]) -> str:
+    """Return the sections as text for the clipboard or a file, nothing left out."""
+    lines: list[str] = []
+    for section in sections:
+        lines += ["", section.title.plain, "-" * section.title.cell_length]
+        lines += [(item.lead.plain + item.body.plain).rstrip() for item in section.rows]
+    return "\n".join(lines[1:]) + "\n"

@@ -1,0 +1,194 @@
+"""The operator's decision on a plan: says what will happen, and cannot be hit by a stray key."""
+
+import time
+
+from textual import events, on
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.message import Message
+from textual.widgets import Button, Checkbox, Input, Static
+
+from pa_console.schema.mission import Decision
+from pa_console.session.fold import MissionTrace
+from pa_console.tui.ports import Clock
+from pa_console.tui.widgets.approval_text import approval_rows, blocked_reason, warning_label
+from pa_console.tui.widgets.sheet import Sheet
+
+ARM_DELAY_S = 0.6
+"""Quiet seconds before the panel takes keys; every key before that is dropped and counts anew."""
+
+_FREE_KEYS = ("tab", "shift+tab", "escape")
+
+
+class ApprovalPanel(Vertical):
+    """Reject, Modify or Approve; decisions leave as messages, the panel itself changes nothing."""
+
+    BINDINGS = [
+        Binding("r", "press('reject')", "Reject", show=False, id="approval.reject"),
+        Binding("m", "press('modify')", "Modify", show=False, id="approval.modify"),
+        Binding("a", "press('approve')", "Approve", show=False, id="approval.approve"),
+    ]
+
+    class Decided(Message):
+        """The operator decided."""
+
+        def __init__(self, decision: Decision) -> None:
+            super().__init__()
+            self.decision = decision
+
+    class ModifyAsked(Message):
+        """The operator wants to change the plan."""
+
+    def __init__(self, clock: Clock = time.monotonic) -> None:
+        super().__init__(id="approval")
+        self._clock = clock
+        self._trace: MissionTrace | None = None
+        self._shown: tuple[str, int, int] | None = None
+        self._quiet_since = 0.0
+        self._sent = False
+        self.border_title = "▲ Approval needed"
+
+    def compose(self) -> ComposeResult:
+        """Yield the consequences, what must be given, and the buttons."""
+        with VerticalScroll(id="approval-body", can_focus=False):
+            yield Sheet(id="approval-text")
+            yield Vertical(id="approval-warnings")
+        yield Input(compact=True, id="approval-reason")
+        yield Static(id="approval-state", markup=False)
+        with Horizontal(id="approval-buttons"):
+            yield Button("Reject (r)", id="reject", variant="error", compact=True)
+            yield Button("Modify (m)", id="modify", compact=True)
+            yield Button("Approve (a)", id="approve", variant="success", compact=True)
+
+    def on_mount(self) -> None:
+        """Hide until a plan waits."""
+        self.display = False
+
+    def show(self, trace: MissionTrace | None) -> bool:
+        """Show the open request of `trace`, or hide; returns whether a new one has appeared."""
+        request = trace.approval if trace else None
+        if trace is None or request is None:
+            self._trace, self._shown = None, None
+            self.display = False
+            return False
+        key = (trace.mission.id, request.attempt, len(trace.decisions))
+        self._trace = trace
+        if key == self._shown:
+            return False
+        self._shown, self._sent = key, False
+        self.display = True
+        self._fill(trace)
+        self._disarm()
+        return True
+
+    def _fill(self, trace: MissionTrace) -> None:
+        request = trace.approval
+        assert request is not None
+        self.query_one("#approval-text", Sheet).show(tuple(approval_rows(trace)))
+        warnings = self.query_one("#approval-warnings", Vertical)
+        warnings.remove_children()
+        warnings.mount_all(
+            Checkbox(warning_label(trace, rule), name=rule, compact=True)
+            for rule in request.acknowledge
+            if not request.blocked_by
+        )
+        reason = self.query_one("#approval-reason", Input)
+        reason.value = ""
+        reason.placeholder = (
+            "Reason for overriding the judge (required to approve)"
+            if request.needs_override and not request.blocked_by
+            else "Reason (optional)"
+        )
+        self.query_one("#approval-body", VerticalScroll).scroll_home(animate=False)
+
+    def take_focus(self) -> None:
+        """Put the focus on Reject, the safe answer."""
+        self.query_one("#reject", Button).focus()
+
+    def _disarm(self) -> None:
+        self._quiet_since = self._clock()
+        self.set_timer(ARM_DELAY_S + 0.05, self.refresh_state)
+        self.refresh_state()
+
+    @property
+    def armed(self) -> bool:
+        """Whether the panel takes decisions: quiet for long enough, and none was sent yet."""
+        return not self._sent and self._clock() - self._quiet_since >= ARM_DELAY_S
+
+    def refresh_state(self) -> None:
+        """Say why Approve is not possible, and enable it when it is."""
+        if self._trace is None:
+            return
+        why = self._why_not()
+        self.query_one("#approve", Button).disabled = bool(why)
+        waiting = "" if self.armed else "one moment: keys are ignored until you have seen this"
+        line = "decision sent" if self._sent else why or waiting
+        self.query_one("#approval-state", Static).update(line)
+        self.set_class(bool(why), "-blocked")
+
+    def _why_not(self) -> str:
+        """Return why Approve is not admissible, apart from the arm delay."""
+        request = self._trace.approval if self._trace else None
+        if request is None:
+            return "no plan waits"
+        boxes = self.query(Checkbox)
+        left = [box.name or "" for box in boxes if not box.value]
+        return blocked_reason(request, left, self.query_one("#approval-reason", Input).value)
+
+    def on_key(self, event: events.Key) -> None:
+        """Drop keys typed ahead; each makes the panel wait anew."""
+        free = event.key in _FREE_KEYS or (event.key[0] == "f" and event.key[1:].isdigit())
+        if not self.armed and not free and not isinstance(self.app.focused, Input):
+            event.stop()
+            event.prevent_default()
+            self._disarm()
+
+    def action_press(self, button: str) -> None:
+        """Do what the button of that name does."""
+        self._choose(button)
+
+    @on(Button.Pressed)
+    def _pressed(self, event: Button.Pressed) -> None:
+        event.stop()
+        self._choose(event.button.id or "")
+
+    @on(Checkbox.Changed)
+    @on(Input.Changed)
+    def _given(self, event: Checkbox.Changed | Input.Changed) -> None:
+        event.stop()
+        self.refresh_state()
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Enter in the reason leads back to the buttons, and decides nothing."""
+        event.stop()
+        self.take_focus()
+
+    def _choose(self, choice: str) -> None:
+        request = self._trace.approval if self._trace else None
+        if request is None or not self.armed:
+            return
+        reason = self.query_one("#approval-reason", Input).value.strip()
+        if choice == "modify":
+            self.post_message(self.ModifyAsked())
+        elif choice == "reject":
+            self._send(Decision(kind="reject", reason=reason))
+        elif choice == "approve" and not self._why_not():
+            self._send(
+                Decision(
+                    kind="approve",
+                    reason=reason,
+                    override_judge=request.needs_override,
+                    acknowledged=request.acknowledge,
+                )
+            )
+
+    def _send(self, decision: Decision) -> None:
+        self._sent = True
+        self.refresh_state()
+        self.post_message(self.Decided(decision))
+
+    def refused(self) -> None:
+        """Take decisions again after the last one could not be delivered."""
+        self._sent = False
+        self._disarm()

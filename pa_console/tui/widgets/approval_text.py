@@ -1,0 +1,65 @@
+"""What the approval panel says: consequences, obstacles and the judge, in words."""
+
+from collections.abc import Iterator, Sequence
+
+from textual.content import Content
+
+from pa_console.schema.event import ApprovalRequested
+from pa_console.session.fold import MissionTrace
+from pa_console.tui.trace.rows import Row, row
+from pa_console.tui.vocabulary import BAD, GOOD, QUIET, WARN, term
+from pa_console.tui.words import action_sentence
+
+
+def approval_rows(trace: MissionTrace) -> Iterator[Row]:
+    """Yield what will happen, what stands in the way, and what the judge thinks."""
+    request = trace.approval
+    if request is None:
+        return
+    attempt = trace.attempts[request.attempt - 1] if trace.attempts else None
+    refused = trace.decisions[-1] if trace.decisions and not trace.decisions[-1].accepted else None
+    if refused is not None:
+        yield row("✘ ", (f"not accepted: {refused.detail}", BAD))
+    yield row(
+        "", (f"{trace.mission.id} plan {request.attempt}", "bold"), (": if you approve,", QUIET)
+    )
+    picture = attempt.rehearsal.before if attempt and attempt.rehearsal else None
+    for number, action in enumerate(request.plan.actions, start=1):
+        yield row((f" {number} ", "bold"), action_sentence(action, picture, trace.digest))
+    if not request.plan.actions:
+        yield row("   ", "nothing moves: the plan has no action")
+    for reason in request.blocked_by:
+        yield row(("✘ ", BAD), ("BLOCKED  ", f"bold {BAD}"), (reason, BAD))
+    yield _judge(trace, request)
+    if request.acknowledge and not request.blocked_by:
+        yield row(("▲ ", WARN), ("Tick each warning to accept it:", WARN))
+
+
+def _judge(trace: MissionTrace, request: ApprovalRequested) -> Row:
+    attempt = trace.attempts[request.attempt - 1] if trace.attempts else None
+    given = attempt.verdict if attempt else None
+    mark = term("verdict", given.verdict if given else "none")
+    said = given.feedback if given else (attempt.judge_error if attempt else "")
+    return row(
+        (f"{mark.glyph} ", mark.style),
+        (f"Judge: {mark.word}  ", f"bold {mark.style}"),
+        (said, QUIET if mark.style == GOOD else mark.style),
+    )
+
+
+def warning_label(trace: MissionTrace, rule_id: str) -> Content:
+    """Return a warning's checkbox label: the rule and what is wrong."""
+    findings = (f for attempt in reversed(trace.attempts) for f in attempt.findings)
+    message = next((f.message for f in findings if f.rule_id == rule_id), "")
+    return Content.assemble((rule_id, "bold"), " ", message)
+
+
+def blocked_reason(request: ApprovalRequested, left: Sequence[str], reason: str) -> str:
+    """Return in words why Approve is disabled, empty when it is not."""
+    if request.blocked_by:
+        return "Approve is disabled: nobody may override what is blocked"
+    if left:
+        return f"Approve is disabled: tick {', '.join(left)} first"
+    if request.needs_override and not reason.strip():
+        return "Approve is disabled: overriding the judge needs a reason"
+    return ""

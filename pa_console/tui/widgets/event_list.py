@@ -1,0 +1,79 @@
+"""The event list: virtual, bounded, and following the newest only when the end is in view."""
+
+from collections import deque
+from collections.abc import Iterable
+
+from textual import events
+from textual.content import Content
+from textual.geometry import Size
+from textual.scroll_view import ScrollView
+from textual.strip import Strip
+from textual.visual import Visual
+
+from pa_console.session.fold import NOTICES_KEPT, Notice
+from pa_console.tui.trace.rows import Row, layout, row
+from pa_console.tui.vocabulary import QUIET, term
+
+
+class EventList(ScrollView):
+    """What happened, newest last; long lines wrap."""
+
+    can_focus = True
+
+    def __init__(self, **kwargs: str) -> None:
+        super().__init__(id=kwargs.get("id"))
+        self._shown: deque[Notice] = deque(maxlen=NOTICES_KEPT)
+        self._rows: list[Row] = []
+        self._lines: list[Content] = []
+        self.border_title = "Events"
+
+    def show(self, notices: Iterable[Notice]) -> None:
+        """Show these notices; when nothing but new ones were added, only those are laid out."""
+        given = list(notices)
+        added = given[len(self._shown) :]
+        if given[: len(self._shown)] != list(self._shown):
+            self._shown.clear()
+            self._rows, self._lines, added = [], [], given
+        elif not added:
+            return
+        self._shown.extend(added)
+        fresh = [notice_row(notice) for notice in added]
+        self._rows += fresh
+        self._lines += layout(fresh, self._width())
+        self._resized()
+
+    def on_resize(self, _event: events.Resize) -> None:
+        """Wrap everything for the new width."""
+        self._lines = layout(self._rows, self._width())
+        self._resized()
+
+    def _width(self) -> int:
+        return max(20, self.scrollable_content_region.width or self.size.width)
+
+    def _resized(self) -> None:
+        at_end = self.scroll_offset.y >= self.max_scroll_y - 1
+        self.virtual_size = Size(self._width(), len(self._lines))
+        if at_end:
+            self.scroll_end(animate=False, immediate=True)
+        self.refresh()
+
+    def render_line(self, y: int) -> Strip:
+        """Return the line at `y` of what is in view."""
+        index, width = y + self.scroll_offset.y, self.size.width
+        if index >= len(self._lines):
+            return Strip.blank(width, self.rich_style)
+        strips = Visual.to_strips(self, self._lines[index], width, 1, self.visual_style)
+        return strips[0]
+
+    @property
+    def text(self) -> str:
+        """All lines as plain text."""
+        return "\n".join(line.plain for line in self._lines)
+
+
+def notice_row(notice: Notice) -> Row:
+    """Return a notice as time, level sign, subject and text; the level is a word in alarms."""
+    mark = term("level", notice.level)
+    word = f"{mark.word} " if notice.level == "alarm" else ""
+    lead = [(f"{notice.t:%H:%M:%S} ", QUIET), (f"{mark.glyph} ", mark.style)]
+    return row(lead, (word, f"bold {mark.style}"), (f"{notice.subject} ", "bold"), notice.text)

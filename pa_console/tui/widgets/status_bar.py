@@ -1,0 +1,57 @@
+"""The line at the top: live or replay, time, speed, model, and what is under way."""
+
+from textual.content import Content
+from textual.widgets import Static
+
+from pa_console.session.fold import SessionState
+from pa_console.tui.vocabulary import QUIET, term
+from pa_console.tui.words import clock_text
+
+STALE_AFTER_S = 5.0
+"""Wall seconds without telemetry after which the stream is called stale."""
+
+
+class StatusBar(Static):
+    """Says at a glance whether this is live, how old the picture is, and what the model does."""
+
+    def show(
+        self, state: SessionState, title: str, mode: str, rate: float, silent_s: float
+    ) -> None:
+        """Show the session; `silent_s` is the wall time since the last telemetry."""
+        wide = self.size.width >= 100
+        time = clock_text(state.picture.time_s) if state.picture else "--:--"
+        stale = silent_s > STALE_AFTER_S and mode == "LIVE"
+        parts: list[tuple[str, str] | Content | str] = [
+            ("PA Console", "bold $text-primary"),
+            (f" {title}  " if wide else "  ", QUIET),
+            self._mode(mode),
+            f"  {time} ",
+            (f"×{rate:g}", QUIET),
+        ]
+        if stale:
+            parts.append((f"  ▲ no telemetry for {silent_s:.0f} s", "bold $text-error"))
+        worker = term("worker", state.worker.state if state.worker else "none")
+        parts += ["  ", ("model ", QUIET), (f"{worker.glyph} {worker.word}", worker.style)]
+        parts += ["  ", self._gates(state), "  ", self._mission(state)]
+        self.update(Content.assemble(*parts))
+
+    def _mode(self, mode: str) -> Content:
+        style = {"LIVE": "bold $text-success"}.get(mode, "bold reverse $text-warning")
+        return Content.styled("● LIVE" if mode == "LIVE" else f" {mode} ", style)
+
+    def _gates(self, state: SessionState) -> Content:
+        if state.picture is None:
+            return Content.styled("? gates unknown", "$text-warning")
+        lost = [name for name, gate in state.picture.gates.items() if not gate.covered]
+        mark = term("gate", "uncovered" if lost else "covered")
+        words = f"{', '.join(lost)} {mark.word}" if lost else "all gates covered"
+        return Content.styled(f"{mark.glyph} {words}", f"bold {mark.style}" if lost else mark.style)
+
+    def _mission(self, state: SessionState) -> Content:
+        if state.ended:
+            return Content.styled(f"session ended: {state.ended}", "$text-warning")
+        if state.active is None:
+            return Content.styled("no mission", QUIET)
+        trace = state.missions[state.active]
+        waiting = " ▲ WAITS FOR YOU" if trace.approval else ""
+        return Content.assemble(f"{trace.mission.id} {trace.stage}", (waiting, "bold $text-accent"))

@@ -1,0 +1,136 @@
+"""The trace of one mission: headline, progress, and foldable sections that grow in place."""
+
+from textual import events
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.containers import Vertical, VerticalScroll
+from textual.content import Content
+from textual.message import Message
+from textual.widgets import Static
+
+from pa_console.session.fold import MissionTrace
+from pa_console.tui.trace.planning import Rules
+from pa_console.tui.trace.rows import Section, row
+from pa_console.tui.trace.sections import headline, progress, sections
+from pa_console.tui.widgets.sheet import Sheet
+
+NO_MISSION = "No mission yet. Type one below, for example what should be watched or moved where."
+
+
+class SectionTitle(Static, can_focus=True):
+    """A section's title; Enter or a click folds and unfolds the section."""
+
+    BINDINGS = [Binding("enter", "fold", "Fold", show=False)]
+
+    class Folded(Message):
+        """The operator asked to fold or unfold."""
+
+    def action_fold(self) -> None:
+        """Ask the section to fold or unfold."""
+        self.post_message(self.Folded())
+
+    def on_click(self) -> None:
+        """Ask the section to fold or unfold."""
+        self.post_message(self.Folded())
+
+
+class SectionView(Vertical):
+    """One section; what the operator folded or unfolded stays so while it grows."""
+
+    def __init__(self, section: Section) -> None:
+        super().__init__()
+        self._section = section
+        self._title = SectionTitle()
+        self._sheet = Sheet(section.rows)
+        self._folded = section.collapsed
+
+    def compose(self) -> ComposeResult:
+        """Yield the title and the rows."""
+        yield self._title
+        yield self._sheet
+
+    def on_mount(self) -> None:
+        """Show the title with its fold sign."""
+        self._label()
+
+    def show(self, section: Section) -> None:
+        """Show the section's newer content."""
+        renamed = not section.title.is_same(self._section.title)
+        self._section = section
+        if renamed:
+            self._label()
+        self._sheet.show(section.rows)
+
+    def on_section_title_folded(self, message: SectionTitle.Folded) -> None:
+        """Fold or unfold."""
+        message.stop()
+        self._folded = not self._folded
+        self._label()
+
+    def _label(self) -> None:
+        empty = not self._section.rows
+        sign = " " if empty else "▸" if self._folded else "▾"
+        self._title.update(Content.assemble((f"{sign} ", "$text-accent"), self._section.title))
+        self._sheet.display = not (self._folded or empty)
+
+
+class TracePane(Vertical):
+    """Shows the trace of the selected mission; follows its end unless scrolled away from it."""
+
+    def __init__(self, rules: Rules, **kwargs: str) -> None:
+        super().__init__(id=kwargs.get("id"))
+        self._rules = rules
+        self._trace: MissionTrace | None = None
+        self._views: dict[str, SectionView] = {}
+        self.border_title = "Trace"
+
+    def compose(self) -> ComposeResult:
+        """Yield the fixed head and the scrolled sections."""
+        yield Sheet((row("", (NO_MISSION, "$text-muted")),), id="trace-head")
+        yield Static("", id="trace-progress", markup=False)
+        yield VerticalScroll(id="trace-body")
+
+    def on_mount(self) -> None:
+        """Keep the newest section in view."""
+        self.query_one("#trace-body", VerticalScroll).anchor()
+
+    def on_resize(self, _event: events.Resize) -> None:
+        """Fit the progress line to the new width."""
+        self._show_progress()
+
+    def show(self, trace: MissionTrace | None) -> None:
+        """Show a mission's trace; the same mission again updates only what changed."""
+        body = self.query_one("#trace-body", VerticalScroll)
+        if self._trace is None or trace is None or trace.mission.id != self._trace.mission.id:
+            for view in self._views.values():
+                view.remove()
+            self._views = {}
+            body.anchor()
+        self._trace = trace
+        head = row("", (NO_MISSION, "$text-muted")) if trace is None else row("", headline(trace))
+        self.query_one("#trace-head", Sheet).show((head,))
+        self._show_progress()
+        parts = sections(trace, self._rules) if trace else []
+        self._replace(parts, body)
+
+    def _replace(self, parts: list[Section], body: VerticalScroll) -> None:
+        keys = {part.key for part in parts}
+        for gone in [key for key in self._views if key not in keys]:
+            self._views.pop(gone).remove()
+        after: SectionView | None = None
+        for part in parts:
+            view = self._views.get(part.key)
+            if view is None:
+                view = self._views[part.key] = SectionView(part)
+                if after is None:
+                    body.mount(view, before=0 if body.children else None)
+                else:
+                    body.mount(view, after=after)
+            else:
+                view.show(part)
+            after = view
+
+    def _show_progress(self) -> None:
+        line = self.query_one("#trace-progress", Static)
+        shown = progress(self._trace, max(20, self.content_size.width)) if self._trace else ""
+        line.update(shown if isinstance(shown, Content) else "")

@@ -1,0 +1,143 @@
+"""A station that does nothing but say what the test tells it to, and record what it was told."""
+
+import asyncio
+from collections.abc import AsyncIterator, Iterable
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+from textual.pilot import Pilot
+
+from pa_console.schema.event import (
+    AllStopped,
+    ApprovalRequested,
+    DecisionMade,
+    Event,
+    EventPayload,
+    MissionFinished,
+)
+from pa_console.schema.incident import Incident
+from pa_console.schema.mission import Decision, Metrics, Mission
+from pa_console.tui.app import ConsoleApp
+from tests.tui.site import WORLD, Rulebook, WordRetriever
+from tests.tui.story import MISSION, START, stamped
+
+
+class FakeClock:
+    """A clock that stands until the test moves it."""
+
+    def __init__(self) -> None:
+        self.now = 1000.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+class ScriptedStation:
+    """Yields the events given at the start, then whatever `emit` adds."""
+
+    def __init__(self, payloads: Iterable[EventPayload] = (), broken: str = "") -> None:
+        self.rate = 1.0
+        self.submitted: list[str] = []
+        self.decisions: list[Decision] = []
+        self.injected: list[Incident] = []
+        self.cancelled = self.stopped = 0
+        self.closed = False
+        self.refuse = ""
+        self._broken = broken
+        self._queue: asyncio.Queue[Event | None] = asyncio.Queue()
+        self._count = 0
+        self.given = 0
+        for event in stamped(list(payloads)):
+            self._queue.put_nowait(event)
+            self._count += 1
+
+    async def run(self) -> AsyncIterator[Event]:
+        while (event := await self._queue.get()) is not None:
+            self.given += 1
+            yield event
+        if self._broken:
+            raise RuntimeError(self._broken)
+
+    def emit(self, *payloads: EventPayload, mission: str | None = MISSION.id) -> None:
+        """Add events to the stream."""
+        for data in payloads:
+            self._count += 1
+            time = START + timedelta(seconds=self._count)
+            self._queue.put_nowait(Event(t=time, tick=4000, mission=mission, data=data))
+
+    def end(self) -> None:
+        """End the stream."""
+        self._queue.put_nowait(None)
+
+    @property
+    def drained(self) -> bool:
+        """Whether everything was taken."""
+        return self._queue.empty() and self.given == self._count
+
+    def submit(self, text: str) -> Mission:
+        if self.refuse:
+            raise ValueError(self.refuse)
+        self.submitted.append(text)
+        return Mission(id=f"M-{len(self.submitted):03}", text=text, created=START)
+
+    def decide(self, decision: Decision) -> None:
+        if self.refuse:
+            raise ValueError(self.refuse)
+        self.decisions.append(decision)
+        if decision.kind != "modify":
+            self.emit(DecisionMade(attempt=1, decision=decision, accepted=True))
+
+    def reopen(self, request: ApprovalRequested, detail: str) -> None:
+        """Refuse the last decision as inadmissible."""
+        self.emit(DecisionMade(attempt=request.attempt, decision=self.decisions[-1],
+                               accepted=False, detail=detail))  # fmt: skip
+
+    def cancel(self) -> None:
+        self.cancelled += 1
+        self.emit(MissionFinished(status="cancelled", reason="by the operator", metrics=Metrics()))
+
+    def stop_all(self) -> None:
+        self.stopped += 1
+        self.emit(AllStopped(by="operator"), mission=None)
+
+    def inject(self, incident: Incident) -> None:
+        if self.refuse:
+            raise ValueError(self.refuse)
+        self.injected.append(incident)
+
+    async def close(self) -> None:
+        self.closed = True
+        self.end()
+
+
+def console(
+    station: ScriptedStation | None, tmp: Path, clock: FakeClock | None = None, **options: Any
+) -> ConsoleApp:
+    """A console over a scripted station that touches no folder of the user's."""
+    app = ConsoleApp(
+        WORLD,
+        station,
+        Rulebook(),
+        WordRetriever(),
+        clock=clock or FakeClock(),
+        history=tmp / "history.txt",
+        copies=tmp / "copies",
+        keymap=tmp / "keymap.yaml",
+        **options,
+    )
+    app.animation_level = "none"
+    return app
+
+
+async def settle(pilot: Pilot[Any], station: ScriptedStation | None = None) -> None:
+    """Wait until every event was taken, folded and painted; never for a fixed time."""
+    for _ in range(200):
+        await pilot.pause()
+        if station is None or station.drained:
+            break
+    await pilot.pause()
+    assert isinstance(pilot.app, ConsoleApp)
+    pilot.app.flush()
+    await pilot.pause()
+    await pilot.pause()
