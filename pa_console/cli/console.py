@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from pa_console.cli.output import ModelOption, RulesOption, SeedOption, WorldOption
+from pa_console.cli.output import ModelOption, RulesOption, SeedOption, WorldOption, out
 
 
 def console(
@@ -25,8 +25,20 @@ def console(
         raise ValueError("the console needs a terminal; use 'pa-console mission' in scripts")
     from pa_console.orchestrator.clock import RealTimeClock  # noqa: PLC0415 - after argument errors
     from pa_console.orchestrator.compose import load_site, open_engine, open_station  # noqa: PLC0415
-    from pa_console.tui.app import run_console  # noqa: PLC0415
+    from pa_console.session.log import LogWriter, default_folder, new_log_path  # noqa: PLC0415
+    from pa_console.tui.app import ConsoleApp  # noqa: PLC0415
 
     site = load_site(world, rules)
     station = open_station(site, open_engine(model), RealTimeClock(), seed=seed, readonly=readonly)
-    run_console(station, mouse=not no_mouse)
+    path = new_log_path(default_folder(), station.session)
+    with LogWriter(path, station.session) as log:
+        app = ConsoleApp(
+            site.world,
+            station,
+            site.rulebook,
+            station.retriever,
+            log.append,
+            readonly=readonly,
+        )
+        app.run(mouse=not no_mouse)
+    out.print(f"session log: {path}", markup=False, soft_wrap=True)

@@ -69,15 +69,13 @@ def mission(
     """Plan, check, rehearse, judge, decide, execute and verify one mission."""
     setup = [_incident(number, text_) for number, text_ in enumerate(event or (), start=1)]
     site = load_site(world, rules)
-    engine = open_engine(model)
-    station = open_station(site, engine, SteppedClock(), seed=seed)
+    station = open_station(site, open_engine(model), SteppedClock(), seed=seed)
     approver = _ask if approve is Approve.ask else standing_approver(approve.value, override_reason)
     path = log or new_log_path(default_folder(), station.session)
     with LogWriter(path, station.session) as writer, errors.status("starting") as status:
         progress = _Progress(writer, status, ask=approve is Approve.ask)
         approver = progress.pausing(approver)
-        traces = asyncio.run(run_missions(station, [text], approver, progress.show, setup))
-    trace = traces[0]
+        trace = asyncio.run(run_missions(station, [text], approver, progress.show, setup))[0]
     code = EXIT_CODES[trace.status] if trace.status is not None else 1
     if json:
         print_json({"exit_code": code, "log": str(path), "mission": trace})

@@ -2,7 +2,7 @@
 
 import asyncio
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
@@ -40,7 +40,7 @@ def list_models(json: JsonOption = False) -> None:
     out.print(table)
 
 
-def _row(catalog: Catalog, entry: ModelEntry) -> dict[str, object]:
+def _row(catalog: Catalog, entry: ModelEntry) -> dict[str, Any]:
     local = entry.local_file
     return entry.model_dump(mode="json") | {
         "default": entry.name == catalog.default,

@@ -1,5 +1,6 @@
 """Loads mission sets: commands with set-up and success conditions."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from pa_console.schema.document import Document
@@ -32,6 +33,5 @@ def load_missions(path: Path, world: World) -> MissionSet:
     return missions
 
 
-def _unknown(name: str, known: object) -> str:
-    names = ", ".join(known) if isinstance(known, tuple | dict) else ""
-    return f"{name!r} is not in this world; known: {names}"
+def _unknown(name: str, known: Iterable[str]) -> str:
+    return f"{name!r} is not in this world; known: {', '.join(known)}"

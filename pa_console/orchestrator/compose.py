@@ -8,6 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from pa_console import __version__
+from pa_console.llm.catalog import Catalog
 from pa_console.llm.engine import Engine
 from pa_console.llm.grammar import plan_grammar
 from pa_console.llm.judge import Judge
@@ -47,15 +48,33 @@ def load_site(world: str, rules: str) -> Site:
     return Site(load_world(world_path), world_path, load_rules(rules_path))
 
 
+def open_engine(model: str | None) -> Engine:
+    """Return the engine for a model of the catalogue or a GGUF file, None for the default.
+
+    Nothing is loaded yet; raises ModelError when the file is not on this machine.
+    """
+    catalog = Catalog.load()
+    return Engine(catalog.locate(model or catalog.default))
+
+
 def new_session_id() -> str:
     """Return a session id that sorts by time."""
     return f"{datetime.now(UTC):%Y%m%dT%H%M%S}-{secrets.token_hex(2)}"
 
 
 def open_station(
-    site: Site, engine: Engine, clock: Clock, *, seed: int = 0, readonly: bool = False
+    site: Site,
+    engine: Engine,
+    clock: Clock,
+    *,
+    seed: int = 0,
+    readonly: bool = False,
+    keep_engine: bool = False,
 ) -> Station:
-    """Return a station on `site` whose planner and judge are two roles on `engine`."""
+    """Return a station on `site` whose planner and judge are two roles on `engine`.
+
+    The engine is closed with the session unless `keep_engine`.
+    """
     sim = Checkpoint(site.world, seed)
     services = Services(
         sim=sim,
@@ -74,11 +93,11 @@ def open_station(
         rules=site.rulebook.name,
         rules_sha256=site.rulebook.sha256,
         model=engine.model.name,
-        model_sha256=engine.model.sha256 or "not pinned",
+        model_sha256=engine.model.sha256,
         seed=seed,
         sampler=engine.sampler,
         grammar_sha256=hashlib.sha256(grammar.encode()).hexdigest(),
         readonly=readonly,
         packages={name: version(name) for name in PINNED_PACKAGES},
     )
-    return Station(services, clock, started, readonly)
+    return Station(services, clock, started, readonly=readonly, keep_engine=keep_engine)

@@ -1,7 +1,7 @@
 """Hands every simulation step and the replies that arrived in it to whoever follows a plan."""
 
 import asyncio
-from collections.abc import AsyncIterator, Iterator, Sequence
+from collections.abc import AsyncIterator, Generator, Sequence
 from contextlib import contextmanager
 
 from pa_console.schema.command import CommandReply
@@ -26,7 +26,7 @@ class StepFeed:
             queue.put_nowait((tick, tuple(replies)))
 
     @contextmanager
-    def follow(self) -> Iterator[AsyncIterator[Step]]:
+    def follow(self) -> Generator[AsyncIterator[Step]]:
         """Yield an endless iterator over the steps from now on."""
         queue: asyncio.Queue[Step] = asyncio.Queue()
         self._followers.append(queue)

@@ -1,10 +1,11 @@
 """What every mission is worked on with, and the stopwatch that its metrics come from."""
 
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from time import perf_counter
 
+from pa_console.llm.engine import Engine
 from pa_console.llm.judge import Judge
 from pa_console.llm.planner import Planner
 from pa_console.policy.retriever import Retriever
@@ -23,6 +24,7 @@ class Services:
     sim: Checkpoint
     rulebook: Rulebook
     retriever: Retriever
+    engine: Engine
     planner: Planner
     judge: Judge
     repairs: int = 2
@@ -41,7 +43,7 @@ class Stopwatch:
         self.seconds[stage] = self.seconds.get(stage, 0.0) + seconds
 
     @contextmanager
-    def time(self, stage: str) -> Iterator[None]:
+    def time(self, stage: str) -> Generator[None]:
         """Add the wall time of the block to `stage`."""
         begin = perf_counter()
         try:

@@ -24,11 +24,20 @@ class Station:
     """Owns the simulation and works on one mission at a time; both front ends use only this."""
 
     def __init__(
-        self, services: Services, clock: Clock, started: ev.SessionStarted, readonly: bool = False
+        self,
+        services: Services,
+        clock: Clock,
+        started: ev.SessionStarted,
+        *,
+        readonly: bool = False,
+        keep_engine: bool = False,
     ) -> None:
-        """`started` is the session's first event; `clock` says when the world moves on."""
+        """`started` is the session's first event; `clock` says when the world moves on.
+
+        The engine is closed with the session unless `keep_engine`.
+        """
         self._services, self._clock, self._started = services, clock, started
-        self.readonly = readonly
+        self.readonly, self._keep_engine = readonly, keep_engine
         self.rulebook, self.retriever = services.rulebook, services.retriever
         self._sim = services.sim
         self._feed = StepFeed()
@@ -65,7 +74,9 @@ class Station:
         """Yield every event of the session until `close`; stopping the iteration closes it too."""
         self._emit(self._started)
         self._emit(ev.TelemetryReceived(picture=self._last))
-        tasks = [asyncio.create_task(self._tick()), asyncio.create_task(self._serve())]
+        self._services.engine.on_state = self.worker_changed
+        work = (self._tick(), self._serve(), self._services.engine.start())
+        tasks = [asyncio.create_task(task) for task in work]
         for task in tasks:
             task.add_done_callback(self._task_ended)
         try:
@@ -77,6 +88,8 @@ class Station:
                     task.cancel()
                     with suppress(asyncio.CancelledError, Exception):
                         await task
+            if not self._keep_engine:
+                await self._services.engine.close()
 
     def submit(self, text: str) -> Mission:
         """Step 1: queue a mission; raises ValueError when it cannot be taken."""

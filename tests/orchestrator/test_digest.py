@@ -2,10 +2,10 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
-from pa_console.sim.world_file import load_world
 
 from pa_console.orchestrator.digest import digest_picture
 from pa_console.resources import find_data
+from pa_console.sim.world_file import load_world
 from tests.orchestrator.pictures import GATES, asset, picture, track
 
 WORLD = load_world(find_data("worlds", "checkpoint", "world.yaml"))

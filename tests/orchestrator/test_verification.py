@@ -1,13 +1,13 @@
 """Telemetry decides whether a plan happened; stale or missing telemetry is unknown, never fine."""
 
 import pytest
-from pa_console.sim.world_file import load_world
 
 from pa_console.orchestrator.verification import verify_plan
 from pa_console.resources import find_data
 from pa_console.schema.command import CommandReply
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Picture
+from pa_console.sim.world_file import load_world
 from tests.orchestrator.pictures import asset, picture, track
 
 WORLD = load_world(find_data("worlds", "checkpoint", "world.yaml"))

@@ -1,0 +1,65 @@
+"""A stand-in for the LLM that says what a test tells it to; it lives under tests/ only."""
+
+import asyncio
+import json
+from collections.abc import AsyncGenerator, Sequence
+from pathlib import Path
+from typing import cast
+
+from pa_console.llm.catalog import LocalModel
+from pa_console.llm.engine import Completed, Engine, OnState, Request
+from pa_console.llm.errors import EngineError
+from pa_console.schema.finding import Usage
+
+Answer = str | EngineError | None
+"""A text, an error to raise, or None for an answer that never comes."""
+
+SUCCESS = '{"rules": [], "feedback": "serves the mission", "verdict": "Success"}'
+FAILURE = '{"rules": [], "feedback": "wrong gate", "verdict": "Failure"}'
+
+
+def plan(*orders: tuple[str, str], reason: str = "scripted") -> str:
+    """Return the JSON text of a plan of (agent, command) pairs."""
+    actions = [{"agent": agent, "command": command} for agent, command in orders]
+    return json.dumps({"reason": reason, "actions": actions})
+
+
+class ScriptedEngine:
+    """Answers the planner's and the judge's prompts from two lists; the last answer repeats."""
+
+    def __init__(self, plans: Sequence[Answer], verdicts: Sequence[Answer] = (SUCCESS,)) -> None:
+        self._answers = {"planner": list(plans), "judge": list(verdicts)}
+        self.requests: list[Request] = []
+        self.model = LocalModel("scripted", Path("/dev/null"), "0" * 64)
+        self.sampler = "scripted"
+        self.on_state: OnState | None = None
+
+    def engine(self) -> Engine:
+        """Return this stand-in where an Engine is asked for."""
+        return cast(Engine, self)
+
+    async def start(self) -> None:
+        """Report to be ready."""
+        if self.on_state is not None:
+            self.on_state("ready", "scripted")
+
+    async def close(self) -> None:
+        """Do nothing."""
+
+    def cancel(self) -> None:
+        """Do nothing: a cancelled task stops waiting by itself."""
+
+    async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
+        """Give the next answer of the request's role in two pieces."""
+        self.requests.append(request)
+        answers = self._answers[request.role]
+        answer = answers.pop(0) if len(answers) > 1 else answers[0]
+        if isinstance(answer, EngineError):
+            raise answer
+        if answer is None:
+            await asyncio.Event().wait()
+            return
+        half = len(answer) // 2
+        yield answer[:half]
+        yield answer[half:]
+        yield Completed(answer, Usage(completion_tokens=2, seconds=0.01), "stop")
