@@ -36,7 +36,7 @@ def drive(terrain: Terrain, scene: Scene, dt_s: float) -> dict[str, Velocity]:
             continue
         direction: float | None = _bearing(asset, asset.route[0])
         if asset.kind != "uav":
-            direction = _give_way(terrain, asset, ground, direction)
+            direction = give_way(terrain, asset, ground, direction)
         velocity = _steer(asset, terrain.world.platforms[asset.kind], direction, dt_s)
         asset.held_by = ""
         if asset.kind != "uav" and tracks:
@@ -92,7 +92,7 @@ def _steer(asset: AssetState, platform: Platform, direction: float | None, dt_s:
     return (asset.speed * math.cos(asset.heading), asset.speed * math.sin(asset.heading))
 
 
-def _give_way(
+def give_way(
     terrain: Terrain, asset: AssetState, ground: Sequence[AssetState], wanted: float
 ) -> float | None:
     """Return the direction nearest to `wanted` in which nothing is run into, None to wait."""

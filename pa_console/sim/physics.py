@@ -15,8 +15,9 @@ from pa_console.sim.state import AssetState
 from pa_console.sim.terrain import Terrain
 
 Velocity = tuple[float, float]
-_SUBSTEP_M = 0.1
+_SUBSTEP_M = 0.05
 _MARGIN_M = 0.05
+_OVERLAP_LEFT_PER_S = 1e-9
 
 
 def move(
@@ -94,6 +95,7 @@ def _collide(
     """Advance `assets` among `walls` in a fresh space; assets that stand cannot be pushed."""
     space = pymunk.Space()
     space.collision_slop = 0.01
+    space.collision_bias = _OVERLAP_LEFT_PER_S
     space.iterations = 12
     for wall in walls:
         space.add(pymunk.Segment(space.static_body, wall.start, wall.end, wall.thickness_m / 2))

@@ -56,7 +56,7 @@ def _polygons(world: World) -> Iterator[Problem]:
 def _walls(world: World) -> Iterator[Problem]:
     for index, wall in enumerate(world.walls):
         if wall.start == wall.end:
-            yield ("walls", index), "start and end are the same point"
+            yield ("walls", index, "end"), "start and end are the same point"
 
 
 def _frames(world: World) -> Iterator[Problem]:

@@ -1,0 +1,121 @@
+"""The picture: cover per gate, stamps, gaps, and incidents that name what exists."""
+
+import pytest
+
+from pa_console.schema.incident import (
+    ClearTracks,
+    FailAsset,
+    Incident,
+    PlaceAsset,
+    RestoreAsset,
+    SetBattery,
+    SetComms,
+    SpawnTrack,
+)
+from pa_console.schema.world import World
+from pa_console.sim.checkpoint import Checkpoint
+from tests.sim.running import carry_out, order, run
+
+
+def test_every_gate_is_covered_at_the_start(sim: Checkpoint) -> None:
+    picture = sim.picture()
+    assert {gate: cover.by for gate, cover in picture.gates.items()} == {
+        "NorthGate": ("Drone_T02",),
+        "EastGate": ("Ugv_T01",),
+        "SouthGate": ("Drone_T03",),
+        "WestGate": ("Drone_T01",),
+    }
+    assert all(asset.at == asset.post for asset in picture.assets.values())
+    assert all(asset.available for asset in picture.assets.values())
+
+
+def test_a_gate_is_lost_when_its_asset_is_sent_away_and_the_gap_grows(sim: Checkpoint) -> None:
+    order(sim, "Drone_T01", "move_to", "NorthGate")
+    run(sim, 1.0)
+    assert not sim.picture().gates["WestGate"].covered
+    run(sim, 10.0)
+    assert 9.0 < sim.picture().gates["WestGate"].uncovered_s < 11.5
+    carry_out(sim, "Drone_T01", "move_to", "WestGate")
+    cover = sim.picture().gates["WestGate"]
+    assert (cover.by, cover.uncovered_s) == (("Drone_T01",), 0.0)
+
+
+def test_passing_by_does_not_cover(sim: Checkpoint) -> None:
+    sim.inject(FailAsset(asset="Ugv_T01"))
+    sim.inject(PlaceAsset(asset="Drone_T04", frame="EastGate"))
+    assert sim.picture().gates["EastGate"].by == ("Drone_T04",)
+    order(sim, "Drone_T04", "move_to", "WestGate")
+    run(sim, 0.5)
+    picture = sim.picture()
+    assert picture.assets["Drone_T04"].at == "EastGate"
+    assert not picture.gates["EastGate"].covered
+
+
+@pytest.mark.parametrize(
+    "incident",
+    [
+        FailAsset(asset="Drone_T01"),
+        SetBattery(asset="Drone_T01", percent=0.0),
+        SetComms(asset="Drone_T01", comms="lost"),
+    ],
+)
+def test_an_unavailable_asset_does_not_cover(sim: Checkpoint, incident: Incident) -> None:
+    sim.inject(incident)
+    assert not sim.picture().assets["Drone_T01"].available
+    assert not sim.picture().gates["WestGate"].covered
+
+
+def test_a_restored_asset_covers_again(sim: Checkpoint) -> None:
+    sim.inject(FailAsset(asset="Drone_T01"))
+    run(sim, 3.0)
+    sim.inject(RestoreAsset(asset="Drone_T01"))
+    assert sim.picture().gates["WestGate"].by == ("Drone_T01",)
+
+
+def test_telemetry_comes_every_period(sim: Checkpoint) -> None:
+    stamps: list[float] = []
+    for _ in range(20):
+        sim.step()
+        stamps.append(sim.picture().assets["Drone_T01"].stamp_s)
+    assert sorted(set(stamps)) == [0.0, 0.5, 1.0, 1.5, 2.0]
+
+
+def test_a_degraded_link_makes_some_reports_old(sim: Checkpoint) -> None:
+    sim.inject(SetComms(asset="Drone_T01", comms="degraded"))
+    ages: set[float] = set()
+    for _ in range(600):
+        sim.step()
+        picture = sim.picture()
+        ages.add(round(picture.time_s - picture.assets["Drone_T01"].stamp_s, 3))
+        assert picture.assets["Drone_T02"].stamp_s == picture.time_s
+    assert 0.0 in ages
+    assert max(ages) >= 0.5
+
+
+@pytest.mark.parametrize(
+    ("incident", "named"),
+    [
+        (FailAsset(asset="Tank"), "Drone_T01"),
+        (RestoreAsset(asset="Tank"), "Drone_T01"),
+        (SetBattery(asset="Tank", percent=1.0), "Drone_T01"),
+        (SetComms(asset="Tank", comms="ok"), "Drone_T01"),
+        (PlaceAsset(asset="Tank", frame="Base"), "Drone_T01"),
+        (PlaceAsset(asset="Drone_T01", frame="Moon"), "Checkpoint"),
+        (SpawnTrack(gate="Base"), "NorthGate"),
+        (ClearTracks(gate="Moon"), "NorthGate"),
+    ],
+)
+def test_incidents_on_unknown_names_say_what_exists(
+    sim: Checkpoint, incident: Incident, named: str
+) -> None:
+    before = sim.state_hash()
+    with pytest.raises(ValueError, match=named):
+        sim.inject(incident)
+    assert sim.state_hash() == before
+
+
+def test_a_track_needs_a_lane(world: World) -> None:
+    lanes = {name: lane for name, lane in world.lanes.items() if lane.gate != "SouthGate"}
+    sim = Checkpoint(world.model_copy(update={"lanes": lanes}))
+    with pytest.raises(ValueError, match=r"no lane leads to 'SouthGate'.*NorthGate"):
+        sim.inject(SpawnTrack(gate="SouthGate"))

@@ -1,0 +1,97 @@
+"""A world that cannot be simulated is refused with file, line, field and what to do."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from pa_console.schema.document import DocumentError
+from pa_console.schema.world import World
+from pa_console.sim.world_file import geometry_problems, load_world
+
+
+def test_the_default_checkpoint_is_as_designed(world: World) -> None:
+    assert set(world.gates) == {"NorthGate", "EastGate", "SouthGate", "WestGate"}
+    assert world.base == "Base"
+    assert {name: (spec.kind, spec.post) for name, spec in world.assets.items()} == {
+        "Drone_T01": ("uav", "WestGate"),
+        "Drone_T02": ("uav", "NorthGate"),
+        "Drone_T03": ("uav", "SouthGate"),
+        "Drone_T04": ("uav", "Checkpoint"),
+        "Ugv_T01": ("ugv", "EastGate"),
+        "Ugv_T02": ("ugv", "Checkpoint"),
+        "Robot_T01": ("robot", "Checkpoint"),
+        "Robot_T02": ("robot", "Base"),
+    }
+    assert {lane.gate for lane in world.lanes.values()} == set(world.gates)
+    assert not list(geometry_problems(world))
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "expected"),
+    [
+        ("frames.NorthGate.at", [30, 40], "walls.1"),
+        ("frames.Checkpoint.at", [50, 0], "overlaps"),
+        ("lanes.NorthLane.points", [[0, 150], [0, 90]], "must be within 15 m"),
+        ("lanes.EastLane.points", [[170, 20], [125, 0], [125, 0]], "repeated"),
+        ("lanes.WestLane.points", [[-170, 20], [-62, 20], [-55, 5]], "runs through walls"),
+        ("walls.0.end", [-60, 40], "same point"),
+        ("zones.Depot.polygon", [[0, 0], [10, 10], [10, 0], [0, 10]], "cross"),
+        ("lanes.NorthLane.gate", "Checkpoint", "not a gate frame"),
+        ("assets.Ugv_T01.post", "Nowhere", "not a frame"),
+        ("platforms.ugv.speed_mps", -1, "greater than 0"),
+        ("assets.Robot_T01.colour", "red", "Extra inputs"),
+    ],
+)
+def test_bad_field_is_named_with_its_line(
+    world_path: Path, tmp_path: Path, field: str, value: object, expected: str
+) -> None:
+    document = yaml.safe_load(world_path.read_text())
+    _set(document, field, value)
+    path = tmp_path / "world.yaml"
+    path.write_text(yaml.safe_dump(document, sort_keys=False))
+    with pytest.raises(DocumentError) as caught:
+        load_world(path)
+    error = caught.value
+    assert error.field == field
+    assert re.search(expected, str(error))
+    key = field.rsplit(".", 1)[-1]
+    line = path.read_text().splitlines()[error.line - 1]
+    assert f"{key}:" in line
+    assert str(error).startswith(f"{path}:{error.line}: ")
+
+
+def test_more_assets_than_a_frame_has_room_for(world_path: Path, tmp_path: Path) -> None:
+    document = yaml.safe_load(world_path.read_text())
+    document["frames"]["Base"]["radius_m"] = 0.6
+    document["assets"]["Robot_T01"]["post"] = "Base"
+    path = tmp_path / "world.yaml"
+    path.write_text(yaml.safe_dump(document, sort_keys=False))
+    with pytest.raises(DocumentError, match="Base has room for 1 such assets, 2 are posted"):
+        load_world(path)
+
+
+def test_gate_without_a_lane_is_fine(world_path: Path, tmp_path: Path) -> None:
+    document = yaml.safe_load(world_path.read_text())
+    del document["lanes"]["SouthLane"]
+    path = tmp_path / "world.yaml"
+    path.write_text(yaml.safe_dump(document))
+    assert "SouthGate" in load_world(path).gates
+
+
+def test_missing_file_and_broken_yaml(tmp_path: Path) -> None:
+    with pytest.raises(DocumentError, match="No such file"):
+        load_world(tmp_path / "none.yaml")
+    path = tmp_path / "world.yaml"
+    path.write_text("name: [")
+    with pytest.raises(DocumentError, match="not valid YAML"):
+        load_world(path)
+
+
+def _set(document: Any, field: str, value: object) -> None:
+    *folders, last = field.split(".")
+    for folder in folders:
+        document = document[int(folder) if folder.isdigit() else folder]
+    document[int(last) if last.isdigit() else last] = value
