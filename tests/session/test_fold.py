@@ -63,6 +63,12 @@ def test_attempts_keep_their_numbers_in_order_of_arrival() -> None:
     assert [attempt.repair for attempt in attempts] == [("1",), ("3",), (str(10**9),), ("0",)]
 
 
+def test_a_mission_that_was_never_received_does_not_become_the_active_one() -> None:
+    state = folded([at(0, ev.MissionStarted(), "M9")])
+    assert state.active is None
+    assert state.current is None
+
+
 @given(st.lists(events(), max_size=10))
 @settings(max_examples=100, deadline=None)
 def test_events_in_any_order_never_break_the_fold(happened: list[ev.Event]) -> None:

@@ -147,6 +147,7 @@ def rehashed(line: bytes, **changes: Any) -> bytes:
         ({"prev": "0" * 64}, 3, "prev is not"),
         ({"session": "S2"}, 3, "another session"),
         ({"t": "yesterday"}, 3, "t: "),
+        ({"mission": float("nan")}, 3, "NaN is not a JSON number"),
     ],
 )
 def test_a_forged_record_is_found(
@@ -157,6 +158,26 @@ def test_a_forged_record_is_found(
     result = check(b"".join(lines))
     assert result.first_bad_line == line
     assert problem in result.problem
+
+
+@pytest.mark.parametrize(
+    ("written", "respelled"),
+    [
+        (b'"seq":3,', b'"seq": 3,'),
+        (b'"seq":3,', b'"seq":03,'),
+        (b'"seq":3,', b'"seq":3,"seq":3,'),
+        (b'"speed_mps":5.0', b'"speed_mps":5.00'),
+        (b'"gate":"GateA"', b'"gate":"G\\u0061teA"'),
+        (b'"tick":7,"session":"S1",', b'"session":"S1","tick":7,'),
+    ],
+)
+def test_the_same_said_in_other_letters_is_found(
+    original: bytes, check: Tamper, written: bytes, respelled: bytes
+) -> None:
+    lines = lines_of(original)
+    assert written in lines[2]
+    lines[2] = lines[2].replace(written, respelled)
+    assert check(b"".join(lines)).first_bad_line == 3
 
 
 @pytest.mark.parametrize(

@@ -60,6 +60,9 @@ def test_live_and_replayed_fold_agree_for_any_events(
     player.play()
     player.advance(1e12)
     assert player.state == folded(logged)
+    seeker = Player.open(path)
+    seeker.seek(seeker.duration)
+    assert seeker.state == player.state
 
 
 @given(st.lists(st.floats(-2.0, 11.0), min_size=1, max_size=5))
@@ -148,6 +151,14 @@ def test_a_clock_that_was_set_back_does_not_stop_the_replay() -> None:
     assert player.finished
     assert player.state.picture is not None
     assert player.state.picture.time_s == 7.0
+
+
+def test_seeking_past_telemetry_that_came_out_of_order_keeps_the_latest_tick() -> None:
+    happened = [telemetry(5.0), telemetry(1.0)]
+    player = Player.of(happened)
+    player.seek(player.duration)
+    assert player.state == folded(happened)
+    assert player.state.tick == 50
 
 
 def test_a_recording_with_one_event_or_none_is_over_at_once() -> None:
