@@ -1,0 +1,77 @@
+"""Runs the examples of a rule: a small plan and a situation that must pass or fail its check.
+
+`given` says how the situation differs from the example checkpoint (`policy.example_state`):
+
+assets    facts of assets before the plan, e.g. {Drone_T03: {status: failed}}
+tracks    tracks before the plan, e.g. {V1: {gate: WestGate, identity: unknown}}
+gates     cover before the plan, where it does not follow from the assets
+after     facts of the picture after the plan, laid over what the plan would bring about
+timeline  facts of the rehearsal, laid over an uneventful one
+"""
+
+import json
+from datetime import UTC, datetime
+from typing import Any
+
+from pydantic import ValidationError
+
+from pa_console.policy.checks import check_rule
+from pa_console.policy.example_state import WORLD, carried_out, course, overlay, situation
+from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.finding import Finding
+from pa_console.schema.mission import Mission
+from pa_console.schema.plan import Plan
+from pa_console.schema.rehearsal import Rehearsal
+from pa_console.schema.rule import Rule, RuleExample
+
+GIVEN = ("assets", "tracks", "gates", "after", "timeline")
+MISSION_TEXT = "Secure the checkpoint."
+
+
+def run_example(rulebook: Rulebook, rule: Rule, example: RuleExample) -> Finding:
+    """Return what the check of `rule` finds for `example`; an example that is wrong is an error."""
+    try:
+        plan = example_plan(example)
+        rehearsal = example_rehearsal(example, plan)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = ".".join(str(part) for part in first["loc"])
+        return _wrong(rule, f"{place}: {first['msg']}")
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        return _wrong(rule, f"{type(error).__name__}: {error}")
+    mission = Mission(
+        id="example", text=example.mission or MISSION_TEXT, created=datetime(2000, 1, 1, tzinfo=UTC)
+    )
+    entry = rulebook.compiled_rule(rule.id)
+    return check_rule(entry, plan=plan, rehearsal=rehearsal, mission=mission, world=WORLD)
+
+
+def example_plan(example: RuleExample) -> Plan:
+    """Return the plan of `example`; raises ValidationError for one that is not well-formed."""
+    actions = [{"agent": agent, "command": command} for agent, command in example.plan]
+    return Plan.model_validate_json(json.dumps({"reason": example.reason, "actions": actions}))
+
+
+def example_rehearsal(example: RuleExample, plan: Plan) -> Rehearsal:
+    """Return the situation of `example` and what its plan brings about.
+
+    Raises ValueError for an unknown key of `given`, ValidationError for an impossible fact.
+    """
+    given = example.given
+    unknown = sorted(set(given) - set(GIVEN))
+    if unknown:
+        raise ValueError(f"given.{unknown[0]} is unknown; known: {', '.join(GIVEN)}")
+    before = situation(given)
+    after = overlay(carried_out(before, plan), given.get("after", {}))
+    timeline = overlay(course(before, after, plan), given.get("timeline", {}))
+    values: dict[str, Any] = {"before": before, "after": after, "timeline": timeline}
+    return Rehearsal.model_validate_json(json.dumps(values))
+
+
+def _wrong(rule: Rule, problem: str) -> Finding:
+    return Finding(
+        rule_id=rule.id,
+        priority=rule.priority,
+        status="error",
+        message=f"the example cannot be run: {problem}",
+    )

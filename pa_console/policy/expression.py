@@ -1,0 +1,75 @@
+"""CEL expressions of rules: compiled once, and searched for names that do not exist."""
+
+import re
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import cel
+
+Variable = Literal[
+    "plan", "before", "after", "timeline", "tracks", "assets", "gates", "mission", "world"
+]
+VARIABLES: frozenset[Variable] = frozenset(
+    ("plan", "before", "after", "timeline", "tracks", "assets", "gates", "mission", "world")
+)
+"""What an expression may speak of; `policy.context` says what each holds."""
+
+STANDARD_FUNCTIONS: frozenset[str] = frozenset(
+    ("contains", "double", "endsWith", "has", "int", "matches", "size", "startsWith", "string")
+)
+
+_BOUND = re.compile(r"\.\s*(?:all|exists|exists_one|filter|map)\s*\(\s*(\w+)\s*,")
+
+
+def without(text: str, pattern: str) -> str:
+    """Return `text` with every match of the regular expression `pattern` cut out.
+
+    CEL's own `matches` knows no look-around, so "... but not in such a phrase" is said by cutting
+    those phrases out first. A comma stays where a phrase was, so that its neighbours do not join.
+    """
+    return re.sub(pattern, " , ", text)
+
+
+FUNCTIONS = {"without": without}
+"""Functions that expressions may use besides CEL's own."""
+
+
+class Expression:
+    """A compiled CEL expression; `variables` are the ones of `VARIABLES` that it reads."""
+
+    def __init__(self, source: str) -> None:
+        """Compile `source`; raises ValueError for broken syntax and for unknown names."""
+        try:
+            self._program = cel.compile(source)
+        except ValueError as error:
+            raise ValueError(f"not valid CEL: {_syntax_problem(error)}") from error
+        references = self._program.references()
+        bound = set(_BOUND.findall(source))
+        named = set(references["variables"]) - bound
+        unknown = sorted(named - VARIABLES)
+        if unknown:
+            known = ", ".join(sorted(VARIABLES))
+            raise ValueError(f"unknown name {unknown[0]!r}; an expression may use {known}")
+        functions = {name for name in references["functions"] if name.isidentifier()}
+        missing = sorted(functions - STANDARD_FUNCTIONS - FUNCTIONS.keys())
+        if missing:
+            known = ", ".join(sorted(STANDARD_FUNCTIONS | FUNCTIONS.keys()))
+            raise ValueError(f"unknown function {missing[0]!r}; known: {known}")
+        self.variables: frozenset[Variable] = VARIABLES & named
+
+    def evaluate(self, context: cel.Context) -> Any:
+        """Return the value in `context`; raises whatever the expression runs into."""
+        return self._program.execute(context)
+
+
+def make_context(variables: Mapping[str, Any]) -> cel.Context:
+    """Convert `variables` once, for any number of expressions."""
+    return cel.Context(variables=dict(variables), functions=dict(FUNCTIONS))
+
+
+def _syntax_problem(error: ValueError) -> str:
+    """Return the parser's complaint without the expression that it repeats."""
+    found = re.search(r"<input>:(\d+):(\d+): (.*)", str(error))
+    if found is None:
+        return str(error).splitlines()[0]
+    return f"line {found[1]}, column {found[2]}: {found[3].split(' expecting ')[0]}"
