@@ -56,8 +56,7 @@ def accept(terrain: Terrain, scene: Scene, command: DeviceCommand) -> Iterator[C
     asset.task = "returning" if command.verb == "return_to_base" else "moving"
     problem = _set_out(terrain, scene, asset, command.target or terrain.world.base)
     if problem:
-        asset.stop("idle")
-        yield _close(scene, asset, "failed", problem)
+        yield _give_up(terrain, scene, asset, problem)
 
 
 def work(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterator[CommandReply]:
@@ -68,9 +67,7 @@ def work(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterator[CommandR
     if asset.route:
         trouble = unstick(terrain, scene, asset)
         if trouble:
-            asset.stop("idle")
-            if asset.command is not None:
-                yield _close(scene, asset, "failed", trouble)
+            yield _give_up(terrain, scene, asset, trouble)
             return
     command = asset.command
     if command is None:
@@ -151,6 +148,13 @@ def _set_out(terrain: Terrain, scene: Scene, asset: AssetState, target: str) -> 
         return f"{target} cannot be reached"
     asset.origin, asset.station, asset.route = asset.position, place, route
     return ""
+
+
+def _give_up(terrain: Terrain, scene: Scene, asset: AssetState, reason: str) -> CommandReply:
+    """Stay where it is, assigned to the frame it is at, if any; its command has failed."""
+    asset.post = terrain.frame_at(asset.x, asset.y)
+    asset.stop("idle")
+    return _close(scene, asset, "failed", reason)
 
 
 def _break_down(scene: Scene, asset: AssetState) -> Iterator[CommandReply]:

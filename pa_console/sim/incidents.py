@@ -30,7 +30,7 @@ def apply(terrain: Terrain, scene: Scene, incident: Incident) -> None:
         case FailAsset(asset=name):
             _asset(scene, name).failed = True
         case RestoreAsset(asset=name):
-            _restore(_asset(scene, name))
+            _restore(terrain, _asset(scene, name))
         case SetBattery(asset=name, percent=percent):
             _asset(scene, name).battery = percent
         case SetComms(asset=name, comms=comms):
@@ -62,13 +62,17 @@ def watch_task(terrain: Terrain, kind: str, frame: str) -> Task:
     return "observing" if kind == "uav" and frame in terrain.world.gates else "idle"
 
 
-def _restore(asset: AssetState) -> None:
-    """Make the asset work again where it stands, with a fresh battery if its own is empty."""
+def _restore(terrain: Terrain, asset: AssetState) -> None:
+    """Make the asset work again where it stands, with a fresh battery if its own is empty.
+
+    It is assigned to the frame it is at, if any.
+    """
     was_down = asset.down
     asset.failed = False
     if asset.battery <= 0.0:
         asset.battery = 100.0
     if was_down:
+        asset.post = terrain.frame_at(asset.x, asset.y)
         asset.stop("idle")
 
 

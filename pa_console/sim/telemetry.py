@@ -27,8 +27,7 @@ def report(terrain: Terrain, scene: Scene, *, lossless: bool = False) -> Picture
         if arrives or asset.id not in scene.reports:
             scene.reports[asset.id] = _telemetry(terrain, asset, time_s)
         elif asset.comms == "lost" and scene.reports[asset.id].comms != "lost":
-            silent = {"comms": "lost", "available": False, "status": "degraded"}
-            scene.reports[asset.id] = scene.reports[asset.id].model_copy(update=silent)
+            scene.reports[asset.id] = _silenced(scene.reports[asset.id])
     _cover(terrain, scene)
     tracks = {track.id: _track(terrain, scene, track, time_s) for track in scene.tracks.values()}
     return Picture(
@@ -65,6 +64,12 @@ def _telemetry(terrain: Terrain, asset: AssetState, time_s: float) -> AssetTelem
         command_id=asset.command.command_id if asset.command else None,
         stamp_s=time_s,
     )
+
+
+def _silenced(last: AssetTelemetry) -> AssetTelemetry:
+    """Return the last report as it stands once the link is known to be lost."""
+    status: AssetStatus = "failed" if last.status == "failed" else "degraded"
+    return last.model_copy(update={"comms": "lost", "available": False, "status": status})
 
 
 def _cover(terrain: Terrain, scene: Scene) -> None:

@@ -112,6 +112,8 @@ def test_unreachable_frame_fails_with_a_reason(world: World) -> None:
     sim = Checkpoint(world.model_copy(update={"walls": (*world.walls, across)}))
     reply = finish(sim, order(sim, "Ugv_T02", "move_to", "NorthGate"))[-1]
     assert (reply.status, reply.detail) == ("failed", "NorthGate cannot be reached")
+    run(sim, 0.5)
+    assert sim.picture().assets["Ugv_T02"].post == "Checkpoint"
     assert finish(sim, order(sim, "Drone_T04", "move_to", "NorthGate"))[-1].status == "done"
 
 
