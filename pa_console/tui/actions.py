@@ -24,8 +24,8 @@ class Situation:
 class ConsoleAction:
     """One thing that the operator can do.
 
-    `id` names it in the user's keymap, `keys` are Textual key names separated by commas, and
-    `action` is the method of the app without `action_`.
+    `id` names its first key in the user's keymap and `id.also` the others; `keys` are Textual key
+    names separated by commas, and `action` is the method of the app without `action_`.
     """
 
     id: str
@@ -47,21 +47,15 @@ class ConsoleAction:
     def bindings(self) -> list[Binding]:
         """The Textual bindings; an urgent action's first key works over every other screen."""
         first, _, others = self.keys.partition(",")
-        if not self.urgent:
-            first, others = self.keys, ""
         result = [
             Binding(
-                first,
-                self.action,
-                self.label,
-                show=self.footer,
-                id=self.id,
-                tooltip=self.help,
+                first, self.action, self.label, show=self.footer, id=self.id, tooltip=self.help,
                 priority=self.urgent,
             )
-        ]
+        ]  # fmt: skip
         if others:
-            result.append(Binding(others, self.action, self.label, show=False))
+            name = f"{self.id}.also"
+            result.append(Binding(others, self.action, self.label, show=False, id=name))
         return result
 
 
@@ -109,7 +103,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
         "Safety", "stop_all", needs=_COMMAND, footer=True, urgent=True,
     ),
     ConsoleAction("prompt", "i,slash", "Mission", "Type a mission", "Mission", "to_prompt",
-                  needs=_COMMAND, footer=True),
+                  needs=_COMMAND),
     ConsoleAction("leave", "escape", "Leave", "Leave the field; what was typed stays",
                   "Mission", "leave", palette=False),
     ConsoleAction("earlier", "left_square_bracket", "Earlier", "Trace of the mission before",
@@ -133,7 +127,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("next_mission", "n", "Next mission", "Jump to the next mission", "Replay",
                   "next_mission", needs=("replay",), footer=True),
     ConsoleAction("theme", "T", "Theme", "Choose the colours", "Console", "change_theme"),
-    ConsoleAction("palette", "ctrl+p,f10", "Palette", "Search all commands that are legal now",
+    ConsoleAction("palette", "f10,ctrl+p", "Palette", "Search all commands that are legal now",
                   "Console", "command_palette", footer=True, palette=False),
     ConsoleAction("quit", "q,ctrl+q", "Quit", "Leave the console", "Console", "leave_console",
                   footer=True),

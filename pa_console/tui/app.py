@@ -27,7 +27,7 @@ from pa_console.tui.ports import (
 from pa_console.tui.replay import ReplayDeck
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.session_app import FRAME_S, SessionApp
-from pa_console.tui.theme import DEFAULT_THEME, THEMES
+from pa_console.tui.theme import DEFAULT_THEME, THEMES, VARIABLES
 from pa_console.tui.whatif import next_rate
 from pa_console.tui.widgets.approval_panel import ApprovalPanel
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
@@ -86,6 +86,10 @@ class ConsoleApp(SessionApp):
         )
         self.push_screen(self.main)
         self.call_after_refresh(self._start)
+
+    def get_theme_variable_defaults(self) -> dict[str, str]:
+        """Return the console's own colour variables for themes without them."""
+        return VARIABLES
 
     def _start(self) -> None:
         try:

@@ -25,7 +25,7 @@ def load_keymap(path: Path) -> dict[str, str]:
     given: object = document.value
     if not isinstance(given, dict):
         raise DocumentError(str(path), 1, "", "expected lines like `stop: f9,S`")
-    known = {action.id for action in ACTIONS}
+    known = {binding.id for action in ACTIONS for binding in action.bindings if binding.id}
     result: dict[str, str] = {}
     for name, keys in cast(dict[object, object], given).items():
         if name not in known:

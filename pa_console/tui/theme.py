@@ -4,6 +4,9 @@ from textual.theme import Theme
 
 DEFAULT_THEME = "pa-console"
 
+VARIABLES = {"quiet": "#87919b", "faint": "#6a747e"}
+"""Greys that read on dark and light, for the themes that do not bring their own."""
+
 THEMES = (
     Theme(
         name=DEFAULT_THEME,
@@ -18,7 +21,15 @@ THEMES = (
         surface="#151c23",
         panel="#1e2832",
         dark=True,
-        variables={"border": "#3a4a59", "border-blurred": "#2a3743"},
+        variables={
+            "border": "#3a4a59",
+            "border-blurred": "#2a3743",
+            "quiet": "#8593a1",
+            "scrollbar": "#2f3d4a",
+            "scrollbar-background": "#131a21",
+            "scrollbar-corner-color": "#131a21",
+            "faint": "#3d4b58",
+        },
     ),
     Theme(
         name="pa-console-light",
@@ -33,6 +44,14 @@ THEMES = (
         surface="#eceff1",
         panel="#dfe4e8",
         dark=False,
-        variables={"border": "#9fb0bd", "border-blurred": "#c5d0d8"},
+        variables={
+            "border": "#9fb0bd",
+            "border-blurred": "#c5d0d8",
+            "quiet": "#5d6b78",
+            "scrollbar": "#b4c0c9",
+            "scrollbar-background": "#eceff1",
+            "scrollbar-corner-color": "#eceff1",
+            "faint": "#b4c0c9",
+        },
     ),
 )

@@ -5,7 +5,7 @@ from typing import NamedTuple
 from textual.content import Content
 
 GOOD, BAD, WARN = "$text-success", "$text-error", "$text-warning"
-CALM, QUIET, NOTE = "$text-primary", "$text-muted", "$text-accent"
+CALM, QUIET, NOTE = "$text-primary", "$quiet", "$text-accent"
 
 
 class Term(NamedTuple):

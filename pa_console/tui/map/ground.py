@@ -29,7 +29,7 @@ def draw_ground(world: World, view: Projection) -> Canvas:
         place_label(canvas, view.cell(frame.at), name, "label", away_from=centre)
     for name, zone in world.zones.items():
         cell = view.cell(_middle(zone.polygon))
-        place_label(canvas, (cell[0] - len(name) // 2 - 2, cell[1]), name, "zone-label", centre)
+        canvas.write((cell[0] - len(name) // 2 - 1, cell[1]), f" {name} ", "zone-label")
     return canvas
 
 

@@ -12,7 +12,7 @@ CELL_ASPECT = 2.0
 MOST_STRETCH = 1.7
 """How much wider than true the plan may be drawn, so that it fills a wide pane."""
 
-LANE_SHARE = 0.45
+LANE_SHARE = 0.14
 """How much of the site's size the view reaches beyond it along the lanes."""
 
 

@@ -124,7 +124,7 @@ def _cost(canvas: Canvas, cell: Cell, taken: set[Cell]) -> float:
     role = canvas.role(cell)
     if role in _SPARED:
         return 4.0
-    return 0.0 if role in _FREE else 1.0
+    return 0.0 if role in _FREE else 1.5
 
 
 @lru_cache(maxsize=1)

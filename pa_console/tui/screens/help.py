@@ -48,6 +48,8 @@ def help_rows(now: Situation) -> list[Row]:
         for _, mark in items:
             parts += [(f"{mark.glyph} {mark.word}", mark.style), "   "]
         rows.append(row(["  ", column(family, 10, QUIET)], *parts))
+    signs = "■ vehicle   ▪ person   D1→ asset and heading   • route   · lane   ╱ restricted zone"
+    rows.append(row(["  ", column("map", 10, QUIET)], signs))
     return rows
 
 

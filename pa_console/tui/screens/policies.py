@@ -36,6 +36,9 @@ class PolicyScreen(Screen[None]):
         self._rules = rulebook.rules
         self._retriever = retriever
         self._hits: dict[str, RuleHit] = {}
+        self._wanted: dict[str, str | None] = dict.fromkeys(
+            ("policy-domain", "policy-priority", "policy-mode")
+        )
 
     def compose(self) -> ComposeResult:
         """Yield the search line, the filters, the list and the detail."""
@@ -75,21 +78,19 @@ class PolicyScreen(Screen[None]):
         self.query_one("#policy-list").focus()
 
     @on(Select.Changed)
-    def _filter(self) -> None:
+    def _filter(self, event: Select.Changed) -> None:
+        value: object = event.value
+        self._wanted[event.select.id or ""] = None if value is Select.NULL else str(value)
         self._list()
 
     def shown(self) -> list[Rule]:
         """Return the rules that pass the filters, best score first while there is a search."""
-        wanted = {
-            name: self.query_one(f"#policy-{name}", Select[str]).value
-            for name in ("domain", "priority", "mode")
-        }
         rules = [
             rule
             for rule in self._rules
-            if wanted["domain"] in (Select.NULL, rule.domain)
-            and wanted["priority"] in (Select.NULL, rule.priority)
-            and wanted["mode"] in (Select.NULL, "checked" if rule.check else "judged")
+            if self._wanted["policy-domain"] in (None, rule.domain)
+            and self._wanted["policy-priority"] in (None, rule.priority)
+            and self._wanted["policy-mode"] in (None, "checked" if rule.check else "judged")
         ]
         if self._hits:
             rules.sort(key=lambda rule: -self._score(rule))

@@ -32,7 +32,7 @@ class Section:
 def row(lead: Sequence[Part] | Part = "", *body: Part) -> Row:
     """Build a row from texts, (text, style) pairs and contents; nothing is read as markup."""
     if isinstance(lead, list):
-        return Row(Content.assemble(*cast(list[Part], lead)), Content.assemble(*body))
+        return Row(Content.assemble(*lead), Content.assemble(*body))
     return Row(Content.assemble(cast(Part, lead)), Content.assemble(*body))
 
 

@@ -94,7 +94,7 @@ def progress(trace: MissionTrace, width: int) -> Content:
     return Content.assemble(
         (done, "$text-success"),
         ("━╸", "$text-accent"),
-        ("──" * (len(STEPS) - 1 - step), "$text-disabled"),
+        ("──" * (len(STEPS) - 1 - step), "$faint"),
         words,
     ).truncate(width)
 

@@ -5,15 +5,16 @@ import time
 from textual import events, on
 from textual.app import ComposeResult
 from textual.binding import Binding
-from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.containers import Horizontal, ItemGrid, Vertical, VerticalScroll
 from textual.message import Message
-from textual.widgets import Button, Checkbox, Input, Static
+from textual.widgets import Button, Input
 
 from pa_console.schema.mission import Decision
 from pa_console.session.fold import MissionTrace
 from pa_console.tui.ports import Clock
-from pa_console.tui.widgets.approval_text import approval_rows, blocked_reason, warning_label
+from pa_console.tui.widgets.approval_text import approval_rows, blocked_reason
 from pa_console.tui.widgets.sheet import Sheet
+from pa_console.tui.widgets.tick import Tick
 
 ARM_DELAY_S = 0.6
 """Quiet seconds before the panel takes keys; every key before that is dropped and counts anew."""
@@ -53,9 +54,8 @@ class ApprovalPanel(Vertical):
         """Yield the consequences, what must be given, and the buttons."""
         with VerticalScroll(id="approval-body", can_focus=False):
             yield Sheet(id="approval-text")
-            yield Vertical(id="approval-warnings")
+        yield ItemGrid(id="approval-warnings", min_column_width=18)
         yield Input(compact=True, id="approval-reason")
-        yield Static(id="approval-state", markup=False)
         with Horizontal(id="approval-buttons"):
             yield Button("Reject (r)", id="reject", variant="error", compact=True)
             yield Button("Modify (m)", id="modify", compact=True)
@@ -86,12 +86,10 @@ class ApprovalPanel(Vertical):
         request = trace.approval
         assert request is not None
         self.query_one("#approval-text", Sheet).show(tuple(approval_rows(trace)))
-        warnings = self.query_one("#approval-warnings", Vertical)
+        warnings = self.query_one("#approval-warnings", ItemGrid)
         warnings.remove_children()
         warnings.mount_all(
-            Checkbox(warning_label(trace, rule), name=rule, compact=True)
-            for rule in request.acknowledge
-            if not request.blocked_by
+            Tick(f"accept {rule}", rule) for rule in request.acknowledge if not request.blocked_by
         )
         reason = self.query_one("#approval-reason", Input)
         reason.value = ""
@@ -124,16 +122,21 @@ class ApprovalPanel(Vertical):
         self.query_one("#approve", Button).disabled = bool(why)
         waiting = "" if self.armed else "one moment: keys are ignored until you have seen this"
         line = "decision sent" if self._sent else why or waiting
-        self.query_one("#approval-state", Static).update(line)
-        self.set_class(bool(why), "-blocked")
+        self.border_subtitle = line
+        self.set_class(self._blocked, "-blocked")
+
+    @property
+    def _blocked(self) -> bool:
+        """Whether nobody may approve the plan."""
+        request = self._trace.approval if self._trace else None
+        return bool(request and request.blocked_by)
 
     def _why_not(self) -> str:
         """Return why Approve is not admissible, apart from the arm delay."""
         request = self._trace.approval if self._trace else None
         if request is None:
             return "no plan waits"
-        boxes = self.query(Checkbox)
-        left = [box.name or "" for box in boxes if not box.value]
+        left = [box.name or "" for box in self.query(Tick) if not box.ticked]
         return blocked_reason(request, left, self.query_one("#approval-reason", Input).value)
 
     def on_key(self, event: events.Key) -> None:
@@ -153,9 +156,9 @@ class ApprovalPanel(Vertical):
         event.stop()
         self._choose(event.button.id or "")
 
-    @on(Checkbox.Changed)
+    @on(Tick.Changed)
     @on(Input.Changed)
-    def _given(self, event: Checkbox.Changed | Input.Changed) -> None:
+    def _given(self, event: Tick.Changed | Input.Changed) -> None:
         event.stop()
         self.refresh_state()
 

@@ -2,8 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 
-from textual.content import Content
-
 from pa_console.schema.event import ApprovalRequested
 from pa_console.session.fold import MissionTrace
 from pa_console.tui.trace.rows import Row, row
@@ -30,9 +28,9 @@ def approval_rows(trace: MissionTrace) -> Iterator[Row]:
         yield row("   ", "nothing moves: the plan has no action")
     for reason in request.blocked_by:
         yield row(("✘ ", BAD), ("BLOCKED  ", f"bold {BAD}"), (reason, BAD))
+    for rule_id in request.acknowledge:
+        yield row(("▲ ", WARN), (f"{rule_id}  ", f"bold {WARN}"), _message(trace, rule_id))
     yield _judge(trace, request)
-    if request.acknowledge and not request.blocked_by:
-        yield row(("▲ ", WARN), ("Tick each warning to accept it:", WARN))
 
 
 def _judge(trace: MissionTrace, request: ApprovalRequested) -> Row:
@@ -47,11 +45,9 @@ def _judge(trace: MissionTrace, request: ApprovalRequested) -> Row:
     )
 
 
-def warning_label(trace: MissionTrace, rule_id: str) -> Content:
-    """Return a warning's checkbox label: the rule and what is wrong."""
+def _message(trace: MissionTrace, rule_id: str) -> str:
     findings = (f for attempt in reversed(trace.attempts) for f in attempt.findings)
-    message = next((f.message for f in findings if f.rule_id == rule_id), "")
-    return Content.assemble((rule_id, "bold"), " ", message)
+    return next((f.message for f in findings if f.rule_id == rule_id), "")
 
 
 def blocked_reason(request: ApprovalRequested, left: Sequence[str], reason: str) -> str:

@@ -20,9 +20,9 @@ HEADINGS = (
     ("asset", 10),
     ("status", 10),
     ("task", 11),
-    ("at / to", 12),
+    ("at / to", 11),
     ("batt", 5),
-    ("link", 7),
+    ("link", 6),
     ("age", 4),
 )
 
@@ -60,7 +60,7 @@ class AssetTable(VerticalScroll):
 
     def _lines(self, picture: Picture | None, width: int) -> dict[str, Content]:
         heading = [column(word, cells, QUIET) for word, cells in _fitting(width)]
-        lines = {"heading": Content.assemble(*heading)}
+        lines = {"heading": Content.assemble(*heading).truncate(width)}
         if picture is None:
             return lines | {"none": Content.styled("no telemetry yet: unknown", WARN)}
         for asset in picture.assets.values():
@@ -73,14 +73,14 @@ class AssetTable(VerticalScroll):
 def _fitting(width: int) -> list[tuple[str, int]]:
     """Return the columns that fit: the long name goes first when room is short."""
     columns = list(HEADINGS)
-    if sum(cells + 1 for _, cells in columns) > width + 1:
+    if sum(cells + 1 for _, cells in columns) - 1 > width:
         columns = [item for item in columns if item[0] != "asset"]
     return columns
 
 
 def _line(cells: dict[str, tuple[str, str]], width: int) -> Content:
     fields = [column(cells[name][0], room, cells[name][1]) for name, room in _fitting(width)]
-    return Content.assemble(*fields)
+    return Content.assemble(*fields).truncate(width)
 
 
 def asset_cells(

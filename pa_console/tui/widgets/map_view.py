@@ -12,11 +12,14 @@ from pa_console.schema.world import World
 from pa_console.tui.map.scene import ROLES, Scene
 
 LEGEND = (
-    ("D1→ asset, heading", "legend"), ("◆ covered", "gate-covered"),
-    ("◇ UNCOVERED", "gate-uncovered"), ("■ vehicle", "legend"), ("▪ person", "legend"),
-    ("? unknown", "track-unknown"), ("✔ authorized", "track-authorized"),
-    ("! unauthorized", "track-unauthorized"), ("• route", "route"), ("╱ restricted", "zone-label"),
+    ("◆", "covered", "gate-covered"), ("◇", "UNCOVERED", "gate-uncovered"),
+    ("■", "vehicle", "legend"), ("▪", "person", "legend"), ("?", "unknown", "track-unknown"),
+    ("✔", "authorized", "track-authorized"), ("!", "unauthorized", "track-unauthorized"),
+    ("•", "route", "route"), ("╱", "restricted", "zone-label"),
 )  # fmt: skip
+
+LEGEND_FROM_ROWS = 13
+"""A map with fewer rows needs them all."""
 
 
 class MapView(Widget):
@@ -56,9 +59,11 @@ class MapView(Widget):
         width, height = self.content_size
         if width < 2 or height < 2:
             return
-        canvas = self._scene.draw(self._picture, width, height - 1)
-        rows = [canvas.runs(row) for row in range(height - 1)]
-        rows.append(legend(width))
+        room = height - 1 if height >= LEGEND_FROM_ROWS else height
+        canvas = self._scene.draw(self._picture, width, room)
+        rows = [canvas.runs(row) for row in range(room)]
+        if room < height:
+            rows.append(legend(width))
         if len(rows) != len(self._rows):
             self._rows = rows
             self.refresh()
@@ -91,10 +96,10 @@ def legend(width: int) -> list[tuple[str, str]]:
     """Return the meaning of the map's signs, as many as fit into `width` cells."""
     runs: list[tuple[str, str]] = []
     used = 0
-    for text, role in LEGEND:
+    for glyph, word, role in LEGEND:
         gap = "  " if runs else " "
-        if used + len(gap) + len(text) > width:
+        if used + len(gap) + len(word) + 2 > width:
             break
-        runs += [(gap, ""), (text, role)]
-        used += len(gap) + len(text)
+        runs += [(gap, ""), (glyph, role), (f" {word}", "legend")]
+        used += len(gap) + len(word) + 2
     return runs

@@ -24,7 +24,7 @@ class MissionInput(Input):
             max_length=MAX_MISSION_TEXT,
             compact=True,
             id="mission-input",
-            placeholder="Type a mission in plain words, Enter sends it",
+            placeholder="Say in plain words what is to be done; Enter sends it (i brings you here)",
         )
         self._history = history
 

@@ -21,17 +21,15 @@ class StatusBar(Static):
         wide = self.size.width >= 100
         time = clock_text(state.picture.time_s) if state.picture else "--:--"
         stale = silent_s > STALE_AFTER_S and mode == "LIVE"
-        parts: list[tuple[str, str] | Content | str] = [
-            ("PA Console", "bold $text-primary"),
-            (f" {title}  " if wide else "  ", QUIET),
-            self._mode(mode),
-            f"  {time} ",
-            (f"×{rate:g}", QUIET),
-        ]
+        worker = term("worker", state.worker.state if state.worker else "none")
+        parts: list[tuple[str, str] | Content | str] = []
+        if wide:
+            parts += [("PA Console", "bold $text-primary"), (f" {title}  ", QUIET)]
+        parts += [self._mode(mode), f"  {time} ", (f"×{rate:g}", QUIET)]
         if stale:
             parts.append((f"  ▲ no telemetry for {silent_s:.0f} s", "bold $text-error"))
-        worker = term("worker", state.worker.state if state.worker else "none")
-        parts += ["  ", ("model ", QUIET), (f"{worker.glyph} {worker.word}", worker.style)]
+        if wide or worker.word != "ready":
+            parts += [("  model ", QUIET), (f"{worker.glyph} {worker.word}", worker.style)]
         parts += ["  ", self._gates(state), "  ", self._mission(state)]
         self.update(Content.assemble(*parts))
 

@@ -86,7 +86,7 @@ class TracePane(Vertical):
 
     def compose(self) -> ComposeResult:
         """Yield the fixed head and the scrolled sections."""
-        yield Sheet((row("", (NO_MISSION, "$text-muted")),), id="trace-head")
+        yield Sheet((row("", (NO_MISSION, "$quiet")),), id="trace-head")
         yield Static("", id="trace-progress", markup=False)
         yield VerticalScroll(id="trace-body")
 
@@ -107,7 +107,7 @@ class TracePane(Vertical):
             self._views = {}
             body.anchor()
         self._trace = trace
-        head = row("", (NO_MISSION, "$text-muted")) if trace is None else row("", headline(trace))
+        head = row("", (NO_MISSION, "$quiet")) if trace is None else row("", headline(trace))
         self.query_one("#trace-head", Sheet).show((head,))
         self._show_progress()
         parts = sections(trace, self._rules) if trace else []

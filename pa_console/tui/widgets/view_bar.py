@@ -18,12 +18,12 @@ class ViewBar(Static):
             super().__init__()
             self.view = view
 
-    def show(self, current: str, marks: frozenset[str] = frozenset()) -> None:
-        """Mark `current`, and with a triangle the views in `marks` that want attention."""
+    def show(self, current: str) -> None:
+        """Mark `current`."""
         parts: list[tuple[str, str]] = []
         for view, label in VIEWS:
-            text = f" {label}{' ▲' if view in marks else ''} "
-            parts.append((text, "bold reverse $text-primary" if view == current else "$text-muted"))
+            text = f" {label} "
+            parts.append((text, "bold reverse $text-primary" if view == current else "$quiet"))
         self.update(Content.assemble(*parts))
 
     def on_click(self, event: events.Click) -> None:
