@@ -13,7 +13,7 @@ from pa_console.resources import data_folder
 from pa_console.schema.event import Event
 from pa_console.schema.mission import MissionCase
 from pa_console.session.fold import SessionState
-from pa_console.session.log import LogWriter
+from pa_console.session.log import LogWriter, new_log_path
 
 
 async def run_bench(
@@ -53,8 +53,7 @@ def _logging(folder: Path | None, stem: str, session: str) -> Sink:
     """Return a sink that writes a run's log into `folder`, or one that keeps nothing."""
     if folder is None:
         return lambda _event, _state: None
-    folder.mkdir(parents=True, exist_ok=True)
-    writer = LogWriter(folder / f"{stem}-{session}.jsonl", session)
+    writer = LogWriter(new_log_path(folder, f"{stem}-{session}"), session)
 
     def write(event: Event, _state: SessionState) -> None:
         writer.append(event)

@@ -7,7 +7,6 @@ import tempfile
 import traceback
 from typing import Annotated
 
-import click
 import typer
 
 from pa_console import __version__
@@ -59,10 +58,10 @@ def main() -> None:
         code = _fail(str(error), BAD_INPUT)
     except EngineError as error:
         code = _fail(str(error), FAILED)
-    except click.ClickException as error:
+    except typer.TyperException as error:
         error.show()
         code = BAD_INPUT
-    except (KeyboardInterrupt, click.Abort):
+    except (KeyboardInterrupt, typer.Abort):
         code = _fail("interrupted", INTERRUPTED)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

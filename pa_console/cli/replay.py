@@ -51,7 +51,7 @@ def _verify(log: Path, json: bool) -> None:
     if json:
         print_json(result)
     elif result.ok:
-        out.print(f"{log}: {result.lines} lines, chain intact. {result.problem}", markup=False)
+        out.print(f"{log}: {result.lines} lines, chain intact. {result.note}", markup=False)
     else:
         errors.print(f"{log}:{result.first_bad_line}: {result.problem}", markup=False)
     if not result.ok:

@@ -17,6 +17,7 @@ from pa_console.schema.telemetry import Digest, Picture
 
 Role = Literal["planner", "judge"]
 Level = Literal["info", "warning", "alarm"]
+WorkerState = Literal["loading", "ready", "dead", "unavailable"]
 
 
 class Payload(StrictModel):
@@ -71,7 +72,7 @@ class WorkerChanged(Payload):
     """The LLM worker started loading, became ready, died or was restarted."""
 
     kind: Literal["worker"] = "worker"
-    state: Literal["loading", "ready", "dead", "unavailable"]
+    state: WorkerState
     detail: str = ""
 
 
