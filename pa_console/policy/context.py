@@ -2,15 +2,17 @@
 
 An expression may use these variables:
 
-plan      {reason, actions}; an action is {agent, command, verb, target, goes_to, kind, asset,
-          outcome, tracks}. `target` is '' for a command without one; `goes_to` is the target, the
-          base for return_to_base, and '' for hold and report; `kind` is '' and `asset` null for
-          an unknown agent; `asset` is its entry in `assets`, `outcome` its entry in
-          timeline.assets or null; `tracks` are those the action meets (see `_met`).
+plan      {reason, actions}.
+actions   plan.actions, a list of {agent, command, verb, target, goes_to, kind, asset, outcome,
+          tracks}. `target` is '' for a command without one; `goes_to` is the target, the base for
+          return_to_base, and '' for hold and report; `kind` is '' and `asset` null for an unknown
+          agent; `asset` is its entry in `assets`, `outcome` its entry in timeline.assets or null;
+          `tracks` are those the action meets: at its gate, or inside the perimeter when it goes to
+          a frame that is no gate. (CEL copies what a dot follows: `actions` is the quick way.)
 before    the picture when the plan was made: {time_s, assets, tracks, gates}, each by name.
 after     the picture when the rehearsed plan had ended, likewise.
 timeline  what happened in between: {duration_s, gates, tracks, assets}, each by name.
-tracks    list of before.tracks.
+tracks    list of before.tracks, each with `age_s`: the age of the last report of it.
 assets    list of before.assets, each with `goes_to`: its post once the plan has run. `at`, `post`
           and `goes_to` are '' for no frame.
 gates     list of {name, by, covered_before, covered_after, longest_gap_s}.
@@ -47,11 +49,12 @@ def plan_variables(
     destinations = {action.agent: goes_to(action, world) for action in plan.actions}
     for name, asset in before["assets"].items():
         asset["goes_to"] = destinations.get(name) or asset["post"]
+    for track in before["tracks"].values():
+        track["age_s"] = before["time_s"] - track["stamp_s"]
+    actions = [_action(action, before, timeline, world) for action in plan.actions]
     return {
-        "plan": {
-            "reason": plan.reason,
-            "actions": [_action(action, before, timeline, world) for action in plan.actions],
-        },
+        "plan": {"reason": plan.reason, "actions": actions},
+        "actions": actions,
         "before": before,
         "after": after,
         "timeline": timeline,

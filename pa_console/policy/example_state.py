@@ -6,7 +6,7 @@ track is known. Frames are the corners of a cross, 50 m from the checkpoint.
 
 import copy
 import math
-from typing import Any
+from typing import Any, cast
 
 from pa_console.schema.base import Point
 from pa_console.schema.plan import Action, Plan
@@ -132,8 +132,10 @@ def overlay(base: Values, over: Values) -> Values:
     merged = dict(base)
     for key, value in over.items():
         below = merged.get(key)
-        both = isinstance(below, dict) and isinstance(value, dict)
-        merged[key] = overlay(below, value) if both else value
+        if isinstance(below, dict) and isinstance(value, dict):
+            merged[key] = overlay(cast("Values", below), cast("Values", value))
+        else:
+            merged[key] = value
     return merged
 
 

@@ -2,16 +2,23 @@
 
 import re
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import cel
 
 Variable = Literal[
-    "plan", "before", "after", "timeline", "tracks", "assets", "gates", "mission", "world"
+    "plan",
+    "actions",
+    "before",
+    "after",
+    "timeline",
+    "tracks",
+    "assets",
+    "gates",
+    "mission",
+    "world",
 ]
-VARIABLES: frozenset[Variable] = frozenset(
-    ("plan", "before", "after", "timeline", "tracks", "assets", "gates", "mission", "world")
-)
+VARIABLES: frozenset[Variable] = frozenset(get_args(Variable))
 """What an expression may speak of; `policy.context` says what each holds."""
 
 STANDARD_FUNCTIONS: frozenset[str] = frozenset(
@@ -21,16 +28,24 @@ STANDARD_FUNCTIONS: frozenset[str] = frozenset(
 _BOUND = re.compile(r"\.\s*(?:all|exists|exists_one|filter|map)\s*\(\s*(\w+)\s*,")
 
 
+def finds(text: str, pattern: str) -> bool:
+    """Return whether the regular expression `pattern` matches somewhere in `text`.
+
+    CEL's own `matches` compiles its pattern anew each time; Python keeps it.
+    """
+    return re.search(pattern, text) is not None
+
+
 def without(text: str, pattern: str) -> str:
     """Return `text` with every match of the regular expression `pattern` cut out.
 
-    CEL's own `matches` knows no look-around, so "... but not in such a phrase" is said by cutting
-    those phrases out first. A comma stays where a phrase was, so that its neighbours do not join.
+    "... but not in such a phrase" is said by cutting those phrases out first. A comma stays where
+    a phrase was, so that its neighbours do not join.
     """
     return re.sub(pattern, " , ", text)
 
 
-FUNCTIONS = {"without": without}
+FUNCTIONS = {"finds": finds, "without": without}
 """Functions that expressions may use besides CEL's own."""
 
 
