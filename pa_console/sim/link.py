@@ -1,9 +1,12 @@
-"""The in-process link between the orchestrator and the devices: delays, losses, order."""
+"""The in-process link between the orchestrator and the devices: delays and losses.
+
+Messages to or from one device never overtake each other.
+"""
 
 from pa_console.schema.command import CommandReply, DeviceCommand
 from pa_console.sim.state import Scene
 
-DEGRADED_DELAY_S = (0.3, 1.5)
+DEGRADED_DELAY_S = (0.3, 1.2)
 DEGRADED_LOSS = 0.3
 """Part of the telemetry reports that a degraded link loses; messages are only delayed."""
 
@@ -11,6 +14,7 @@ DEGRADED_LOSS = 0.3
 def send_command(scene: Scene, command: DeviceCommand, dt_s: float) -> None:
     """Put `command` on the link; it is due at the next step, later on a degraded link."""
     due = scene.tick + 1 + _delay(scene, command.agent, dt_s)
+    due = max([due, *(t for t, _, c in scene.link.commands if c.agent == command.agent)])
     scene.link.sent += 1
     scene.link.commands = (*scene.link.commands, (due, scene.link.sent, command))
 
@@ -20,6 +24,7 @@ def send_reply(scene: Scene, reply: CommandReply, dt_s: float) -> None:
     if comms_of(scene, reply.agent) == "lost":
         return
     due = scene.tick + _delay(scene, reply.agent, dt_s)
+    due = max([due, *(t for t, _, r in scene.link.replies if r.agent == reply.agent)])
     scene.link.sent += 1
     scene.link.replies = (*scene.link.replies, (due, scene.link.sent, reply))
 

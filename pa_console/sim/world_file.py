@@ -10,12 +10,16 @@ from pathlib import Path
 import shapely
 from shapely.geometry import LineString, Polygon
 
+from pa_console.schema.base import Point
 from pa_console.schema.document import Document, DocumentError, FieldPath
 from pa_console.schema.world import World
 from pa_console.sim.lanes import waiting_distance
 from pa_console.sim.terrain import Terrain
 
 _NAMED_FIELD = re.compile(r"^Value error, (\w+(?:\.\w+)*): (.*)$", re.DOTALL)
+
+LARGEST_M = 5000.0
+"""Coordinates are within this of the origin, metres."""
 
 Problem = tuple[FieldPath, str]
 
@@ -37,11 +41,49 @@ def load_world(path: Path) -> World:
 
 def geometry_problems(world: World) -> Iterator[Problem]:
     """Yield (field, what is wrong and what to do) for everything that cannot be simulated."""
+    yield from _sizes(world)
     yield from _polygons(world)
     yield from _walls(world)
     yield from _frames(world)
     yield from _lanes(world)
     yield from _posts(world)
+
+
+def _sizes(world: World) -> Iterator[Problem]:
+    """Keep every size within what the simulation can represent."""
+    limits: list[tuple[FieldPath, float, float, float]] = [
+        (("dt_s",), world.dt_s, 0.01, 0.5),
+        (("telemetry_period_s",), world.telemetry_period_s, world.dt_s, 60.0),
+        (("standoff_m",), world.standoff_m, 0.1, 1000.0),
+    ]
+    for kind, platform in world.platforms.items():
+        field = ("platforms", kind)
+        limits.append(((*field, "speed_mps"), platform.speed_mps, 0.05, 100.0))
+        limits.append(((*field, "turn_rate_dps"), platform.turn_rate_dps, 1.0, 3600.0))
+        limits.append(((*field, "radius_m"), platform.radius_m, 0.05, 20.0))
+        limits.append(((*field, "sensor_range_m"), platform.sensor_range_m, 0.1, 10_000.0))
+    for name, frame in world.frames.items():
+        limits.append((("frames", name, "radius_m"), frame.radius_m, 0.1, 100.0))
+    for index, wall in enumerate(world.walls):
+        limits.append((("walls", index, "thickness_m"), wall.thickness_m, 0.1, 20.0))
+    for field, points in _all_points(world):
+        for point in points:
+            limits += [(field, value, -LARGEST_M, LARGEST_M) for value in point]
+    for field, value, least, most in limits:
+        if not least <= value <= most:
+            yield field, f"{value:g} is out of range; it must be from {least:g} to {most:g}"
+
+
+def _all_points(world: World) -> Iterator[tuple[FieldPath, tuple[Point, ...]]]:
+    yield ("perimeter",), world.perimeter
+    for name, zone in world.zones.items():
+        yield ("zones", name, "polygon"), zone.polygon
+    for name, lane in world.lanes.items():
+        yield ("lanes", name, "points"), lane.points
+    for name, frame in world.frames.items():
+        yield ("frames", name, "at"), (frame.at,)
+    for index, wall in enumerate(world.walls):
+        yield ("walls", index), (wall.start, wall.end)
 
 
 def _polygons(world: World) -> Iterator[Problem]:
@@ -105,7 +147,7 @@ def _lanes(world: World) -> Iterator[Problem]:
 
 def _posts(world: World) -> Iterator[Problem]:
     """There must be a standing place for every asset at the frame where it starts."""
-    if any(True for source in (_polygons, _walls, _lanes) for _ in source(world)):
+    if any(True for source in (_sizes, _polygons, _walls, _lanes) for _ in source(world)):
         return
     terrain = Terrain(world)
     posted = Counter((spec.post, spec.kind == "uav") for spec in world.assets.values())

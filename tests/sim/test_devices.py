@@ -172,6 +172,14 @@ def test_degraded_link_delays_answers_but_loses_none(sim: Checkpoint) -> None:
     assert replies[-1].status == "done"
 
 
+def test_answers_over_a_degraded_link_keep_their_order(world: World) -> None:
+    for seed in range(10):
+        sim = Checkpoint(world, seed)
+        sim.inject(SetComms(asset="Drone_T01", comms="degraded"))
+        order(sim, "Drone_T01", "hold")
+        assert [reply.status for reply in run(sim, 5.0)] == ["acknowledged", "done"]
+
+
 def test_several_assets_at_one_frame_stand_apart(sim: Checkpoint) -> None:
     agents = ["Ugv_T01", "Ugv_T02", "Robot_T01", "Robot_T02"]
     for agent in agents:

@@ -1,15 +1,24 @@
 """A world that cannot be simulated is refused with file, line, field and what to do."""
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from pa_console.schema.document import DocumentError
 from pa_console.schema.world import World
+from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.world_file import geometry_problems, load_world
+from tests.sim.running import order, run
+
+JUNK: st.SearchStrategy[object] = st.one_of(
+    st.none(), st.integers(-200, 200), st.floats(), st.text(max_size=3)
+)
 
 
 def test_the_default_checkpoint_is_as_designed(world: World) -> None:
@@ -37,6 +46,9 @@ def test_the_default_checkpoint_is_as_designed(world: World) -> None:
         ("lanes.NorthLane.points", [[0, 150], [0, 90]], "must be within 15 m"),
         ("lanes.EastLane.points", [[170, 20], [125, 0], [125, 0]], "repeated"),
         ("lanes.WestLane.points", [[-170, 20], [-62, 20], [-55, 5]], "runs through walls"),
+        ("dt_s", 1e-9, "out of range"),
+        ("platforms.uav.speed_mps", 1e6, "out of range; it must be from 0.05 to 100"),
+        ("frames.Base.at", [1e9, 0], "out of range"),
         ("walls.0.end", [-60, 40], "same point"),
         ("zones.Depot.polygon", [[0, 0], [10, 10], [10, 0], [0, 10]], "cross"),
         ("lanes.NorthLane.gate", "Checkpoint", "not a gate frame"),
@@ -88,6 +100,44 @@ def test_missing_file_and_broken_yaml(tmp_path: Path) -> None:
     path.write_text("name: [")
     with pytest.raises(DocumentError, match="not valid YAML"):
         load_world(path)
+
+
+@given(data=st.data())
+@settings(max_examples=60, deadline=None)
+def test_a_damaged_world_is_refused_or_can_be_simulated(
+    world_path: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    document = yaml.safe_load(world_path.read_text())
+    field = data.draw(st.sampled_from(list(_fields(document))))
+    _set(document, field, data.draw(JUNK | st.lists(JUNK, max_size=3)))
+    path = tmp_path_factory.mktemp("worlds") / "world.yaml"
+    path.write_text(yaml.safe_dump(document), encoding="utf-8")
+    world = _load_or_check_error(path)
+    if world is not None:
+        sim = Checkpoint(world)
+        for agent in world.assets:
+            order(sim, agent, "return_to_base")
+        run(sim, 5 * world.dt_s)
+        assert sim.tick == 5
+
+
+def _load_or_check_error(path: Path) -> World | None:
+    message = ""
+    try:
+        return load_world(path)
+    except DocumentError as error:
+        message = str(error)
+    assert str(path) in message
+    return None
+
+
+def _fields(node: Any, prefix: str = "") -> Iterator[str]:
+    """Yield the dotted path of every field and every list item below `node`."""
+    keys: Any = node.keys() if hasattr(node, "keys") else range(len(node))
+    for key in keys:
+        yield f"{prefix}{key}"
+        if isinstance(node[key], dict | list):
+            yield from _fields(node[key], f"{prefix}{key}.")
 
 
 def _set(document: Any, field: str, value: object) -> None:
