@@ -83,10 +83,17 @@ class Engine:
             threads=threads or physical_cores(),
         )
         self._worker: Worker | None = None
-        self._turn = asyncio.Lock()
+        self.busy = False
+        """Whether the worker was given a prompt that is not yet answered."""
+        self._turn, self._spawning = asyncio.Lock(), asyncio.Lock()
         self._stop = asyncio.Event()
         self._number = 0
         self._closed = False
+
+    @property
+    def pid(self) -> int | None:
+        """The process id of the living worker."""
+        return None if self._worker is None or self._worker.ended else self._worker.pid
 
     async def start(self) -> None:
         """Start loading the model and return at once."""
@@ -120,19 +127,22 @@ class Engine:
                 yield Completed("", Usage(), "cancelled")
                 return
             self._number += 1
+            self.busy = True
             try:
                 async for item in self._exchange(worker, self._number, request):
                     yield item
             finally:
+                self.busy = False
                 worker.send(Cancel(id=self._number))
 
     async def _living_worker(self) -> Worker:
         if self._closed:
             raise ModelUnavailableError("the engine is closed")
-        if self._worker is None or self._worker.ended:
-            self._change("loading", self.model.name)
-            self._worker = await Worker.spawn(self._load, self._on_ready, self._on_end)
-        return self._worker
+        async with self._spawning:
+            if self._worker is None or self._worker.ended:
+                self._change("loading", self.model.name)
+                self._worker = await Worker.spawn(self._load, self._on_ready, self._on_end)
+            return self._worker
 
     async def _loaded(self, worker: Worker) -> bool:
         """Wait for the model; False when cancelled meanwhile."""
@@ -143,6 +153,8 @@ class Engine:
             )
         finally:
             stop.cancel()
+        if self._stop.is_set():
+            return False
         if worker.ready.done():
             if worker.error:
                 raise ModelUnavailableError(
@@ -151,8 +163,6 @@ class Engine:
             if worker.ended:
                 raise EngineDiedError(DIED)
             return True
-        if self._stop.is_set():
-            return False
         await worker.kill()
         raise ModelUnavailableError(
             f"model {self.model.name} was not loaded within {LOAD_LIMIT_S:.0f} s"
@@ -200,7 +210,8 @@ class Engine:
                     await worker.kill()
                     usage = Usage(seconds=perf_counter() - started)
                     yield Completed(text, usage, asked or "deadline")
-                    await self._living_worker()
+                    if not self._closed:
+                        await self._living_worker()
                     return
                 case _:
                     continue

@@ -1,6 +1,8 @@
 """One worker process as the event loop sees it: spawned, spoken to, noticed when it ends."""
 
 import asyncio
+import os
+import signal
 import sys
 from collections.abc import Callable
 from contextlib import suppress
@@ -20,6 +22,10 @@ from pa_console.llm.protocol import (
 from pa_console.schema.base import StrictModel
 
 COMMAND = ("-P", "-m", "pa_console.llm.worker")
+ENVIRONMENT = {"OMP_WAIT_POLICY": "passive"}
+"""Threads of llama.cpp that wait give their core away. With the default, spinning, one other busy
+process on a two-core machine made an answer ten to twenty times slower."""
+
 LINE_LIMIT = 1 << 20
 EXIT_S = 2.0
 
@@ -59,6 +65,7 @@ class Worker:
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.DEVNULL,
             start_new_session=True,
+            env={**ENVIRONMENT, **os.environ},
             limit=LINE_LIMIT,
         )
         worker = cls(child, on_ready, on_end)
@@ -97,11 +104,21 @@ class Worker:
             await self.kill()
 
     def _kill(self) -> None:
-        with suppress(ProcessLookupError):
-            self._child.kill()
+        """Signal the process itself: Popen.kill could reap it, which is the event loop's part."""
+        if self._child.returncode is None:
+            with suppress(ProcessLookupError):
+                os.kill(self.pid, signal.SIGKILL)
+
+    async def _reap(self) -> None:
+        """Wait for a process that has no more to say; one that lingers is killed."""
+        try:
+            await asyncio.wait_for(self._child.wait(), EXIT_S)
+        except TimeoutError:
+            self._kill()
+            await self._child.wait()
 
     async def _listen(self) -> None:
-        """Sort what the worker says until it says no more, then reap it."""
+        """Sort what the worker says until it says no more, or nothing sensible, then reap it."""
         stream = self._child.stdout
         try:
             while stream is not None and (line := await stream.readline()):
@@ -113,10 +130,11 @@ class Worker:
                         self.error = error
                     case answer:
                         self._answers.put_nowait(answer)
+        except ValueError:
+            self._kill()
         finally:
             self.ended = True
-            self._kill()
-            await self._child.wait()
+            await self._reap()
             if not self.ready.done():
                 self.ready.set_result(False)
             self._answers.put_nowait("ended")

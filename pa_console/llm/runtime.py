@@ -12,6 +12,8 @@ import llama_cpp
 import numpy as np
 from numpy.typing import NDArray
 
+from pa_console.llm.threads import decoding_threads
+
 CHUNK = 64
 """Prompt tokens evaluated at once. The cache is reused in whole chunks, so that every batch has
 the same shape as in a fresh context and an answer never depends on what was asked before."""
@@ -52,7 +54,8 @@ class Runtime:
         parameters.n_ctx = self.n_ctx * sequences
         parameters.n_batch = parameters.n_ubatch = CHUNK
         parameters.n_seq_max = sequences
-        parameters.n_threads = parameters.n_threads_batch = threads
+        parameters.n_threads = decoding_threads(threads)
+        parameters.n_threads_batch = threads
         parameters.swa_full = True
         parameters.abort_callback = self._abort
         self._context = _api.llama_init_from_model(self._model, parameters)

@@ -146,7 +146,11 @@ def test_a_full_disk_is_told_before_anything_is_fetched(
     index: Path, empty_cache: Path, monkeypatch: pytest.MonkeyPatch
 ):
     usage = shutil.disk_usage(index)._replace(free=1_000_000)
-    monkeypatch.setattr(shutil, "disk_usage", lambda path: usage)
+
+    def little(_path: Path) -> object:
+        return usage
+
+    monkeypatch.setattr(shutil, "disk_usage", little)
     with pytest.raises(PullError, match=r"2 MB are needed .* 1 MB are free.*PA_CONSOLE_CACHE"):
         pull(entry())
 

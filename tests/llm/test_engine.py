@@ -1,0 +1,269 @@
+"""The engine on a real model: streaming, cancel, deadline, a worker that dies, no trace left."""
+
+import asyncio
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import AsyncGenerator
+from contextlib import aclosing
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import pytest_asyncio
+
+from pa_console.llm.catalog import Catalog, LocalModel
+from pa_console.llm.engine import Completed, Engine, Request
+from pa_console.llm.errors import (
+    EngineDiedError,
+    ModelError,
+    ModelUnavailableError,
+    PromptRefusedError,
+)
+from pa_console.llm.grammar import judge_grammar, plan_grammar
+from pa_console.llm.planner import Planner, Proposal
+from pa_console.llm.prompts import planner_prompt
+from pa_console.schema.plan import Plan
+from tests.llm.site import DIGEST, RULE, WORLD, mission, picture
+
+pytestmark = pytest.mark.asyncio(loop_scope="module")
+
+ENDLESS = "start: /[a-z ]{2000,3000}/"
+SHORT = Request(
+    role="judge",
+    system="You are a judge. " * 20,
+    user="Is the gate covered?",
+    grammar=judge_grammar(["WF-03"]),
+    max_tokens=200,
+    deadline_s=60,
+)
+BRIEF = replace(SHORT, grammar="start: /[A-Za-z ,.]{40,50}/", max_tokens=60)
+LONG = replace(SHORT, grammar=ENDLESS, max_tokens=2500)
+
+
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def engine(smallest_model: LocalModel) -> AsyncGenerator[Engine]:
+    engine = Engine(smallest_model)
+    await engine.start()
+    yield engine
+    await engine.close()
+
+
+async def answer(engine: Engine, request: Request) -> Completed:
+    text = ""
+    async with aclosing(engine.generate(request)) as items:
+        async for item in items:
+            if isinstance(item, Completed):
+                assert text == item.text
+                return item
+            text += item
+    raise AssertionError("no Completed came")
+
+
+def gone(pid: int) -> bool:
+    """Return whether process `pid` has ended and was reaped."""
+    return not Path(f"/proc/{pid}").exists()
+
+
+def worker_pid(engine: Engine) -> int:
+    pid = engine.pid
+    assert pid is not None
+    return pid
+
+
+async def test_an_answer_streams_fits_its_grammar_and_is_counted(engine: Engine):
+    done = await answer(engine, SHORT)
+    assert done.finish == "stop"
+    assert json.loads(done.text)["rules"][0]["id"] == "WF-03"
+    usage = done.usage
+    assert 0 < usage.sampled_tokens < usage.completion_tokens
+    assert 0 < usage.first_token_s < usage.seconds
+    assert engine.state == "ready"
+    assert engine.info.n_ctx == 4096
+
+
+async def test_a_second_prompt_is_answered_as_in_a_fresh_context(
+    engine: Engine, smallest_model: LocalModel
+):
+    await compare_with_fresh_context(engine, smallest_model)
+
+
+@pytest.mark.parametrize("name", ["gemma-3-270m", "qwen2.5-coder-0.5b"])
+async def test_other_models_too_answer_as_in_a_fresh_context(name: str):
+    try:
+        model = Catalog.load().locate(name)
+    except ModelError:
+        pytest.skip(f"{name} was not pulled")
+    engine = Engine(model)
+    try:
+        await compare_with_fresh_context(engine, model)
+    finally:
+        await engine.close()
+
+
+async def compare_with_fresh_context(engine: Engine, model: LocalModel) -> None:
+    """Ask two prompts that share a beginning, in both roles, and one of them of a new engine."""
+    first = replace(BRIEF, user="A truck waits at the river gate. Say what you think of it.")
+    second = replace(BRIEF, user="A truck waits at the hill gate. Say what you think of it.")
+    for request in (first, replace(first, role="planner"), second, first, second):
+        used = await answer(engine, request)
+    assert used.usage.cached_tokens > 0
+    fresh_engine = Engine(model)
+    try:
+        fresh = await answer(fresh_engine, second)
+    finally:
+        await fresh_engine.close()
+    assert fresh.usage.cached_tokens == 0
+    assert used.text == fresh.text
+
+
+async def test_a_planner_prompt_gives_a_plan_whatever_the_model_thinks(engine: Engine):
+    prompt = planner_prompt(WORLD, DIGEST, [RULE], mission("Watch the hill gate."))
+    items = [item async for item in Planner(engine).plan(prompt, plan_grammar(WORLD, picture()))]
+    last = items[-1]
+    assert isinstance(last, Proposal)
+    assert isinstance(last.plan, Plan), last.error
+    assert "".join(item for item in items if isinstance(item, str)) == last.text
+
+
+async def test_cancel_ends_the_answer_and_keeps_the_worker(engine: Engine):
+    pid = worker_pid(engine)
+    async with aclosing(engine.generate(LONG)) as items:
+        async for item in items:
+            if isinstance(item, Completed):
+                assert item.finish == "cancelled"
+                assert len(item.text) < 2000
+            else:
+                engine.cancel()
+    assert (await answer(engine, BRIEF)).finish == "stop"
+    assert worker_pid(engine) == pid
+
+
+async def test_cancel_while_the_prompt_is_read_ends_it(engine: Engine):
+    reading = asyncio.create_task(answer(engine, replace(LONG, user="word " * 1200)))
+    await asyncio.sleep(0)
+    while not engine.busy:
+        await asyncio.sleep(0)
+    engine.cancel()
+    done = await reading
+    assert (done.finish, done.text) == ("cancelled", "")
+
+
+async def test_an_answer_that_is_late_ends_at_the_deadline(engine: Engine):
+    done = await answer(engine, replace(LONG, deadline_s=0.2))
+    assert done.finish == "deadline"
+    assert (await answer(engine, BRIEF)).finish == "stop"
+
+
+async def test_a_worker_that_does_not_stop_is_killed_and_replaced(engine: Engine):
+    pid = worker_pid(engine)
+    os.kill(pid, signal.SIGSTOP)
+    done = await answer(engine, replace(BRIEF, deadline_s=0.1))
+    assert done.finish == "deadline"
+    assert gone(pid)
+    assert (await answer(engine, BRIEF)).finish == "stop"
+    assert worker_pid(engine) != pid
+
+
+async def test_an_answer_that_is_too_long_is_cut_off(engine: Engine):
+    done = await answer(engine, replace(LONG, max_tokens=7))
+    assert done.finish == "length"
+    assert done.usage.completion_tokens == 7
+
+
+async def test_an_abandoned_answer_does_not_delay_the_next(engine: Engine):
+    async with aclosing(engine.generate(LONG)) as items:
+        async for _ in items:
+            break
+    done = await answer(engine, BRIEF)
+    assert done.finish == "stop"
+
+
+async def test_a_prompt_longer_than_the_context_is_refused(engine: Engine):
+    with pytest.raises(PromptRefusedError, match=r"\d+ tokens .* context of 4096"):
+        await answer(engine, replace(BRIEF, user="word " * 5000))
+    assert (await answer(engine, BRIEF)).finish == "stop"
+
+
+async def test_a_broken_grammar_is_refused(engine: Engine):
+    with pytest.raises(PromptRefusedError, match="grammar is not valid"):
+        await answer(engine, replace(SHORT, grammar="start: nothing"))
+
+
+async def test_a_killed_worker_is_noticed_and_started_again(smallest_model: LocalModel):
+    states: list[str] = []
+    engine = Engine(smallest_model, lambda state, detail: states.append(state))
+    try:
+        await answer(engine, BRIEF)
+        pid = worker_pid(engine)
+        with pytest.raises(EngineDiedError):
+            await kill_while_answering(engine, pid)
+        assert gone(pid)
+        assert (await answer(engine, BRIEF)).finish == "stop"
+    finally:
+        await engine.close()
+    assert states == ["loading", "ready", "dead", "loading", "ready"]
+
+
+async def kill_while_answering(engine: Engine, pid: int) -> None:
+    async with aclosing(engine.generate(LONG)) as items:
+        async for _ in items:
+            os.kill(pid, signal.SIGKILL)
+
+
+async def test_closing_leaves_no_process(smallest_model: LocalModel):
+    engine = Engine(smallest_model)
+    await engine.start()
+    pid = worker_pid(engine)
+    await engine.close()
+    assert gone(pid)
+    with pytest.raises(ModelUnavailableError):
+        await answer(engine, BRIEF)
+
+
+async def test_a_file_that_is_no_model_makes_the_engine_unavailable(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+):
+    path = tmp_path / "broken.gguf"
+    path.write_bytes(b"GGUF but not really")
+    engine = Engine(LocalModel("broken", path, "0" * 64))
+    with pytest.raises(ModelUnavailableError, match=r"broken\.gguf: not a GGUF model"):
+        await answer(engine, BRIEF)
+    await engine.close()
+    assert engine.state == "unavailable"
+    assert capfd.readouterr() == ("", "")
+
+
+PARENT = """\
+import asyncio, sys
+from pa_console.llm.catalog import LocalModel
+from pa_console.llm.engine import Engine
+from pathlib import Path
+async def main():
+    engine = Engine(LocalModel("m", Path(sys.argv[1]), ""))
+    await engine.start()
+    print(engine.pid, flush=True)
+    await asyncio.sleep(60)
+asyncio.run(main())
+"""
+
+
+async def test_a_worker_does_not_outlive_its_parent(smallest_model: LocalModel):
+    command = [sys.executable, "-c", PARENT, os.fspath(smallest_model.path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as parent:
+        assert parent.stdout is not None
+        pid = int(parent.stdout.readline())
+        parent.kill()
+    async with asyncio.timeout(20):
+        while not gone(pid) and state_of(pid) != "Z":
+            await asyncio.sleep(0.02)
+
+
+def state_of(pid: int) -> str:
+    """Return the letter of the process state; a worker nobody reaps here is a zombie, Z."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
+    except FileNotFoundError:
+        return "Z"
