@@ -45,7 +45,12 @@ def without(text: str, pattern: str) -> str:
     return re.sub(pattern, " , ", text)
 
 
-FUNCTIONS = {"finds": finds, "without": without}
+def brief(number: float) -> str:
+    """Return `number` as a person writes it in a message, with at most four digits."""
+    return f"{number:.4g}"
+
+
+FUNCTIONS = {"brief": brief, "finds": finds, "without": without}
 """Functions that expressions may use besides CEL's own."""
 
 
