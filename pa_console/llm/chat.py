@@ -13,9 +13,9 @@ from pa_console.llm.runtime import Runtime
 FORMATS: dict[ChatFormat, str] = {
     "chatml": (
         "{% for message in messages %}<|im_start|>{{ message.role }}\n"
-        "{{ message.content }}<|im_end|>\n{% endfor %}<|im_start|>assistant\n"
+        "{{ message.content }}<|im_end|>\n{% endfor %}{{ '<|im_start|>assistant\n' }}"
     ),
-    "plain": "{% for message in messages %}{{ message.content }}\n\n{% endfor %}Answer:\n",
+    "plain": "{% for message in messages %}{{ message.content }}\n\n{% endfor %}{{ 'Answer:\n' }}",
 }
 """Named formats; a model of format `template` brings its own in the GGUF metadata."""
 

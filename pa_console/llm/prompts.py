@@ -117,7 +117,8 @@ def _rules(rules: Sequence[Rule]) -> str:
 
 
 def _mission(mission: Mission) -> str:
-    return f"Mission: {json.dumps(mission.text, ensure_ascii=False)}"
+    """Return the mission's words as one line that nothing in them can end."""
+    return f"Mission: {json.dumps(' '.join(mission.text.split()), ensure_ascii=False)}"
 
 
 def _plan(plan: Plan) -> str:

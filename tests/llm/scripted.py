@@ -1,0 +1,24 @@
+"""A stand-in for the engine that says what a test wants to hear."""
+
+from collections.abc import AsyncGenerator, Sequence
+
+from pa_console.llm.catalog import LocalModel
+from pa_console.llm.engine import Completed, Engine, Request
+from pa_console.llm.errors import EngineError
+
+
+class ScriptedEngine(Engine):
+    """Gives `items` in answer to everything; an error among them is raised."""
+
+    def __init__(self, model: LocalModel, items: Sequence[str | Completed | EngineError]) -> None:
+        super().__init__(model)
+        self.items = items
+        self.requests: list[Request] = []
+
+    async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
+        """Give the script, whatever is asked."""
+        self.requests.append(request)
+        for item in self.items:
+            if isinstance(item, EngineError):
+                raise item
+            yield item

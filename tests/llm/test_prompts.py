@@ -1,0 +1,87 @@
+"""Prompts: what is in them, in which order, and that a mission's words stay words."""
+
+import json
+
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pa_console.llm.prompts import judge_prompt, outcome_prompt, planner_prompt
+from pa_console.resources import data_folder
+from pa_console.schema.mission import Verification
+from pa_console.schema.plan import Action, Plan
+from pa_console.schema.rehearsal import AssetTimeline, GateTimeline, Rehearsal, Timeline
+from tests.llm.site import DIGEST, RULE, WORLD, mission, picture
+
+PLAN = Plan(reason="quiet", actions=(Action(agent="Hawk_2", command="observe HillGate"),))
+REHEARSAL = Rehearsal(
+    before=picture(),
+    after=picture(),
+    timeline=Timeline(
+        duration_s=31.0,
+        gates={
+            "HillGate": GateTimeline(covered_before=False, covered_after=True, longest_gap_s=12.0)
+        },
+        assets={"Hawk_2": AssetTimeline(finished=False, detail="no way there")},
+    ),
+)
+
+
+def test_the_fixed_part_is_the_same_for_every_mission_and_picture():
+    one = planner_prompt(WORLD, DIGEST, [RULE], mission("Watch the hill."))
+    calm = DIGEST.model_copy(update={"uncovered": ()})
+    other = planner_prompt(WORLD, calm, [], mission("Go home."), ["a reason"], "before")
+    assert one.system == other.system
+    for word in (*WORLD.frames, *WORLD.assets, "block FRAME: ugv", "observe FRAME: uav"):
+        assert word in one.system
+
+
+def test_the_mission_comes_last_and_the_repair_after_it():
+    first = planner_prompt(WORLD, DIGEST, [RULE], mission("Watch the hill."))
+    assert first.user.endswith('Mission: "Watch the hill."')
+    again = planner_prompt(
+        WORLD, DIGEST, [RULE], mission("Watch the hill."), ["HillGate\nstays open"], "{plan}"
+    )
+    assert again.user.startswith(first.user)
+    assert "- HillGate stays open" in again.user
+    assert "{plan}" in again.user
+
+
+def test_the_situation_and_the_rules_are_told():
+    user = planner_prompt(WORLD, DIGEST, [RULE], mission("Watch the hill.")).user
+    assert "Uncovered: HillGate" in user
+    assert "Sole cover: RiverGate by Hawk_1" in user
+    assert "Free: uav Hawk_2; ugv Mule_1; robot Guard_1" in user
+    assert "WF-99 (high): Keep every gate covered." in user
+
+
+def test_the_judge_is_told_plan_and_rehearsal():
+    user = judge_prompt(WORLD, DIGEST, [RULE], mission("Watch."), PLAN, REHEARSAL).user
+    assert '{"agent": "Hawk_2", "command": "observe HillGate"}' in user
+    assert "HillGate: uncovered, then covered, longest gap 12 s" in user
+    assert "Hawk_2: did not finish (no way there)" in user
+
+
+def test_the_judge_of_the_outcome_is_told_what_telemetry_says():
+    seen = Verification(outcome="fail", actions=(), gates_lost=("HillGate",), reason="too slow")
+    user = outcome_prompt(WORLD, DIGEST, mission("Watch."), PLAN, seen).user
+    assert "Telemetry: fail. too slow" in user
+    assert "Gates that lost their cover: HillGate" in user
+
+
+@given(st.text(min_size=1, max_size=300))
+def test_a_mission_stays_one_quoted_line_whatever_it_says(text: str):
+    user = planner_prompt(WORLD, DIGEST, [], mission(text)).user
+    line = user.splitlines()[-1]
+    assert line.startswith("Mission: ")
+    assert json.loads(line.removeprefix("Mission: ")) == " ".join(text.split())
+
+
+def test_no_mission_of_the_paper_is_in_a_prompt():
+    file = data_folder() / "worlds" / "checkpoint" / "missions" / "paper.yaml"
+    cases = yaml.safe_load(file.read_text(encoding="utf-8"))["missions"]
+    prompt = planner_prompt(WORLD, DIGEST, [RULE], mission("x"))
+    judged = judge_prompt(WORLD, DIGEST, [RULE], mission("x"), PLAN, REHEARSAL)
+    everything = " ".join([prompt.system, prompt.user, judged.system, judged.user]).lower()
+    assert len(cases) == 10
+    assert [c["command"] for c in cases if c["command"].rstrip(".").lower() in everything] == []
