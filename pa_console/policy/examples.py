@@ -17,7 +17,7 @@ from pydantic import ValidationError
 
 from pa_console.policy.checks import check_rule
 from pa_console.policy.example_state import WORLD, carried_out, course, overlay, situation
-from pa_console.policy.rulebook import Rulebook
+from pa_console.policy.rulebook import compile_rule
 from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan
@@ -28,9 +28,13 @@ GIVEN = ("assets", "tracks", "gates", "after", "timeline")
 MISSION_TEXT = "Secure the checkpoint."
 
 
-def run_example(rulebook: Rulebook, rule: Rule, example: RuleExample) -> Finding:
-    """Return what the check of `rule` finds for `example`; an example that is wrong is an error."""
+def run_example(rule: Rule, example: RuleExample) -> Finding:
+    """Return what the check of `rule` finds for `example`.
+
+    An example that makes no sense, or a check that does not compile, is a finding of status error.
+    """
     try:
+        entry = compile_rule(rule)
         plan = example_plan(example)
         rehearsal = example_rehearsal(example, plan)
     except ValidationError as error:
@@ -42,7 +46,6 @@ def run_example(rulebook: Rulebook, rule: Rule, example: RuleExample) -> Finding
     mission = Mission(
         id="example", text=example.mission or MISSION_TEXT, created=datetime(2000, 1, 1, tzinfo=UTC)
     )
-    entry = rulebook.compiled_rule(rule.id)
     return check_rule(entry, plan=plan, rehearsal=rehearsal, mission=mission, world=WORLD)
 
 

@@ -1,10 +1,8 @@
 """Loads a rule file and compiles its checks; a file that cannot be enforced is refused whole."""
 
 import hashlib
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 
 from pa_console.policy.expression import Expression, Variable
 from pa_console.schema.document import Document
@@ -33,24 +31,31 @@ class CompiledRule:
         return self.check is not None and self.variables <= MISSION_VARIABLES
 
 
+class ExpressionError(ValueError):
+    """A guard or check that does not compile; `field` says which of the two."""
+
+    def __init__(self, field: str, problem: str) -> None:
+        super().__init__(f"{field}: {problem}")
+        self.field, self.problem = field, problem
+
+
+def compile_rule(rule: Rule) -> CompiledRule:
+    """Return `rule` ready to run; raises ExpressionError."""
+    return CompiledRule(rule, _compile("applies", rule.applies), _compile("check", rule.check))
+
+
 class Rulebook:
     """Every rule in force; `sha256` is that of the file."""
 
     def __init__(self, name: str, sha256: str, compiled: tuple[CompiledRule, ...]) -> None:
         self.name, self.sha256, self.compiled = name, sha256, compiled
         self.rules: tuple[Rule, ...] = tuple(entry.rule for entry in compiled)
-        self._by_id: Mapping[str, CompiledRule] = MappingProxyType(
-            {entry.rule.id: entry for entry in compiled}
-        )
+        self._by_id = {rule.id: rule for rule in self.rules}
         self.variables = frozenset[Variable]().union(*(entry.variables for entry in compiled))
         """What any check reads; nothing else has to be converted for CEL."""
 
     def get(self, rule_id: str) -> Rule:
         """Return the rule `rule_id`; raises KeyError when it is not in force."""
-        return self._by_id[rule_id].rule
-
-    def compiled_rule(self, rule_id: str) -> CompiledRule:
-        """Return the rule `rule_id` with its programs; raises KeyError like `get`."""
         return self._by_id[rule_id]
 
 
@@ -68,17 +73,18 @@ def load_rules(path: Path) -> Rulebook:
         if rule.id in seen:
             raise document.error(("rules", index, "id"), f"{rule.id!r} appears twice")
         seen.add(rule.id)
-        applies = _compile(document, index, "applies", rule.applies)
-        check = _compile(document, index, "check", rule.check)
-        compiled.append(CompiledRule(rule, applies, check))
+        try:
+            compiled.append(compile_rule(rule))
+        except ExpressionError as error:
+            raise document.error(("rules", index, error.field), error.problem) from error
     sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
     return Rulebook(rule_set.name, sha256, tuple(compiled))
 
 
-def _compile(document: Document, index: int, field: str, source: str | None) -> Expression | None:
+def _compile(field: str, source: str | None) -> Expression | None:
     if source is None:
         return None
     try:
         return Expression(source)
     except ValueError as error:
-        raise document.error(("rules", index, field), str(error)) from error
+        raise ExpressionError(field, str(error)) from error

@@ -35,8 +35,10 @@ class Rule(StrictModel):
     text: str = Field(min_length=1)
     tags: tuple[str, ...] = ()
     applies: str | None = Field(default=None, description="CEL guard; absent means always")
-    check: str | None = Field(default=None, description="CEL expression that must hold")
-    message: str = ""
+    check: str | None = Field(
+        default=None, description="CEL that must hold: true, or an empty list of the offenders"
+    )
+    message: str = Field(default="", description="what is wrong; the offenders are put after it")
     examples: tuple[RuleExample, ...] = ()
 
     @property

@@ -80,7 +80,7 @@ def test_every_checked_rule_shows_what_passes_and_what_fails(rule: Rule) -> None
 
 @pytest.mark.parametrize(("rule", "example"), EXAMPLES)
 def test_example(rule: Rule, example: RuleExample) -> None:
-    finding = run_example(checkpoint_rules(), rule, example)
+    finding = run_example(rule, example)
     assert finding.status == STATUS[example.expect], finding.message
 
 
@@ -88,7 +88,7 @@ def test_example(rule: Rule, example: RuleExample) -> None:
 def test_a_violation_says_where_and_anything_else_says_nothing(
     rule: Rule, example: RuleExample
 ) -> None:
-    message = run_example(checkpoint_rules(), rule, example).message
+    message = run_example(rule, example).message
     if example.expect != "fail":
         assert message == ""
         return

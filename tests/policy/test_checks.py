@@ -160,8 +160,6 @@ def test_an_example_that_makes_no_sense_is_an_error_that_says_why(
     example: dict[str, Any], problem: str
 ) -> None:
     rule = checkpoint_rules().get("WF-03")
-    finding = run_example(
-        checkpoint_rules(), rule, RuleExample(name="odd", expect="pass", **example)
-    )
+    finding = run_example(rule, RuleExample(name="odd", expect="pass", **example))
     assert finding.status == "error"
     assert problem in finding.message
