@@ -8,6 +8,7 @@ import copy
 import math
 from typing import Any, cast
 
+from pa_console.policy.context import goes_to
 from pa_console.schema.base import Point
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.world import AssetKind, AssetSpec, Frame, Platform, World, Zone
@@ -98,7 +99,7 @@ def carried_out(before: Values, plan: Plan) -> Values:
     after["time_s"] += DURATION_S
     for action in plan.actions:
         asset = after["assets"].get(action.agent)
-        frame = _destination(action)
+        frame = goes_to(action, WORLD)
         if asset is not None and asset["available"] and frame in WORLD.frames:
             asset.update(at=frame, post=frame, position=WORLD.frames[frame].at)
     after["gates"] = covers(after)
@@ -175,14 +176,14 @@ def _contacts(track: Values, plan: Plan) -> Values:
     kinds = {
         WORLD.assets[action.agent].kind
         for action in plan.actions
-        if action.agent in WORLD.assets and _destination(action) == track["gate"]
+        if action.agent in WORLD.assets and goes_to(action, WORLD) == track["gate"]
     }
     seen = 0.0 if track.get("observed") else RECON_S if "uav" in kinds else None
     return {"observed_s": seen, "ground_contact_s": CONTACT_S if kinds - {"uav"} else None}
 
 
 def _outcome(action: Action, before: Values) -> Values:
-    asset, frame = before["assets"][action.agent], _destination(action)
+    asset, frame = before["assets"][action.agent], goes_to(action, WORLD)
     there = any(track["gate"] == frame for track in before["tracks"].values())
     detail = ""
     if not asset["available"]:
@@ -192,7 +193,3 @@ def _outcome(action: Action, before: Values) -> Values:
     elif action.verb in ("identify", "warn") and not there:
         detail = f"no track at {frame}"
     return {"finished": not detail, "detail": detail, "least_battery_pct": asset["battery_pct"]}
-
-
-def _destination(action: Action) -> str:
-    return WORLD.base if action.verb == "return_to_base" else action.target or ""
