@@ -6,12 +6,14 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
+from textual.binding import Binding
+
 from pa_console.schema.document import DocumentError
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Plan
 from pa_console.schema.world import World
-from pa_console.tui.actions import bindings
+from pa_console.tui.actions import bindings, key_text
 from pa_console.tui.export import export_folder, plan_text, trace_text, write_copy
 from pa_console.tui.history import History, history_file
 from pa_console.tui.keymap import keymap_file, load_keymap
@@ -90,6 +92,10 @@ class ConsoleApp(SessionApp):
     def get_theme_variable_defaults(self) -> dict[str, str]:
         """Return the console's own colour variables for themes without them."""
         return VARIABLES
+
+    def get_key_display(self, binding: Binding) -> str:
+        """Write keys the same way in the footer and in the help."""
+        return key_text(binding.key)
 
     def _start(self) -> None:
         try:

@@ -10,7 +10,6 @@ from textual.pilot import Pilot
 
 from pa_console.schema.event import (
     AllStopped,
-    ApprovalRequested,
     DecisionMade,
     Event,
     EventPayload,
@@ -30,6 +29,7 @@ class FakeClock:
         self.now = 1000.0
 
     def __call__(self) -> float:
+        """Return the time."""
         return self.now
 
 
@@ -53,6 +53,7 @@ class ScriptedStation:
             self._count += 1
 
     async def run(self) -> AsyncIterator[Event]:
+        """Yield what was given and what is emitted."""
         while (event := await self._queue.get()) is not None:
             self.given += 1
             yield event
@@ -76,37 +77,38 @@ class ScriptedStation:
         return self._queue.empty() and self.given == self._count
 
     def submit(self, text: str) -> Mission:
+        """Record a mission."""
         if self.refuse:
             raise ValueError(self.refuse)
         self.submitted.append(text)
         return Mission(id=f"M-{len(self.submitted):03}", text=text, created=START)
 
     def decide(self, decision: Decision) -> None:
+        """Record a decision, and accept it unless it modifies."""
         if self.refuse:
             raise ValueError(self.refuse)
         self.decisions.append(decision)
         if decision.kind != "modify":
             self.emit(DecisionMade(attempt=1, decision=decision, accepted=True))
 
-    def reopen(self, request: ApprovalRequested, detail: str) -> None:
-        """Refuse the last decision as inadmissible."""
-        self.emit(DecisionMade(attempt=request.attempt, decision=self.decisions[-1],
-                               accepted=False, detail=detail))  # fmt: skip
-
     def cancel(self) -> None:
+        """Finish the mission."""
         self.cancelled += 1
         self.emit(MissionFinished(status="cancelled", reason="by the operator", metrics=Metrics()))
 
     def stop_all(self) -> None:
+        """Record a stop."""
         self.stopped += 1
         self.emit(AllStopped(by="operator"), mission=None)
 
     def inject(self, incident: Incident) -> None:
+        """Record an incident."""
         if self.refuse:
             raise ValueError(self.refuse)
         self.injected.append(incident)
 
     async def close(self) -> None:
+        """End the stream."""
         self.closed = True
         self.end()
 

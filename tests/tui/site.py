@@ -1,6 +1,6 @@
 """A fixed world, rulebook and picture for the screens; no simulator and no model."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -80,6 +80,7 @@ class WordRetriever:
     """Scores a rule by the share of the text's words that it contains."""
 
     def score_all(self, text: str) -> Sequence[RuleHit]:
+        """Score every rule."""
         words = set(text.lower().split())
         return tuple(
             RuleHit(rule_id=rule.id, score=score, components={"words": score})
@@ -125,7 +126,7 @@ def asset(name: str, time_s: float = 300.0, **changes: object) -> AssetTelemetry
 
 def picture(
     time_s: float = 300.0,
-    changes: dict[str, dict[str, object]] | None = None,
+    changes: Mapping[str, Mapping[str, object]] | None = None,
     tracks: tuple[Track, ...] = (),
     uncovered: tuple[str, ...] = (),
 ) -> Picture:

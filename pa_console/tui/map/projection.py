@@ -15,6 +15,9 @@ MOST_STRETCH = 1.7
 LANE_SHARE = 0.14
 """How much of the site's size the view reaches beyond it along the lanes."""
 
+LANES_FROM_ROWS = 12
+"""A lower map is needed for the site itself."""
+
 
 @dataclass(frozen=True)
 class Projection:
@@ -38,7 +41,8 @@ class Projection:
         )
         west, east = min(p[0] for p in site), max(p[0] for p in site)
         south, north = min(p[1] for p in site), max(p[1] for p in site)
-        reach_x, reach_y = LANE_SHARE * (east - west), LANE_SHARE * (north - south)
+        reach_x = LANE_SHARE * (east - west)
+        reach_y = LANE_SHARE * (north - south) if self.height >= LANES_FROM_ROWS else 0.0
         far = [point for lane in world.lanes.values() for point in lane.points]
         return (
             max(west - reach_x, min([west, *(p[0] for p in far)])),
@@ -51,8 +55,8 @@ class Projection:
     def _scale(self) -> tuple[float, float]:
         """Cells per metre, across and down."""
         west, south, east, north = self._view
-        across = (self.width - 3) / max(east - west, 1.0)
-        down = (self.height - 1) / max(north - south, 1.0)
+        across = max(self.width - 3, 1) / max(east - west, 1.0)
+        down = max(self.height - 1, 1) / max(north - south, 1.0)
         return (
             min(across, down * CELL_ASPECT * MOST_STRETCH),
             min(down, across / CELL_ASPECT * 1.2),

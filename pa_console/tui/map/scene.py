@@ -123,8 +123,8 @@ def _cost(canvas: Canvas, cell: Cell, taken: set[Cell]) -> float:
         return 50.0
     role = canvas.role(cell)
     if role in _SPARED:
-        return 4.0
-    return 0.0 if role in _FREE else 1.5
+        return 2.5
+    return 0.0 if role in _FREE else 0.8
 
 
 @lru_cache(maxsize=1)
@@ -134,6 +134,6 @@ def _near() -> tuple[tuple[float, int, int], ...]:
 
 
 def _offsets() -> Iterator[tuple[float, int, int]]:
-    for dy in range(-3, 4):
-        for dx in range(-9, 10):
+    for dy in range(-2, 3):
+        for dx in range(-7, 8):
             yield (abs(dx) / 2 + abs(dy)) * 1.2, dx, dy

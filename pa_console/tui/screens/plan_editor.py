@@ -54,6 +54,7 @@ class PlanEditor(ModalScreen[Plan | None]):
 
     def on_mount(self) -> None:
         """Start in the text."""
+        self.query_one(TextArea).cursor_blink = False
         self.query_one("#editor").border_title = "Modify the plan"
         self.query_one(TextArea).focus()
         self._check()

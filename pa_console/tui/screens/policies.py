@@ -63,6 +63,7 @@ class PolicyScreen(Screen[None]):
 
     def on_mount(self) -> None:
         """Show all rules, ready to search."""
+        self.query_one("#policy-search", Input).cursor_blink = False
         self._list()
         self.query_one("#policy-search").focus()
 

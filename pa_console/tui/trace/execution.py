@@ -139,5 +139,5 @@ def timings(trace: MissionTrace) -> Section:
         )
         for name, seconds in stages
     ]
-    note = f"end to end {duration_text(given.end_to_end_s)}, {given.attempts} attempts"
+    note = f"end to end {duration_text(given.end_to_end_s)}, plans tried: {given.attempts}"
     return Section("timings", title("Timings", note=note), tuple(rows), collapsed=True)

@@ -63,6 +63,7 @@ class ApprovalPanel(Vertical):
 
     def on_mount(self) -> None:
         """Hide until a plan waits."""
+        self.query_one("#approval-reason", Input).cursor_blink = False
         self.display = False
 
     def show(self, trace: MissionTrace | None) -> bool:
@@ -94,7 +95,7 @@ class ApprovalPanel(Vertical):
         reason = self.query_one("#approval-reason", Input)
         reason.value = ""
         reason.placeholder = (
-            "Reason for overriding the judge (required to approve)"
+            "Why override the judge? (required)"
             if request.needs_override and not request.blocked_by
             else "Reason (optional)"
         )

@@ -53,9 +53,9 @@ def _message(trace: MissionTrace, rule_id: str) -> str:
 def blocked_reason(request: ApprovalRequested, left: Sequence[str], reason: str) -> str:
     """Return in words why Approve is disabled, empty when it is not."""
     if request.blocked_by:
-        return "Approve is disabled: nobody may override what is blocked"
+        return "✘ Approve: blocked, nobody may override"
     if left:
-        return f"Approve is disabled: tick {', '.join(left)} first"
+        return f"✘ Approve: tick {', '.join(left)} first"
     if request.needs_override and not reason.strip():
-        return "Approve is disabled: overriding the judge needs a reason"
+        return "✘ Approve: give a reason to override"
     return ""

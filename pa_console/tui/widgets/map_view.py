@@ -13,9 +13,9 @@ from pa_console.tui.map.scene import ROLES, Scene
 
 LEGEND = (
     ("◆", "covered", "gate-covered"), ("◇", "UNCOVERED", "gate-uncovered"),
-    ("■", "vehicle", "legend"), ("▪", "person", "legend"), ("?", "unknown", "track-unknown"),
-    ("✔", "authorized", "track-authorized"), ("!", "unauthorized", "track-unauthorized"),
-    ("•", "route", "route"), ("╱", "restricted", "zone-label"),
+    ("?", "unknown", "track-unknown"), ("!", "unauthorized", "track-unauthorized"),
+    ("✔", "authorized", "track-authorized"), ("■", "vehicle", "legend"),
+    ("▪", "person", "legend"), ("•", "route", "route"), ("╱", "restricted", "zone-label"),
 )  # fmt: skip
 
 LEGEND_FROM_ROWS = 13

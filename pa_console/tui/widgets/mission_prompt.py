@@ -24,8 +24,9 @@ class MissionInput(Input):
             max_length=MAX_MISSION_TEXT,
             compact=True,
             id="mission-input",
-            placeholder="Say in plain words what is to be done; Enter sends it (i brings you here)",
+            placeholder="Say in plain words what is to be done; i brings you here",
         )
+        self.cursor_blink = False
         self._history = history
 
     def action_history(self, by: int) -> None:

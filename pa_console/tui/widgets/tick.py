@@ -9,7 +9,7 @@ from textual.widgets import Static
 class Tick(Static, can_focus=True):
     """Ticked by Space, Enter or a click; `name` says what is accepted."""
 
-    BINDINGS = [Binding("enter,space", "toggle", "Tick", show=False)]
+    BINDINGS = [Binding("enter,space", "tick", "Tick", show=False)]
 
     class Changed(Message):
         """The box was ticked or unticked."""
@@ -23,7 +23,7 @@ class Tick(Static, can_focus=True):
         """Show the empty box."""
         self._paint()
 
-    def action_toggle(self) -> None:
+    def action_tick(self) -> None:
         """Tick or untick."""
         self.ticked = not self.ticked
         self._paint()
@@ -31,7 +31,7 @@ class Tick(Static, can_focus=True):
 
     def on_click(self) -> None:
         """Tick or untick."""
-        self.action_toggle()
+        self.action_tick()
 
     def _paint(self) -> None:
         box = ("[✔]", "bold $text-success") if self.ticked else ("[ ]", "bold $text-warning")

@@ -1,0 +1,235 @@
+"""Deciding on a plan: nothing is approved by a stray key, and nothing inadmissible at all."""
+
+from pathlib import Path
+
+import pytest
+from textual.widgets import Button, Input, TextArea
+
+from pa_console.schema import event as ev
+from pa_console.schema.mission import Metrics
+from pa_console.tui.widgets.approval_panel import ARM_DELAY_S, ApprovalPanel
+from pa_console.tui.widgets.tick import Tick
+from tests.tui import story
+from tests.tui.scripted import FakeClock, ScriptedStation, console, settle
+
+SIZE = (120, 36)
+BLOCKED = "WF-03: a gate is left without cover"
+
+
+async def test_keys_typed_ahead_are_dropped_and_then_approve_works(tmp_path: Path) -> None:
+    station, clock = ScriptedStation(story.told("approval")), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("a", "enter", "r", "space")
+        await settle(pilot, station)
+        assert station.decisions == []
+        clock.now += ARM_DELAY_S
+        await pilot.press("a")
+        await settle(pilot, station)
+        assert [decision.kind for decision in station.decisions] == ["approve"]
+        assert not app.screen.query_one(ApprovalPanel).display
+
+
+async def test_every_early_key_starts_the_delay_anew(tmp_path: Path) -> None:
+    station, clock = ScriptedStation(story.told("approval")), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        clock.now += ARM_DELAY_S - 0.1
+        await pilot.press("a")
+        clock.now += ARM_DELAY_S - 0.1
+        await pilot.press("a")
+        assert station.decisions == []
+
+
+async def test_a_click_before_the_delay_does_nothing(tmp_path: Path) -> None:
+    station, clock = ScriptedStation(story.told("approval")), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.click("#approve")
+        assert station.decisions == []
+
+
+async def test_a_stray_enter_rejects_and_never_approves(tmp_path: Path) -> None:
+    station, clock = ScriptedStation(story.told("approval")), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        assert app.screen.query_one("#reject", Button).has_focus
+        clock.now += ARM_DELAY_S
+        await pilot.press("enter")
+        await settle(pilot, station)
+        assert [decision.kind for decision in station.decisions] == ["reject"]
+
+
+async def test_a_second_key_does_not_decide_twice(tmp_path: Path) -> None:
+    station, clock = ScriptedStation(story.told("approval")), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        clock.now += ARM_DELAY_S
+        await pilot.press("a", "a", "r", "enter")
+        await settle(pilot, station)
+        assert len(station.decisions) == 1
+
+
+async def test_who_is_typing_keeps_the_keys(tmp_path: Path) -> None:
+    station, clock = ScriptedStation(story.told("planning")), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press(*"arm")
+        station.emit(*story.judged())
+        await settle(pilot, station)
+        clock.now += 10
+        await pilot.press("a", "r")
+        assert station.decisions == []
+        assert app.screen.query_one("#mission-input", Input).value == "armar"
+        await pilot.press("f7", "r")
+        await settle(pilot, station)
+        assert [decision.kind for decision in station.decisions] == ["reject"]
+
+
+async def test_a_blocked_plan_cannot_be_approved(tmp_path: Path) -> None:
+    station = ScriptedStation(story.told("approval", broken=("WF-03",), blocked=(BLOCKED,)))
+    clock = FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        clock.now += ARM_DELAY_S
+        panel = app.screen.query_one(ApprovalPanel)
+        assert app.screen.query_one("#approve", Button).disabled
+        assert "nobody may override" in str(panel.border_subtitle)
+        await pilot.press("a")
+        await pilot.click("#approve")
+        assert station.decisions == []
+
+
+async def test_a_judges_failure_needs_a_reason(tmp_path: Path) -> None:
+    station, clock = ScriptedStation(story.told("approval", verdict="Failure")), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        clock.now += ARM_DELAY_S
+        await pilot.press("a")
+        assert station.decisions == []
+        app.screen.query_one("#approval-reason", Input).focus()
+        await pilot.press(*"seen", "enter")
+        await pilot.press("a")
+        await settle(pilot, station)
+        (decision,) = station.decisions
+        assert decision.override_judge
+        assert decision.reason == "seen"
+
+
+async def test_warnings_must_be_ticked(tmp_path: Path) -> None:
+    station, clock = ScriptedStation(story.told("approval", broken=("CAP-04",))), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        clock.now += ARM_DELAY_S
+        await pilot.press("a")
+        assert station.decisions == []
+        app.screen.query_one(Tick).focus()
+        await pilot.press("space", "a")
+        await settle(pilot, station)
+        assert station.decisions[0].acknowledged == ("CAP-04",)
+
+
+async def test_reject_carries_the_reason(tmp_path: Path) -> None:
+    station, clock = ScriptedStation(story.told("approval")), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        clock.now += ARM_DELAY_S
+        app.screen.query_one("#approval-reason", Input).focus()
+        await pilot.press(*"no", "enter", "r")
+        await settle(pilot, station)
+        assert (station.decisions[0].kind, station.decisions[0].reason) == ("reject", "no")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("{", "JSON"),
+        ('{"reason": "r", "actions": [{"agent": "D", "command": "fire"}]}', "unknown command"),
+        ('{"reason": "r", "actions": [], "extra": 1}', "extra"),
+    ],
+)
+async def test_modify_says_what_is_wrong_with_the_text(
+    tmp_path: Path, text: str, words: str
+) -> None:
+    station, clock = ScriptedStation(story.told("approval")), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        clock.now += ARM_DELAY_S
+        await pilot.press("m")
+        await pilot.pause()
+        app.screen.query_one(TextArea).text = text
+        await pilot.pause()
+        assert words in str(app.screen.query_one("#editor-error").render())
+        await pilot.press("ctrl+s")
+        await pilot.pause()
+        assert station.decisions == []
+        assert app.screen.query("#editor")
+
+
+async def test_modify_sends_the_changed_plan_and_keeps_a_left_draft(tmp_path: Path) -> None:
+    station, clock = ScriptedStation(story.told("approval")), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        clock.now += ARM_DELAY_S
+        await pilot.press("m")
+        await pilot.pause()
+        changed = app.screen.query_one(TextArea).text.replace("observe", "move_to")
+        app.screen.query_one(TextArea).text = changed
+        await pilot.press("escape")
+        await settle(pilot, station)
+        await pilot.press("m")
+        await pilot.pause()
+        assert app.screen.query_one(TextArea).text == changed
+        await pilot.press("ctrl+s")
+        await settle(pilot, station)
+        (decision,) = station.decisions
+        assert decision.kind == "modify"
+        assert decision.plan is not None
+        assert decision.plan.actions[0].command == "move_to NorthGate"
+
+
+async def test_a_request_is_withdrawn_with_its_mission(tmp_path: Path) -> None:
+    station, clock = ScriptedStation(story.told("approval")), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        clock.now += ARM_DELAY_S
+        await pilot.press("m")
+        await pilot.pause()
+        station.emit(ev.MissionFinished(status="cancelled", reason="stop", metrics=Metrics()))
+        await settle(pilot, station)
+        await pilot.press("ctrl+s")
+        await settle(pilot, station)
+        assert station.decisions == []
+        assert not app.screen.query_one(ApprovalPanel).display
+
+
+async def test_a_decision_that_was_not_accepted_can_be_made_again(tmp_path: Path) -> None:
+    station, clock = ScriptedStation(story.told("approval")), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        clock.now += ARM_DELAY_S
+        await pilot.press("m")
+        await pilot.pause()
+        await pilot.press("ctrl+s")
+        await settle(pilot, station)
+        decision = station.decisions[0]
+        station.emit(ev.DecisionMade(attempt=1, decision=decision, accepted=False, detail="no"))
+        await settle(pilot, station)
+        clock.now += ARM_DELAY_S
+        await pilot.press("r")
+        await settle(pilot, station)
+        assert [made.kind for made in station.decisions] == ["modify", "reject"]

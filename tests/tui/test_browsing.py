@@ -1,0 +1,158 @@
+"""Policies, help, palette, what-ifs, copies, keys of the user's own."""
+
+from pathlib import Path
+
+import pytest
+from textual.widgets import Input, OptionList, Select
+
+from pa_console.schema.document import DocumentError
+from pa_console.schema.incident import SpawnTrack
+from pa_console.tui.actions import ACTIONS, Situation
+from pa_console.tui.keymap import load_keymap
+from pa_console.tui.screens.help import help_rows
+from pa_console.tui.screens.policies import PolicyScreen
+from pa_console.tui.widgets.sheet import Sheet
+from tests.tui import story
+from tests.tui.scripted import ScriptedStation, console, settle
+from tests.tui.site import RULES, WORLD
+
+SIZE = (120, 36)
+
+
+async def test_policies_are_searched_with_live_scores_and_filtered(tmp_path: Path) -> None:
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("f6")
+        await settle(pilot)
+        screen = app.screen
+        assert isinstance(screen, PolicyScreen)
+        assert [rule.id for rule in screen.shown()] == [rule.id for rule in RULES]
+        await pilot.press(*"each gate")
+        await settle(pilot)
+        assert screen.shown()[0].id == "WF-03"
+        assert "blocks a plan for everyone" in str(screen.query_one(Sheet).render())
+        screen.query_one("#policy-domain", Select).value = "WF"
+        await settle(pilot)
+        assert {rule.id for rule in screen.shown()} == {"WF-03", "WF-09"}
+        screen.query_one("#policy-mode", Select).value = "judged"
+        await settle(pilot)
+        assert [rule.id for rule in screen.shown()] == ["WF-09"]
+        assert screen.query_one(OptionList).option_count == 1
+        assert "the LLM judges it" in str(screen.query_one(Sheet).render())
+        await pilot.press("escape")
+        await settle(pilot)
+        assert app.screen is app.main
+
+
+async def test_a_rule_shows_its_check_and_examples(tmp_path: Path) -> None:
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("f6", "tab", "tab", "tab", "tab", "down")
+        await settle(pilot)
+        text = str(app.screen.query_one(Sheet).render())
+        for words in ("ROE-02", "tracks.all", "must be broken: blocked unseen",
+                      "Ugv_T01: block EastGate"):  # fmt: skip
+            assert words in text
+
+
+def test_help_lists_every_action_and_says_why_not() -> None:
+    text = "\n".join(item.lead.plain + item.body.plain for item in help_rows(Situation()))
+    assert all(action.help in text for action in ACTIONS)
+    assert "(now: only in a replay)" in text
+
+
+async def test_a_what_if_from_the_palette_reaches_the_simulation(tmp_path: Path) -> None:
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("f10")
+        await pilot.pause()
+        app.screen.query_one(Input).value = "unknown vehicle at EastGate"
+        results = app.screen.query_one(OptionList)
+        while not results.option_count or results.get_option_at_index(0).disabled:
+            await pilot.pause()
+        await pilot.press("down", "enter")
+        while not station.injected:
+            await pilot.pause()
+        assert station.injected == [SpawnTrack(gate="EastGate")]
+        assert WORLD.gates.count("EastGate") == 1
+
+
+async def test_speed_goes_up_and_down_within_bounds(tmp_path: Path) -> None:
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("f2", *["plus"] * 5)
+        assert station.rate == 8.0
+        await pilot.press(*["minus"] * 5)
+        assert station.rate == 1.0
+
+
+async def test_copies_go_to_the_clipboard_and_to_a_file(tmp_path: Path) -> None:
+    station = ScriptedStation(story.told("finished"))
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("f4", "y")
+        trace = (tmp_path / "copies" / "M-003-trace.txt").read_text()
+        assert app.clipboard == trace
+        assert "You plan for a checkpoint." in trace
+        assert "Do not use lethal" in trace
+        await pilot.press("Y")
+        assert (tmp_path / "copies" / "M-003-plan.json").read_text() == app.clipboard
+        assert '"Drone_T04"' in app.clipboard
+
+
+async def test_a_folder_that_cannot_be_written_is_no_crash(tmp_path: Path) -> None:
+    (tmp_path / "copies").write_text("a file in the way")
+    (tmp_path / "history.txt").mkdir()
+    station = ScriptedStation(story.told("finished"))
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press(*"go", "enter", "escape", "y")
+        await settle(pilot, station)
+        assert station.submitted == ["go"]
+        assert "M-003" in app.clipboard
+
+
+async def test_the_users_keys_are_used(tmp_path: Path) -> None:
+    (tmp_path / "keymap.yaml").write_text("stop: f12\n")
+    station = ScriptedStation(story.told("executing"))
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("f12")
+        await settle(pilot, station)
+        assert station.stopped == 1
+
+
+@pytest.mark.parametrize("text", ["stopp: f12", "stop: 12", "- f12"])
+def test_wrong_keys_are_explained(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "keymap.yaml"
+    file.write_text(text)
+    with pytest.raises(DocumentError, match=r"keymap\.yaml:1"):
+        load_keymap(file)
+
+
+async def test_wrong_keys_do_not_keep_the_console_from_starting(tmp_path: Path) -> None:
+    (tmp_path / "keymap.yaml").write_text("nonsense: f12\n")
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("f6")
+        await settle(pilot)
+        assert isinstance(app.screen, PolicyScreen)
+
+
+def test_no_key_is_given_twice_and_none_is_tmuxs() -> None:
+    keys = [key for action in ACTIONS for key in action.keys.split(",")]
+    assert len(keys) == len(set(keys))
+    assert "ctrl+b" not in keys

@@ -1,0 +1,104 @@
+"""The drawn map: closed walls, everything on it once, nothing outside, whatever the size."""
+
+from itertools import pairwise
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pa_console.schema.telemetry import AssetTelemetry
+from pa_console.tui.map.canvas import Canvas, staircase
+from pa_console.tui.map.projection import Projection
+from pa_console.tui.map.scene import Scene, arrow
+from pa_console.tui.words import short_names
+from tests.tui.site import WORLD, picture, track
+
+SCENE = Scene(WORLD)
+
+
+@given(st.integers(40, 200), st.integers(12, 60))
+@settings(max_examples=30, deadline=None)
+def test_every_asset_track_and_gate_is_on_the_map(width: int, height: int) -> None:
+    canvas = SCENE.draw(picture(tracks=(track(),)), width, height)
+    text = "\n".join(canvas.lines())
+    for name in SCENE.short.values():
+        assert text.count(name) == 1
+    assert "■?1" in text
+    assert text.count("◆") == len(WORLD.gates)
+    assert len(canvas.lines()) == height
+    assert {len(line) for line in canvas.lines()} == {width}
+
+
+@given(st.integers(1, 250), st.integers(1, 80))
+@settings(max_examples=40, deadline=None)
+def test_no_size_is_too_small_to_draw(width: int, height: int) -> None:
+    canvas = SCENE.draw(picture(tracks=(track(),), uncovered=("EastGate",)), width, height)
+    assert {len(line) for line in canvas.lines()} == {width}
+
+
+def test_assets_on_one_spot_do_not_hide_each_other() -> None:
+    names = list(WORLD.assets)
+    changes = {name: {"position": (0.0, 0.0)} for name in names}
+    text = "\n".join(SCENE.draw(picture(changes=changes), 80, 30).lines())
+    assert all(SCENE.short[name] in text for name in names)
+
+
+def test_an_uncovered_gate_differs_in_sign_not_only_in_colour() -> None:
+    lines = SCENE.draw(picture(uncovered=("EastGate",)), 80, 24).lines()
+    text = "\n".join(lines)
+    assert (text.count("◇"), text.count("◆")) == (1, 3)
+
+
+def test_an_asset_that_is_down_shows_no_heading() -> None:
+    failed = {"Drone_T01": {"status": "failed"}, "Ugv_T01": {"comms": "lost"}}
+    text = "\n".join(SCENE.draw(picture(changes=failed), 80, 24).lines())
+    assert "D1✘" in text
+    assert "U1?" in text
+
+
+def test_a_route_is_dotted_up_to_its_end() -> None:
+    def dots(**changes: object) -> int:
+        drawn = SCENE.draw(picture(changes={"Robot_T02": changes}), 100, 36)
+        return "".join(drawn.lines()).count("•")
+
+    assert dots() == 0
+    assert dots(route=((30.0, -36.0), (0.0, -36.0))) > 5
+
+
+@given(st.tuples(st.integers(-9, 9), st.integers(-9, 9)))
+def test_walls_have_no_diagonal_gaps(end: tuple[int, int]) -> None:
+    path = staircase((0, 0), end)
+    assert (path[0], path[-1]) == ((0, 0), end)
+    steps = pairwise(path)
+    assert all(abs(a[0] - b[0]) + abs(a[1] - b[1]) == 1 for a, b in steps)
+
+
+def test_corners_and_crossings_have_their_own_glyphs() -> None:
+    canvas = Canvas(5, 3)
+    for start, end in (((0, 0), (4, 0)), ((4, 0), (4, 2)), ((2, 0), (2, 2)), ((0, 0), (0, 2))):
+        canvas.add_wall(start, end)
+    canvas.draw_walls("wall")
+    assert canvas.lines()[0] == "┏━┳━┓"
+
+
+def test_north_is_up_and_east_is_right() -> None:
+    view = Projection(WORLD, 80, 30)
+    assert view.cell((0.0, 40.0))[1] < view.cell((0.0, -40.0))[1]
+    assert view.cell((60.0, 0.0))[0] > view.cell((-60.0, 0.0))[0]
+    assert [arrow(heading) for heading in (0, 90, 180, 270, -45)] == ["→", "↑", "←", "↓", "↘"]
+
+
+def test_short_names_are_never_shared() -> None:
+    assert short_names(["Drone_T01", "Ugv_T02"]) == {"Drone_T01": "D1", "Ugv_T02": "U2"}
+    clashing = short_names(["Drone_A1", "Drone_B1", "Dog"])
+    assert len(set(clashing.values())) == 3
+
+
+def test_only_changed_rows_are_painted_again() -> None:
+    def moved(asset: AssetTelemetry) -> dict[str, object]:
+        return {"position": (asset.position[0] - 6.0, asset.position[1])}
+
+    first = picture()
+    second = picture(changes={"Drone_T03": moved(first.assets["Drone_T03"])})
+    before, after = SCENE.draw(first, 80, 30), SCENE.draw(second, 80, 30)
+    changed = [row for row in range(30) if before.runs(row) != after.runs(row)]
+    assert 1 <= len(changed) <= 3

@@ -1,0 +1,209 @@
+"""Typing a mission, watching it, cancelling it."""
+
+from pathlib import Path
+from typing import cast
+
+from textual.widget import Widget
+from textual.widgets import Input
+from textual.widgets._toast import Toast
+
+from pa_console.schema import event as ev
+from pa_console.tui.app import ConsoleApp
+from pa_console.tui.widgets.map_view import MapView
+from pa_console.tui.widgets.status_bar import StatusBar
+from pa_console.tui.widgets.trace_pane import TracePane
+from tests.tui import story
+from tests.tui.scripted import ScriptedStation, console, settle
+from tests.tui.site import picture
+
+SIZE = (120, 36)
+TOLD = (
+    "Rules retrieved",
+    "jaccard 0.30",
+    "identify NorthGate",
+    "Rehearsal",
+    "every checked rule holds",
+    "Success",
+    "approved",
+    "2 of 2 done",
+    "Verification",
+    "was identified: unauthorized",
+    "end to end 46.0 s",
+)
+
+
+def shown(app: ConsoleApp, selector: str = "#trace") -> str:
+    """The text of a pane as a person would read it, line breaks taken out."""
+    assert app.main is not None
+    pane = app.main.query_one(selector)
+    widgets = [pane, *pane.walk_children(Widget)]
+    parts = (str(cast(object, widget.render())) for widget in widgets)
+    return " ".join(" ".join(parts).split())
+
+
+def told(app: ConsoleApp, words: str) -> int:
+    """How many notices on the screen contain `words`."""
+    toasts = app.screen.query(Toast)
+    return sum(words in " ".join(str(toast.render()).split()) for toast in toasts)
+
+
+async def test_a_typed_mission_is_submitted_and_remembered(tmp_path: Path) -> None:
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press(*"go east", "enter")
+        assert station.submitted == ["go east"]
+        field = app.screen.query_one("#mission-input", Input)
+        assert field.value == ""
+        await pilot.press("n", "e", "w", "up")
+        assert field.value == "go east"
+        await pilot.press("down")
+        assert field.value == "new"
+    assert "go east" in (tmp_path / "history.txt").read_text()
+
+
+async def test_a_refused_mission_stays_in_the_field(tmp_path: Path) -> None:
+    station = ScriptedStation(story.opening())
+    station.refuse = "the queue is full"
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press(*"go east", "enter")
+        assert app.screen.query_one("#mission-input", Input).value == "go east"
+
+
+async def test_escape_leaves_the_field_and_keeps_the_text(tmp_path: Path) -> None:
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press(*"half", "escape", "i")
+        field = app.screen.query_one("#mission-input", Input)
+        assert field.value == "half"
+        assert field.has_focus
+
+
+async def test_the_trace_tells_the_whole_mission(tmp_path: Path) -> None:
+    station = ScriptedStation(story.told("finished"))
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        text = shown(app)
+        for words in TOLD:
+            assert words in text
+
+
+async def test_model_text_is_never_read_as_markup(tmp_path: Path) -> None:
+    station = ScriptedStation(story.told("planning"))
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        station.emit(ev.TextStreamed(role="planner", attempt=1, text="[red]x[/nosuch] [@click=a]"))
+        await settle(pilot, station)
+        assert "[red]x[/nosuch] [@click=a]" in shown(app)
+
+
+async def test_telemetry_moves_the_map_while_the_trace_stays(tmp_path: Path) -> None:
+    station = ScriptedStation(story.told("planning"))
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        before = app.screen.query_one(MapView).text()
+        station.emit(ev.TelemetryReceived(picture=story.moving_picture()), mission=None)
+        await settle(pilot, station)
+        after = app.screen.query_one(MapView).text()
+        assert after != before
+        assert "◇" in after
+        assert "SouthGate UNCOVERED" in str(app.screen.query_one(StatusBar).render())
+
+
+async def test_cancel_reaches_the_station_at_once(tmp_path: Path) -> None:
+    station = ScriptedStation(story.told("planning"))
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("f8")
+        await settle(pilot, station)
+        assert station.cancelled == 1
+        assert "cancelled" in shown(app)
+        await pilot.press("f8")
+        assert station.cancelled == 1
+
+
+async def test_stop_works_from_every_screen(tmp_path: Path) -> None:
+    station = ScriptedStation(story.told("executing"))
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("f1", "f9", "escape", "f6", "f9")
+        await settle(pilot, station)
+        assert station.stopped == 2
+
+
+async def test_old_telemetry_is_called_old(tmp_path: Path) -> None:
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        late = picture(time_s=320.0, changes={"Drone_T01": {"stamp_s": 300.0}})
+        station.emit(ev.TelemetryReceived(picture=late), mission=None)
+        await settle(pilot, station)
+        assert "20!" in shown(app, "#assets")
+
+
+async def test_a_broken_stream_leaves_the_console_usable(tmp_path: Path) -> None:
+    station = ScriptedStation(story.told("planning"), broken="the link is gone")
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE, notifications=True) as pilot:
+        await settle(pilot, station)
+        station.end()
+        await settle(pilot, station)
+        assert told(app, "the link is gone") == 1
+        await pilot.press("f6")
+        await pilot.pause()
+        assert app.screen.query("#policy-list")
+
+
+async def test_a_log_that_cannot_be_written_is_told_once(tmp_path: Path) -> None:
+    def full(_event: ev.Event) -> None:
+        raise OSError("no space left")
+
+    station = ScriptedStation(story.told("planning"))
+    app = console(station, tmp_path, log=full)
+    async with app.run_test(size=SIZE, notifications=True) as pilot:
+        await settle(pilot, station)
+        assert told(app, "no space left") == 1
+        assert app.screen.query_one(TracePane)
+
+
+async def test_every_event_goes_to_the_log_in_order(tmp_path: Path) -> None:
+    seen: list[str] = []
+
+    def sink(event: ev.Event) -> None:
+        seen.append(event.data.kind)
+
+    payloads = story.told("finished")
+    station = ScriptedStation(payloads)
+    app = console(station, tmp_path, log=sink)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+    assert seen == [payload.kind for payload in payloads]
+
+
+async def test_leaving_during_a_mission_asks_first(tmp_path: Path) -> None:
+    station = ScriptedStation(story.told("executing"))
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("ctrl+q")
+        await pilot.pause()
+        assert app.screen.query("#confirm")
+        await pilot.press("enter")
+        await pilot.pause()
+        assert not station.closed
+        await pilot.press("ctrl+q")
+        await pilot.pause()
+        await pilot.press("y")
+        await pilot.pause()
+    assert station.closed

@@ -1,0 +1,112 @@
+"""Read-only and replay refuse every command and say so; small terminals lose nothing."""
+
+from pathlib import Path
+
+from textual.widgets import Static
+
+from pa_console.session.replay import Player
+from pa_console.tui.actions import ACTIONS, Situation
+from pa_console.tui.widgets.approval_panel import ApprovalPanel
+from pa_console.tui.widgets.status_bar import StatusBar
+from tests.tui import story
+from tests.tui.scripted import FakeClock, ScriptedStation, console, settle
+from tests.tui.story import stamped
+
+SIZE = (120, 36)
+COMMANDS = ("cancel", "stop", "prompt", "approval")
+
+
+async def test_readonly_shows_everything_and_refuses_every_command(tmp_path: Path) -> None:
+    station = ScriptedStation(story.told("approval"))
+    app = console(station, tmp_path, readonly=True)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("i", "a", "r", "f7", "f8", "f9", "S", "c", "enter")
+        await settle(pilot, station)
+        assert (station.submitted, station.decisions) == ([], [])
+        assert (station.cancelled, station.stopped) == (0, 0)
+        assert not app.screen.query_one(ApprovalPanel).display
+        assert not app.screen.query("#mission-input")
+        assert "READ-ONLY" in str(app.screen.query_one("#prompt-closed", Static).render())
+
+
+def test_no_command_is_legal_in_a_replay_or_read_only() -> None:
+    full = {"mission": True, "traced": True, "approval": True}
+    for action in ACTIONS:
+        if action.id in COMMANDS:
+            assert action.refusal(Situation(replay=True, **full))
+            assert action.refusal(Situation(readonly=True, **full))
+            assert not action.refusal(Situation(**full))
+
+
+async def test_replay_plays_steps_and_refuses(tmp_path: Path) -> None:
+    clock = FakeClock()
+    player = Player.of(stamped(story.told("finished")))
+    app = console(None, tmp_path, clock, player=player)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot)
+        await pilot.press("right", "right", "right")
+        await settle(pilot)
+        assert player.index == 3
+        assert "REPLAY" in str(app.screen.query_one(StatusBar).render())
+        await pilot.press("left", "n")
+        await settle(pilot)
+        assert list(player.state.missions) == ["M-003"]
+        await pilot.press("plus", "space")
+        assert player.playing
+        assert player.rate == 2.0
+        await pilot.press("f8", "f9", "S", "i", "f7", "a")
+        assert not app.screen.query("#mission-input")
+        assert not app.screen.query_one(ApprovalPanel).display
+
+
+async def test_replay_plays_on_with_the_clock(tmp_path: Path) -> None:
+    clock = FakeClock()
+    player = Player.of(stamped(story.told("finished")))
+    app = console(None, tmp_path, clock, player=player)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot)
+        await pilot.press("space")
+        clock.now += 1000.0
+        while not player.finished:
+            await pilot.pause()
+        await settle(pilot)
+        assert "ended" in str(app.screen.query_one("#replay", Static).render())
+
+
+async def test_a_tiny_terminal_gets_a_friendly_word(tmp_path: Path) -> None:
+    station = ScriptedStation(story.told("approval"))
+    app = console(station, tmp_path)
+    async with app.run_test(size=(50, 12)) as pilot:
+        await settle(pilot, station)
+        note = app.screen.query_one("#too-small", Static)
+        assert note.display
+        assert "60 x 18" in str(note.render())
+        assert not app.screen.query_one("#body").display
+        await pilot.resize_terminal(80, 24)
+        await settle(pilot)
+        assert app.screen.query_one("#body").display
+
+
+async def test_a_small_terminal_reaches_every_pane(tmp_path: Path) -> None:
+    station = ScriptedStation(story.told("executing"))
+    app = console(station, tmp_path)
+    async with app.run_test(size=(60, 18)) as pilot:
+        await settle(pilot, station)
+        for key, pane in (("f3", "assets"), ("f4", "trace"), ("f5", "events"), ("f2", "map")):
+            await pilot.press(key)
+            await settle(pilot)
+            seen = [name for name in ("map", "assets", "trace", "events")
+                    if app.screen.query_one(f"#{name}").region.area]  # fmt: skip
+            assert seen == [pane]
+
+
+async def test_all_parts_of_a_decision_are_on_a_small_terminal(tmp_path: Path) -> None:
+    station = ScriptedStation(story.told("approval", broken=("CAP-04",)))
+    app = console(station, tmp_path)
+    async with app.run_test(size=(60, 18)) as pilot:
+        await settle(pilot, station)
+        for name in ("reject", "modify", "approve", "approval-reason", "map"):
+            region = app.screen.query_one(f"#{name}").region
+            assert region.area
+            assert region.bottom <= 18

@@ -1,0 +1,102 @@
+"""What the screens look like, at the two sizes that must always work."""
+
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from textual.pilot import Pilot
+
+from pa_console.schema.event import EventPayload
+from pa_console.session.replay import Player
+from pa_console.tui.app import ConsoleApp
+from pa_console.tui.widgets.approval_panel import ApprovalPanel
+from tests.tui import story
+from tests.tui.scripted import FakeClock, ScriptedStation, console, settle
+from tests.tui.story import stamped
+
+Compare = Callable[..., bool]
+SIZES = {"80x24": (80, 24), "120x36": (120, 36)}
+BLOCKED = {
+    "broken": ("WF-03",),
+    "verdict": "Failure",
+    "blocked": ("WF-03: a gate is left without cover",),
+}
+SCREENS: dict[str, tuple[list[EventPayload], tuple[str, ...]]] = {
+    "empty": ([], ()),
+    "planning": (story.told("planning"), ("f4",)),
+    "approval": (story.told("approval", broken=("CAP-04",)), ()),
+    "blocked": (story.told("approval", **BLOCKED), ()),
+    "executing": (story.told("executing"), ()),
+    "finished": (story.told("finished"), ("f4",)),
+    "assets": (story.told("executing"), ("f3",)),
+    "editor": (story.told("approval"), ("m",)),
+    "policies": (story.opening(), ("f6", *"each gate")),
+    "help": (story.opening(), ("f1",)),
+    "leaving": (story.told("executing"), ("f2", "q")),
+}
+
+
+def before(
+    station: ScriptedStation | None, clock: FakeClock, keys: tuple[str, ...]
+) -> Callable[[Pilot[Any]], Awaitable[None]]:
+    """Bring the console into the state to be looked at."""
+
+    async def run(pilot: Pilot[Any]) -> None:
+        await settle(pilot, station)
+        clock.now += 1.0
+        app = pilot.app
+        assert isinstance(app, ConsoleApp)
+        assert app.main is not None
+        app.main.query_one(ApprovalPanel).refresh_state()
+        for key in keys:
+            await pilot.press(key)
+            await settle(pilot)
+        await settle(pilot)
+
+    return run
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("name", SCREENS)
+def test_screen(snap_compare: Compare, tmp_path: Path, name: str, size: str) -> None:
+    payloads, keys = SCREENS[name]
+    station, clock = ScriptedStation(payloads), FakeClock()
+    app = console(station, tmp_path, clock)
+    run = before(station, clock, keys)
+    assert snap_compare(app, terminal_size=SIZES[size], run_before=run)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_replay(snap_compare: Compare, tmp_path: Path, size: str) -> None:
+    clock = FakeClock()
+    player = Player.of(stamped(story.told("finished")))
+    app = console(None, tmp_path, clock, player=player)
+    run = before(None, clock, ("n", *["right"] * 8))
+    assert snap_compare(app, terminal_size=SIZES[size], run_before=run)
+
+
+def test_readonly(snap_compare: Compare, tmp_path: Path) -> None:
+    station, clock = ScriptedStation(story.told("executing")), FakeClock()
+    app = console(station, tmp_path, clock, readonly=True)
+    assert snap_compare(app, terminal_size=(80, 24), run_before=before(station, clock, ()))
+
+
+def test_without_colour(
+    snap_compare: Compare, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NO_COLOR", "1")
+    station, clock = ScriptedStation(story.told("approval", **BLOCKED)), FakeClock()
+    app = console(station, tmp_path, clock)
+    assert snap_compare(app, terminal_size=(120, 36), run_before=before(station, clock, ()))
+
+
+def test_light(snap_compare: Compare, tmp_path: Path) -> None:
+    station, clock = ScriptedStation(story.told("approval", broken=("CAP-04",))), FakeClock()
+    app = console(station, tmp_path, clock)
+
+    async def run(pilot: Pilot[Any]) -> None:
+        pilot.app.theme = "pa-console-light"
+        await before(station, clock, ())(pilot)
+
+    assert snap_compare(app, terminal_size=(120, 36), run_before=run)
