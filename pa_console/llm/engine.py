@@ -5,12 +5,18 @@ The event loop is never blocked: the worker is an asyncio subprocess that speaks
 
 import asyncio
 from collections.abc import AsyncGenerator, Callable
+from contextlib import aclosing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 
 from pa_console.llm.catalog import LocalModel
-from pa_console.llm.errors import EngineDiedError, ModelUnavailableError, PromptRefusedError
+from pa_console.llm.errors import (
+    EngineDiedError,
+    EngineError,
+    ModelUnavailableError,
+    PromptRefusedError,
+)
 from pa_console.llm.process import Worker
 from pa_console.llm.protocol import Cancel, Done, Finish, Generate, Load, Piece, Refused
 from pa_console.llm.threads import physical_cores
@@ -19,6 +25,7 @@ from pa_console.schema.finding import Usage
 
 SAMPLER = "greedy seed=0"
 N_CTX = 4096
+WARM_GRAMMAR = 'start: "{"'
 LOAD_LIMIT_S = 300.0
 DIED = "the model's process died; it is started again when it is needed"
 GRACE_S = 1.0
@@ -85,6 +92,7 @@ class Engine:
         self._worker: Worker | None = None
         self.busy = False
         """Whether the worker was given a prompt that is not yet answered."""
+        self._warming = False
         self._turn, self._spawning = asyncio.Lock(), asyncio.Lock()
         self._stop = asyncio.Event()
         self._number = 0
@@ -120,6 +128,28 @@ class Engine:
         Raises ModelUnavailableError when the model cannot be loaded, PromptRefusedError when the
         prompt does not fit, EngineDiedError when the worker ended meanwhile.
         """
+        if self._warming:
+            self.cancel()
+        async with aclosing(self._generate(request)) as items:
+            async for item in items:
+                yield item
+
+    async def warm(self, role: Role, system: str) -> None:
+        """Read the fixed prompt of `role` ahead of its first use; a real prompt interrupts it.
+
+        What was read is kept, so an interrupted warm-up is not lost. Failures show in `state`.
+        """
+        self._warming = True
+        try:
+            async for _ in self._generate(Request(role, system, "", WARM_GRAMMAR, 1, LOAD_LIMIT_S)):
+                pass
+        except EngineError:
+            return
+        finally:
+            self._warming = False
+
+    async def _generate(self, request: Request) -> AsyncGenerator[str | Completed]:
+        """Take the turn, wait for the model, ask."""
         async with self._turn:
             self._stop.clear()
             worker = await self._living_worker()

@@ -173,6 +173,26 @@ async def test_an_answer_that_is_too_long_is_cut_off(engine: Engine):
     assert done.usage.completion_tokens == 7
 
 
+async def test_what_was_warmed_up_is_not_read_again(smallest_model: LocalModel):
+    engine = Engine(smallest_model)
+    try:
+        await engine.warm("judge", BRIEF.system)
+        assert (await answer(engine, BRIEF)).usage.cached_tokens >= 64
+    finally:
+        await engine.close()
+
+
+async def test_a_prompt_interrupts_a_warm_up(engine: Engine):
+    warming = asyncio.create_task(engine.warm("planner", "word " * 700))
+    while not engine.busy:
+        await asyncio.sleep(0)
+    done = await answer(engine, BRIEF)
+    await warming
+    assert done.finish == "stop"
+    rest = await answer(engine, replace(BRIEF, role="planner", system="word " * 700))
+    assert rest.usage.cached_tokens < rest.usage.prompt_tokens - 128
+
+
 async def test_an_abandoned_answer_does_not_delay_the_next(engine: Engine):
     async with aclosing(engine.generate(LONG)) as items:
         async for _ in items:
