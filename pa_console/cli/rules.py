@@ -73,7 +73,7 @@ def check(
     for rule in book.rules:
         for example in rule.examples:
             examples += 1
-            found = run_example(book, rule, example)
+            found = run_example(rule, example)
             status = {"complies": "pass", "violates": "fail"}.get(found.status, found.status)
             if status != example.expect:
                 wrong.append(

@@ -57,6 +57,7 @@ async def run_missions(
     state = SessionState()
     waiting = list(texts)
     submitted: list[str] = []
+    request: ev.ApprovalRequested | None = None
     async for event in station.run():
         state.apply(event)
         sink(event, state)
@@ -69,7 +70,10 @@ async def run_missions(
                     await station.advance(SETUP_SETTLE_S)
                 submitted.append(station.submit(waiting.pop(0)).id)
             case ev.ApprovalRequested():
-                station.decide(approver(event.data))
+                request = event.data
+                station.decide(approver(request))
+            case ev.DecisionMade(accepted=False) if request is not None:
+                station.decide(approver(request))
             case ev.MissionFinished():
                 if waiting:
                     submitted.append(station.submit(waiting.pop(0)).id)
