@@ -7,13 +7,20 @@ from rich.table import Table
 from pa_console.cli.output import errors, out, print_json
 from pa_console.evaluation.mission_set import load_missions
 from pa_console.evaluation.model_bench import BenchRow, BenchTotal, bench_model, total
-from pa_console.orchestrator.compose import load_site, open_engine
+from pa_console.llm.catalog import find_model
+from pa_console.llm.engine import Engine
+from pa_console.orchestrator.compose import load_site
 from pa_console.orchestrator.headless import Sink
 from pa_console.resources import data_folder
 from pa_console.schema.event import Event
 from pa_console.schema.mission import MissionCase
 from pa_console.session.fold import SessionState
 from pa_console.session.log import LogWriter, new_log_path
+
+LEGEND = """\
+JSON: the first answer is a plan. 1st: it breaks no Critical or High rule. rep: some attempt breaks
+none. judge: the verdict on the plan shown. exec: executed without overruling anything. veri:
+telemetry shows that it happened. sec: from intake to verdict."""
 
 
 async def run_bench(
@@ -28,7 +35,7 @@ async def run_bench(
     site = load_site(*site_names)
     path = missions or data_folder() / "worlds" / "checkpoint" / "missions" / "paper.yaml"
     mission_set = load_missions(path, site.world)
-    engines = {name: open_engine(name) for name in names}
+    engines = {name: Engine(find_model(name)) for name in names}
     rows: dict[str, list[BenchRow]] = {name: [] for name in names}
     with errors.status("starting") as status:
         for name, engine in engines.items():
@@ -45,8 +52,9 @@ async def run_bench(
         print_json({"totals": totals, "rows": rows})
         return
     for name, found in rows.items():
-        out.print(_rows_table(name, found))
+        _print_rows(name, found)
     out.print(_totals_table(totals))
+    out.print(LEGEND)
 
 
 def _logging(folder: Path | None, stem: str, session: str) -> Sink:
@@ -63,10 +71,10 @@ def _logging(folder: Path | None, stem: str, session: str) -> Sink:
     return write
 
 
-def _rows_table(name: str, rows: list[BenchRow]) -> Table:
+def _print_rows(name: str, rows: list[BenchRow]) -> None:
+    """Print one line of figures a mission, then what was planned and what stood in the way."""
     table = Table(
-        "mission", "JSON", "1st", "repaired", "tries", "judge", "executed", "verified", "seconds",
-        "plan, or why not", title=name,
+        "id", "JSON", "1st", "rep", "try", "judge", "exec", "veri", "sec", "status", title=name
     )  # fmt: skip
     for row in rows:
         flags = (row.valid_json, row.first_attempt, row.after_repair)
@@ -78,15 +86,17 @@ def _rows_table(name: str, rows: list[BenchRow]) -> Table:
             row.judge,
             *map(_mark, done),
             f"{row.decision_s:.1f}",
-            row.plan if row.executed else f"{row.status}: {row.reason}",
+            row.status,
         )
-    return table
+    out.print(table)
+    for row in rows:
+        why = "" if row.verified else f" ({row.reason})"
+        out.print(f"{row.mission}: {row.plan or 'no plan'}{why}", markup=False, soft_wrap=True)
 
 
 def _totals_table(totals: list[BenchTotal]) -> Table:
     table = Table(
-        "model", "missions", "valid JSON", "checks 1st", "after repair", "judge Success",
-        "executed", "verified", "median s", "longest s",
+        "model", "of", "JSON", "1st", "rep", "judge ok", "exec", "veri", "median s", "longest s"
     )  # fmt: skip
     for entry in totals:
         table.add_row(

@@ -1,11 +1,15 @@
 """`pa-console console`: the screen."""
 
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from typing import Annotated
 
 import typer
 
 from pa_console.cli.output import ModelOption, RulesOption, SeedOption, WorldOption, out
+from pa_console.llm.catalog import find_model
+from pa_console.llm.engine import Engine
+from pa_console.session.chain import LogError
 
 
 def console(
@@ -23,15 +27,22 @@ def console(
     """Open the console: live checkpoint, policy browser, missions, trace and approval."""
     if not sys.stdout.isatty():
         raise ValueError("the console needs a terminal; use 'pa-console mission' in scripts")
-    from pa_console.orchestrator.clock import RealTimeClock  # noqa: PLC0415 - after argument errors
-    from pa_console.orchestrator.compose import load_site, open_engine, open_station  # noqa: PLC0415
-    from pa_console.session.log import LogWriter, default_folder, new_log_path  # noqa: PLC0415
-    from pa_console.tui.app import ConsoleApp  # noqa: PLC0415
+    with ThreadPoolExecutor(1) as hashing:
+        found = hashing.submit(find_model, model)
+        from pa_console.orchestrator.clock import RealTimeClock  # noqa: PLC0415 - meanwhile
+        from pa_console.orchestrator.compose import load_site, open_station  # noqa: PLC0415
+        from pa_console.session.log import LogWriter, default_folder, new_log_path  # noqa: PLC0415
+        from pa_console.tui.app import ConsoleApp  # noqa: PLC0415
 
-    site = load_site(world, rules)
-    station = open_station(site, open_engine(model), RealTimeClock(), seed=seed, readonly=readonly)
+        site = load_site(world, rules)
+        engine = Engine(found.result())
+    station = open_station(site, engine, RealTimeClock(), seed=seed, readonly=readonly)
     path = new_log_path(default_folder(), station.session)
-    with LogWriter(path, station.session) as log:
+
+    def cannot_write(error: LogError) -> None:
+        app.notify(str(error), title="Session log", severity="error", timeout=30, markup=False)
+
+    with LogWriter(path, station.session, on_error=cannot_write) as log:
         app = ConsoleApp(
             site.world,
             station,

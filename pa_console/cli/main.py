@@ -59,8 +59,7 @@ def main() -> None:
     except EngineError as error:
         code = _fail(str(error), FAILED)
     except typer.TyperException as error:
-        error.show()
-        code = BAD_INPUT
+        code = _fail(f"{error.format_message()} See pa-console --help.", BAD_INPUT)
     except (KeyboardInterrupt, typer.Abort):
         code = _fail("interrupted", INTERRUPTED)
     except BrokenPipeError:

@@ -20,8 +20,10 @@ from pa_console.cli.output import (
     print_json,
 )
 from pa_console.cli.trace import print_trace
+from pa_console.llm.catalog import find_model
+from pa_console.llm.engine import Engine
 from pa_console.orchestrator.clock import SteppedClock
-from pa_console.orchestrator.compose import load_site, open_engine, open_station
+from pa_console.orchestrator.compose import load_site, open_station
 from pa_console.orchestrator.headless import (
     EXIT_CODES,
     Approver,
@@ -69,7 +71,7 @@ def mission(
     """Plan, check, rehearse, judge, decide, execute and verify one mission."""
     setup = [_incident(number, text_) for number, text_ in enumerate(event or (), start=1)]
     site = load_site(world, rules)
-    station = open_station(site, open_engine(model), SteppedClock(), seed=seed)
+    station = open_station(site, Engine(find_model(model)), SteppedClock(), seed=seed)
     approver = _ask if approve is Approve.ask else standing_approver(approve.value, override_reason)
     path = log or new_log_path(default_folder(), station.session)
     with LogWriter(path, station.session) as writer, errors.status("starting") as status:

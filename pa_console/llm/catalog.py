@@ -179,6 +179,15 @@ class Catalog(StrictModel):
         return self
 
 
+def find_model(name: str | None) -> LocalModel:
+    """Return a model of the installed catalogue, or of a file, None for the default one.
+
+    Raises ModelError like `Catalog.locate`.
+    """
+    catalog = Catalog.load()
+    return catalog.locate(name or catalog.default)
+
+
 def _entry_from_file(path: Path) -> ModelEntry:
     if not path.is_file():
         raise ModelError(f"{path}: no such model file")

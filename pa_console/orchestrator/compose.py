@@ -8,7 +8,6 @@ from importlib.metadata import version
 from pathlib import Path
 
 from pa_console import __version__
-from pa_console.llm.catalog import Catalog
 from pa_console.llm.engine import Engine
 from pa_console.llm.grammar import plan_grammar
 from pa_console.llm.judge import Judge
@@ -46,15 +45,6 @@ def load_site(world: str, rules: str) -> Site:
     world_path = find_data("worlds", world, "world.yaml")
     rules_path = find_data("rules", rules, "rules.yaml")
     return Site(load_world(world_path), world_path, load_rules(rules_path))
-
-
-def open_engine(model: str | None) -> Engine:
-    """Return the engine for a model of the catalogue or a GGUF file, None for the default.
-
-    Nothing is loaded yet; raises ModelError when the file is not on this machine.
-    """
-    catalog = Catalog.load()
-    return Engine(catalog.locate(model or catalog.default))
 
 
 def new_session_id() -> str:

@@ -2,7 +2,7 @@
 
 import asyncio
 from collections import deque
-from collections.abc import AsyncIterator
+from collections.abc import AsyncGenerator
 from contextlib import suppress
 from datetime import UTC, datetime
 
@@ -70,7 +70,7 @@ class Station:
     def rate(self, rate: float) -> None:
         self._clock.rate = rate
 
-    async def run(self) -> AsyncIterator[ev.Event]:
+    async def run(self) -> AsyncGenerator[ev.Event]:
         """Yield every event of the session until `close`; stopping the iteration closes it too."""
         self._emit(self._started)
         self._emit(ev.TelemetryReceived(picture=self._last))

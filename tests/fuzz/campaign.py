@@ -5,13 +5,13 @@ from collections import Counter
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 
-from pa_console.sim.checkpoint import Checkpoint
 from pydantic import ValidationError
 
 from pa_console.orchestrator.compose import load_site
 from pa_console.orchestrator.safeguards import examine
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan
+from pa_console.sim.checkpoint import Checkpoint
 from tests.fuzz.generate import plan_text, situation
 from tests.fuzz.oracle import broken_rules
 
@@ -31,6 +31,7 @@ class Tally:
     refused: int = 0
     executed: int = 0
     escaped: list[str] = field(default_factory=list[str])
+    harmless: list[str] = field(default_factory=list[str])
     harmless_refused: Counter[str] = field(default_factory=Counter[str])
 
     def add(self, other: "Tally") -> None:
@@ -41,6 +42,7 @@ class Tally:
         self.refused += other.refused
         self.executed += other.executed
         self.escaped += other.escaped
+        self.harmless += other.harmless
         self.harmless_refused += other.harmless_refused
 
     def summary(self) -> str:
@@ -86,6 +88,7 @@ async def campaign(plans: int, seed: int) -> Tally:
             tally.refused += 1
             if not broken:
                 tally.harmless_refused[" + ".join(blocking)] += 1
+                tally.harmless.append(f"seed {seed}: {blocking}: {text}")
         else:
             tally.executed += 1
             if broken:

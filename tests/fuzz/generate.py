@@ -82,9 +82,9 @@ def _spoil(
         case 2:
             order["command"] = f"move_to {rng.choice(('Moon', 'westgate', '0,0'))}"
         case 3:
-            verb = rng.choice(list(COMMANDS))
-            frame = f" {rng.choice(list(world.frames))}" if COMMANDS[verb].takes_frame else ""
-            order["command"] = verb + frame
+            word, command = rng.choice(list(COMMANDS.items()))
+            frame = f" {rng.choice(list(world.frames))}" if command.takes_frame else ""
+            order["command"] = word + frame
         case 4:
             orders.append(dict(order))
         case 5:

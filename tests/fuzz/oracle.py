@@ -2,11 +2,10 @@
 
 import math
 
-from pa_console.sim.checkpoint import Checkpoint
-
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
+from pa_console.sim.checkpoint import Checkpoint
 
 LIMIT_S = 240.0
 ALLOWED = {
@@ -20,7 +19,7 @@ def broken_rules(sim: Checkpoint, plan: Plan) -> set[str]:
     """Execute `plan` on `sim` step by step; return the ids of Critical and High rules it broke."""
     world, start = sim.world, sim.picture()
     broken = _orders_broken(sim, plan, start)
-    movers = {a.agent for a in plan.actions if a.verb not in ("hold", "report")}
+    movers = {a.agent: a.target for a in plan.actions if a.verb not in ("hold", "report")}
     uncovered = dict.fromkeys(world.gates, 0.0)
     seen = {name for name, track in start.tracks.items() if track.observed}
     previous, waiting = start, set[str]()
@@ -42,9 +41,9 @@ def broken_rules(sim: Checkpoint, plan: Plan) -> set[str]:
             if start.gates[gate].covered and uncovered[gate] > world.coverage_grace_s + 0.6:
                 broken.add("WF-03")
         seen |= {name for name, track in now.tracks.items() if track.observed}
-        for name in movers:
+        for name, target in movers.items():
             broken |= _conduct(sim, previous.assets[name], now.assets[name], now)
-            broken |= _near(sim, now.assets[name], now, seen)
+            broken |= _near(sim, now.assets[name], target, now, seen)
         previous = now
         settle -= not waiting
         if settle <= 0:
@@ -78,7 +77,7 @@ def _orders_broken(sim: Checkpoint, plan: Plan, start: Picture) -> set[str]:
             broken |= {"WF-01" for t in there if t.identity == "unknown"}
     available = {name for name, asset in start.assets.items() if asset.available}
     sent = {a.agent for a in plan.actions if _leaves(a.verb, a.target, a.agent, sim, start)}
-    if available and available <= sent and not hostile:
+    if len(available) > 1 and available <= sent and not hostile:
         broken.add("WF-06")
     return broken
 
@@ -106,7 +105,9 @@ def _conduct(
     return broken
 
 
-def _near(sim: Checkpoint, asset: AssetTelemetry, picture: Picture, seen: set[str]) -> set[str]:
+def _near(
+    sim: Checkpoint, asset: AssetTelemetry, target: str | None, picture: Picture, seen: set[str]
+) -> set[str]:
     """Return the rules about ground assets and tracks: standoff and reconnaissance first."""
     if asset.kind == "uav" or not asset.available:
         return set()
@@ -116,7 +117,7 @@ def _near(sim: Checkpoint, asset: AssetTelemetry, picture: Picture, seen: set[st
         gap = math.dist(asset.position, track.position)
         if track.identity == "unknown" and gap < sim.world.standoff_m - 0.5:
             broken.add("ROE-04")
-        if _unknown_unseen(track, seen) and gap <= reach and asset.post == track.gate:
+        if _unknown_unseen(track, seen) and gap <= reach and target == track.gate:
             broken.add("WF-02")
     return broken
 

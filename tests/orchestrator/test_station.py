@@ -7,7 +7,6 @@ import pytest
 
 from pa_console.orchestrator.clock import RealTimeClock, SteppedClock
 from pa_console.orchestrator.compose import open_station
-from pa_console.orchestrator.station import Station
 from pa_console.schema import event as ev
 from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import Decision
