@@ -7,6 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from textual.binding import Binding
+from textual.screen import Screen
 
 from pa_console.schema.document import DocumentError
 from pa_console.schema.incident import Incident
@@ -72,6 +73,7 @@ class ConsoleApp(SessionApp):
         )
         self._history, self._copies, self._key_file = history, copies, keymap
         self._drafts: dict[tuple[str, int], str] = {}
+        self._editing: tuple[tuple[str, int], Screen[Plan | None]] | None = None
         self._deck = ReplayDeck(player, clock) if player else None
 
     def on_mount(self) -> None:
@@ -146,17 +148,24 @@ class ConsoleApp(SessionApp):
 
         key = trace.mission.id, trace.approval.attempt
         editor = PlanEditor(self._drafts.get(key) or plan_json(trace.approval.plan))
+        self._editing = key, editor
 
         def closed(plan: Plan | None) -> None:
-            self._drafts[key] = editor.draft
-            now = self.state.current
-            still = now is not None and now.approval is not None and now.mission.id == key[0]
-            if plan is not None and not still:
-                self._tell("the plan no longer waits for a decision", "Modify", bad=True)
-            elif plan is not None:
+            self._drafts[key], self._editing = editor.draft, None
+            if plan is not None:
                 self._decide(Decision(kind="modify", plan=plan))
 
         self.push_screen(editor, closed)
+
+    def flush(self) -> None:
+        """Repaint, and close the editor when its plan no longer waits."""
+        super().flush()
+        current = self.state.current
+        waiting = current.approval if current else None
+        open_key = (current.mission.id, waiting.attempt) if current and waiting else None
+        if self._editing and self._editing[0] != open_key and self.screen is self._editing[1]:
+            self.screen.dismiss(None)
+            self._tell("the plan no longer waits for a decision", "Modify", bad=True)
 
     def inject(self, incident: Incident) -> None:
         """Make something happen in the simulation."""

@@ -7,6 +7,7 @@ from textual.widgets import Button, Input, TextArea
 
 from pa_console.schema import event as ev
 from pa_console.schema.mission import Metrics
+from pa_console.tui.trace.sections import sections
 from pa_console.tui.widgets.approval_panel import ARM_DELAY_S, ApprovalPanel
 from pa_console.tui.widgets.tick import Tick
 from tests.tui import story
@@ -210,8 +211,7 @@ async def test_a_request_is_withdrawn_with_its_mission(tmp_path: Path) -> None:
         await pilot.pause()
         station.emit(ev.MissionFinished(status="cancelled", reason="stop", metrics=Metrics()))
         await settle(pilot, station)
-        await pilot.press("ctrl+s")
-        await settle(pilot, station)
+        assert app.screen is app.main
         assert station.decisions == []
         assert not app.screen.query_one(ApprovalPanel).display
 
@@ -233,3 +233,18 @@ async def test_a_decision_that_was_not_accepted_can_be_made_again(tmp_path: Path
         await pilot.press("r")
         await settle(pilot, station)
         assert [made.kind for made in station.decisions] == ["modify", "reject"]
+
+
+async def test_the_attempt_up_for_approval_is_the_one_spread_out(tmp_path: Path) -> None:
+    worse = ev.PlanProposed(attempt=2, text="{}", plan=None, error="no JSON")
+    station = ScriptedStation([*story.told("planning"), *story.judged()[:-1], worse])
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        state = app.state.missions[story.MISSION.id]
+        assert [part.key for part in sections(state, {})][-2:] == ["heading-2", "plan-2"]
+        station.emit(story.judged()[-1])
+        await settle(pilot, station)
+        keys = [part.key for part in sections(state, {})]
+        assert keys.index("attempt-2") < keys.index("heading-1") < keys.index("plan-1")
+        assert "plan-2" not in keys

@@ -83,6 +83,21 @@ async def test_a_what_if_from_the_palette_reaches_the_simulation(tmp_path: Path)
         assert WORLD.gates.count("EastGate") == 1
 
 
+async def test_the_palette_offers_only_what_is_legal(tmp_path: Path) -> None:
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("f10")
+        results = app.screen.query_one(OptionList)
+        while results.option_count < 10:
+            await pilot.pause()
+        offered = " ".join(str(option.prompt) for option in results.options)
+        assert "Browse and search the rules" in offered
+        assert "Cancel the active mission" not in offered
+        assert "Play or pause" not in offered
+
+
 async def test_speed_goes_up_and_down_within_bounds(tmp_path: Path) -> None:
     station = ScriptedStation(story.opening())
     app = console(station, tmp_path)

@@ -4,9 +4,11 @@ from pathlib import Path
 
 from textual.widgets import Static
 
+from pa_console.schema.event import TelemetryReceived
 from pa_console.session.replay import Player
 from pa_console.tui.actions import ACTIONS, Situation
 from pa_console.tui.widgets.approval_panel import ApprovalPanel
+from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.status_bar import StatusBar
 from tests.tui import story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, settle
@@ -110,3 +112,17 @@ async def test_all_parts_of_a_decision_are_on_a_small_terminal(tmp_path: Path) -
             region = app.screen.query_one(f"#{name}").region
             assert region.area
             assert region.bottom <= 18
+
+
+async def test_a_hidden_map_is_up_to_date_when_it_is_shown_again(tmp_path: Path) -> None:
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await settle(pilot, station)
+        await pilot.press("f4")
+        station.emit(TelemetryReceived(picture=story.moving_picture()), mission=None)
+        await settle(pilot, station)
+        await pilot.press("f2")
+        await settle(pilot)
+        rows = app.screen.query_one(MapView).text().splitlines()[:-1]
+        assert "◇" in "".join(rows)

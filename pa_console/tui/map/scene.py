@@ -52,11 +52,11 @@ class Scene:
             _route(canvas, view, asset)
         taken: set[Cell] = set()
         for number, track in enumerate(picture.tracks.values(), start=1):
-            text, role = track_token(track, number)
-            _place(canvas, view.cell(track.position), text, role, taken)
+            token = track_token(track, number)
+            _place(canvas, view.cell(track.position), token, taken, over_walls=True)
         for asset in sorted(picture.assets.values(), key=lambda item: item.id):
-            text, role = asset_token(asset, self.short)
-            _place(canvas, view.cell(asset.position), text, role, taken)
+            token = asset_token(asset, self.short)
+            _place(canvas, view.cell(asset.position), token, taken)
         return canvas
 
 
@@ -99,8 +99,11 @@ def _route(canvas: Canvas, view: Projection, asset: AssetTelemetry) -> None:
                 canvas.put(cell, "•", "route")
 
 
-def _place(canvas: Canvas, at: Cell, text: str, role: str, taken: set[Cell]) -> None:
+def _place(
+    canvas: Canvas, at: Cell, token: tuple[str, str], taken: set[Cell], *, over_walls: bool = False
+) -> None:
     """Write a token as near to its true cell as room allows; names give way to it."""
+    text, role = token
     width = len(text)
     column = min(max(at[0], 1), canvas.width - width + 1)
     row = min(max(at[1], 0), canvas.height - 1)
@@ -111,20 +114,20 @@ def _place(canvas: Canvas, at: Cell, text: str, role: str, taken: set[Cell]) -> 
         cells = [(column - 1 + dx + offset, row + dy) for offset in range(width)]
         if not all(canvas.holds(cell) for cell in cells):
             continue
-        cost = distance + sum(_cost(canvas, cell, taken) for cell in cells)
+        cost = distance + sum(_cost(canvas, cell, taken, over_walls) for cell in cells)
         if cost < least:
             best, least = cells[0], cost
     canvas.write(best, text, role)
     taken.update((best[0] + offset, best[1]) for offset in range(-1, width + 1))
 
 
-def _cost(canvas: Canvas, cell: Cell, taken: set[Cell]) -> float:
+def _cost(canvas: Canvas, cell: Cell, taken: set[Cell], over_walls: bool) -> float:
     if cell in taken:
         return 50.0
     role = canvas.role(cell)
-    if role in _SPARED:
-        return 2.5
-    return 0.0 if role in _FREE else 0.8
+    if role in _FREE or (over_walls and role == "wall"):
+        return 0.0
+    return 2.5 if role in _SPARED else 0.8
 
 
 @lru_cache(maxsize=1)

@@ -31,11 +31,11 @@ def retrieved_rules(trace: MissionTrace, rules: Rules) -> Section:
     rows: list[Row] = []
     for hit in trace.hits:
         rule = rules.get(hit.rule_id)
-        parts = [("pinned  ", NOTE)] if hit.pinned else []
-        scores = "  ".join(f"{name} {value:.2f}" for name, value in hit.components.items())
-        head = ["  ", column(hit.rule_id, 7, "bold"), (f"{hit.score:5.2f}  ", "$text-primary")]
+        parts = [("pinned ", NOTE)] if hit.pinned else []
+        scores = " ".join(f"{name} {value:.2f}" for name, value in hit.components.items())
+        head = ["  ", column(hit.rule_id, 7, "bold"), (f"{hit.score:.2f} ", "$text-primary")]
         rows.append(row(head, *parts, (scores, QUIET)))
-        rows.append(row(" " * 17, rule.text if rule else "(not in this rulebook)"))
+        rows.append(row(" " * 4, rule.text if rule else "(not in this rulebook)"))
     note = f"{len(trace.hits)} by {trace.method}, {duration_text(trace.retrieval_s)}"
     return Section("rules", title("Rules retrieved", note=note), tuple(rows))
 
@@ -45,7 +45,7 @@ def digest(trace: MissionTrace) -> Section:
     given = trace.digest
     if given is None:
         return Section("digest", title("Picture"), ())
-    cover = "  ".join(f"{gate} {count}" for gate, count in given.covered.items())
+    cover = "  ".join(f"{gate}×{count}" for gate, count in given.covered.items())
     free = [f"{kind}: {', '.join(names) or 'none'}" for kind, names in given.free.items()]
     sole = [f"{asset} for {gate}" for gate, asset in given.sole_cover.items()]
     facts = [

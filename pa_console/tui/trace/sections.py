@@ -17,20 +17,19 @@ STEPS = (
 def sections(trace: MissionTrace, rules: Rules) -> list[Section]:
     """Return everything known of the mission, in the order in which it happened.
 
-    Earlier attempts are folded to what was wrong with them; only the latest is spread out.
+    Only the chosen attempt is spread out; before it come the others, folded.
     """
     result: list[Section] = []
     if trace.hits:
         result.append(planning.retrieved_rules(trace, rules))
     if trace.digest is not None:
         result.append(planning.digest(trace))
-    for attempt in trace.attempts:
-        parts = _attempt(attempt, rules)
-        if attempt is not trace.attempts[-1]:
-            parts = [_folded(attempt, parts)]
-        elif attempt.number > 1:
-            parts.insert(0, _heading(attempt))
-        result += parts
+    chosen = chosen_attempt(trace)
+    result += [_folded(a, _attempt(a, rules)) for a in trace.attempts if a is not chosen]
+    if chosen is not None:
+        if len(trace.attempts) > 1:
+            result.append(_heading(chosen))
+        result += _attempt(chosen, rules)
     if trace.decisions or trace.voided:
         result.append(execution.decisions(trace))
     if trace.commands:
@@ -44,6 +43,16 @@ def sections(trace: MissionTrace, rules: Rules) -> list[Section]:
     if trace.metrics is not None:
         result.append(execution.timings(trace))
     return result
+
+
+def chosen_attempt(trace: MissionTrace) -> Attempt | None:
+    """Return the attempt that is up for approval or was decided on, else the latest."""
+    number = len(trace.attempts)
+    if trace.approval is not None:
+        number = trace.approval.attempt
+    elif trace.decision is not None and trace.decision.kind != "modify":
+        number = next(made.attempt for made in reversed(trace.decisions) if made.accepted)
+    return trace.attempts[number - 1] if 0 < number <= len(trace.attempts) else None
 
 
 def _attempt(attempt: Attempt, rules: Rules) -> list[Section]:
@@ -61,10 +70,9 @@ def _attempt(attempt: Attempt, rules: Rules) -> list[Section]:
 
 
 def _heading(attempt: Attempt) -> Section:
-    author = "changed by the operator" if attempt.author == "operator" else "repaired"
-    return Section(
-        f"attempt-{attempt.number}", planning.title(f"Attempt {attempt.number}", note=author), ()
-    )
+    author = "by the operator" if attempt.author == "operator" else "shown in full"
+    title = planning.title(f"Attempt {attempt.number}", note=author)
+    return Section(f"heading-{attempt.number}", title, ())
 
 
 def _folded(attempt: Attempt, parts: list[Section]) -> Section:
@@ -81,22 +89,22 @@ def _folded(attempt: Attempt, parts: list[Section]) -> Section:
     return Section(f"attempt-{attempt.number}", head, (*reasons, *body), collapsed=True)
 
 
-def progress(trace: MissionTrace, width: int) -> Content:
-    """Return the line that shows how far the mission is, and the name of its stage."""
+def progress(trace: MissionTrace) -> Content:
+    """Return the line that shows how far the mission is, or how it ended and why."""
     if trace.status is not None:
         mark = term("mission", trace.status)
         return Content.assemble(
             (f"{mark.glyph} {mark.word}", mark.style), (f"  {trace.reason}", QUIET)
-        ).truncate(width, ellipsis=True)
+        )
     step = STEPS.index(trace.stage) if trace.stage in STEPS else 0
-    done = "━━" * step
-    words = f" step {step} of {len(STEPS) - 1}: {trace.stage}" if step else " waits in the queue"
+    last = len(STEPS) - 1
+    words = f" step {step} of {last}: {trace.stage}" if step else " waits in the queue"
     return Content.assemble(
-        (done, "$text-success"),
+        ("━━" * step, "$text-success"),
         ("━╸", "$text-accent"),
-        ("──" * (len(STEPS) - 1 - step), "$faint"),
+        ("──" * (last - step), "$faint"),
         words,
-    ).truncate(width)
+    )
 
 
 def headline(trace: MissionTrace) -> Content:

@@ -35,9 +35,11 @@ def approval_rows(trace: MissionTrace) -> Iterator[Row]:
 
 def _judge(trace: MissionTrace, request: ApprovalRequested) -> Row:
     attempt = trace.attempts[request.attempt - 1] if trace.attempts else None
-    given = attempt.verdict if attempt else None
+    if attempt is None or not attempt.judged:
+        return row(("? ", WARN), ("Judge: not asked", f"bold {WARN}"))
+    given = attempt.verdict
     mark = term("verdict", given.verdict if given else "none")
-    said = given.feedback if given else (attempt.judge_error if attempt else "")
+    said = given.feedback if given else attempt.judge_error
     return row(
         (f"{mark.glyph} ", mark.style),
         (f"Judge: {mark.word}  ", f"bold {mark.style}"),

@@ -106,7 +106,8 @@ def asset_cells(
 def track_cells(track: Track, number: int, now_s: float) -> dict[str, tuple[str, str]]:
     """Return (text, style) for each column of a track's row."""
     identity = term("identity", track.identity)
-    seen = ",".join(short_names(track.observed_by).values())
+    names = list(short_names(track.observed_by).values())
+    seen = names[0] if len(names) == 1 else str(len(names) or "")
     return {
         "": (track_token(track, number)[0], f"bold {identity.style}"),
         "asset": (track.kind, ""),

@@ -25,6 +25,7 @@ class EventList(ScrollView):
         self._shown: deque[Notice] = deque(maxlen=NOTICES_KEPT)
         self._rows: list[Row] = []
         self._lines: list[Content] = []
+        self._ending = False
         self.border_title = "Events"
 
     def show(self, notices: Iterable[Notice]) -> None:
@@ -51,11 +52,16 @@ class EventList(ScrollView):
         return max(20, self.scrollable_content_region.width or self.size.width)
 
     def _resized(self) -> None:
-        at_end = self.scroll_offset.y >= self.max_scroll_y - 1
+        following = self._ending or self.scroll_offset.y >= self.max_scroll_y - 1
         self.virtual_size = Size(self._width(), len(self._lines))
-        if at_end:
-            self.scroll_end(animate=False, immediate=True)
+        if following and not self._ending:
+            self._ending = True
+            self.call_after_refresh(self._to_end)
         self.refresh()
+
+    def _to_end(self) -> None:
+        self._ending = False
+        self.scroll_end(animate=False, immediate=True)
 
     def render_line(self, y: int) -> Strip:
         """Return the line at `y` of what is in view."""

@@ -24,7 +24,9 @@ class StatusBar(Static):
         worker = term("worker", state.worker.state if state.worker else "none")
         parts: list[tuple[str, str] | Content | str] = []
         if wide:
-            parts += [("PA Console", "bold $text-primary"), (f" {title}  ", QUIET)]
+            parts.append(("PA Console  ", "bold $text-primary"))
+        if wide and state.active is None:
+            parts.append((f"{title}  ", QUIET))
         parts += [self._mode(mode), f"  {time} ", (f"×{rate:g}", QUIET)]
         if stale:
             parts.append((f"  ▲ no telemetry for {silent_s:.0f} s", "bold $text-error"))

@@ -1,6 +1,5 @@
 """The trace of one mission: headline, progress, and foldable sections that grow in place."""
 
-from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Vertical, VerticalScroll
@@ -94,10 +93,6 @@ class TracePane(Vertical):
         """Keep the newest section in view."""
         self.query_one("#trace-body", VerticalScroll).anchor()
 
-    def on_resize(self, _event: events.Resize) -> None:
-        """Fit the progress line to the new width."""
-        self._show_progress()
-
     def show(self, trace: MissionTrace | None) -> None:
         """Show a mission's trace; the same mission again updates only what changed."""
         body = self.query_one("#trace-body", VerticalScroll)
@@ -132,5 +127,4 @@ class TracePane(Vertical):
 
     def _show_progress(self) -> None:
         line = self.query_one("#trace-progress", Static)
-        shown = progress(self._trace, max(20, self.content_size.width)) if self._trace else ""
-        line.update(shown if isinstance(shown, Content) else "")
+        line.update(progress(self._trace) if self._trace else "")
