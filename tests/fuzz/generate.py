@@ -11,7 +11,7 @@ from pa_console.schema.incident import (
     SetComms,
     SpawnTrack,
 )
-from pa_console.schema.plan import COMMANDS
+from pa_console.schema.plan import COMMANDS, Verb
 from pa_console.schema.world import World
 
 INJECTIONS = (
@@ -63,7 +63,7 @@ def plan_text(rng: random.Random, world: World) -> str:
 
 def _order(rng: random.Random, world: World) -> dict[str, object]:
     agent, spec = rng.choice(list(world.assets.items()))
-    fitting = [verb for verb, command in COMMANDS.items() if spec.kind in command.kinds]
+    fitting: list[Verb] = [verb for verb, command in COMMANDS.items() if spec.kind in command.kinds]
     verb = rng.choice(fitting)
     words = [verb, rng.choice(list(world.frames))] if COMMANDS[verb].takes_frame else [verb]
     return {"agent": agent, "command": " ".join(words)}

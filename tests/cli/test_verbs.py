@@ -1,0 +1,95 @@
+"""Every verb as a user runs it: what it prints, its exit code, and that no traceback appears."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+RULE = "{id: WF-99, domain: WF, priority: high, text: t, check: CHECK, message: m}"
+
+
+def run(*words: str, cwd: Path = REPOSITORY) -> subprocess.CompletedProcess[str]:
+    """Run `pa-console` with `words`; fails the test when a traceback shows."""
+    command = [sys.executable, "-m", "pa_console.cli", *words]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=cwd, check=False)
+    assert "Traceback" not in done.stderr + done.stdout
+    return done
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["nonsense"], "No such command"),
+        (["mission"], "Missing argument"),
+        (["mission", "hello", "--world", "nowhere"], "nowhere"),
+        (["mission", "hello", "--rules", "none.yaml"], "none.yaml"),
+        (["mission", "hello", "--model", "smollm"], "smollm2-135m"),
+        (["mission", "hello", "--model", "missing.gguf"], "missing.gguf"),
+        (["mission", "hello", "--event", "{kind: spawn}"], "--event 1"),
+        (["models", "pull", "gpt-9"], "Known:"),
+        (["rules", "check", "missing.yaml"], "missing.yaml"),
+        (["replay", "missing.jsonl"], "no such log"),
+        (["console"], "needs a terminal"),
+    ],
+)
+def test_bad_input_is_named_and_ends_with_2(words: list[str], says: str) -> None:
+    done = run(*words)
+    assert done.returncode == 2
+    assert says in done.stderr
+    assert done.stdout == ""
+
+
+@pytest.mark.parametrize("verb", ["console", "mission", "replay", "rules", "models", "bench"])
+def test_every_verb_has_help(verb: str) -> None:
+    done = run(verb, "--help")
+    assert done.returncode == 0
+    assert "Usage" in done.stdout
+
+
+def test_the_installed_rules_are_listed_and_right() -> None:
+    rules = json.loads(run("rules", "list", "--json").stdout)
+    assert len(rules) == 30
+    checked = json.loads(run("rules", "check", "--json").stdout)
+    assert checked["rules"] == 30
+    assert checked["wrong"] == []
+
+
+@pytest.mark.parametrize(
+    ("check", "says"), [("timeline.gates.all(", "check"), ("moon.full", "moon"), ("1 +", "check")]
+)
+def test_a_broken_rule_file_is_refused_with_line_and_field(
+    tmp_path: Path, check: str, says: str
+) -> None:
+    path = tmp_path / "rules.yaml"
+    path.write_text(f"name: broken\nrules:\n  - {RULE.replace('CHECK', repr(check))}\n")
+    done = run("rules", "check", str(path))
+    assert done.returncode == 2
+    assert f"{path}:3" in done.stderr
+    assert says in done.stderr
+
+
+def test_search_prints_pinned_rules_and_the_top_ones_with_scores() -> None:
+    hits = json.loads(run("rules", "search", "who watches the gate", "--json").stdout)
+    pinned = [hit["rule_id"] for hit in hits if hit["pinned"]]
+    assert "ROE-01" in pinned
+    assert len(hits) == len(pinned) + 3
+    assert all(set(hit["components"]) == {"fuzzy", "jaccard"} for hit in hits)
+
+
+def test_the_catalogue_names_licence_and_hash() -> None:
+    models = json.loads(run("models", "list", "--json").stdout)
+    assert sum(entry["default"] for entry in models) == 1
+    assert all(entry["licence"] for entry in models)
+
+
+def test_the_verbs_work_from_any_folder(tmp_path: Path) -> None:
+    assert run("rules", "list", cwd=tmp_path).returncode == 0
+
+
+def test_the_bench_measures_every_deterministic_part() -> None:
+    timings = json.loads(run("bench", "--runs", "1", "--json").stdout)
+    assert len(timings) == 6
+    assert all(timing["median_s"] > 0 for timing in timings)
