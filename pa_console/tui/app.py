@@ -15,7 +15,7 @@ from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Plan
 from pa_console.schema.world import World
 from pa_console.tui.actions import bindings, key_text
-from pa_console.tui.export import export_folder, plan_text, trace_text, write_copy
+from pa_console.tui.browsing_app import BrowsingApp
 from pa_console.tui.history import History, history_file
 from pa_console.tui.keymap import keymap_file, load_keymap
 from pa_console.tui.palette import ConsoleCommands
@@ -29,7 +29,7 @@ from pa_console.tui.ports import (
 )
 from pa_console.tui.replay import ReplayDeck
 from pa_console.tui.screens.main import MainScreen
-from pa_console.tui.session_app import FRAME_S, SessionApp
+from pa_console.tui.session_app import FRAME_S
 from pa_console.tui.theme import DEFAULT_THEME, THEMES, VARIABLES
 from pa_console.tui.whatif import next_rate
 from pa_console.tui.widgets.approval_panel import ApprovalPanel
@@ -44,7 +44,7 @@ CLOSED = {
 }
 
 
-class ConsoleApp(SessionApp):
+class ConsoleApp(BrowsingApp):
     """The console over a live station, or over a player (then everything is refused)."""
 
     TITLE = "PA Console"
@@ -69,9 +69,10 @@ class ConsoleApp(SessionApp):
     ) -> None:
         """Paths that are None are the user's own, in the platform's folders."""
         super().__init__(
-            world, station, rulebook, retriever, log, readonly=readonly, player=player, clock=clock
-        )
-        self._history, self._copies, self._key_file = history, copies, keymap
+            world, station, rulebook, retriever, log,
+            readonly=readonly, player=player, clock=clock, copies=copies,
+        )  # fmt: skip
+        self._history, self._key_file = history, keymap
         self._drafts: dict[tuple[str, int], str] = {}
         self._editing: tuple[tuple[str, int], Screen[Plan | None]] | None = None
         self._deck = ReplayDeck(player, clock) if player else None
@@ -103,26 +104,23 @@ class ConsoleApp(SessionApp):
         try:
             self.set_keymap(load_keymap(self._key_file or keymap_file()))
         except DocumentError as error:
-            self._tell(str(error), "Your keys were not used", bad=True)
+            self.tell(str(error), "Your keys were not used", bad=True)
         if self._deck is not None:
             self.set_interval(FRAME_S, self._play_on)
             self._show_replay()
         self.start_session()
-
-    def _tell(self, text: str, title: str, bad: bool = False) -> None:
-        self.notify(text, title=title, severity="error" if bad else "information", markup=False)
 
     # Commands to the station
 
     def _try(self, title: str, command: Callable[[StationPort], object]) -> bool:
         """Give a command; a refusal is shown. Returns whether it was taken."""
         if self.station is None or self.readonly:
-            self._tell("the console is read-only", f"{title} refused", bad=True)
+            self.tell("the console is read-only", f"{title} refused", bad=True)
             return False
         try:
             command(self.station)
         except ValueError as error:
-            self._tell(str(error), f"{title} refused", bad=True)
+            self.tell(str(error), f"{title} refused", bad=True)
             return False
         return True
 
@@ -165,7 +163,7 @@ class ConsoleApp(SessionApp):
         open_key = (current.mission.id, waiting.attempt) if current and waiting else None
         if self._editing and self._editing[0] != open_key and self.screen is self._editing[1]:
             self.screen.dismiss(None)
-            self._tell("the plan no longer waits for a decision", "Modify", bad=True)
+            self.tell("the plan no longer waits for a decision", "Modify", bad=True)
 
     def inject(self, incident: Incident) -> None:
         """Make something happen in the simulation."""
@@ -187,7 +185,7 @@ class ConsoleApp(SessionApp):
     def action_stop_all(self) -> None:
         """Make every asset hold, at once and without a question."""
         if self._try("Stop", lambda station: station.stop_all()):
-            self._tell("every asset was told to hold; open plans are void", "Stop")
+            self.tell("every asset was told to hold; open plans are void", "Stop")
 
     def action_change_rate(self, factor: float) -> None:
         """Go faster or slower."""
@@ -221,65 +219,6 @@ class ConsoleApp(SessionApp):
         if self._deck is not None:
             self._deck.next_mission()
             self._show_replay()
-
-    # Where to look
-
-    def action_view(self, view: str) -> None:
-        """Go to a pane."""
-        if self.main is not None:
-            self.main.focus_view(view)
-
-    def action_to_approval(self) -> None:
-        """Go to the plan that waits."""
-        if self.main is not None:
-            self.main.to_approval()
-
-    def action_to_prompt(self) -> None:
-        """Go to the mission field."""
-        if self.main is not None:
-            self.main.query_one(MissionPrompt).take_cursor()
-
-    def action_leave(self) -> None:
-        """Leave a field."""
-        if self.main is not None and self.screen is self.main:
-            self.main.leave_field()
-
-    def action_select_mission(self, by: int) -> None:
-        """Show the trace of the mission before or after."""
-        if self.main is not None:
-            self.main.select(self.state, by)
-
-    def action_help(self) -> None:
-        """Show the help page."""
-        from pa_console.tui.screens.help import HelpScreen  # noqa: PLC0415
-
-        self.push_screen(HelpScreen(self.situation))
-
-    def action_policies(self) -> None:
-        """Show the policy browser."""
-        from pa_console.tui.screens.policies import PolicyScreen  # noqa: PLC0415
-
-        self.push_screen(PolicyScreen(self.rulebook, self.retriever))
-
-    # Copying
-
-    def action_copy_trace(self) -> None:
-        """Copy the shown trace."""
-        trace = self.main.selected(self.state) if self.main else None
-        if trace is not None:
-            rules = {rule.id: rule for rule in self.rulebook.rules}
-            self._copy("trace", f"{trace.mission.id}-trace.txt", trace_text(trace, rules))
-
-    def action_copy_plan(self) -> None:
-        """Copy the shown plan."""
-        trace = self.main.selected(self.state) if self.main else None
-        if trace is not None:
-            self._copy("plan", f"{trace.mission.id}-plan.json", plan_text(trace))
-
-    def _copy(self, what: str, file: str, text: str) -> None:
-        self.copy_to_clipboard(text)
-        where = write_copy(self._copies or export_folder(), file, text)
-        self._tell(f"{where}, and sent to the terminal's clipboard", f"Copied the {what}")
 
     # Leaving
 

@@ -138,8 +138,6 @@ async def settle(pilot: Pilot[Any], station: ScriptedStation | None = None) -> N
         await pilot.pause()
         if station is None or station.drained:
             break
-    await pilot.pause()
     assert isinstance(pilot.app, ConsoleApp)
     pilot.app.flush()
-    await pilot.pause()
     await pilot.pause()

@@ -1,0 +1,99 @@
+"""The half of the app that only looks: panes, traces, help, policies, copies; legal everywhere."""
+
+import time
+from pathlib import Path
+
+from pa_console.schema.world import World
+from pa_console.tui.export import export_folder, plan_text, trace_text, write_copy
+from pa_console.tui.ports import (
+    Clock,
+    LogSink,
+    PlayerPort,
+    RetrieverPort,
+    RulebookPort,
+    StationPort,
+)
+from pa_console.tui.session_app import SessionApp
+from pa_console.tui.widgets.mission_prompt import MissionPrompt
+
+
+class BrowsingApp(SessionApp):
+    """Carries out the registry's actions that change nothing outside the screen."""
+
+    def __init__(
+        self,
+        world: World,
+        station: StationPort | None,
+        rulebook: RulebookPort,
+        retriever: RetrieverPort,
+        log: LogSink | None = None,
+        *,
+        readonly: bool = False,
+        player: PlayerPort | None = None,
+        clock: Clock = time.monotonic,
+        copies: Path | None = None,
+    ) -> None:
+        """`copies` is the folder for copied texts, None the user's own."""
+        super().__init__(
+            world, station, rulebook, retriever, log, readonly=readonly, player=player, clock=clock
+        )
+        self._copies = copies
+
+    def tell(self, text: str, title: str, bad: bool = False) -> None:
+        """Show a notice; its text is never read as markup."""
+        self.notify(text, title=title, severity="error" if bad else "information", markup=False)
+
+    def action_view(self, view: str) -> None:
+        """Go to a pane."""
+        if self.main is not None:
+            self.main.focus_view(view)
+
+    def action_to_approval(self) -> None:
+        """Go to the plan that waits."""
+        if self.main is not None:
+            self.main.to_approval()
+
+    def action_to_prompt(self) -> None:
+        """Go to the mission field."""
+        if self.main is not None:
+            self.main.query_one(MissionPrompt).take_cursor()
+
+    def action_leave(self) -> None:
+        """Leave a field."""
+        if self.main is not None and self.screen is self.main:
+            self.main.leave_field()
+
+    def action_select_mission(self, by: int) -> None:
+        """Show the trace of the mission before or after."""
+        if self.main is not None:
+            self.main.select(self.state, by)
+
+    def action_help(self) -> None:
+        """Show the help page."""
+        from pa_console.tui.screens.help import HelpScreen  # noqa: PLC0415
+
+        self.push_screen(HelpScreen(self.situation))
+
+    def action_policies(self) -> None:
+        """Show the policy browser."""
+        from pa_console.tui.screens.policies import PolicyScreen  # noqa: PLC0415
+
+        self.push_screen(PolicyScreen(self.rulebook, self.retriever))
+
+    def action_copy_trace(self) -> None:
+        """Copy the shown trace."""
+        trace = self.main.selected(self.state) if self.main else None
+        if trace is not None:
+            rules = {rule.id: rule for rule in self.rulebook.rules}
+            self._copy("trace", f"{trace.mission.id}-trace.txt", trace_text(trace, rules))
+
+    def action_copy_plan(self) -> None:
+        """Copy the shown plan."""
+        trace = self.main.selected(self.state) if self.main else None
+        if trace is not None:
+            self._copy("plan", f"{trace.mission.id}-plan.json", plan_text(trace))
+
+    def _copy(self, what: str, file: str, text: str) -> None:
+        self.copy_to_clipboard(text)
+        where = write_copy(self._copies or export_folder(), file, text)
+        self.tell(f"{where}, and sent to the terminal's clipboard", f"Copied the {what}")
