@@ -8,7 +8,8 @@ from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Plan
 
 
-def request_approval(
+def request_approval(  # noqa: PLR0917 - one plan and what was said of it
+    request_id: str,
     attempt: int,
     plan: Plan,
     findings: Sequence[Finding],
@@ -20,6 +21,7 @@ def request_approval(
     if not blocked and verdict is None:
         blocked.append(f"judge: {judge_error or 'no verdict'}; the plan is on hold")
     return ApprovalRequested(
+        request_id=request_id,
         attempt=attempt,
         plan=plan,
         blocked_by=tuple(blocked),
@@ -35,6 +37,8 @@ def warnings(findings: Iterable[Finding]) -> list[str]:
 
 def inadmissible(request: ApprovalRequested, decision: Decision) -> str:
     """Return why `decision` cannot be accepted for `request`, or an empty text."""
+    if decision.request_id not in ("", request.request_id):
+        return "the decision was about another plan, which no longer waits"
     if decision.kind == "modify":
         return "" if decision.plan is not None else "a modified plan is missing"
     if decision.kind == "reject":

@@ -113,6 +113,7 @@ class MissionRun:
                 yield payload
             found = candidate.examination
             request = request_approval(
+                f"{self.mission.id}.{candidate.attempt}",
                 candidate.attempt,
                 found.plan,
                 found.findings,

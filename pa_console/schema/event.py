@@ -180,6 +180,7 @@ class ApprovalRequested(Payload):
     """Step 6: the operator's turn; the lists say what stands in the way and what is needed."""
 
     kind: Literal["approval_requested"] = "approval_requested"
+    request_id: str = Field(default="", description="a decision may name it, see Decision")
     attempt: int
     plan: Plan
     blocked_by: tuple[str, ...] = Field(default=(), description="reasons nobody may override")

@@ -30,6 +30,9 @@ class Decision(StrictModel):
     """What the operator (or the standing instruction given at start) decided, and why."""
 
     kind: DecisionKind
+    request_id: str = Field(
+        default="", description="the request it answers; refused when another one waits"
+    )
     by: str = "operator"
     reason: str = ""
     override_judge: bool = False

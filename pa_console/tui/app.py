@@ -145,13 +145,14 @@ class ConsoleApp(BrowsingApp):
         from pa_console.tui.screens.plan_editor import PlanEditor, plan_json  # noqa: PLC0415
 
         key = trace.mission.id, trace.approval.attempt
+        request_id = trace.approval.request_id
         editor = PlanEditor(self._drafts.get(key) or plan_json(trace.approval.plan))
         self._editing = key, editor
 
         def closed(plan: Plan | None) -> None:
             self._drafts[key], self._editing = editor.draft, None
             if plan is not None:
-                self._decide(Decision(kind="modify", plan=plan))
+                self._decide(Decision(kind="modify", request_id=request_id, plan=plan))
 
         self.push_screen(editor, closed)
 

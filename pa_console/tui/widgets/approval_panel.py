@@ -176,11 +176,12 @@ class ApprovalPanel(Vertical):
         if choice == "modify":
             self.post_message(self.ModifyAsked())
         elif choice == "reject":
-            self._send(Decision(kind="reject", reason=reason))
+            self._send(Decision(kind="reject", request_id=request.request_id, reason=reason))
         elif choice == "approve" and not self._why_not():
             self._send(
                 Decision(
                     kind="approve",
+                    request_id=request.request_id,
                     reason=reason,
                     override_judge=request.needs_override,
                     acknowledged=request.acknowledge,
