@@ -53,8 +53,8 @@ class Player:
         return self._rate
 
     @rate.setter
-    def rate(self, value: float) -> None:
-        self._rate = min(max(value, RATES[0]), RATES[-1])
+    def rate(self, rate: float) -> None:
+        self._rate = min(max(rate, RATES[0]), RATES[-1])
 
     def play(self) -> None:
         """Let `advance` move on; from the end, start over."""

@@ -19,7 +19,13 @@ LogSink = Callable[[Event], None]
 class StationPort(Protocol):
     """A live session: its events and the commands that may be given to it."""
 
-    rate: float
+    @property
+    def rate(self) -> float:
+        """Simulated or recorded seconds per second."""
+        ...
+
+    @rate.setter
+    def rate(self, rate: float) -> None: ...
 
     def run(self) -> AsyncIterator[Event]:
         """Yield every event of the session until it is closed."""
@@ -60,7 +66,14 @@ class PlayerPort(Protocol):
     index: int
     position: float
     playing: bool
-    rate: float
+
+    @property
+    def rate(self) -> float:
+        """Simulated or recorded seconds per second."""
+        ...
+
+    @rate.setter
+    def rate(self, rate: float) -> None: ...
 
     @property
     def duration(self) -> float:
