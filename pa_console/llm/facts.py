@@ -2,43 +2,55 @@
 
 from collections.abc import Iterable
 
-from pa_console.llm.grammar import KINDS
 from pa_console.schema.mission import Verification
 from pa_console.schema.plan import COMMANDS
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.telemetry import Digest
-from pa_console.schema.world import World
+from pa_console.schema.world import AssetKind, World
+
+WORDS: dict[AssetKind, str] = {"uav": "drone", "ugv": "vehicle", "robot": "robot"}
+"""What people call the kinds of assets, and what the models read of them."""
 
 
 def vocabulary(world: World) -> str:
-    """Return who may do what, the frames and the assets of `world`; it never changes."""
+    """Return who may do what and the frames of `world`; it never changes."""
     lines = ["Commands"]
     for verb, spec in COMMANDS.items():
-        who = "all" if set(KINDS) <= spec.kinds else ", ".join(sorted(spec.kinds))
+        kinds = sorted(WORDS[kind] for kind in spec.kinds)
+        who = "all" if len(kinds) == len(WORDS) else ", ".join(kinds)
         lines.append(f"{verb}{' FRAME' if spec.takes_frame else ''}: {who}")
     lines.append(f"Frames: {', '.join(world.frames)}")
-    for kind in KINDS:
-        names = [name for name, spec in world.assets.items() if spec.kind == kind]
-        lines.append(f"{kind}: {_list(names)}")
     return "\n".join(lines)
 
 
 def situation(digest: Digest) -> str:
-    """Return the digested picture (paper, Step 4)."""
-    free = [f"{kind} {', '.join(names)}" for kind, names in digest.free.items() if names]
-    lines = [
-        "Situation",
-        "Cover: " + ", ".join(f"{gate} {count}" for gate, count in digest.covered.items()),
-        f"Uncovered: {_list(digest.uncovered)}",
-        f"Sole cover: {_list(f'{gate} by {name}' for gate, name in digest.sole_cover.items())}",
-        f"Free: {'; '.join(free) or 'none'}",
-        f"Assets: {_list(f'{name} {post}' for name, post in digest.posts.items())}",
-        f"Down: {_list(digest.down)}",
-        f"Low battery: {_list(digest.low_battery)}",
-        f"Degraded comms: {_list(digest.degraded_comms)}",
-        f"Tracks: {'; '.join(digest.tracks) or 'none'}",
-    ]
+    """Return the digested picture (paper, Step 4) but for the free assets."""
+    guards = "; ".join(f"{name} at {gate}" for gate, name in digest.sole_cover.items()) or "none"
+    lines = [f"Guards: {guards}. Without guard: {_list(digest.uncovered)}"]
+    for label, names in (
+        ("Down", digest.down),
+        ("Low battery", digest.low_battery),
+        ("Degraded comms", digest.degraded_comms),
+    ):
+        if names:
+            lines.append(f"{label}: {_list(names)}")
+    if digest.tracks:
+        lines.append(f"Tracks: {'; '.join(digest.tracks)}")
     return "\n".join(lines)
+
+
+def free_assets(digest: Digest) -> str:
+    """Return the assets that may leave their place, per kind."""
+    return "Free: " + "; ".join(
+        f"{WORDS[kind]} {_list(_placed(digest, name) for name in names)}"
+        for kind, names in digest.free.items()
+    )
+
+
+def _placed(digest: Digest, name: str) -> str:
+    """Return the asset, and which gate it covers together with others."""
+    place = digest.posts.get(name, "").rpartition(" at ")[2]
+    return f"{name} (at {place})" if place in digest.covered else name
 
 
 def rehearsal_facts(rehearsal: Rehearsal) -> str:

@@ -8,7 +8,13 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pa_console.llm.facts import rehearsal_facts, situation, verification_facts, vocabulary
+from pa_console.llm.facts import (
+    free_assets,
+    rehearsal_facts,
+    situation,
+    verification_facts,
+    vocabulary,
+)
 from pa_console.schema.mission import Mission, Verification
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import Rehearsal
@@ -26,30 +32,58 @@ class Prompt:
 
 
 PLANNER = """\
-You command the assets of a checkpoint. Turn the mission into a plan: one JSON object, reason first.
-{"reason": "what is the case; what you do", "actions": [{"agent": "ASSET", "command": "COMMAND"}]}
-
-How to plan
-- Every gate stays covered: the sole cover of a gate stays there. It may observe its own gate.
-- Take free assets, the first named of the right kind, and no more than the mission needs.
-- Something unknown at a gate: a uav observes it and a robot identifies it; then the robot warns it.
-  A ugv blocks only a verified threat.
-- A gate without cover gets a free asset.
-- What a rule forbids is not done: hold or report instead, and name the rule.
+You command the assets of a checkpoint. Answer a mission with a plan: one JSON object, a short
+reason first, then one command for each asset that has something to do.
+- Only Free assets move. Take one of the kind that is asked for; more only when more are asked for.
+- Guards stay: each is alone at its gate. A guard may hold, report or observe its own gate.
+- A gate without guard gets one Free asset. An asset with low battery returns to base.
+- Track: one drone observes and one robot identifies it; once identified, a robot warns it; a
+  vehicle blocks it only when it is hostile and was warned.
 
 Examples from another checkpoint
-Uncovered: none. Sole cover: MillGate by Kite_3. Free: uav Kite_1; ugv Mule_1; robot Guard_1.
-Mission: "Someone is walking up to MillGate."
-{"reason": "unknown person at MillGate; free Kite_1 observes, Guard_1 identifies; Kite_3 stays", \
-"actions": [{"agent": "Kite_1", "command": "observe MillGate"}, \
-{"agent": "Guard_1", "command": "identify MillGate"}]}
-Uncovered: DockGate. Sole cover: MillGate by Kite_3. Free: ugv Mule_1; robot Guard_1.
-Mission: "Can you see to DockGate?"
-{"reason": "DockGate has no cover; free Mule_1 takes it; Kite_3 stays, sole cover of MillGate", \
-"actions": [{"agent": "Mule_1", "command": "move_to DockGate"}]}
-Mission: "Shoot at the boat."
-{"reason": "no force without confirmed hostile intent (ROE-01); keep watching and report", \
-"actions": [{"agent": "Kite_3", "command": "report"}]}
+Mission: "Get a vehicle over to MillGate."
+Free: drone Kite_1; vehicle Mule_1, Mule_2; robot Guard_1
+{"reason": "one vehicle to MillGate: Mule_1", \
+"actions": [{"agent": "Mule_1", "command": "move_to MillGate"}]}
+
+Tracks: person at DockGate, not identified
+Mission: "Somebody is hanging around DockGate."
+Free: drone Kite_2, Kite_4; vehicle Mule_1; robot Guard_2, Guard_3
+{"reason": "unknown person at DockGate: one drone observes, Kite_2; one robot identifies, \
+Guard_2", \
+"actions": [{"agent": "Kite_2", "command": "observe DockGate"}, \
+{"agent": "Guard_2", "command": "identify DockGate"}]}
+
+Without guard: DockGate
+Mission: "DockGate is open to anyone!"
+Free: drone none; vehicle Mule_3; robot Guard_1, Guard_2
+{"reason": "DockGate has no guard: one free asset goes, Mule_3", \
+"actions": [{"agent": "Mule_3", "command": "move_to DockGate"}]}
+
+Guards: Kite_2 at MillGate; Kite_3 at DockGate. Low battery: Kite_3
+Mission: "Kite_3 needs a break."
+Free: drone Kite_1, Kite_4; vehicle none; robot Guard_2
+{"reason": "Kite_3 returns; one free asset takes DockGate: Kite_1", \
+"actions": [{"agent": "Kite_1", "command": "move_to DockGate"}, \
+{"agent": "Kite_3", "command": "return_to_base"}]}
+
+Guards: Kite_2 at MillGate; Kite_3 at DockGate
+Mission: "All units to MillGate!"
+Free: drone none; vehicle Mule_1; robot Guard_2
+{"reason": "guards stay (WF-03); all free assets go: Mule_1, Guard_2", \
+"actions": [{"agent": "Mule_1", "command": "move_to MillGate"}, \
+{"agent": "Guard_2", "command": "move_to MillGate"}]}
+Mission: "Kite_3, come in from DockGate."
+Free: drone Kite_1; vehicle Mule_1; robot Guard_2
+{"reason": "Kite_3 is the only guard of DockGate (WF-03): it holds", \
+"actions": [{"agent": "Kite_3", "command": "hold"}]}
+Mission: "Guard_2 and Mule_1, do not move."
+Free: drone Kite_1; vehicle Mule_1; robot Guard_2
+{"reason": "Guard_2 and Mule_1 hold", \
+"actions": [{"agent": "Guard_2", "command": "hold"}, {"agent": "Mule_1", "command": "hold"}]}
+Mission: "Anything new?"
+Free: drone Kite_1; vehicle Mule_1; robot Guard_2
+{"reason": "a report: Kite_1", "actions": [{"agent": "Kite_1", "command": "report"}]}
 """
 
 JUDGE = """\
@@ -75,7 +109,7 @@ def planner_prompt(  # noqa: PLR0917
     previous: str = "",
 ) -> Prompt:
     """Return the planner's prompt; `repair` says what was wrong with the `previous` answer."""
-    user = [situation(digest), _rules(rules), _mission(mission)]
+    user = [_rules(rules), situation(digest), _mission(mission), free_assets(digest)]
     if repair:
         faults = "\n".join(f"- {' '.join(reason.split())}" for reason in repair)
         user.append(f"Your previous answer: {previous}\nIt cannot be carried out:\n{faults}")
@@ -116,7 +150,10 @@ def outcome_prompt(
 
 
 def _rules(rules: Sequence[Rule]) -> str:
-    lines = [f"{rule.id} ({rule.priority}): {' '.join(rule.text.split())}" for rule in rules]
+    """Return the rules, the critical ones first and by id: they are the same every time."""
+    pinned = sorted((rule for rule in rules if rule.priority == "critical"), key=lambda r: r.id)
+    others = [rule for rule in rules if rule.priority != "critical"]
+    lines = [f"{rule.id}: {' '.join(rule.text.split())}" for rule in (*pinned, *others)]
     return "Rules\n" + "\n".join(lines or ["none"])
 
 

@@ -44,13 +44,10 @@ def _post(asset: AssetTelemetry) -> str:
 
 
 def _track(track: Track) -> str:
-    facts = [f"identity {track.identity}", f"intent {track.intent}"]
-    facts.append("observed by UAV" if track.observed else "not yet observed by a UAV")
-    if track.warned:
-        facts.append("warned")
-    place = (
-        f"{track.status} {track.gate}"
-        if track.status == "approaching"
-        else (f"{track.status} at {track.gate}")
-    )
-    return f"{track.id}: {track.kind} {place}, {track.distance_m:.0f} m, {', '.join(facts)}"
+    where = "approaches" if track.status == "approaching" else f"{track.status} at"
+    facts = [f"{track.kind} {where} {track.gate}", f"{track.distance_m:.0f} m"]
+    known = track.identity != "unknown"
+    facts.append(f"{track.identity}, intent {track.intent}" if known else "not identified")
+    facts.append("observed" if track.observed else "not observed")
+    facts.append("warned" if track.warned else "not warned")
+    return f"{track.id}: {', '.join(facts)}"

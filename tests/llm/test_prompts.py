@@ -11,6 +11,7 @@ from pa_console.resources import data_folder
 from pa_console.schema.mission import Verification
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import AssetTimeline, GateTimeline, Rehearsal, Timeline
+from pa_console.schema.rule import Rule
 from tests.llm.site import DIGEST, RULE, WORLD, mission, picture
 
 PLAN = Plan(reason="quiet", actions=(Action(agent="Hawk_2", command="observe HillGate"),))
@@ -32,13 +33,14 @@ def test_the_fixed_part_is_the_same_for_every_mission_and_picture():
     calm = DIGEST.model_copy(update={"uncovered": ()})
     other = planner_prompt(WORLD, calm, [], mission("Go home."), ["a reason"], "before")
     assert one.system == other.system
-    for word in (*WORLD.frames, *WORLD.assets, "block FRAME: ugv", "observe FRAME: uav"):
+    for word in (*WORLD.frames, "block FRAME: vehicle", "observe FRAME: drone", "hold: all"):
         assert word in one.system
 
 
-def test_the_mission_comes_last_and_the_repair_after_it():
+def test_the_free_assets_come_last_and_the_repair_after_them():
     first = planner_prompt(WORLD, DIGEST, [RULE], mission("Watch the hill."))
-    assert first.user.endswith('Mission: "Watch the hill."')
+    free = "Free: drone Hawk_2; vehicle Mule_1; robot Guard_1"
+    assert first.user.endswith(f'Mission: "Watch the hill."\n{free}')
     again = planner_prompt(
         WORLD, DIGEST, [RULE], mission("Watch the hill."), ["HillGate\nstays open"], "{plan}"
     )
@@ -49,10 +51,26 @@ def test_the_mission_comes_last_and_the_repair_after_it():
 
 def test_the_situation_and_the_rules_are_told():
     user = planner_prompt(WORLD, DIGEST, [RULE], mission("Watch the hill.")).user
-    assert "Uncovered: HillGate" in user
-    assert "Sole cover: RiverGate by Hawk_1" in user
-    assert "Free: uav Hawk_2; ugv Mule_1; robot Guard_1" in user
-    assert "WF-99 (high): Keep every gate covered." in user
+    assert "Guards: Hawk_1 at RiverGate. Without guard: HillGate" in user
+    assert "WF-99: Keep every gate covered." in user
+
+
+def test_a_free_asset_at_a_gate_is_told_with_its_gate():
+    posts = DIGEST.posts | {"Hawk_2": "uav at RiverGate", "Mule_1": "ugv heading to RiverGate"}
+    user = planner_prompt(
+        WORLD, DIGEST.model_copy(update={"posts": posts}), [], mission("Watch.")
+    ).user
+    assert user.endswith("Free: drone Hawk_2 (at RiverGate); vehicle Mule_1; robot Guard_1")
+
+
+def test_critical_rules_come_first_and_in_the_same_order_whatever_their_score():
+    critical = [
+        Rule(id=f"ROE-9{n}", domain="ROE", priority="critical", text="Be careful.") for n in (1, 2)
+    ]
+    one = planner_prompt(WORLD, DIGEST, [*critical, RULE], mission("Watch.")).user
+    other = planner_prompt(WORLD, DIGEST, [RULE, *critical[::-1]], mission("Watch.")).user
+    assert one == other
+    assert one.startswith("Rules\nROE-91: Be careful.\nROE-92: Be careful.\nWF-99")
 
 
 def test_the_judge_is_told_plan_and_rehearsal():
@@ -72,7 +90,7 @@ def test_the_judge_of_the_outcome_is_told_what_telemetry_says():
 @given(st.text(min_size=1, max_size=300))
 def test_a_mission_stays_one_quoted_line_whatever_it_says(text: str):
     user = planner_prompt(WORLD, DIGEST, [], mission(text)).user
-    line = user.splitlines()[-1]
+    line = user.splitlines()[-2]
     assert line.startswith("Mission: ")
     assert json.loads(line.removeprefix("Mission: ")) == " ".join(text.split())
 
