@@ -84,11 +84,12 @@ async def campaign(plans: int, seed: int) -> Tally:
             continue
         broken = broken_rules(sim, plan)
         blocking = [finding.rule_id for finding in found.findings if finding.blocking]
+        why = [finding.message for finding in found.findings if finding.blocking]
         if blocking:
             tally.refused += 1
             if not broken:
                 tally.harmless_refused[" + ".join(blocking)] += 1
-                tally.harmless.append(f"seed {seed}: {blocking}: {text}")
+                tally.harmless.append(f"seed {seed}: {blocking}: {why}: {text}")
         else:
             tally.executed += 1
             if broken:

@@ -3,7 +3,7 @@
 import math
 
 from pa_console.schema.command import DeviceCommand
-from pa_console.schema.plan import Plan
+from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
 from pa_console.sim.checkpoint import Checkpoint
 
@@ -19,7 +19,11 @@ def broken_rules(sim: Checkpoint, plan: Plan) -> set[str]:
     """Execute `plan` on `sim` step by step; return the ids of Critical and High rules it broke."""
     world, start = sim.world, sim.picture()
     broken = _orders_broken(sim, plan, start)
-    movers = {a.agent: a.target for a in plan.actions if a.verb not in ("hold", "report")}
+    movers = {
+        a.agent: None if _stays(a, start) else a.target
+        for a in plan.actions
+        if a.verb not in ("hold", "report")
+    }
     uncovered = dict.fromkeys(world.gates, 0.0)
     seen = {name for name, track in start.tracks.items() if track.observed}
     previous, waiting = start, set[str]()
@@ -80,6 +84,12 @@ def _orders_broken(sim: Checkpoint, plan: Plan, start: Picture) -> set[str]:
     if len(available) > 1 and available <= sent and not hostile:
         broken.add("WF-06")
     return broken
+
+
+def _stays(action: Action, start: Picture) -> bool:
+    """Return whether the order is to go where the agent already stands: it commits nothing."""
+    asset = start.assets.get(action.agent)
+    return action.verb == "move_to" and asset is not None and asset.at == action.target
 
 
 def _leaves(verb: str, target: str | None, agent: str, sim: Checkpoint, start: Picture) -> bool:
