@@ -1,9 +1,9 @@
 """What the models are told of world, situation, rehearsal and outcome, in few words."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from pa_console.schema.mission import Verification
-from pa_console.schema.plan import COMMANDS
+from pa_console.schema.plan import COMMANDS, Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.telemetry import Digest
 from pa_console.schema.world import AssetKind, World
@@ -26,17 +26,25 @@ def vocabulary(world: World) -> str:
 def situation(digest: Digest) -> str:
     """Return the digested picture (paper, Step 4) but for the free assets."""
     guards = "; ".join(f"{name} at {gate}" for gate, name in digest.sole_cover.items()) or "none"
-    lines = [f"Guards: {guards}. Without guard: {_list(digest.uncovered)}"]
-    for label, names in (
-        ("Down", digest.down),
-        ("Low battery", digest.low_battery),
-        ("Degraded comms", digest.degraded_comms),
-    ):
-        if names:
-            lines.append(f"{label}: {_list(names)}")
-    if digest.tracks:
-        lines.append(f"Tracks: {'; '.join(digest.tracks)}")
+    lines = [
+        *_told("Down", digest.down),
+        *_told("Degraded comms", digest.degraded_comms),
+        *_told("Tracks", digest.tracks),
+        *_told("Low battery", digest.low_battery, ", to return to base"),
+        *_told("Without guard", digest.uncovered, ", needs one Free asset"),
+        f"Guards: {guards}",
+    ]
     return "\n".join(lines)
+
+
+def low_battery(digest: Digest) -> list[str]:
+    """Return a line that names the assets low on battery, if any."""
+    return _told("Low battery", digest.low_battery)
+
+
+def _told(label: str, words: Sequence[str], due: str = "") -> list[str]:
+    """Return one line, or none when there is nothing to tell."""
+    return [f"{label}: {'; '.join(words)}{due}"] if words else []
 
 
 def free_assets(digest: Digest) -> str:
@@ -53,19 +61,43 @@ def _placed(digest: Digest, name: str) -> str:
     return f"{name} (at {place})" if place in digest.covered else name
 
 
-def rehearsal_facts(rehearsal: Rehearsal) -> str:
-    """Return what the plan did when it was rehearsed, per gate, asset and track."""
+NO_PROBLEM = "no problem, so every rule complies"
+
+
+def plan_facts(world: World, plan: Plan) -> str:
+    """Return the actions of `plan` with the kind of each asset; its reason is not evidence."""
+    return (
+        "; ".join(
+            f"{WORDS[world.assets[action.agent].kind]} {action.agent} {action.command}"
+            for action in plan.actions
+        )
+        or "nothing"
+    )
+
+
+def rehearsal_facts(world: World, rehearsal: Rehearsal) -> str:
+    """Return what became of the tracks, then what went wrong when the plan was rehearsed."""
     timeline = rehearsal.timeline
-    lines = [f"Rehearsal, {timeline.duration_s:.0f} s"]
-    for gate, fact in timeline.gates.items():
-        before, after = _covered(fact.covered_before), _covered(fact.covered_after)
-        lines.append(f"{gate}: {before}, then {after}, longest gap {fact.longest_gap_s:.0f} s")
+    problems: list[str] = []
+    restored: list[str] = []
+    for gate, cover in timeline.gates.items():
+        if not cover.covered_after:
+            problems.append(f"{gate} {'is left' if cover.covered_before else 'stays'} uncovered")
+        elif not cover.covered_before:
+            restored.append(f"; {gate} is covered again")
+        elif cover.longest_gap_s > world.coverage_grace_s:
+            problems.append(f"{gate} is uncovered for {cover.longest_gap_s:.0f} s")
     for name, fact in timeline.assets.items():
-        told = ["finished" if fact.finished else f"did not finish ({fact.detail or 'no reason'})"]
-        told += ["left the perimeter"] * fact.left_perimeter
-        told += [f"entered {zone}" for zone in fact.entered_zones]
-        told.append(f"battery {fact.least_battery_pct:.0f}%")
-        lines.append(f"{name}: {', '.join(told)}")
+        if not fact.finished:
+            problems.append(f"{name} does not finish ({fact.detail or 'no reason'})")
+        if fact.left_perimeter:
+            problems.append(f"{name} leaves the perimeter")
+        problems += [f"{name} enters {zone}" for zone in fact.entered_zones]
+    for name, fact in timeline.tracks.items():
+        if fact.least_distance_m is not None and fact.least_distance_m < world.standoff_m:
+            problems.append(f"a ground asset comes within {fact.least_distance_m:.0f} m of {name}")
+    outcome = f"problem: {'; '.join(problems)}" if problems else NO_PROBLEM + "".join(restored)
+    lines: list[str] = []
     for name, fact in timeline.tracks.items():
         steps = {
             "observed": fact.observed_s,
@@ -73,9 +105,9 @@ def rehearsal_facts(rehearsal: Rehearsal) -> str:
             "warned": fact.warned_s,
             "blocked": fact.blocked_s,
         }
-        told = [f"{step} at {at:.0f} s" for step, at in steps.items() if at is not None]
-        lines.append(f"{name}: {_list(told)}")
-    return "\n".join(lines)
+        told = [step for step, at in steps.items() if at is not None]
+        lines.append(f"{name} is {_list(told) if told else 'not looked at'}")
+    return "\n".join([f"Tracks then: {'; '.join(lines)}"] * bool(lines) + [f"Rehearsal: {outcome}"])
 
 
 def verification_facts(verification: Verification) -> str:
@@ -87,10 +119,6 @@ def verification_facts(verification: Verification) -> str:
     ]
     lines.append(f"Gates that lost their cover: {_list(verification.gates_lost)}")
     return "\n".join(lines)
-
-
-def _covered(covered: bool) -> str:
-    return "covered" if covered else "uncovered"
 
 
 def _list(words: Iterable[str]) -> str:

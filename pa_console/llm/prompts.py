@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 from pa_console.llm.facts import (
     free_assets,
+    low_battery,
+    plan_facts,
     rehearsal_facts,
     situation,
     verification_facts,
@@ -39,6 +41,7 @@ reason first, then one command for each asset that has something to do.
 - A gate without guard gets one Free asset. An asset with low battery returns to base.
 - Track: one drone observes and one robot identifies it; once identified, a robot warns it; a
   vehicle blocks it only when it is hostile and was warned.
+- A question is answered with report.
 
 Examples from another checkpoint
 Mission: "Get a vehicle over to MillGate."
@@ -50,20 +53,26 @@ Tracks: person at DockGate, not identified
 Mission: "Somebody is hanging around DockGate."
 Free: drone Kite_2, Kite_4; vehicle Mule_1; robot Guard_2, Guard_3
 {"reason": "unknown person at DockGate: one drone observes, Kite_2; one robot identifies, \
-Guard_2", \
-"actions": [{"agent": "Kite_2", "command": "observe DockGate"}, \
+Guard_2", "actions": [{"agent": "Kite_2", "command": "observe DockGate"}, \
 {"agent": "Guard_2", "command": "identify DockGate"}]}
 
-Without guard: DockGate
-Mission: "DockGate is open to anyone!"
+Tracks: car at MillGate, unauthorized, not warned
+Mission: "Have the car at MillGate drive off."
+Free: drone Kite_2; vehicle Mule_1; robot Guard_1, Guard_3
+{"reason": "identified car at MillGate: one robot warns, Guard_1", \
+"actions": [{"agent": "Guard_1", "command": "warn MillGate"}]}
+
+Without guard: DockGate, needs one Free asset
+Mission: "Mule_2 broke down, fill the gap."
 Free: drone none; vehicle Mule_3; robot Guard_1, Guard_2
 {"reason": "DockGate has no guard: one free asset goes, Mule_3", \
 "actions": [{"agent": "Mule_3", "command": "move_to DockGate"}]}
 
-Guards: Kite_2 at MillGate; Kite_3 at DockGate. Low battery: Kite_3
+Low battery: Kite_3, to return to base
+Guards: Kite_2 at MillGate; Kite_3 at DockGate
 Mission: "Kite_3 needs a break."
 Free: drone Kite_1, Kite_4; vehicle none; robot Guard_2
-{"reason": "Kite_3 returns; one free asset takes DockGate: Kite_1", \
+{"reason": "Kite_3 returns; one free asset takes over DockGate: Kite_1", \
 "actions": [{"agent": "Kite_1", "command": "move_to DockGate"}, \
 {"agent": "Kite_3", "command": "return_to_base"}]}
 
@@ -75,22 +84,66 @@ Free: drone none; vehicle Mule_1; robot Guard_2
 {"agent": "Guard_2", "command": "move_to MillGate"}]}
 Mission: "Kite_3, come in from DockGate."
 Free: drone Kite_1; vehicle Mule_1; robot Guard_2
-{"reason": "Kite_3 is the only guard of DockGate (WF-03): it holds", \
+{"reason": "Kite_3 is not free, it guards DockGate (WF-03): it holds", \
 "actions": [{"agent": "Kite_3", "command": "hold"}]}
+Mission: "Mule_1, drive to DockGate."
+Free: drone Kite_1; vehicle Mule_4, Mule_1; robot Guard_2
+{"reason": "Mule_1 is free: it goes", \
+"actions": [{"agent": "Mule_1", "command": "move_to DockGate"}]}
 Mission: "Guard_2 and Mule_1, do not move."
 Free: drone Kite_1; vehicle Mule_1; robot Guard_2
 {"reason": "Guard_2 and Mule_1 hold", \
 "actions": [{"agent": "Guard_2", "command": "hold"}, {"agent": "Mule_1", "command": "hold"}]}
 Mission: "Anything new?"
 Free: drone Kite_1; vehicle Mule_1; robot Guard_2
-{"reason": "a report: Kite_1", "actions": [{"agent": "Kite_1", "command": "report"}]}
+{"reason": "a question: one report, Kite_1", \
+"actions": [{"agent": "Kite_1", "command": "report"}]}
 """
 
 JUDGE = """\
-You are the judge of a checkpoint. You did not write the plan; you look for faults in it.
-Answer with one JSON object: for every rule "complies", "violates" or "unclear", then feedback in
-one sentence, then the verdict: Success when the plan serves the mission and violates no rule, else
-Failure. Believe the rehearsal: it says what the plan does when it is carried out.
+You are the judge of a checkpoint: does the plan do what the mission asks? You did not write it.
+Answer with one JSON object: for every rule "violates" when the rehearsal shows that problem, else
+"complies"; feedback in one short sentence; then the verdict.
+Success: the plan does what is asked and the rehearsal has no problem.
+Failure: another gate, another kind of asset, another task, or a problem.
+
+Examples from another checkpoint
+Mission: "Get a vehicle over to MillGate."
+Plan: vehicle Mule move_to MillGate
+Rehearsal: no problem, so every rule complies
+{"rules": [{"id": "WF-03", "verdict": "complies"}], \
+"feedback": "asked: vehicle at MillGate; planned: vehicle at MillGate; it fits", \
+"verdict": "Success"}
+Mission: "Somebody is hanging around DockGate."
+Plan: drone Kite observe MillGate
+Rehearsal: no problem, so every rule complies
+{"rules": [{"id": "WF-03", "verdict": "complies"}], \
+"feedback": "asked: look at DockGate; planned: look at MillGate; another gate", \
+"verdict": "Failure"}
+Mission: "What do you see?"
+Plan: drone Kite report
+Rehearsal: no problem, so every rule complies
+{"rules": [{"id": "WF-03", "verdict": "complies"}], \
+"feedback": "asked: a report; planned: a report; it fits", \
+"verdict": "Success"}
+Mission: "Send a robot to DockGate."
+Plan: robot Bolt move_to DockGate
+Rehearsal: problem: MillGate is left uncovered
+{"rules": [{"id": "WF-03", "verdict": "violates"}], \
+"feedback": "asked: robot at DockGate; planned: robot at DockGate; MillGate is left uncovered", \
+"verdict": "Failure"}
+Mission: "Bolt and Mule, do not move."
+Plan: robot Bolt move_to Yard
+Rehearsal: no problem, so every rule complies
+{"rules": [{"id": "WF-03", "verdict": "complies"}], \
+"feedback": "asked: hold; planned: move; another task", \
+"verdict": "Failure"}
+Mission: "Person at DockGate."
+Plan: drone Kite observe DockGate; robot Rivet identify DockGate
+Rehearsal: no problem, so every rule complies
+{"rules": [{"id": "WF-03", "verdict": "complies"}], \
+"feedback": "asked: see who is at DockGate; planned: observe and identify at DockGate; it fits", \
+"verdict": "Success"}
 """
 
 OUTCOME = """\
@@ -125,15 +178,20 @@ def judge_prompt(  # noqa: PLR0917
     plan: Plan,
     rehearsal: Rehearsal,
 ) -> Prompt:
-    """Return the judge's prompt: everything but what the safeguards think, so it is independent."""
+    """Return the judge's prompt; what the safeguards think is not in it, so it is independent.
+
+    Of the picture it holds the low batteries alone: a small model takes a line about guards or
+    assets that are down for a fault of the plan. The rehearsal says what matters of the rest.
+    """
     user = [
         _rules(rules),
-        situation(digest),
+        *low_battery(digest),
+        "",
         _mission(mission),
-        f"Plan: {_plan(plan)}",
-        rehearsal_facts(rehearsal),
+        f"Plan: {plan_facts(world, plan)}",
+        rehearsal_facts(world, rehearsal),
     ]
-    return Prompt(JUDGE + "\n" + vocabulary(world), "\n".join(user))
+    return Prompt(JUDGE, "\n".join(user))
 
 
 def outcome_prompt(

@@ -2,6 +2,7 @@
 
 import json
 
+import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,7 +11,13 @@ from pa_console.llm.prompts import judge_prompt, outcome_prompt, planner_prompt
 from pa_console.resources import data_folder
 from pa_console.schema.mission import Verification
 from pa_console.schema.plan import Action, Plan
-from pa_console.schema.rehearsal import AssetTimeline, GateTimeline, Rehearsal, Timeline
+from pa_console.schema.rehearsal import (
+    AssetTimeline,
+    GateTimeline,
+    Rehearsal,
+    Timeline,
+    TrackTimeline,
+)
 from pa_console.schema.rule import Rule
 from tests.llm.site import DIGEST, RULE, WORLD, mission, picture
 
@@ -51,7 +58,8 @@ def test_the_free_assets_come_last_and_the_repair_after_them():
 
 def test_the_situation_and_the_rules_are_told():
     user = planner_prompt(WORLD, DIGEST, [RULE], mission("Watch the hill.")).user
-    assert "Guards: Hawk_1 at RiverGate. Without guard: HillGate" in user
+    assert "Without guard: HillGate, needs one Free asset\nGuards: Hawk_1 at RiverGate\n" in user
+    assert "Low battery" not in user
     assert "WF-99: Keep every gate covered." in user
 
 
@@ -73,11 +81,51 @@ def test_critical_rules_come_first_and_in_the_same_order_whatever_their_score():
     assert one.startswith("Rules\nROE-91: Be careful.\nROE-92: Be careful.\nWF-99")
 
 
-def test_the_judge_is_told_plan_and_rehearsal():
+def test_the_judge_is_told_the_plan_and_what_went_wrong_in_rehearsal():
     user = judge_prompt(WORLD, DIGEST, [RULE], mission("Watch."), PLAN, REHEARSAL).user
-    assert '{"agent": "Hawk_2", "command": "observe HillGate"}' in user
-    assert "HillGate: uncovered, then covered, longest gap 12 s" in user
-    assert "Hawk_2: did not finish (no way there)" in user
+    assert "Plan: drone Hawk_2 observe HillGate" in user
+    assert user.endswith("Rehearsal: problem: Hawk_2 does not finish (no way there)")
+
+
+def test_the_judge_is_not_told_why_the_planner_did_it():
+    plan = PLAN.model_copy(update={"reason": "because I say so"})
+    user = judge_prompt(WORLD, DIGEST, [RULE], mission("Watch."), plan, REHEARSAL).user
+    assert "because I say so" not in user
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "gap_s", "said"),
+    [
+        (True, True, 1.0, "no problem, so every rule complies"),
+        (False, True, 9.0, "no problem, so every rule complies; HillGate is covered again"),
+        (True, True, 9.0, "problem: HillGate is uncovered for 9 s"),
+        (True, False, 9.0, "problem: HillGate is left uncovered"),
+        (False, False, 9.0, "problem: HillGate stays uncovered"),
+    ],
+)
+def test_the_judge_is_told_what_becomes_of_a_gate(
+    before: bool, after: bool, gap_s: float, said: str
+):
+    gate = GateTimeline(covered_before=before, covered_after=after, longest_gap_s=gap_s)
+    timeline = Timeline(duration_s=31.0, gates={"HillGate": gate})
+    rehearsal = REHEARSAL.model_copy(update={"timeline": timeline})
+    user = judge_prompt(WORLD, DIGEST, [RULE], mission("Watch."), PLAN, rehearsal).user
+    assert user.endswith(f"\nRehearsal: {said}")
+
+
+def test_the_judge_is_told_what_becomes_of_a_track():
+    timeline = Timeline(
+        duration_s=31.0,
+        gates={},
+        tracks={
+            "V1": TrackTimeline(observed_s=2.0, identified_s=9.0, least_distance_m=4.0),
+            "V2": TrackTimeline(),
+        },
+    )
+    rehearsal = REHEARSAL.model_copy(update={"timeline": timeline})
+    user = judge_prompt(WORLD, DIGEST, [RULE], mission("Watch."), PLAN, rehearsal).user
+    assert "Tracks then: V1 is observed, identified; V2 is not looked at" in user
+    assert "problem: a ground asset comes within 4 m of V1" in user
 
 
 def test_the_judge_of_the_outcome_is_told_what_telemetry_says():

@@ -32,6 +32,15 @@ def test_sole_covers_are_not_free_and_spares_are_best_first() -> None:
     assert [line.split(":")[0] for line in digest.tracks] == ["V2", "V1"]
 
 
+def test_a_track_is_told_with_what_is_known_of_it() -> None:
+    known = track("V1", "EastGate", identity="unauthorized", status="stopped", observed=True)
+    new = track("V2", "WestGate", distance_m=80.0)
+    assert digest_picture(picture(tracks=(known, new)), WORLD).tracks == (
+        "V1: vehicle stopped at EastGate, 40 m, unauthorized, intent unknown, observed, not warned",
+        "V2: vehicle approaches WestGate, 80 m, not identified, not observed, not warned",
+    )
+
+
 assets = st.lists(
     st.builds(
         asset,
