@@ -9,6 +9,7 @@ from typing import cast
 from pa_console.llm.catalog import LocalModel
 from pa_console.llm.engine import Completed, Engine, OnState, Request
 from pa_console.llm.errors import EngineError
+from pa_console.schema.event import Role
 from pa_console.schema.finding import Usage
 
 Answer = str | EngineError | None
@@ -42,6 +43,9 @@ class ScriptedEngine:
         """Report to be ready."""
         if self.on_state is not None:
             self.on_state("ready", "scripted")
+
+    async def warm(self, role: Role, system: str) -> None:
+        """Do nothing: there is nothing to read ahead."""
 
     async def close(self) -> None:
         """Do nothing."""

@@ -17,6 +17,7 @@ from pa_console.llm.facts import (
     verification_facts,
     vocabulary,
 )
+from pa_console.schema.event import Role
 from pa_console.schema.mission import Mission, Verification
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import Rehearsal
@@ -153,6 +154,11 @@ mission was served and every gate stayed covered, else Failure.
 """
 
 
+def fixed_part(role: Role, world: World) -> str:
+    """Return what every prompt of `role` begins with; the engine can read it ahead."""
+    return JUDGE if role == "judge" else PLANNER + "\n" + vocabulary(world)
+
+
 def planner_prompt(  # noqa: PLR0917
     world: World,
     digest: Digest,
@@ -167,7 +173,7 @@ def planner_prompt(  # noqa: PLR0917
         faults = "\n".join(f"- {' '.join(reason.split())}" for reason in repair)
         user.append(f"Your previous answer: {previous}\nIt cannot be carried out:\n{faults}")
         user.append("Write a better plan.")
-    return Prompt(PLANNER + "\n" + vocabulary(world), "\n".join(user))
+    return Prompt(fixed_part("planner", world), "\n".join(user))
 
 
 def judge_prompt(  # noqa: PLR0917
@@ -191,7 +197,7 @@ def judge_prompt(  # noqa: PLR0917
         f"Plan: {plan_facts(world, plan)}",
         rehearsal_facts(world, rehearsal),
     ]
-    return Prompt(JUDGE, "\n".join(user))
+    return Prompt(fixed_part("judge", world), "\n".join(user))
 
 
 def outcome_prompt(

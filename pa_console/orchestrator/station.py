@@ -2,10 +2,12 @@
 
 import asyncio
 from collections import deque
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Coroutine
 from contextlib import suppress
 from datetime import UTC, datetime
 
+from pa_console.llm.errors import EngineError
+from pa_console.llm.prompts import fixed_part
 from pa_console.orchestrator.clock import Clock
 from pa_console.orchestrator.feed import StepFeed
 from pa_console.orchestrator.notices import notices
@@ -17,6 +19,7 @@ from pa_console.schema.incident import Incident
 from pa_console.schema.mission import MAX_MISSION_TEXT, Decision, Mission, MissionStatus
 from pa_console.schema.world import World
 
+ROLES: tuple[ev.Role, ...] = ("planner", "judge")
 READ_ONLY = "this console is read-only: commands are refused"
 
 
@@ -48,6 +51,7 @@ class Station:
         self._work: asyncio.Task[None] | None = None
         self._answer: asyncio.Future[Decision] | None = None
         self._missions = self._halts = 0
+        self._tasks: set[asyncio.Task[None]] = set()
         self._last = self._sim.picture()
         self._closed = False
 
@@ -75,19 +79,16 @@ class Station:
         self._emit(self._started)
         self._emit(ev.TelemetryReceived(picture=self._last))
         self._services.engine.on_state = self.worker_changed
-        work = (self._tick(), self._serve(), self._services.engine.start())
-        tasks = [asyncio.create_task(task) for task in work]
-        for task in tasks:
-            task.add_done_callback(self._task_ended)
+        for work in (self._tick(), self._serve(), self._read_ahead()):
+            self._start(work)
         try:
             while (event := await self._events.get()) is not None:
                 yield event
         finally:
-            for task in [*tasks, self._work]:
-                if task is not None:
-                    task.cancel()
-                    with suppress(asyncio.CancelledError, Exception):
-                        await task
+            for task in list(self._tasks):
+                task.cancel()
+                with suppress(asyncio.CancelledError, Exception):
+                    await task
             if not self._keep_engine:
                 await self._services.engine.close()
 
@@ -202,10 +203,18 @@ class Station:
                 await self._arrived.wait()
             mission = self._queue.popleft()
             self._run = MissionRun(self._services, mission, self._feed, self._decided)
-            self._work = asyncio.create_task(self._work_on(self._run))
-            with suppress(asyncio.CancelledError):
-                await asyncio.wait([self._work])
+            self._work = self._start(self._work_on(self._run))
+            await asyncio.wait([self._work])
             self._run = self._work = None
+            self._start(self._read_ahead())
+
+    async def _read_ahead(self) -> None:
+        """Load the model and let it read what never changes while nobody waits for it."""
+        engine = self._services.engine
+        with suppress(EngineError):  # told by the engine's state, and to whoever asks it
+            await engine.start()
+            for role in ROLES:
+                await engine.warm(role, fixed_part(role, self.world))
 
     async def _work_on(self, run: MissionRun) -> None:
         """Emit everything a mission yields; a cancelled or broken mission ends in safety."""
@@ -233,8 +242,16 @@ class Station:
         finally:
             self._answer = None
 
+    def _start(self, work: Coroutine[None, None, None]) -> asyncio.Task[None]:
+        """Run `work` beside the rest of the session."""
+        task = asyncio.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._task_ended)
+        return task
+
     def _task_ended(self, task: asyncio.Task[None]) -> None:
         """End the session in order when one of its own tasks broke."""
+        self._tasks.discard(task)
         if not task.cancelled() and (error := task.exception()) is not None:
             self._emit(ev.SessionEnded(reason=f"internal error: {error}"))
             self._events.put_nowait(None)
