@@ -90,6 +90,7 @@ class Engine:
             threads=threads or physical_cores(),
         )
         self._worker: Worker | None = None
+        self._birth: asyncio.Future[Worker] | None = None
         self.busy = False
         """Whether the worker was given a prompt that is not yet answered."""
         self._warming = False
@@ -112,7 +113,8 @@ class Engine:
         """Stop whatever runs and end the worker."""
         self._closed = True
         self.cancel()
-        worker, self._worker = self._worker, None
+        async with self._spawning:
+            worker, self._worker = self._worker, None
         if worker is not None:
             await worker.close()
 
@@ -166,8 +168,13 @@ class Engine:
                 worker.send(Cancel(id=self._number))
 
     async def _living_worker(self) -> Worker:
+        """Return the worker; whoever waits may be cancelled, a process is always born whole."""
         if self._closed:
             raise ModelUnavailableError("the engine is closed")
+        self._birth = asyncio.ensure_future(self._spawned())
+        return await asyncio.shield(self._birth)
+
+    async def _spawned(self) -> Worker:
         async with self._spawning:
             if self._worker is None or self._worker.ended:
                 self._change("loading", self.model.name)
