@@ -54,6 +54,8 @@ def main() -> None:
     """Run the command line; never lets a traceback reach the user."""
     try:
         code = app(standalone_mode=False)
+        if code == INTERRUPTED:
+            raise KeyboardInterrupt
     except (DocumentError, ModelError, LogError, ValueError) as error:
         code = _fail(str(error), BAD_INPUT)
     except EngineError as error:
