@@ -1,10 +1,9 @@
 """Loads mission sets: commands with set-up and success conditions."""
 
-from collections.abc import Iterable
 from pathlib import Path
 
 from pa_console.schema.document import Document
-from pa_console.schema.incident import ClearTracks, SpawnTrack
+from pa_console.schema.incident import unknown_name
 from pa_console.schema.mission import MissionSet
 from pa_console.schema.world import World
 
@@ -22,16 +21,7 @@ def load_missions(path: Path, world: World) -> MissionSet:
             raise document.error(("missions", index, "id"), f"{case.id!r} appears twice")
         seen.add(case.id)
         for number, incident in enumerate(case.setup):
-            field = ("missions", index, "setup", number)
-            if isinstance(incident, SpawnTrack | ClearTracks):
-                if incident.gate not in world.gates:
-                    raise document.error((*field, "gate"), _unknown(incident.gate, world.gates))
-            elif incident.asset not in world.assets:
-                raise document.error((*field, "asset"), _unknown(incident.asset, world.assets))
-            elif incident.kind == "place" and incident.frame not in world.frames:
-                raise document.error((*field, "frame"), _unknown(incident.frame, world.frames))
+            field, remedy = unknown_name(incident, world)
+            if field:
+                raise document.error(("missions", index, "setup", number, field), remedy)
     return missions
-
-
-def _unknown(name: str, known: Iterable[str]) -> str:
-    return f"{name!r} is not in this world; known: {', '.join(known)}"

@@ -51,7 +51,14 @@ class Stopwatch:
         finally:
             self.add(stage, perf_counter() - begin)
 
-    def metrics(self, attempts: int) -> Metrics:
+    def metrics(self, attempts: int, plans: int = 0, halts: int = 0) -> Metrics:
         """Return everything measured so far, end to end until now."""
-        total = perf_counter() - self.started
-        return Metrics(**self.seconds, end_to_end_s=total, attempts=attempts)
+        return Metrics.model_validate(
+            {
+                **self.seconds,
+                "end_to_end_s": perf_counter() - self.started,
+                "attempts": attempts,
+                "plans": plans,
+                "halts": halts,
+            }
+        )

@@ -5,6 +5,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
+from pa_console.schema.alarm import Alarm, QueueEntry
 from pa_console.schema.base import StrictModel
 from pa_console.schema.command import CommandReply, DeviceCommand
 from pa_console.schema.finding import Finding, Usage, Verdict
@@ -39,6 +40,8 @@ class SessionStarted(Payload):
     model: str
     model_sha256: str
     seed: int
+    scenario: str = ""
+    scenario_sha256: str = ""
     sampler: str
     grammar_sha256: str
     readonly: bool = False
@@ -57,6 +60,7 @@ class IncidentHappened(Payload):
 
     kind: Literal["incident"] = "incident"
     incident: Incident
+    source: Literal["operator", "scenario"] = "operator"
 
 
 class Noticed(Payload):
@@ -74,6 +78,61 @@ class WorkerChanged(Payload):
     kind: Literal["worker"] = "worker"
     state: WorkerState
     detail: str = ""
+
+
+class AlarmRaised(Payload):
+    """The picture shows something that needs a response; the alarm replaces one of the same id."""
+
+    kind: Literal["alarm_raised"] = "alarm_raised"
+    alarm: Alarm
+
+
+class AlarmAcknowledged(Payload):
+    """The operator has seen the alarm; it stays open until its cause is gone."""
+
+    kind: Literal["alarm_acknowledged"] = "alarm_acknowledged"
+    alarm_id: str
+    by: str = "operator"
+
+
+class AlarmCleared(Payload):
+    """The cause of the alarm is gone."""
+
+    kind: Literal["alarm_cleared"] = "alarm_cleared"
+    alarm_id: str
+    reason: str
+
+
+class QueueChanged(Payload):
+    """Step 1: the missions that wait, next first, and why in this order (WF-04, WF-05)."""
+
+    kind: Literal["queue_changed"] = "queue_changed"
+    entries: tuple[QueueEntry, ...]
+
+
+class MissionPreempted(Payload):
+    """The active mission went back to the queue because an emergency goes first."""
+
+    kind: Literal["mission_preempted"] = "mission_preempted"
+    by: str
+    reason: str
+
+
+class WorkflowMoved(Payload):
+    """Where the mission stands in a workflow that a rule prescribes (WF-01).
+
+    `phase` counts from 0; it is the number of phases when the workflow is over, with `outcome`.
+    """
+
+    kind: Literal["workflow_moved"] = "workflow_moved"
+    workflow: str
+    rule_id: str
+    track: str
+    phases: tuple[str, ...]
+    phase: int
+    skipped: tuple[str, ...] = ()
+    command: str = ""
+    outcome: str = ""
 
 
 class MissionReceived(Payload):
@@ -213,6 +272,23 @@ class CommandSent(Payload):
     command: DeviceCommand
 
 
+class CommandResent(Payload):
+    """Step 7: a command that was not answered went out again under the same id."""
+
+    kind: Literal["command_resent"] = "command_resent"
+    command_id: str
+    times: int
+
+
+class PlanHalted(Payload):
+    """Step 7: a premise of the running plan broke; assets were brought to a safe state."""
+
+    kind: Literal["plan_halted"] = "plan_halted"
+    attempt: int
+    reasons: tuple[str, ...]
+    safe_state: tuple[str, ...] = Field(default=(), description="what each asset was told")
+
+
 class CommandReplied(Payload):
     """Step 7: a device answered, or was given up on (`failed`, timed out)."""
 
@@ -269,7 +345,9 @@ class SessionEnded(Payload):
 
 EventPayload = Annotated[
     SessionStarted | TelemetryReceived | IncidentHappened | Noticed | WorkerChanged
-    | MissionReceived | MissionStarted | RulesRetrieved | PictureDigested | PromptBuilt
+    | AlarmRaised | AlarmAcknowledged | AlarmCleared | QueueChanged | MissionPreempted
+    | WorkflowMoved | CommandResent | PlanHalted | MissionReceived | MissionStarted
+    | RulesRetrieved | PictureDigested | PromptBuilt
     | TextStreamed | PlanProposed | PlanRehearsed | PlanChecked | PlanJudged | RepairRequested
     | ApprovalRequested | DecisionMade | PlanVoided | CommandSent | CommandReplied
     | MissionVerified | OutcomeJudged | MissionReported | MissionFinished | AllStopped

@@ -24,6 +24,9 @@ class Mission(StrictModel):
     text: str = Field(min_length=1, max_length=MAX_MISSION_TEXT)
     source: Literal["operator", "alarm"] = "operator"
     created: datetime
+    alarm: str = Field(default="", description="id of the alarm that it answers")
+    subject: Name | None = Field(default=None, description="track, asset or gate it is about")
+    gate: Name | None = Field(default=None, description="the gate concerned, if one is")
 
 
 class Decision(StrictModel):
@@ -50,12 +53,17 @@ class ActionOutcome(StrictModel):
 
 
 class Verification(StrictModel):
-    """Telemetry's answer on whether the plan happened and every gate stayed covered."""
+    """Telemetry's answer on whether the plan happened and every gate stayed covered.
+
+    It holds for `as_of_s`: every value that a pass rests on was sent at that time or later.
+    """
 
     outcome: Outcome
     actions: tuple[ActionOutcome, ...]
     gates_lost: tuple[Name, ...] = ()
+    gates_unknown: tuple[Name, ...] = ()
     reason: str = ""
+    as_of_s: NonNegative = 0.0
 
 
 class Metrics(StrictModel):
@@ -75,6 +83,8 @@ class Metrics(StrictModel):
     outcome_s: NonNegative = 0.0
     end_to_end_s: NonNegative = 0.0
     attempts: int = 0
+    plans: int = Field(default=0, description="plans executed; more than one in a workflow")
+    halts: int = Field(default=0, description="plans halted because a premise broke")
 
 
 class MissionCase(StrictModel):

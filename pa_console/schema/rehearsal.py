@@ -3,6 +3,7 @@
 from pydantic import Field
 
 from pa_console.schema.base import Name, NonNegative, Percent, StrictModel
+from pa_console.schema.moment import Moment
 from pa_console.schema.telemetry import Picture
 
 
@@ -50,8 +51,12 @@ class Timeline(StrictModel):
 
 
 class Rehearsal(StrictModel):
-    """`after` is the picture when the rehearsed plan had ended."""
+    """`after` is the picture when the rehearsed plan had ended.
+
+    `moments` are the rehearsal's states as ordering rules see them, repeated ones left out.
+    """
 
     before: Picture
     after: Picture
     timeline: Timeline
+    moments: tuple[Moment, ...] = ()

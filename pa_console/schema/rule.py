@@ -4,7 +4,7 @@ from typing import Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from pa_console.schema.base import StrictModel
+from pa_console.schema.base import Positive, StrictModel
 
 Domain = Literal["ROE", "WF", "CAP"]
 Priority = Literal["critical", "high", "medium"]
@@ -26,8 +26,34 @@ class RuleExample(StrictModel):
     given: dict[str, Any] = {}
 
 
+class Ordering(StrictModel):
+    """In which order things may happen during a mission; `event` and `other` are CEL over a moment.
+
+    With `each`, `it` (and its name `id`) is bound to every track or gate in turn.
+
+    before       `event` may first hold only at or after a moment at which `other` has held
+    after        once `other` has held, `event` must hold at some moment before the mission ends
+    never_while  `event` must not hold at a moment at which `other` holds
+    within       once `other` holds, `event` must hold within `seconds`, unless `other` ends first
+    until        `event` must hold at every moment until `other` first holds
+    """
+
+    kind: Literal["before", "after", "never_while", "within", "until"]
+    event: str
+    other: str
+    each: Literal["track", "gate"] | None = None
+    seconds: Positive | None = None
+    message: str = Field(min_length=1, description="what is wrong; the subjects are put after it")
+
+    @model_validator(mode="after")
+    def _seconds_fit(self) -> Self:
+        if (self.kind == "within") != (self.seconds is not None):
+            raise ValueError("seconds belongs to an ordering of kind 'within', and only there")
+        return self
+
+
 class Rule(StrictModel):
-    """One rule; without `check` it is judged by the LLM only."""
+    """One rule; without `check` and `order` it is judged by the LLM only."""
 
     id: str = Field(pattern=r"^[A-Z]+-\d{2,}$")
     domain: Domain
@@ -39,12 +65,18 @@ class Rule(StrictModel):
         default=None, description="CEL that must hold: true, or an empty list of the offenders"
     )
     message: str = Field(default="", description="what is wrong; the offenders are put after it")
+    order: tuple[Ordering, ...] = ()
     examples: tuple[RuleExample, ...] = ()
 
     @property
+    def decidable(self) -> bool:
+        """Whether software can decide it, wholly or in part."""
+        return self.check is not None or bool(self.order)
+
+    @property
     def enforced(self) -> bool:
-        """Whether a violation blocks the plan for everyone (critical or high, with a check)."""
-        return self.check is not None and self.priority in ("critical", "high")
+        """Whether a violation blocks the plan for everyone (critical or high, and decidable)."""
+        return self.decidable and self.priority in ("critical", "high")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -57,12 +89,48 @@ class Rule(StrictModel):
         return self
 
 
+class Phase(StrictModel):
+    """One step of a workflow: planned, checked, judged and approved on its own.
+
+    `when` and `done` are CEL over a moment, with `it` bound to the workflow's track. A phase
+    whose `when` does not hold is skipped; one whose `done` holds is over.
+    """
+
+    name: str
+    command: str = Field(min_length=1, description="its mission; {track} and {gate} are put in")
+    when: str = "true"
+    done: str
+
+
+class Workflow(StrictModel):
+    """A sequence of phases over several plans that a rule prescribes (WF-01).
+
+    `starts` is CEL over a moment with `it` bound to a track at one of the mission's gates; `ends`
+    is likewise and closes the workflow early, with what it means.
+    """
+
+    id: str = Field(pattern=r"^[a-z][a-z0-9-]*$")
+    rule: str
+    starts: str
+    ends: dict[str, str] = Field(default={}, description="outcome in words -> CEL")
+    phases: tuple[Phase, ...] = Field(min_length=1)
+
+
 class RuleSet(StrictModel):
-    """A rule file: every rule in force."""
+    """A rule file: every rule in force, and the workflows that they prescribe."""
 
     name: str
     source: str = ""
     rules: tuple[Rule, ...] = Field(min_length=1)
+    workflows: tuple[Workflow, ...] = ()
+
+    @model_validator(mode="after")
+    def _workflows_have_rules(self) -> Self:
+        known = {rule.id for rule in self.rules}
+        for workflow in self.workflows:
+            if workflow.rule not in known:
+                raise ValueError(f"workflow {workflow.id!r}: there is no rule {workflow.rule!r}")
+        return self
 
 
 class RuleHit(StrictModel):

@@ -16,10 +16,16 @@ Task = Literal[
 Identity = Literal["unknown", "authorized", "unauthorized"]
 Intent = Literal["unknown", "benign", "hostile"]
 TrackStatus = Literal["approaching", "stopped", "leaving", "inside"]
+Integrity = Literal["ok", "suspect"]
+Weather = Literal["clear", "rain", "fog"]
 
 
 class AssetTelemetry(StrictModel):
-    """The latest report of one asset; `stamp_s` is when it was sent, in simulated seconds."""
+    """The latest report of one asset; `stamp_s` is when it was sent, in simulated seconds.
+
+    `comms`, `stale`, `integrity` and `available` are the station's own conclusions from which
+    reports arrived, and when; everything else is what the asset said.
+    """
 
     id: Name
     kind: AssetKind
@@ -33,14 +39,24 @@ class AssetTelemetry(StrictModel):
     battery_pct: Percent
     low_battery: bool
     comms: CommsStatus
-    available: bool = Field(description="status not failed, comms not lost, battery not empty")
+    available: bool = Field(
+        description="status not failed, comms not lost, battery not empty, report fresh and sound"
+    )
+    stale: bool = Field(default=False, description="the report is too old to rely on")
+    integrity: Integrity = Field(
+        default="ok", description="suspect: the report contradicts physics or another sensor"
+    )
     route: tuple[Point, ...] = Field(default=(), description="waypoints still ahead")
     command_id: str | None = None
     stamp_s: NonNegative
 
 
 class Track(StrictModel):
-    """A detected vehicle or person that is not ours."""
+    """A detected vehicle or person that is not ours, as the sensors' detections tell of it.
+
+    `stamp_s` is when it was last detected. `intent` is hostile only once two independent sensors
+    have said so (ROE-01, ROE-10); `hostile_by` names those that have.
+    """
 
     id: Name
     kind: Literal["vehicle", "person"]
@@ -56,14 +72,39 @@ class Track(StrictModel):
     observed: bool = Field(default=False, description="a UAV has seen it at least once")
     warned: bool = False
     stamp_s: NonNegative
+    first_seen_s: NonNegative = 0.0
+    stale: bool = Field(default=False, description="not detected for too long to rely on")
+    uncertainty_m: NonNegative = Field(default=0.0, description="one sigma of the position")
+    seen_by: tuple[Name, ...] = Field(default=(), description="sensors that detect it now")
+    hostile_by: tuple[Name, ...] = ()
+    noncombatants: bool = Field(default=False, description="noncombatants are suspected (ROE-08)")
+    defiant: bool = Field(default=False, description="it went on after it had been warned")
+
+
+class CameraReport(StrictModel):
+    """Whether a gate's camera works, as far as its own link tells."""
+
+    gate: Name
+    works: bool
+    stamp_s: NonNegative
 
 
 class GateCover(StrictModel):
-    """Whether a gate is watched, by whom, and for how long it has not been."""
+    """Whether a gate is watched, by whom, and for how long it has not been.
+
+    `unsure` are assets whose last report puts them there, but is stale or suspect: with nobody
+    else there, the gate's cover is unknown and counts as none.
+    """
 
     covered: bool
     by: tuple[Name, ...] = ()
     uncovered_s: NonNegative = 0.0
+    unsure: tuple[Name, ...] = ()
+
+    @property
+    def unknown(self) -> bool:
+        """Whether nobody can say if the gate is covered."""
+        return not self.covered and bool(self.unsure)
 
 
 class Picture(StrictModel):
@@ -74,6 +115,17 @@ class Picture(StrictModel):
     assets: dict[Name, AssetTelemetry]
     tracks: dict[Name, Track] = {}
     gates: dict[Name, GateCover]
+    cameras: dict[Name, CameraReport] = {}
+    weather: Weather = "clear"
+
+
+class Selection(StrictModel):
+    """Which part of the picture a prompt speaks of, and why; the rest is left out of it."""
+
+    gates: dict[Name, str] = Field(description="gate -> why it matters")
+    tracks: dict[Name, str] = {}
+    assets: dict[Name, str] = Field(description="asset -> why it matters")
+    left_out: dict[Literal["gates", "tracks", "assets"], int] = {}
 
 
 class Digest(StrictModel):
@@ -87,6 +139,10 @@ class Digest(StrictModel):
     sole_cover: dict[Name, Name] = Field(description="gate -> the only asset that covers it")
     posts: dict[Name, str] = Field(description="asset -> 'kind at frame, task' for those up")
     down: tuple[Name, ...]
+    unknown: tuple[str, ...] = Field(
+        default=(), description="one line for each gate or asset of which nothing fresh is known"
+    )
     low_battery: tuple[Name, ...]
     degraded_comms: tuple[Name, ...] = ()
     tracks: tuple[str, ...] = Field(description="one line a track, nearest first")
+    selection: Selection | None = Field(default=None, description="None: nothing was left out")

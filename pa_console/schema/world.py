@@ -7,6 +7,7 @@ from pydantic import Field, model_validator
 from pa_console.schema.base import Name, NonNegative, Percent, Point, Positive, StrictModel
 
 AssetKind = Literal["uav", "ugv", "robot"]
+LostLink = Literal["hold", "return_to_base"]
 
 
 class Frame(StrictModel):
@@ -39,13 +40,47 @@ class Zone(StrictModel):
     polygon: tuple[Point, ...] = Field(min_length=3)
 
 
-class Platform(StrictModel):
-    """What one kind of asset can do physically."""
+class Sensing(StrictModel):
+    """A sensor that detects vehicles and persons, scanning once every telemetry period.
+
+    A contact within range, field of view and line of sight is detected with
+    `detection_probability` and its position measured with a normal error of `position_noise_m`
+    (standard deviation per axis).
+    """
+
+    sensor_range_m: Positive
+    field_of_view_deg: float = Field(default=360.0, gt=0.0, le=360.0)
+    detection_probability: float = Field(default=0.95, ge=0.0, le=1.0)
+    position_noise_m: NonNegative = 0.5
+
+
+class Camera(Sensing):
+    """A fixed camera that watches the approach to a gate; walls block its view."""
+
+    gate: Name
+    at: Point
+    heading_deg: float = Field(description="middle of its field of view; 0 east, 90 north")
+
+
+class Radio(StrictModel):
+    """The link between the station and every asset while nothing disturbs it.
+
+    A message takes `latency_s` and up to `jitter_s` more, and is lost with probability `loss`.
+    """
+
+    latency_s: NonNegative = 0.05
+    jitter_s: NonNegative = 0.05
+    loss: float = Field(default=0.0, ge=0.0, lt=1.0)
+
+
+class Platform(Sensing):
+    """What one kind of asset can do physically, and what it does without its link (CAP-05)."""
 
     speed_mps: Positive
     turn_rate_dps: Positive
     radius_m: Positive
-    sensor_range_m: Positive
+    lost_link: LostLink = "hold"
+    lost_link_after_s: Positive = 10.0
     drain_idle_pct_per_min: NonNegative
     drain_moving_pct_per_min: NonNegative
     charge_pct_per_min: NonNegative = Field(default=10.0, description="at the base, after a return")
@@ -69,11 +104,15 @@ class World(StrictModel):
     standoff_m: Positive = Field(description="least distance to an unverified track (ROE-04)")
     coverage_grace_s: Positive = Field(description="a gate may be uncovered this long (WF-03)")
     low_battery_pct: Percent = 25.0
+    stale_s: Positive = Field(default=3.0, description="older values count as unknown")
+    link_lost_s: Positive = Field(default=6.0, description="silent this long, a link is lost")
+    radio: Radio = Radio()
     perimeter: tuple[Point, ...] = Field(min_length=3)
     walls: tuple[Wall, ...] = ()
     frames: dict[Name, Frame]
     lanes: dict[Name, Lane] = {}
     zones: dict[Name, Zone] = {}
+    cameras: dict[Name, Camera] = {}
     platforms: dict[AssetKind, Platform]
     assets: dict[Name, AssetSpec]
 
@@ -98,6 +137,11 @@ class World(StrictModel):
         for name, lane in self.lanes.items():
             if lane.gate not in self.gates:
                 raise ValueError(f"lanes.{name}.gate: {lane.gate!r} is not a gate frame")
+        for name, camera in self.cameras.items():
+            if camera.gate not in self.gates:
+                raise ValueError(f"cameras.{name}.gate: {camera.gate!r} is not a gate frame")
+            if name in self.assets:
+                raise ValueError(f"cameras.{name}: an asset has the same name")
         for name, asset in self.assets.items():
             if asset.post not in self.frames:
                 raise ValueError(f"assets.{name}.post: {asset.post!r} is not a frame")

@@ -1,25 +1,42 @@
 """Says in one short line what an incident was, as the event list shows it."""
 
-from pa_console.schema import incident as inc
-from pa_console.schema.telemetry import CommsStatus
+from pa_console.schema.incident import Incident
 
-_LINK: dict[CommsStatus, str] = {"ok": "works", "degraded": "is degraded", "lost": "is lost"}
+_TEMPLATES: dict[str, str] = {
+    "spawn": "a {track} appears on the lane to {gate}",
+    "fail": "{asset} has stopped working",
+    "restore": "{asset} works again",
+    "degrade": "{asset} runs at {speed_factor:.0%} of its speed",
+    "battery": "battery of {asset} reads {percent:g} %",
+    "comms": "link of {asset} {state}",
+    "radio": "link of {asset} {state}",
+    "jam": "links within {radius_m:g} m of ({at[0]:g}, {at[1]:g}) are jammed",
+    "sensor": "sensor {sensor} {state}",
+    "gps": "position of {asset} drifts by {rate_mps:g} m/s",
+    "spoof": "telemetry of {asset} is forged",
+    "weather": "weather: {weather}",
+    "obstruct": "the way is obstructed at ({start[0]:g}, {start[1]:g})",
+    "phantom": "a sensor at {gate} reports what is not there",
+    "turn": "{track} is not what it was",
+    "worker": "the model's process is killed",
+    "place": "{asset} is placed at {frame}",
+    "clear": "all tracks at {gate} are gone",
+}
+_LINK = {"ok": "works", "degraded": "is degraded", "lost": "is lost"}
 
 
-def in_words(incident: inc.Incident) -> str:
+def in_words(incident: Incident) -> str:
     """Return what an operator could see of `incident`; the truth behind a track stays hidden."""
-    match incident:
-        case inc.SpawnTrack(track=track, gate=gate):
-            return f"a {track} appears on the lane to {gate}"
-        case inc.FailAsset(asset=asset):
-            return f"{asset} has stopped working"
-        case inc.RestoreAsset(asset=asset):
-            return f"{asset} works again"
-        case inc.SetBattery(asset=asset, percent=percent):
-            return f"battery of {asset} reads {percent:g} %"
-        case inc.SetComms(asset=asset, comms=comms):
-            return f"link of {asset} {_LINK[comms]}"
-        case inc.PlaceAsset(asset=asset, frame=frame):
-            return f"{asset} is placed at {frame}"
-        case inc.ClearTracks(gate=gate):
-            return f"all tracks at {gate} are gone"
+    values = incident.model_dump()
+    match incident.kind:
+        case "comms":
+            values["state"] = _LINK[incident.comms]
+        case "radio":
+            values["asset"] = incident.asset or "every asset"
+            lossy = f"loses {incident.loss:.0%} of its messages"
+            values["state"] = lossy if incident.up else "is down"
+        case "sensor":
+            values["state"] = "works again" if incident.works else "has stopped working"
+        case _:
+            pass
+    return _TEMPLATES[incident.kind].format_map(values)

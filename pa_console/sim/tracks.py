@@ -35,7 +35,7 @@ def spawn(terrain: Terrain, scene: Scene, incident: SpawnTrack) -> TrackState:
         cruise_mps=incident.speed_mps,
         truth=incident.identity,
         true_intent=incident.intent,
-        obeys=incident.obeys,
+        obeys=incident.when_warned != "go_on",
     )
     scene.tracks[track.id] = track
     return track

@@ -38,7 +38,7 @@ def what_ifs(world: World) -> Iterator[tuple[str, Incident]]:
     for gate in world.gates:
         yield (
             f"What if: hostile vehicle at {gate} that ignores warnings",
-            SpawnTrack(gate=gate, intent="hostile", obeys=False),
+            SpawnTrack(gate=gate, intent="hostile", when_warned="go_on"),
         )
         yield (
             f"What if: authorized vehicle at {gate}",

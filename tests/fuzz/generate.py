@@ -43,7 +43,7 @@ def situation(rng: random.Random, world: World) -> list[Incident]:
                         identity=rng.choice(["unknown", "authorized", "unauthorized"]),
                         intent=rng.choice(["unknown", "benign", "hostile"]),
                         distance_m=rng.choice([20.0, 40.0, 60.0, 80.0]),
-                        obeys=rng.random() < 0.5,
+                        when_warned=rng.choice(("leave", "stop", "go_on")),
                     )
                 )
     return incidents

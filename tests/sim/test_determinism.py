@@ -14,6 +14,7 @@ from pa_console.schema.incident import (
     FailAsset,
     Incident,
     PlaceAsset,
+    Reaction,
     RestoreAsset,
     SetBattery,
     SetComms,
@@ -34,6 +35,9 @@ GATES = FRAMES[:4]
 agents = st.sampled_from(AGENTS)
 
 
+REACTIONS: st.SearchStrategy[Reaction] = st.sampled_from(("leave", "stop", "go_on"))
+
+
 @st.composite
 def commands(draw: st.DrawFn) -> DeviceCommand:
     verb = draw(st.sampled_from(list(COMMANDS)))
@@ -46,7 +50,7 @@ def commands(draw: st.DrawFn) -> DeviceCommand:
 
 
 incidents: st.SearchStrategy[Incident] = st.one_of(
-    st.builds(SpawnTrack, gate=st.sampled_from(GATES), obeys=st.booleans()),
+    st.builds(SpawnTrack, gate=st.sampled_from(GATES), when_warned=REACTIONS),
     st.builds(FailAsset, asset=agents),
     st.builds(RestoreAsset, asset=agents),
     st.builds(SetBattery, asset=agents, percent=st.floats(0, 100)),

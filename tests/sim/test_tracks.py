@@ -90,7 +90,7 @@ def test_a_track_that_obeys_the_warning_leaves(sim: Checkpoint) -> None:
 
 
 def test_a_track_that_does_not_obey_stays(sim: Checkpoint) -> None:
-    sim.inject(SpawnTrack(gate="SouthGate", speed_mps=8.0, obeys=False))
+    sim.inject(SpawnTrack(gate="SouthGate", speed_mps=8.0, when_warned="go_on"))
     carry_out(sim, "Robot_T01", "warn", "SouthGate")
     run(sim, 60.0)
     assert (only_track(sim).warned, only_track(sim).status) == (True, "stopped")
