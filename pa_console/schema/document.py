@@ -1,6 +1,7 @@
 """Reads YAML documents strictly into schema models; errors name file, line, field and remedy."""
 
 import json
+import re
 from pathlib import Path
 from typing import TypeVar
 
@@ -9,6 +10,9 @@ from pydantic import BaseModel, ValidationError
 
 Model = TypeVar("Model", bound=BaseModel)
 FieldPath = tuple[str | int, ...]
+
+_NAMED_FIELD = re.compile(r"^Value error, (\w+(?:\.\w+)*): (.*)$", re.DOTALL)
+"""How a model's own validator names the field that it objects to."""
 
 
 class DocumentError(Exception):
@@ -70,10 +74,23 @@ class Document:
             return model.model_validate_json(json.dumps(self.value))
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
-            raise self.error(first["loc"], first["msg"]) from error
+            field, problem = self._written(first["loc"]), first["msg"]
+            named = _NAMED_FIELD.match(problem)
+            if named is not None:
+                parts = (int(part) if part.isdigit() else part for part in named[1].split("."))
+                field, problem = (*field, *parts), named[2]
+            raise self.error(field, problem) from error
         except TypeError as error:
             problem = f"only text, numbers, lists and mappings are allowed: {error}"
             raise DocumentError(self.source, 0, "", problem) from error
+
+    def _written(self, field: FieldPath) -> FieldPath:
+        """Return `field` as the file has it: without the tags of unions that pydantic puts in."""
+        kept: FieldPath = ()
+        for number, part in enumerate(field, start=1):
+            if (*kept, part) in self._lines or number == len(field):
+                kept = (*kept, part)
+        return kept
 
     def _index(self, node: yaml.Node, field: FieldPath) -> None:
         self._lines[field] = node.start_mark.line + 1

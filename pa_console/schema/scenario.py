@@ -1,8 +1,9 @@
 """Scripted situations: what happens to a checkpoint, when, or on which condition."""
 
-from typing import Annotated, Literal, Self
+from collections.abc import Iterable
+from typing import Annotated, Literal, Self, cast
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from pa_console.schema.base import Name, NonNegative, Positive, StrictModel
 from pa_console.schema.incident import Incident
@@ -35,7 +36,26 @@ class After(StrictModel):
     event: Name
 
 
-Condition = Annotated[TrackIs | AssetIs | After, Field(union_mode="smart")]
+def _which(value: object) -> str | None:
+    """Tell the conditions apart by the field that only one of them has."""
+    fields: Iterable[object] = (
+        cast(dict[object, object], value)
+        if isinstance(value, dict)
+        else (field for field in ("track", "asset", "event") if hasattr(value, field))
+    )
+    return next((f"<{field}>" for field in fields if field in ("track", "asset", "event")), None)
+
+
+Condition = Annotated[
+    Annotated[TrackIs, Tag("<track>")]
+    | Annotated[AssetIs, Tag("<asset>")]
+    | Annotated[After, Tag("<event>")],
+    Discriminator(
+        _which,
+        custom_error_type="condition",
+        custom_error_message="a condition names a track, an asset or an event",
+    ),
+]
 
 
 class ScriptedEvent(StrictModel):

@@ -1,7 +1,6 @@
 """Loads a world file and checks that its geometry makes sense, naming file, line and field."""
 
 import math
-import re
 from collections import Counter
 from collections.abc import Iterator
 from itertools import pairwise
@@ -11,12 +10,10 @@ import shapely
 from shapely.geometry import LineString, Polygon
 
 from pa_console.schema.base import Point
-from pa_console.schema.document import Document, DocumentError, FieldPath
+from pa_console.schema.document import Document, FieldPath
 from pa_console.schema.world import World
 from pa_console.sim.lanes import waiting_distance
 from pa_console.sim.terrain import Terrain
-
-_NAMED_FIELD = re.compile(r"^Value error, (\w+(?:\.\w+)*): (.*)$", re.DOTALL)
 
 LARGEST_M = 5000.0
 """Coordinates are within this of the origin, metres."""
@@ -27,13 +24,7 @@ Problem = tuple[FieldPath, str]
 def load_world(path: Path) -> World:
     """Read the world at `path`; raises DocumentError at its first problem, geometry included."""
     document = Document.read(path)
-    try:
-        world = document.parse(World)
-    except DocumentError as error:
-        named = _NAMED_FIELD.match(error.problem)
-        if error.field or named is None:
-            raise
-        raise document.error(tuple(named[1].split(".")), named[2]) from error
+    world = document.parse(World)
     for field, problem in geometry_problems(world):
         raise document.error(field, problem)
     return world
