@@ -4,9 +4,20 @@ import random
 
 from pa_console.schema.command import CommandReply, DeviceCommand
 from pa_console.schema.incident import Incident
+from pa_console.schema.scenario import Scenario
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
-from pa_console.sim import devices, incidents, link, motion, physics, power, telemetry, tracks
+from pa_console.sim import (
+    devices,
+    incidents,
+    link,
+    motion,
+    physics,
+    power,
+    script,
+    sensing,
+    telemetry,
+)
 from pa_console.sim.state import AssetState, Scene
 from pa_console.sim.terrain import Terrain
 
@@ -14,9 +25,12 @@ from pa_console.sim.terrain import Terrain
 class Checkpoint:
     """A world in motion; `step()` advances it by `world.dt_s` and nothing else does."""
 
-    def __init__(self, world: World, seed: int = 0) -> None:
-        """Start `world` with every asset on its watch; raises ValueError if one has no place."""
-        self.world = world
+    def __init__(self, world: World, seed: int = 0, scenario: Scenario | None = None) -> None:
+        """Start `world` with every asset on its watch, in `scenario` if one is given.
+
+        Raises ValueError if an asset has no place.
+        """
+        self.world, self.scenario = world, scenario
         self._terrain = Terrain(world)
         self._period = max(1, round(world.telemetry_period_s / world.dt_s))
         self.reset(seed)
@@ -30,6 +44,8 @@ class Checkpoint:
             asset = AssetState(name, spec.kind, index, *at, 0.0, spec.battery_pct, spec.post, at)
             incidents.place(self._terrain, self._scene, asset, spec.post)
             self._scene.assets[name] = asset
+        self._happened: list[Incident] = []
+        self._play()
         self._picture = telemetry.report(self._terrain, self._scene, lossless=True)
 
     @property
@@ -46,14 +62,14 @@ class Checkpoint:
         """Advance by one `dt_s`; return the replies that arrived from devices during it."""
         terrain, scene, dt_s = self._terrain, self._scene, self.world.dt_s
         scene.tick += 1
+        self._play()
         for command in link.take_commands(scene):
             for reply in devices.accept(terrain, scene, command):
                 link.send_reply(scene, reply, dt_s)
         velocities = motion.drive(terrain, scene, dt_s)
         if velocities:
             physics.move(terrain, scene.assets.values(), velocities, dt_s)
-        if scene.tracks:
-            tracks.advance(terrain, scene, dt_s)
+        sensing.advance(terrain, scene, dt_s)
         power.drain(self.world, scene, dt_s)
         for asset in scene.assets.values():
             if asset.command is not None or asset.route or asset.down:
@@ -83,10 +99,34 @@ class Checkpoint:
         """Return telemetry as last reported, every `world.telemetry_period_s`."""
         return self._picture
 
+    def truth(self) -> Picture:
+        """Return the exact state, for tests, scorers and benchmarks; nothing else may see it.
+
+        A contact stands under its track's id if the station has one for it, else under its own.
+        """
+        return telemetry.truth(self._terrain, self._scene)
+
+    def forecast(self) -> "Checkpoint":
+        """Return a simulation of what the picture shows, built from it and the world alone."""
+        return self.fork()
+
+    def take_incidents(self) -> list[Incident]:
+        """Return what the scenario made happen since the last call, in order, for the log."""
+        taken, self._happened = self._happened, []
+        return taken
+
+    def _play(self) -> None:
+        """Make happen what the scenario says for this tick."""
+        if self.scenario is not None:
+            for incident in script.due(self._terrain, self._scene, self.scenario):
+                incidents.apply(self._terrain, self._scene, incident)
+                self._happened.append(incident)
+
     def fork(self) -> "Checkpoint":
         """Return an independent copy; equal inputs keep the two equal, contacts included."""
         twin = Checkpoint.__new__(Checkpoint)
-        twin.world, twin.seed = self.world, self.seed
+        twin.world, twin.seed, twin.scenario = self.world, self.seed, self.scenario
+        twin._happened = list(self._happened)
         twin._terrain, twin._period = self._terrain, self._period
         twin._scene, twin._picture = self._scene.copy(), self._picture
         return twin

@@ -13,6 +13,7 @@ from pa_console.schema.incident import (
     SpawnTrack,
 )
 from pa_console.schema.telemetry import Task
+from pa_console.sim import script, sensing
 from pa_console.sim.state import AssetState, Scene
 from pa_console.sim.terrain import Terrain
 from pa_console.sim.tracks import spawn
@@ -38,6 +39,8 @@ def apply(terrain: Terrain, scene: Scene, incident: Incident) -> None:
         case PlaceAsset(asset=name, frame=frame):
             _known("frame", frame, terrain.world.frames)
             place(terrain, scene, _asset(scene, name), frame)
+        case _:
+            sensing.apply(terrain, scene, incident) or script.apply(terrain, scene, incident)
 
 
 def place(terrain: Terrain, scene: Scene, asset: AssetState, frame: str) -> None:

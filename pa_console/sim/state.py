@@ -98,6 +98,33 @@ class TrackState:
     observed: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class Detection:
+    """One contact as one sensor measured it at one scan; positions in metres."""
+
+    contact: str
+    position: Point
+    noise_m: float
+
+
+@dataclass(slots=True)
+class SensingState:
+    """Sensors, weather and what the station made of the detections that reached it."""
+
+    def copy(self) -> "SensingState":
+        """Return an independent copy."""
+        return copy.copy(self)
+
+
+@dataclass(slots=True)
+class ScriptState:
+    """How far the scenario has come."""
+
+    def copy(self) -> "ScriptState":
+        """Return an independent copy."""
+        return copy.copy(self)
+
+
 @dataclass(slots=True)
 class LinkState:
     """Messages on the in-process link: (tick due, order of sending, message)."""
@@ -117,6 +144,8 @@ class Scene:
     tracks: dict[str, TrackState] = field(default_factory=dict[str, TrackState])
     spawned: int = 0
     link: LinkState = field(default_factory=LinkState)
+    sensing: SensingState = field(default_factory=SensingState)
+    script: ScriptState = field(default_factory=ScriptState)
     reports: dict[str, AssetTelemetry] = field(default_factory=dict[str, AssetTelemetry])
     covers: dict[str, GateCover] = field(default_factory=dict[str, GateCover])
     covered_tick: dict[str, int] = field(default_factory=dict[str, int])
@@ -132,6 +161,8 @@ class Scene:
             tracks={name: copy.copy(track) for name, track in self.tracks.items()},
             spawned=self.spawned,
             link=copy.copy(self.link),
+            sensing=self.sensing.copy(),
+            script=self.script.copy(),
             reports=dict(self.reports),
             covers=dict(self.covers),
             covered_tick=dict(self.covered_tick),
@@ -141,6 +172,6 @@ class Scene:
         """Return the SHA-256 over every field, floats to their last bit."""
         parts = (
             self.rng.getstate(), self.tick, self.assets, self.tracks, self.spawned, self.link,
-            self.reports, self.covers, self.covered_tick,
+            self.sensing, self.script, self.reports, self.covers, self.covered_tick,
         )  # fmt: skip
         return hashlib.sha256(repr(parts).encode()).hexdigest()

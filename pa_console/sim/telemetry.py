@@ -8,10 +8,10 @@ from pa_console.schema.telemetry import (
     AssetTelemetry,
     GateCover,
     Picture,
-    Track,
 )
+from pa_console.sim import sensing
 from pa_console.sim.link import report_arrives
-from pa_console.sim.state import AssetState, Scene, TrackState
+from pa_console.sim.state import AssetState, Scene
 from pa_console.sim.terrain import Terrain
 
 
@@ -29,13 +29,27 @@ def report(terrain: Terrain, scene: Scene, *, lossless: bool = False) -> Picture
         elif asset.comms == "lost" and scene.reports[asset.id].comms != "lost":
             scene.reports[asset.id] = _silenced(scene.reports[asset.id])
     _cover(terrain, scene)
-    tracks = {track.id: _track(terrain, scene, track, time_s) for track in scene.tracks.values()}
     return Picture(
         tick=scene.tick,
         time_s=time_s,
         assets=dict(scene.reports),
-        tracks=tracks,
+        tracks=sensing.tracks_known(terrain, scene),
         gates=dict(scene.covers),
+        cameras=sensing.cameras_known(terrain, scene),
+        weather=sensing.weather(scene),
+    )
+
+
+def truth(terrain: Terrain, scene: Scene) -> Picture:
+    """Return the exact state as a picture."""
+    time_s = terrain.seconds(scene.tick)
+    return Picture(
+        tick=scene.tick,
+        time_s=time_s,
+        assets={a.id: _telemetry(terrain, a, time_s) for a in scene.assets.values()},
+        tracks=sensing.true_tracks(terrain, scene),
+        gates=dict(scene.covers),
+        weather=sensing.weather(scene),
     )
 
 
@@ -89,38 +103,6 @@ def _cover(terrain: Terrain, scene: Scene) -> None:
         known = scene.covers.get(gate)
         if known is None or known.by != by or gap:
             scene.covers[gate] = GateCover(covered=bool(by), by=by, uncovered_s=gap)
-
-
-def _track(terrain: Terrain, scene: Scene, track: TrackState, time_s: float) -> Track:
-    line = terrain.lanes[track.lane]
-    point, heading = line.locate(track.travelled)
-    if track.status == "leaving":
-        heading = math.remainder(heading + math.pi, math.tau)
-    reach = terrain.world.platforms
-    seen_by = tuple(
-        asset.id
-        for asset in scene.assets.values()
-        if asset.kind == "uav"
-        and asset.available
-        and math.dist(asset.position, point) <= reach["uav"].sensor_range_m
-    )
-    track.observed = track.observed or bool(seen_by)
-    return Track(
-        id=track.id,
-        kind=track.kind,
-        gate=track.gate,
-        position=_rounded(point),
-        heading_deg=round(math.degrees(heading), 1),
-        speed_mps=round(track.speed, 3),
-        distance_m=round(line.gap_to_gate(track.travelled), 3),
-        identity=track.identity,
-        intent=track.intent,
-        status=track.status,
-        observed_by=seen_by,
-        observed=track.observed,
-        warned=track.warned,
-        stamp_s=time_s,
-    )
 
 
 def _rounded(point: Point) -> Point:
