@@ -44,7 +44,9 @@ class Checkpoint:
             asset = AssetState(name, spec.kind, index, *at, 0.0, spec.battery_pct, spec.post, at)
             incidents.place(self._terrain, self._scene, asset, spec.post)
             self._scene.assets[name] = asset
+        self._scene.script = script.begin(self.scenario, seed)
         self._happened: list[Incident] = []
+        self._skipped: list[str] = []
         self._play()
         self._picture = telemetry.report(self._terrain, self._scene, lossless=True)
 
@@ -115,18 +117,23 @@ class Checkpoint:
         taken, self._happened = self._happened, []
         return taken
 
+    def take_skipped(self) -> list[str]:
+        """Return, a sentence each, what the scenario meant to happen and could not since then."""
+        taken, self._skipped = self._skipped, []
+        return taken
+
     def _play(self) -> None:
         """Make happen what the scenario says for this tick."""
         if self.scenario is not None:
-            for incident in script.due(self._terrain, self._scene, self.scenario):
-                incidents.apply(self._terrain, self._scene, incident)
-                self._happened.append(incident)
+            done, skipped = script.play(self._terrain, self._scene, self.scenario)
+            self._happened += done
+            self._skipped += skipped
 
     def fork(self) -> "Checkpoint":
         """Return an independent copy; equal inputs keep the two equal, contacts included."""
         twin = Checkpoint.__new__(Checkpoint)
         twin.world, twin.seed, twin.scenario = self.world, self.seed, self.scenario
-        twin._happened = list(self._happened)
+        twin._happened, twin._skipped = list(self._happened), list(self._skipped)
         twin._terrain, twin._period = self._terrain, self._period
         twin._scene, twin._picture = self._scene.copy(), self._picture
         return twin

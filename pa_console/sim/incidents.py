@@ -13,7 +13,7 @@ from pa_console.schema.incident import (
     SpawnTrack,
 )
 from pa_console.schema.telemetry import Task
-from pa_console.sim import script, sensing
+from pa_console.sim import obstructions, sensing
 from pa_console.sim.state import AssetState, Scene
 from pa_console.sim.terrain import Terrain
 from pa_console.sim.tracks import spawn
@@ -40,7 +40,7 @@ def apply(terrain: Terrain, scene: Scene, incident: Incident) -> None:
             _known("frame", frame, terrain.world.frames)
             place(terrain, scene, _asset(scene, name), frame)
         case _:
-            sensing.apply(terrain, scene, incident) or script.apply(terrain, scene, incident)
+            sensing.apply(terrain, scene, incident) or obstructions.apply(terrain, scene, incident)
 
 
 def place(terrain: Terrain, scene: Scene, asset: AssetState, frame: str) -> None:

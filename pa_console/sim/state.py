@@ -18,7 +18,8 @@ from pa_console.schema.telemetry import (
     Task,
     TrackStatus,
 )
-from pa_console.schema.world import AssetKind
+from pa_console.schema.world import AssetKind, Wall
+from pa_console.sim.script_state import ScriptState
 
 
 @dataclass(slots=True)
@@ -117,15 +118,6 @@ class SensingState:
 
 
 @dataclass(slots=True)
-class ScriptState:
-    """How far the scenario has come."""
-
-    def copy(self) -> "ScriptState":
-        """Return an independent copy."""
-        return copy.copy(self)
-
-
-@dataclass(slots=True)
 class LinkState:
     """Messages on the in-process link: (tick due, order of sending, message)."""
 
@@ -146,6 +138,7 @@ class Scene:
     link: LinkState = field(default_factory=LinkState)
     sensing: SensingState = field(default_factory=SensingState)
     script: ScriptState = field(default_factory=ScriptState)
+    obstructions: tuple[Wall, ...] = ()
     reports: dict[str, AssetTelemetry] = field(default_factory=dict[str, AssetTelemetry])
     covers: dict[str, GateCover] = field(default_factory=dict[str, GateCover])
     covered_tick: dict[str, int] = field(default_factory=dict[str, int])
@@ -163,6 +156,7 @@ class Scene:
             link=copy.copy(self.link),
             sensing=self.sensing.copy(),
             script=self.script.copy(),
+            obstructions=self.obstructions,
             reports=dict(self.reports),
             covers=dict(self.covers),
             covered_tick=dict(self.covered_tick),
@@ -172,6 +166,7 @@ class Scene:
         """Return the SHA-256 over every field, floats to their last bit."""
         parts = (
             self.rng.getstate(), self.tick, self.assets, self.tracks, self.spawned, self.link,
-            self.sensing, self.script, self.reports, self.covers, self.covered_tick,
+            self.sensing, self.script, self.obstructions, self.reports, self.covers,
+            self.covered_tick,
         )  # fmt: skip
         return hashlib.sha256(repr(parts).encode()).hexdigest()

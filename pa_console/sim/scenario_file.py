@@ -1,0 +1,149 @@
+"""Loads scenario files and checks that a world has everything that they speak of."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from pa_console.schema.document import Document, DocumentError, FieldPath
+from pa_console.schema.incident import (
+    FalseContact,
+    Incident,
+    ObstructWay,
+    RevealTrack,
+    SpawnTrack,
+    unknown_name,
+)
+from pa_console.schema.scenario import After, AssetIs, Scenario, TrackIs
+from pa_console.schema.world import World
+
+FOLDER = "scenarios"
+"""Where the scenarios of a world lie: beside its world file."""
+
+Problem = tuple[FieldPath, str]
+
+
+def load_scenario(path: Path, world: World) -> Scenario:
+    """Read the scenario at `path` for `world`; raises DocumentError with file, line and field.
+
+    It may only name assets, cameras, gates and frames of the world, contacts that it spawns
+    itself, and gates with a lane where something is to come down a lane.
+    """
+    document = Document.read(path)
+    scenario = document.parse(Scenario)
+    for field, problem in scenario_problems(scenario, world):
+        raise document.error(field, problem)
+    return scenario
+
+
+def scenario_path(world_path: Path, name: str) -> Path:
+    """Return the scenario file that `name` means: a path, or a scenario of the world's own.
+
+    Raises DocumentError listing the world's scenarios when there is neither.
+    """
+    given = Path(name).expanduser()
+    if given.is_file():
+        return given
+    folder = world_path.parent / FOLDER
+    own = folder / f"{name}.yaml"
+    if own.is_file() and own.parent == folder:
+        return own
+    known = ", ".join(path.stem for path in sorted(folder.glob("*.yaml"))) or "none"
+    raise DocumentError(
+        name, 0, "", f"there is no such scenario file, nor one in {folder}; known there: {known}"
+    )
+
+
+def list_scenarios(world_path: Path) -> list[tuple[str, str]]:
+    """Return (name, title) of every scenario beside the world file, by name.
+
+    The name is the one that `scenario_path` takes. Raises DocumentError for a broken file.
+    """
+    files = sorted((world_path.parent / FOLDER).glob("*.yaml"))
+    return [(path.stem, Document.read(path).parse(Scenario).title) for path in files]
+
+
+def scenario_problems(scenario: Scenario, world: World) -> Iterator[Problem]:
+    """Yield (field, what is wrong and what to do) for all that `world` lacks."""
+    yield from _spawned_twice(scenario)
+    yield from _never(scenario)
+    spawned = {incident.name for _, incident in _incidents(scenario) if incident.kind == "spawn"}
+    for field, incident in _incidents(scenario):
+        missing, remedy = unknown_name(incident, world)
+        if missing:
+            yield (*field, missing), remedy
+        match incident:
+            case SpawnTrack(gate=gate) | FalseContact(gate=gate):
+                with_lane = sorted({lane.gate for lane in world.lanes.values()})
+                if not missing and gate not in with_lane:
+                    known = ", ".join(with_lane) or "none"
+                    yield (
+                        (*field, "gate"),
+                        f"no lane leads to {gate!r}; gates with a lane: {known}",
+                    )
+            case RevealTrack(track=track) if track not in spawned:
+                known = ", ".join(sorted(name for name in spawned if name)) or "none"
+                yield (*field, "track"), f"no spawn is named {track!r}; named here: {known}"
+            case ObstructWay(start=start, end=end) if start == end:
+                yield (*field, "end"), "start and end are the same point"
+            case _:
+                pass
+    for index, event in enumerate(scenario.events):
+        if isinstance(event.when, AssetIs):
+            field = ("events", index, "when")
+            if event.when.asset not in world.assets:
+                known = ", ".join(world.assets)
+                yield (
+                    (*field, "asset"),
+                    f"there is no asset {event.when.asset!r} in this world; known: {known}",
+                )
+            if event.when.at is not None and event.when.at not in world.frames:
+                known = ", ".join(world.frames)
+                yield (
+                    (*field, "at"),
+                    f"there is no frame {event.when.at!r} in this world; known: {known}",
+                )
+
+
+def _incidents(scenario: Scenario) -> Iterator[tuple[FieldPath, Incident]]:
+    for index, event in enumerate(scenario.events):
+        yield ("events", index, "do"), event.do
+    for index, process in enumerate(scenario.random):
+        for number, incident in enumerate(process.do):
+            yield ("random", index, "do", number), incident
+
+
+def _spawned_twice(scenario: Scenario) -> Iterator[Problem]:
+    """Refuse a handle that would mean two contacts."""
+    seen: set[str] = set()
+    for field, incident in _incidents(scenario):
+        if isinstance(incident, SpawnTrack) and incident.name is not None:
+            if incident.name in seen:
+                yield (*field, "name"), f"{incident.name!r} is spawned twice; give each its name"
+            seen.add(incident.name)
+
+
+def _never(scenario: Scenario) -> Iterator[Problem]:
+    """Refuse events that wait for themselves, directly or through others or their own contact."""
+    spawner = {
+        event.do.name: index
+        for index, event in enumerate(scenario.events)
+        if isinstance(event.do, SpawnTrack) and event.do.name
+    }
+    named = {event.name: index for index, event in enumerate(scenario.events) if event.name}
+
+    def awaited(index: int) -> int | None:
+        match scenario.events[index].when:
+            case After(event=name):
+                return named.get(name)
+            case TrackIs(track=name):
+                return spawner.get(name)
+            case _:
+                return None
+
+    for index in range(len(scenario.events)):
+        seen: set[int] = set()
+        step: int | None = index
+        while step is not None and step not in seen:
+            seen.add(step)
+            step = awaited(step)
+        if step == index:
+            yield ("events", index, "when"), "it waits for itself and can never happen"
