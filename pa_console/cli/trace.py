@@ -5,7 +5,7 @@ from rich.table import Table
 from rich.text import Text
 
 from pa_console.schema.finding import Verdict
-from pa_console.session.fold import Attempt, MissionTrace
+from pa_console.session.mission_trace import Attempt, MissionTrace
 
 STYLES = {"verified": "bold green", "unverified": "bold yellow"}
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from pa_console.session.fold import MissionTrace
+from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.screens.plan_editor import plan_json
 from pa_console.tui.trace.planning import Rules
 from pa_console.tui.trace.rows import plain

@@ -1,6 +1,6 @@
 """Steps 6 to 8 of a mission's trace as sections: decision, commands, verification, report."""
 
-from pa_console.session.fold import CommandTrace, MissionTrace
+from pa_console.session.mission_trace import CommandTrace, MissionTrace
 from pa_console.tui.trace.planning import title
 from pa_console.tui.trace.rows import Row, Section, column, row, text_rows
 from pa_console.tui.vocabulary import BAD, QUIET, WARN, Term, term

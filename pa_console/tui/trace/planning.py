@@ -7,7 +7,7 @@ from textual.content import Content
 from pa_console.schema.finding import Finding
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.rule import PRIORITIES, Rule
-from pa_console.session.fold import Attempt, MissionTrace
+from pa_console.session.mission_trace import Attempt, MissionTrace
 from pa_console.tui.trace.rows import Row, Section, column, row, text_rows
 from pa_console.tui.vocabulary import BAD, NOTE, QUIET, Term, term
 from pa_console.tui.words import duration_text

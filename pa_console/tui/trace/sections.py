@@ -2,7 +2,7 @@
 
 from textual.content import Content
 
-from pa_console.session.fold import Attempt, MissionTrace
+from pa_console.session.mission_trace import Attempt, MissionTrace
 from pa_console.tui.trace import execution, planning
 from pa_console.tui.trace.planning import Rules
 from pa_console.tui.trace.rows import Section, row

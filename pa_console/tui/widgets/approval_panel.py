@@ -10,7 +10,7 @@ from textual.message import Message
 from textual.widgets import Button, Input
 
 from pa_console.schema.mission import Decision
-from pa_console.session.fold import MissionTrace
+from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.ports import Clock
 from pa_console.tui.widgets.approval_text import approval_rows, blocked_reason
 from pa_console.tui.widgets.sheet import Sheet

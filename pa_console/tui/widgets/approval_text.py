@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from pa_console.schema.event import ApprovalRequested
-from pa_console.session.fold import MissionTrace
+from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.trace.rows import Row, row
 from pa_console.tui.vocabulary import BAD, GOOD, QUIET, WARN, term
 from pa_console.tui.words import action_sentence

@@ -1,0 +1,141 @@
+"""Everything known of one mission: its plans phase by phase, decisions, commands, outcome."""
+
+from dataclasses import dataclass, field
+
+from pa_console.schema import event as ev
+from pa_console.schema.command import CommandReply, DeviceCommand
+from pa_console.schema.finding import Finding, Usage, Verdict
+from pa_console.schema.mission import Decision, Metrics, Mission, MissionStatus, Verification
+from pa_console.schema.plan import Plan
+from pa_console.schema.rehearsal import Rehearsal
+from pa_console.schema.rule import RuleHit
+from pa_console.schema.telemetry import Digest
+
+
+@dataclass
+class Attempt:
+    """One pass through steps 5 and 6: what was asked, answered, found, rehearsed and judged.
+
+    `round` counts, from 0, the plans that the mission has seen through; `phase` is where in a
+    workflow the mission stood, empty outside of one; `digest` is the picture it was made from.
+    """
+
+    number: int
+    round: int = 0
+    phase: str = ""
+    digest: Digest | None = None
+    author: str = "planner"
+    system: str = ""
+    user: str = ""
+    text: str = ""
+    plan: Plan | None = None
+    error: str = ""
+    usage: Usage = field(default_factory=Usage)
+    findings: tuple[Finding, ...] = ()
+    checks_s: float = 0.0
+    rehearsal: Rehearsal | None = None
+    rehearsal_s: float = 0.0
+    judge_text: str = ""
+    verdict: Verdict | None = None
+    judged: bool = False
+    judge_error: str = ""
+    judge_usage: Usage = field(default_factory=Usage)
+    repair: tuple[str, ...] = ()
+
+
+@dataclass
+class CommandTrace:
+    """A dispatched command, every reply to it, oldest first, and how often it was sent again."""
+
+    command: DeviceCommand
+    replies: list[CommandReply] = field(default_factory=list[CommandReply])
+    resent: int = 0
+    round: int = 0
+
+
+@dataclass
+class Verified:
+    """What telemetry said of one executed plan, and the judge's verdict on its outcome."""
+
+    verification: Verification
+    round: int = 0
+    judged: bool = False
+    verdict: Verdict | None = None
+    error: str = ""
+
+
+@dataclass
+class MissionTrace:
+    """The state of one mission; `stage` is the step it is in, in the paper's order."""
+
+    mission: Mission
+    stage: str = "queued"
+    method: str = ""
+    hits: tuple[RuleHit, ...] = ()
+    retrieval_s: float = 0.0
+    digest: Digest | None = None
+    attempts: list[Attempt] = field(default_factory=list[Attempt])
+    round: int = 0
+    executing: int = 0
+    workflow: list[ev.WorkflowMoved] = field(default_factory=list[ev.WorkflowMoved])
+    approval: ev.ApprovalRequested | None = None
+    decisions: list[ev.DecisionMade] = field(default_factory=list[ev.DecisionMade])
+    voided: str = ""
+    preempted: str = ""
+    commands: dict[str, CommandTrace] = field(default_factory=dict[str, CommandTrace])
+    halts: list[ev.PlanHalted] = field(default_factory=list[ev.PlanHalted])
+    verified: list[Verified] = field(default_factory=list[Verified])
+    unasked_verdict: Verdict | None = None
+    unasked_error: str = ""
+    report: str = ""
+    status: MissionStatus | None = None
+    reason: str = ""
+    metrics: Metrics | None = None
+
+    def find(self, number: int) -> Attempt | None:
+        """Return attempt `number`, None when there is none."""
+        return next((a for a in reversed(self.attempts) if a.number == number), None)
+
+    def attempt(self, number: int) -> Attempt:
+        """Return attempt `number` (from 1), opening it when it is new."""
+        found = self.find(number)
+        if found is None:
+            found = Attempt(number, round=self.round, phase=self.phase, digest=self.digest)
+            self.attempts.append(found)
+        return found
+
+    def next_round(self) -> None:
+        """Let the attempts that follow belong to another plan than those that were made."""
+        if self.attempts and self.attempts[-1].round == self.round:
+            self.round += 1
+
+    @property
+    def standings(self) -> dict[str, ev.WorkflowMoved]:
+        """Where the mission stands in the workflow of each track."""
+        return {move.track: move for move in self.workflow}
+
+    @property
+    def phase(self) -> str:
+        """The phase that the next plan is for, empty when no workflow has one left."""
+        standings = self.standings.values()
+        return next((m.phases[m.phase] for m in standings if 0 <= m.phase < len(m.phases)), "")
+
+    @property
+    def decision(self) -> Decision | None:
+        """The last decision that was accepted."""
+        return next((d.decision for d in reversed(self.decisions) if d.accepted), None)
+
+    @property
+    def verification(self) -> Verification | None:
+        """What telemetry said of the last executed plan."""
+        return self.verified[-1].verification if self.verified else None
+
+    @property
+    def outcome_verdict(self) -> Verdict | None:
+        """The judge's last verdict on an outcome."""
+        return self.verified[-1].verdict if self.verified else self.unasked_verdict
+
+    @property
+    def outcome_error(self) -> str:
+        """Why the judge gave no verdict on the last outcome."""
+        return self.verified[-1].error if self.verified else self.unasked_error
