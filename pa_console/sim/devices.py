@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pa_console.schema.command import CommandReply, DeviceCommand, ReplyStatus
 from pa_console.schema.plan import COMMANDS
 from pa_console.schema.telemetry import Task
-from pa_console.sim.encounters import attend
+from pa_console.sim.encounters import attend, called
 from pa_console.sim.motion import way_left
 from pa_console.sim.stalls import unstick
 from pa_console.sim.state import AssetState, Scene
@@ -75,7 +75,11 @@ def work(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterator[CommandR
     if asset.route:
         if (scene.tick - asset.progress_tick) * terrain.world.dt_s >= PROGRESS_S:
             asset.progress_tick = scene.tick
-            held = f", keeping its distance from {asset.held_by}" if asset.held_by else ""
+            held = ""
+            if asset.held_by:
+                contact = scene.contacts.get(asset.held_by)
+                name = called(scene, contact) if contact else "a contact"
+                held = f", keeping its distance from {name}"
             text = f"{way_left(asset):.0f} m to go{held}"
             yield _remember(asset, _answer(scene, command, "progress", text))
         return
@@ -99,12 +103,8 @@ def status_text(terrain: Terrain, scene: Scene, asset: AssetState) -> str:
     at = terrain.frame_at(asset.x, asset.y)
     place = f"at {at}" if at else f"on the way to {asset.post}" if asset.post else "between frames"
     reach = terrain.world.platforms[asset.kind].sensor_range_m
-    seen = [
-        track.id
-        for track in scene.tracks.values()
-        if math.dist(terrain.lanes[track.lane].locate(track.travelled)[0], asset.position) <= reach
-    ]
-    sees = f", sees {', '.join(seen)}" if seen else ""
+    near = [c for c in scene.contacts.values() if math.dist(c.position, asset.position) <= reach]
+    sees = f", sees {', '.join(called(scene, contact) for contact in near)}" if near else ""
     return f"{place}, {asset.task}, battery {asset.battery:.0f} %, comms {asset.comms}{sees}"
 
 

@@ -1,10 +1,17 @@
-"""Ground robots and tracks: identifying and warning at a gate (WF-01, ROE-02, CAP-03)."""
+"""Ground robots and contacts: identifying and warning at a gate (WF-01, ROE-02, CAP-03).
+
+What a robot does here rests on its proximity sensors, which see the truth near it whatever the
+weather; the station learns of it by the robot's reports. The track ids in its answers are those
+that the station has given.
+"""
 
 import math
 from typing import Literal
 
-from pa_console.sim.state import AssetState, Scene, TrackState
+from pa_console.sim.sensing_state import ContactState, Finding
+from pa_console.sim.state import AssetState, Scene
 from pa_console.sim.terrain import Terrain
+from pa_console.sim.tracker import name_of
 
 IDENTIFY_S = 4.0
 WARN_S = 3.0
@@ -17,40 +24,60 @@ def attend(
 ) -> Ending:
     """Advance an `identify` or `warn` of an asset that stands at `gate`; None means not yet.
 
-    It fails at once when no track is there or on its way, waits for one on its way to come within
-    sensor range, and then needs a few seconds with it.
+    It fails at once when nothing is there or on its way, waits for one on its way to come within
+    sensor range, and then needs a few seconds with it. What is found out is the robot's own
+    opinion: that a contact is hostile takes another sensor to confirm (ROE-01).
     """
-    track = _choose(terrain, scene, asset, verb, gate)
-    if track is None:
+    contact = _choose(scene, asset, verb, gate)
+    if contact is None:
         return "failed", f"no track at {gate}"
-    if _gap(terrain, asset, track) > terrain.world.platforms[asset.kind].sensor_range_m:
+    gap_m = math.dist(contact.position, asset.position)
+    if gap_m > terrain.world.platforms[asset.kind].sensor_range_m:
         asset.dwell = 0
         return None, ""
     asset.dwell += 1
     needed = IDENTIFY_S if verb == "identify" else WARN_S
     if asset.dwell * terrain.world.dt_s < needed:
         return None, ""
+    if verb == "warn" and contact.warned_tick is None:
+        contact.warned_tick = scene.tick
+    _note(scene, asset, contact, verb)
+    name = called(scene, contact)
+    if verb == "warn":
+        return "done", f"warned {name}"
+    return "done", f"{name} is {contact.identity}, looks {_looks(contact)}"
+
+
+def called(scene: Scene, contact: ContactState) -> str:
+    """Return the track id of a contact, or what it is if the station does not track it."""
+    return name_of(scene, contact.id) or f"a {contact.kind}"
+
+
+def _looks(contact: ContactState) -> str:
+    return "undecided" if contact.intent == "unknown" else contact.intent
+
+
+def _note(scene: Scene, asset: AssetState, contact: ContactState, verb: str) -> None:
+    """Keep what the asset has found out, to be told with its reports."""
+    findings, key = scene.sensing.findings, (asset.id, contact.id)
+    before = findings.get(key, Finding())
     if verb == "identify":
-        track.identity, track.intent = track.truth, track.true_intent
-        return "done", f"{track.id} is {track.identity}, intent {track.intent}"
-    if not track.warned:
-        track.warned, track.warned_tick = True, scene.tick
-    return "done", f"warned {track.id}"
+        findings[key] = Finding(contact.identity, contact.intent, before.warned_tick)
+    else:
+        findings[key] = Finding(before.identity, before.opinion, contact.warned_tick)
 
 
-def _choose(
-    terrain: Terrain, scene: Scene, asset: AssetState, verb: str, gate: str
-) -> TrackState | None:
-    """Return the track at `gate` to attend to: one that still needs it first, then the nearest."""
-    here = [t for t in scene.tracks.values() if t.gate == gate and t.status != "leaving"]
+def _choose(scene: Scene, asset: AssetState, verb: str, gate: str) -> ContactState | None:
+    """Return whom to attend to at `gate`: one that still needs it first, then the nearest.
 
-    def rank(track: TrackState) -> tuple[bool, float, str]:
-        done = track.identity != "unknown" if verb == "identify" else track.warned
-        return done, _gap(terrain, asset, track), track.id
+    Whether one has been identified is as the station, which gave the order, knows it.
+    """
+    here = [c for c in scene.contacts.values() if c.gate == gate and c.status != "leaving"]
+
+    def rank(contact: ContactState) -> tuple[bool, float, str]:
+        file = scene.sensing.files.get(contact.id)
+        identified = file is not None and file.identity != "unknown"
+        done = identified if verb == "identify" else contact.warned_tick is not None
+        return done, math.dist(contact.position, asset.position), contact.id
 
     return min(here, key=rank, default=None)
-
-
-def _gap(terrain: Terrain, asset: AssetState, track: TrackState) -> float:
-    point, _ = terrain.lanes[track.lane].locate(track.travelled)
-    return math.dist(point, asset.position)

@@ -3,31 +3,22 @@
 from collections.abc import Iterable
 
 from pa_console.schema.incident import (
-    ClearTracks,
     FailAsset,
     Incident,
     PlaceAsset,
     RestoreAsset,
     SetBattery,
     SetComms,
-    SpawnTrack,
 )
 from pa_console.schema.telemetry import Task
 from pa_console.sim import obstructions, sensing
 from pa_console.sim.state import AssetState, Scene
 from pa_console.sim.terrain import Terrain
-from pa_console.sim.tracks import spawn
 
 
 def apply(terrain: Terrain, scene: Scene, incident: Incident) -> None:
     """Make `incident` true in `scene`; raises ValueError naming what exists for unknown names."""
     match incident:
-        case SpawnTrack(gate=gate):
-            _known("gate", gate, terrain.world.gates)
-            spawn(terrain, scene, incident)
-        case ClearTracks(gate=gate):
-            _known("gate", gate, terrain.world.gates)
-            scene.tracks = {n: t for n, t in scene.tracks.items() if t.gate != gate}
         case FailAsset(asset=name):
             _asset(scene, name).failed = True
         case RestoreAsset(asset=name):

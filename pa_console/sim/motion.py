@@ -22,10 +22,7 @@ def drive(terrain: Terrain, scene: Scene, dt_s: float) -> dict[str, Velocity]:
     """Turn every asset that has a route toward it; return the velocities (m/s) of those moving."""
     velocities: dict[str, Velocity] = {}
     ground = [asset for asset in scene.assets.values() if asset.kind != "uav"]
-    tracks = [
-        (track.id, terrain.lanes[track.lane].locate(track.travelled)[0])
-        for track in scene.tracks.values()
-    ]
+    tracks = [(contact.id, contact.position) for contact in scene.contacts.values()]
     for asset in scene.assets.values():
         if not asset.route or asset.down:
             asset.speed = 0.0

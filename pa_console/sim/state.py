@@ -5,7 +5,6 @@ import hashlib
 import math
 import random
 from dataclasses import dataclass, field
-from typing import Literal
 
 from pa_console.schema.base import Point
 from pa_console.schema.command import CommandReply, DeviceCommand
@@ -13,13 +12,11 @@ from pa_console.schema.telemetry import (
     AssetTelemetry,
     CommsStatus,
     GateCover,
-    Identity,
-    Intent,
     Task,
-    TrackStatus,
 )
 from pa_console.schema.world import AssetKind, Wall
 from pa_console.sim.script_state import ScriptState
+from pa_console.sim.sensing_state import ContactState, SensingState
 
 
 @dataclass(slots=True)
@@ -78,46 +75,6 @@ class AssetState:
 
 
 @dataclass(slots=True)
-class TrackState:
-    """A vehicle or person that is not ours; `travelled` is how far along its lane it is, metres."""
-
-    id: str
-    kind: Literal["vehicle", "person"]
-    gate: str
-    lane: str
-    travelled: float
-    cruise_mps: float
-    truth: Identity
-    true_intent: Intent
-    obeys: bool
-    speed: float = 0.0
-    identity: Identity = "unknown"
-    intent: Intent = "unknown"
-    status: TrackStatus = "approaching"
-    warned: bool = False
-    warned_tick: int = 0
-    observed: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Detection:
-    """One contact as one sensor measured it at one scan; positions in metres."""
-
-    contact: str
-    position: Point
-    noise_m: float
-
-
-@dataclass(slots=True)
-class SensingState:
-    """Sensors, weather and what the station made of the detections that reached it."""
-
-    def copy(self) -> "SensingState":
-        """Return an independent copy."""
-        return copy.copy(self)
-
-
-@dataclass(slots=True)
 class LinkState:
     """Messages on the in-process link: (tick due, order of sending, message)."""
 
@@ -133,8 +90,6 @@ class Scene:
     rng: random.Random
     tick: int = 0
     assets: dict[str, AssetState] = field(default_factory=dict[str, AssetState])
-    tracks: dict[str, TrackState] = field(default_factory=dict[str, TrackState])
-    spawned: int = 0
     link: LinkState = field(default_factory=LinkState)
     sensing: SensingState = field(default_factory=SensingState)
     script: ScriptState = field(default_factory=ScriptState)
@@ -142,6 +97,11 @@ class Scene:
     reports: dict[str, AssetTelemetry] = field(default_factory=dict[str, AssetTelemetry])
     covers: dict[str, GateCover] = field(default_factory=dict[str, GateCover])
     covered_tick: dict[str, int] = field(default_factory=dict[str, int])
+
+    @property
+    def contacts(self) -> dict[str, ContactState]:
+        """Vehicles and persons that are not ours, as they truly are."""
+        return self.sensing.contacts
 
     def copy(self) -> "Scene":
         """Return an independent copy; immutable messages and reports are shared."""
@@ -151,8 +111,6 @@ class Scene:
             rng=rng,
             tick=self.tick,
             assets={name: copy.copy(asset) for name, asset in self.assets.items()},
-            tracks={name: copy.copy(track) for name, track in self.tracks.items()},
-            spawned=self.spawned,
             link=copy.copy(self.link),
             sensing=self.sensing.copy(),
             script=self.script.copy(),
@@ -165,7 +123,7 @@ class Scene:
     def digest(self) -> str:
         """Return the SHA-256 over every field, floats to their last bit."""
         parts = (
-            self.rng.getstate(), self.tick, self.assets, self.tracks, self.spawned, self.link,
+            self.rng.getstate(), self.tick, self.assets, self.link,
             self.sensing, self.script, self.obstructions, self.reports, self.covers,
             self.covered_tick,
         )  # fmt: skip

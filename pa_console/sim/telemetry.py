@@ -28,6 +28,9 @@ def report(terrain: Terrain, scene: Scene, *, lossless: bool = False) -> Picture
             scene.reports[asset.id] = _telemetry(terrain, asset, time_s)
         elif asset.comms == "lost" and scene.reports[asset.id].comms != "lost":
             scene.reports[asset.id] = _silenced(scene.reports[asset.id])
+    if not lossless:
+        for sensor, detections in sensing.scan(terrain, scene).items():
+            sensing.receive(terrain, scene, sensor, scene.tick, detections)
     _cover(terrain, scene)
     return Picture(
         tick=scene.tick,

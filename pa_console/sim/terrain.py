@@ -10,6 +10,7 @@ from pa_console.schema.base import Point
 from pa_console.schema.world import AssetKind, Wall, World
 from pa_console.sim.lanes import LaneLine
 from pa_console.sim.routes import Planner
+from pa_console.sim.sight import Sight
 
 PLACE_GAP_M = 0.8
 _CELL_M = 2.0
@@ -21,6 +22,7 @@ class Terrain:
     def __init__(self, world: World) -> None:
         self.world = world
         self.planner = Planner(world)
+        self.sight = Sight(world)
         self.lanes = {name: LaneLine(world, name) for name in world.lanes}
         self.spacing_m = PLACE_GAP_M + 2 * max(p.radius_m for p in world.platforms.values())
         self._perimeter = Polygon(world.perimeter)
