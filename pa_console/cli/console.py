@@ -6,7 +6,14 @@ from typing import Annotated
 
 import typer
 
-from pa_console.cli.output import ModelOption, RulesOption, SeedOption, WorldOption, out
+from pa_console.cli.output import (
+    ModelOption,
+    RulesOption,
+    ScenarioOption,
+    SeedOption,
+    WorldOption,
+    out,
+)
 from pa_console.llm.catalog import find_model
 from pa_console.llm.engine import Engine
 from pa_console.session.chain import LogError
@@ -16,7 +23,11 @@ def console(
     world: WorldOption = "checkpoint",
     rules: RulesOption = "checkpoint",
     model: ModelOption = None,
+    scenario: ScenarioOption = None,
     seed: SeedOption = 0,
+    alarms: Annotated[
+        bool, typer.Option("--alarms/--no-alarms", help="Alarms become missions by themselves.")
+    ] = True,
     readonly: Annotated[
         bool, typer.Option("--readonly", help="Look only: every command is refused.")
     ] = False,
@@ -30,13 +41,26 @@ def console(
     with ThreadPoolExecutor(1) as hashing:
         found = hashing.submit(find_model, model)
         from pa_console.orchestrator.clock import RealTimeClock  # noqa: PLC0415 - meanwhile
-        from pa_console.orchestrator.compose import load_site, open_station  # noqa: PLC0415
+        from pa_console.orchestrator.compose import (  # noqa: PLC0415
+            load_site,
+            open_scenario,
+            open_station,
+        )
         from pa_console.session.log import LogWriter, default_folder, new_log_path  # noqa: PLC0415
         from pa_console.tui.app import ConsoleApp  # noqa: PLC0415
 
         site = load_site(world, rules)
+        played = open_scenario(site.world, site.world_path, scenario) if scenario else None
         engine = Engine(found.result())
-    station = open_station(site, engine, RealTimeClock(), seed=seed, readonly=readonly)
+    station = open_station(
+        site,
+        engine,
+        RealTimeClock(),
+        seed=seed,
+        readonly=readonly,
+        scenario=played,
+        respond=alarms,
+    )
     path = new_log_path(default_folder(), station.session)
 
     def cannot_write(error: LogError) -> None:

@@ -13,6 +13,7 @@ from pa_console.cli.output import (
     JsonOption,
     ModelOption,
     RulesOption,
+    ScenarioOption,
     SeedOption,
     WorldOption,
     errors,
@@ -23,10 +24,10 @@ from pa_console.cli.trace import print_trace
 from pa_console.llm.catalog import find_model
 from pa_console.llm.engine import Engine
 from pa_console.orchestrator.clock import SteppedClock
-from pa_console.orchestrator.compose import load_site, open_station
+from pa_console.orchestrator.compose import load_site, open_scenario, open_station
 from pa_console.orchestrator.headless import (
-    EXIT_CODES,
     Approver,
+    exit_code,
     run_missions,
     standing_approver,
 )
@@ -47,7 +48,10 @@ class Approve(StrEnum):
 
 
 def mission(
-    text: Annotated[str, typer.Argument(help="The mission, in plain language.")],
+    text: Annotated[
+        str | None,
+        typer.Argument(help="The mission, in plain language; not needed with --scenario."),
+    ] = None,
     world: WorldOption = "checkpoint",
     rules: RulesOption = "checkpoint",
     model: ModelOption = None,
@@ -64,26 +68,58 @@ def mission(
             "Example: '{kind: spawn, gate: WestGate, distance_m: 60}'"
         ),
     ] = None,
+    scenario: ScenarioOption = None,
+    alarms: Annotated[
+        bool | None,
+        typer.Option(
+            "--alarms/--no-alarms",
+            help="Alarms become missions by themselves; on by default with --scenario.",
+        ),
+    ] = None,
     seed: SeedOption = 0,
     log: Annotated[Path | None, typer.Option(help="Where to write the session log.")] = None,
     json: JsonOption = False,
 ) -> None:
-    """Plan, check, rehearse, judge, decide, execute and verify one mission."""
+    """Plan, check, rehearse, judge, decide, execute and verify one mission, or a situation's."""
+    if text is None and scenario is None:
+        raise ValueError("give a mission in plain language, or --scenario NAME, or both")
     setup = [_incident(number, text_) for number, text_ in enumerate(event or (), start=1)]
     site = load_site(world, rules)
-    station = open_station(site, Engine(find_model(model)), SteppedClock(), seed=seed)
+    played = open_scenario(site.world, site.world_path, scenario) if scenario else None
+    station = open_station(
+        site,
+        Engine(find_model(model)),
+        SteppedClock(),
+        seed=seed,
+        scenario=played,
+        respond=alarms if alarms is not None else played is not None,
+    )
     approver = _ask if approve is Approve.ask else standing_approver(approve.value, override_reason)
     path = log or new_log_path(default_folder(), station.session)
     with LogWriter(path, station.session) as writer, errors.status("starting") as status:
         progress = _Progress(writer, status, ask=approve is Approve.ask)
         approver = progress.pausing(approver)
-        trace = asyncio.run(run_missions(station, [text], approver, progress.show, setup))[0]
-    code = EXIT_CODES[trace.status] if trace.status is not None else 1
+        traces = asyncio.run(
+            run_missions(
+                station,
+                [text] if text is not None else [],
+                approver,
+                progress.show,
+                setup,
+                duration_s=played.scenario.duration_s if played else 0.0,
+            )
+        )
+    code = exit_code([trace.status for trace in traces])
     if json:
-        print_json({"exit_code": code, "log": str(path), "mission": trace})
+        single = played is None and len(traces) == 1
+        found = {"mission": traces[0]} if single else {"missions": traces}
+        print_json({"exit_code": code, "log": str(path), **found})
     else:
-        print_trace(out, trace)
-        out.print(f"log: {path}", markup=False)
+        for trace in traces:
+            print_trace(out, trace)
+        if not traces:
+            out.print("no alarm needed a response")
+        out.print(f"log: {path}", markup=False, soft_wrap=True)
     raise typer.Exit(code)
 
 

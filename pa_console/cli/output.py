@@ -24,6 +24,10 @@ ModelOption = Annotated[
     str | None,
     typer.Option("--model", help="A model of the catalogue, or the path of a GGUF file."),
 ]
+ScenarioOption = Annotated[
+    str | None,
+    typer.Option("--scenario", help="A situation to play; see 'pa-console scenarios list'."),
+]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the simulation.")]
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else there.")

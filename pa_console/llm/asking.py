@@ -4,8 +4,8 @@ from collections.abc import AsyncGenerator
 from contextlib import aclosing
 from dataclasses import dataclass
 
-from pa_console.llm.engine import Engine, Request
-from pa_console.llm.errors import EngineError
+from pa_console.llm.engine import Completed, Engine, Request
+from pa_console.llm.errors import EngineDiedError, EngineError
 from pa_console.schema.finding import Usage
 
 
@@ -20,25 +20,38 @@ class Answer:
 
 
 async def ask(engine: Engine, request: Request) -> AsyncGenerator[str | Answer]:
-    """Give the answer in pieces, then one Answer; EngineError becomes its `error`."""
-    text = ""
-    try:
-        async with aclosing(engine.generate(request)) as answer:
-            async for item in answer:
-                if isinstance(item, str):
-                    text += item
-                    yield item
-                    continue
-                match item.finish:
-                    case "stop":
-                        yield Answer(item.text, item.usage)
-                    case "length":
-                        error = f"the answer was cut off after {request.max_tokens} tokens"
-                        yield Answer(item.text, item.usage, error)
-                    case "cancelled":
-                        yield Answer(item.text, item.usage, "cancelled", fatal=True)
-                    case "deadline":
-                        error = f"no complete answer within {request.deadline_s:.0f} s"
-                        yield Answer(item.text, item.usage, error, fatal=True)
-    except EngineError as error:
-        yield Answer(text, Usage(), str(error), fatal=True)
+    """Give the answer in pieces, then one Answer; EngineError becomes its `error`.
+
+    When the model's process dies in the middle it is started again and asked once more.
+    """
+    for last in (False, True):
+        text = ""
+        try:
+            async with aclosing(engine.generate(request)) as pieces:
+                async for item in pieces:
+                    if isinstance(item, str):
+                        text += item
+                        yield item
+                    else:
+                        yield _answer(item, request)
+            return
+        except EngineDiedError as error:
+            if last:
+                yield Answer(text, Usage(), str(error), fatal=True)
+        except EngineError as error:
+            yield Answer(text, Usage(), str(error), fatal=True)
+            return
+
+
+def _answer(item: Completed, request: Request) -> Answer:
+    match item.finish:
+        case "stop":
+            return Answer(item.text, item.usage)
+        case "length":
+            error = f"the answer was cut off after {request.max_tokens} tokens"
+            return Answer(item.text, item.usage, error)
+        case "cancelled":
+            return Answer(item.text, item.usage, "cancelled", fatal=True)
+        case "deadline":
+            error = f"no complete answer within {request.deadline_s:.0f} s"
+            return Answer(item.text, item.usage, error, fatal=True)

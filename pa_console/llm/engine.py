@@ -124,6 +124,11 @@ class Engine:
         if self._worker is not None:
             self._worker.interrupt()
 
+    def kill_worker(self) -> None:
+        """Kill the model's process as an outage would (fault injection); it is started on need."""
+        if self._worker is not None:
+            self._worker.strike()
+
     async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
         """Give the answer to `request` in pieces, then one Completed.
 

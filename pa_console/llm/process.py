@@ -91,7 +91,7 @@ class Worker:
 
     async def kill(self) -> None:
         """End the process now and wait until it is gone."""
-        self._kill()
+        self.strike()
         await self._listener
 
     async def close(self) -> None:
@@ -103,8 +103,10 @@ class Worker:
         except TimeoutError:
             await self.kill()
 
-    def _kill(self) -> None:
-        """Signal the process itself: Popen.kill could reap it, which is the event loop's part."""
+    def strike(self) -> None:
+        """Kill the process without waiting for its end.
+
+        Signal the process itself: Popen.kill could reap it, which is the event loop's part."""
         if self._child.returncode is None:
             with suppress(ProcessLookupError):
                 os.kill(self.pid, signal.SIGKILL)
@@ -114,7 +116,7 @@ class Worker:
         try:
             await asyncio.wait_for(self._child.wait(), EXIT_S)
         except TimeoutError:
-            self._kill()
+            self.strike()
             await self._child.wait()
 
     async def _listen(self) -> None:
@@ -131,7 +133,7 @@ class Worker:
                     case answer:
                         self._answers.put_nowait(answer)
         except ValueError:
-            self._kill()
+            self.strike()
         finally:
             self.ended = True
             await self._reap()

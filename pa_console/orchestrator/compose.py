@@ -19,8 +19,10 @@ from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import find_data
 from pa_console.schema.event import SessionStarted
+from pa_console.schema.scenario import Scenario
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
+from pa_console.sim.scenario_file import load_scenario, scenario_path
 from pa_console.sim.world_file import load_world
 
 PINNED_PACKAGES = ("llama-cpp-python", "llguidance", "pymunk", "common-expression-language")
@@ -40,11 +42,32 @@ class Site:
         return hashlib.sha256(self.world_path.read_bytes()).hexdigest()
 
 
+@dataclass(frozen=True)
+class LoadedScenario:
+    """A scenario and the hash of its file."""
+
+    scenario: Scenario
+    sha256: str
+
+
+def open_scenario(world: World, world_path: Path, name: str) -> LoadedScenario:
+    """Load a scenario of `world` by name, or from a path; raises DocumentError."""
+    path = scenario_path(world_path, name)
+    scenario = load_scenario(path, world)
+    return LoadedScenario(scenario, hashlib.sha256(path.read_bytes()).hexdigest())
+
+
+def open_world(name: str) -> tuple[World, Path]:
+    """Load a world by installed name or path, with its file; raises DocumentError."""
+    path = find_data("worlds", name, "world.yaml")
+    return load_world(path), path
+
+
 def load_site(world: str, rules: str) -> Site:
     """Load a world and a rule file by installed name or path; raises DocumentError."""
-    world_path = find_data("worlds", world, "world.yaml")
+    loaded, world_path = open_world(world)
     rules_path = find_data("rules", rules, "rules.yaml")
-    return Site(load_world(world_path), world_path, load_rules(rules_path))
+    return Site(loaded, world_path, load_rules(rules_path))
 
 
 def new_session_id() -> str:
@@ -60,12 +83,19 @@ def open_station(
     seed: int = 0,
     readonly: bool = False,
     keep_engine: bool = False,
+    scenario: LoadedScenario | None = None,
+    respond: bool = False,
+    workflows: bool = True,
+    sim: Checkpoint | None = None,
 ) -> Station:
     """Return a station on `site` whose planner and judge are two roles on `engine`.
 
-    The engine is closed with the session unless `keep_engine`.
+    The engine is closed with the session unless `keep_engine`. With `respond`, alarms become
+    missions by themselves; without `workflows`, every mission is one plan. A `sim` of the
+    caller's own is used instead of a new one: a benchmark can then compare with the truth.
     """
-    sim = Checkpoint(site.world, seed)
+    if sim is None:
+        sim = Checkpoint(site.world, seed, scenario.scenario if scenario is not None else None)
     services = Services(
         sim=sim,
         rulebook=site.rulebook,
@@ -73,6 +103,7 @@ def open_station(
         engine=engine,
         planner=Planner(engine),
         judge=Judge(engine),
+        workflows=workflows,
     )
     grammar = plan_grammar(site.world, sim.picture())
     started = SessionStarted(
@@ -85,9 +116,13 @@ def open_station(
         model=engine.model.name,
         model_sha256=engine.model.sha256,
         seed=seed,
+        scenario=scenario.scenario.name if scenario is not None else "",
+        scenario_sha256=scenario.sha256 if scenario is not None else "",
         sampler=engine.sampler,
         grammar_sha256=hashlib.sha256(grammar.encode()).hexdigest(),
         readonly=readonly,
         packages={name: version(name) for name in PINNED_PACKAGES},
     )
-    return Station(services, clock, started, readonly=readonly, keep_engine=keep_engine)
+    return Station(
+        services, clock, started, readonly=readonly, keep_engine=keep_engine, respond=respond
+    )

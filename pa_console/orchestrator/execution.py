@@ -1,77 +1,105 @@
-"""Step 7 of a mission: dispatch, follow to the end, verify by telemetry, judge the outcome."""
+"""Step 7 of a mission: dispatch, follow to the end or halt, verify by telemetry, judge."""
 
+from collections.abc import AsyncIterator, Iterator
 from time import perf_counter
 
 from pa_console.llm.grammar import judge_grammar
 from pa_console.llm.prompts import outcome_prompt
 from pa_console.orchestrator.digest import digest_picture
 from pa_console.orchestrator.dispatch import Dispatch
-from pa_console.orchestrator.feed import StepFeed
-from pa_console.orchestrator.rehearsal import device_commands
+from pa_console.orchestrator.feed import Step, StepFeed
+from pa_console.orchestrator.premises import Premises, safe_state
+from pa_console.orchestrator.rehearsal import device_commands, order_moments
 from pa_console.orchestrator.safeguards import Examination
 from pa_console.orchestrator.services import Payloads, Services, Stopwatch
-from pa_console.orchestrator.verification import verify_plan
+from pa_console.orchestrator.verification import needs_more_evidence, verify_plan
 from pa_console.schema import event as ev
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.mission import Mission, Verification
+from pa_console.schema.moment import OrderMoment
+from pa_console.schema.telemetry import Picture, Selection
 
 MARGIN_S = 20.0
-SETTLE_S = 1.0
+EVIDENCE_S = 8.0
+"""How long fresh telemetry is waited for once every command has ended."""
+
+SAFETY_S = 10.0
+"""How long the commands of a safe state are followed and sent again."""
 
 
 class Execution:
-    """Carries out one approved plan; `verification` is what telemetry said of it."""
+    """Carries out one approved plan after another; `verification` is of the last one."""
 
     def __init__(
         self, services: Services, mission: Mission, stopwatch: Stopwatch, feed: StepFeed
     ) -> None:
         self._services, self._mission, self._watch = services, mission, stopwatch
         self._feed = feed
+        self._premises: Premises | None = None
         self._dispatch: Dispatch | None = None
+        self._halts = 0
         self.verification: Verification | None = None
+        self.halted: tuple[str, ...] = ()
+        """Why the last plan was halted; empty when it ran to its end."""
+        self.breaches: list[str] = []
+        """Orderings that were broken while the plan ran; whoever monitors them puts them here."""
 
     @property
     def under_way(self) -> tuple[str, ...]:
         """The agents that are still carrying out a command of the plan."""
         return self._dispatch.open_agents if self._dispatch is not None else ()
 
+    @property
+    def orders(self) -> tuple[OrderMoment, ...]:
+        """The running plan's orders, for ordering rules."""
+        if self._premises is None or self._dispatch is None:
+            return ()
+        done = {name for name, reply in self._dispatch.final.items() if reply.status == "done"}
+        return order_moments(self._premises.plan, self._services.sim.world, done)
+
     async def run(self, approved: Examination, attempt: int) -> Payloads:
-        """Step 7: send every command, follow it to its end, then compare with telemetry."""
+        """Step 7: send every command, follow it to its end, then compare with telemetry.
+
+        A broken premise or ordering halts the plan to a safe state; nothing is verified then.
+        """
         sim = self._services.sim
-        before = sim.picture()
-        limit_s = MARGIN_S
-        if approved.rehearsal is not None:
-            limit_s += 2 * approved.rehearsal.timeline.duration_s
+        timeline = approved.rehearsal.timeline if approved.rehearsal is not None else None
+        premises = Premises(sim.world, approved.plan, sim.picture(), timeline)
+        self._premises, self.verification, self.halted = premises, None, ()
+        self.breaches.clear()
+        limit_s = MARGIN_S + 2 * (timeline.duration_s if timeline is not None else 0.0)
         commands = device_commands(approved.plan, f"{self._mission.id}.{attempt}")
         start = sim.time_s
         with self._feed.follow() as steps:
-            self._dispatch = Dispatch(commands, sim.tick, sim.world.dt_s, limit_s)
+            self._dispatch = dispatch = Dispatch(commands, sim.tick, sim.world.dt_s, limit_s)
             with self._watch.time("dispatch_s"):
                 for command in commands:
                     sim.send(command)
                     yield ev.CommandSent(command=command)
-            settle = round(SETTLE_S / sim.world.dt_s)
-            async for tick, replies in steps:
-                for reply in self._dispatch.advance(tick, replies):
-                    yield ev.CommandReplied(reply=reply)
-                if self._dispatch.finished:
-                    settle -= 1
-                    if settle <= 0:
-                        break
+            async for payload in self._until_ended(premises, dispatch, steps):
+                yield payload
+            if self.halted:
+                async for payload in self._to_safety(attempt, steps):
+                    yield payload
+        self._dispatch = None
         self._watch.add("execution_s", sim.time_s - start)
-        started = perf_counter()
-        self.verification = verify_plan(
-            approved.plan, sim.world, before, sim.picture(), self._dispatch.final
-        )
-        yield ev.MissionVerified(verification=self.verification, seconds=perf_counter() - started)
+        if not self.halted:
+            started = perf_counter()
+            self.verification = verify_plan(
+                approved.plan, sim.world, premises.before, sim.picture(), dispatch.final
+            )
+            seconds = perf_counter() - started
+            yield ev.MissionVerified(verification=self.verification, seconds=seconds)
 
-    async def judge_outcome(self, approved: Examination) -> Payloads:
-        """Step 7: the JudgeLLM says from telemetry whether the mission was accomplished."""
+    async def judge_outcome(
+        self, approved: Examination, mission: Mission, selection: Selection | None
+    ) -> Payloads:
+        """Step 7: the JudgeLLM says from telemetry whether `mission` was accomplished."""
         if self.verification is None:
             return
         sim = self._services.sim
-        digest = digest_picture(sim.picture(), sim.world)
-        prompt = outcome_prompt(sim.world, digest, self._mission, approved.plan, self.verification)
+        digest = digest_picture(sim.picture(), sim.world, selection)
+        prompt = outcome_prompt(sim.world, digest, mission, approved.plan, self.verification)
         with self._watch.time("outcome_s"):
             async for piece in self._services.judge.judge(prompt, judge_grammar([])):
                 if not isinstance(piece, str):
@@ -79,14 +107,73 @@ class Execution:
                         verdict=piece.verdict, error=piece.error, usage=piece.usage
                     )
 
-    def halt(self, number: int) -> tuple[DeviceCommand, ...]:
-        """Tell every agent still under way to hold; return the commands sent."""
-        commands = tuple(
-            DeviceCommand(
-                command_id=f"{self._mission.id}.halt{number}.{index}", agent=agent, verb="hold"
-            )
-            for index, agent in enumerate(self.under_way, start=1)
-        )
+    def halt(self) -> tuple[DeviceCommand, ...]:
+        """Send what brings every agent still under way to a safe state; return the commands."""
+        if self._premises is None or self._dispatch is None:
+            return ()
+        sim = self._services.sim
+        self._halts += 1
+        prefix = f"{self._mission.id}.halt{self._halts}"
+        commands = safe_state(self._premises, sim.picture(), self.under_way, prefix)
         for command in commands:
-            self._services.sim.send(command)
+            sim.send(command)
+        self._dispatch = None
         return commands
+
+    async def _until_ended(
+        self, premises: Premises, dispatch: Dispatch, steps: AsyncIterator[Step]
+    ) -> Payloads:
+        """Follow the plan until there is evidence of how it ended, or `halted` says why not."""
+        sim = self._services.sim
+        seen: Picture | None = None
+        ended_s: float | None = None
+        async for step in steps:
+            for payload in self._follow(dispatch, step):
+                yield payload
+            picture = sim.picture()
+            if picture is seen:
+                continue
+            seen = picture
+            if not dispatch.finished:
+                self.halted = (
+                    *premises.broken(picture, dispatch.open_agents),
+                    *dict.fromkeys(self.breaches),
+                )
+                if self.halted:
+                    return
+                continue
+            ended_s = sim.time_s if ended_s is None else ended_s
+            late = sim.time_s - ended_s > EVIDENCE_S
+            if late or not needs_more_evidence(premises.plan, picture, ended_s):
+                return
+
+    async def _to_safety(self, attempt: int, steps: AsyncIterator[Step]) -> Payloads:
+        """Bring the agents under way to a safe state and follow them until they have said so."""
+        sim = self._services.sim
+        reasons = self.halted
+        commands = self.halt()
+        for command in commands:
+            yield ev.CommandSent(command=command)
+        yield ev.PlanHalted(
+            attempt=attempt,
+            reasons=reasons,
+            safe_state=tuple(
+                f"{c.agent} {c.verb}{f' {c.target}' if c.target else ''}" for c in commands
+            ),
+        )
+        dispatch = Dispatch(commands, sim.tick, sim.world.dt_s, SAFETY_S)
+        if commands:
+            async for step in steps:
+                for payload in self._follow(dispatch, step):
+                    yield payload
+                if dispatch.finished:
+                    return
+
+    def _follow(self, dispatch: Dispatch, step: Step) -> Iterator[ev.EventPayload]:
+        """Take in one step's replies and send again what was not answered."""
+        tick, replies = step
+        for reply in dispatch.advance(tick, replies):
+            yield ev.CommandReplied(reply=reply)
+        for command, times in dispatch.resends(tick):
+            self._services.sim.send(command)
+            yield ev.CommandResent(command_id=command.command_id, times=times)

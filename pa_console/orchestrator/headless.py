@@ -1,6 +1,8 @@
 """Runs missions without a screen: one station, one mission after another, a given approver."""
 
+import asyncio
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Literal
 
 from pa_console.orchestrator.station import Station
@@ -48,40 +50,57 @@ async def run_missions(
     approver: Approver,
     sink: Sink,
     setup: Sequence[Incident] = (),
+    duration_s: float = 0.0,
 ) -> list[MissionTrace]:
-    """Bring the set-up about, run `texts` in order and return their traces.
+    """Bring the set-up about, run `texts` in order and return the trace of every mission.
 
-    `sink` is given every event and the state after it, in order; raises ValueError for a set-up
-    or a mission that the station does not take.
+    The session lasts until they are finished and, if longer, `duration_s` simulated seconds have
+    passed and the missions that alarms have started meanwhile are over too. `sink` is given
+    every event and the state after it, in order; raises ValueError for a set-up or a mission
+    that the station does not take.
     """
     state = SessionState()
     waiting = list(texts)
-    submitted: list[str] = []
+    mine: str | None = None
+    ending: asyncio.Task[None] | None = None
     request: ev.ApprovalRequested | None = None
-    async for event in station.run():
-        state.apply(event)
-        sink(event, state)
-        match event.data:
-            case ev.TelemetryReceived() if not submitted:
-                if setup:
-                    for incident in setup:
-                        station.inject(incident)
-                    setup = ()
-                    await station.advance(SETUP_SETTLE_S)
-                submitted.append(station.submit(waiting.pop(0)).id)
-            case ev.ApprovalRequested():
-                request = event.data
-                station.decide(approver(request))
-            case ev.DecisionMade(accepted=False) if request is not None:
-                station.decide(approver(request))
-            case ev.MissionFinished():
-                if waiting:
-                    submitted.append(station.submit(waiting.pop(0)).id)
-                else:
-                    await station.close("every mission is finished")
-            case _:
-                pass
-    return [state.missions[mission] for mission in submitted]
+    begun = False
+    try:
+        async for event in station.run():
+            state.apply(event)
+            sink(event, state)
+            match event.data:
+                case ev.TelemetryReceived() if not begun:
+                    begun = True
+                    if setup:
+                        for incident in setup:
+                            station.inject(incident)
+                        await station.advance(SETUP_SETTLE_S)
+                    mine = station.submit(waiting.pop(0)).id if waiting else None
+                    ending = asyncio.create_task(_end(station, duration_s))
+                case ev.ApprovalRequested():
+                    request = event.data
+                    station.decide(approver(request))
+                case ev.DecisionMade(accepted=False) if request is not None:
+                    station.decide(approver(request))
+                case ev.MissionFinished() if event.mission == mine and waiting:
+                    mine = station.submit(waiting.pop(0)).id
+                case _:
+                    pass
+    finally:
+        if ending is not None:
+            ending.cancel()
+            with suppress(asyncio.CancelledError):
+                await ending
+    return list(state.missions.values())
+
+
+async def _end(station: Station, duration_s: float) -> None:
+    """Close the session once its time is over and no mission is left."""
+    if duration_s > 0.0:
+        await station.advance(duration_s)
+    await station.settled()
+    await station.close("every mission is finished")
 
 
 EXIT_CODES: dict[MissionStatus, int] = {
@@ -93,3 +112,12 @@ EXIT_CODES: dict[MissionStatus, int] = {
     "cancelled": 3,
     "failed": 1,
 }
+
+
+def exit_code(statuses: Sequence[MissionStatus | None]) -> int:
+    """Return the exit code for missions that ended so: the worst one's, 0 for none.
+
+    An internal failure is worse than a plan not verified, and that than one not executed.
+    """
+    codes = [EXIT_CODES[status] if status is not None else 1 for status in statuses]
+    return next((code for code in (1, 4, 3) if code in codes), 0)

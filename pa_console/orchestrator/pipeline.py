@@ -1,47 +1,79 @@
-"""The eight steps for one mission, as a stream of event payloads (paper, Section III)."""
+"""The eight steps for one mission, as a stream of event payloads (paper, Section III).
 
-from collections.abc import Awaitable, Callable
+A mission may take several plans: one for each phase of a workflow, and another one whenever a
+premise of the running plan breaks. Each is planned, checked, judged and approved on its own.
+"""
+
+from collections.abc import Iterator, Sequence
 from time import perf_counter
 
-from pa_console.orchestrator.approval import inadmissible, request_approval
+from pa_console.orchestrator.course import Course
+from pa_console.orchestrator.deciding import Decide, Deciding
 from pa_console.orchestrator.execution import Execution
 from pa_console.orchestrator.feed import StepFeed
 from pa_console.orchestrator.planning import Candidate, Planning
-from pa_console.orchestrator.report import brief_report
+from pa_console.orchestrator.report import ReportFacts, after_action_report
 from pa_console.orchestrator.services import Payloads, Services, Stopwatch
 from pa_console.policy.checks import check_mission
+from pa_console.policy.moments import moment
+from pa_console.policy.monitor import Monitor
 from pa_console.schema import event as ev
-from pa_console.schema.mission import Decision, Mission, MissionStatus
+from pa_console.schema.mission import Mission, MissionStatus, Verification
+from pa_console.schema.moment import Moment
+from pa_console.schema.telemetry import Picture
 
 MAX_VOIDED = 2
-Decide = Callable[[], Awaitable[Decision]]
+MAX_HALTS = 3
+MAX_TRIES = 2
+"""Plans that may be executed for one phase without bringing it to its end."""
+
+WATCH_S = 12.0
+"""How long the situation is watched after a plan for what it led to."""
 
 
 class MissionRun:
-    """Works on one mission from retrieval to report; the caller logs and shows what it yields."""
+    """Works on one mission from retrieval to report; the caller logs and shows what it yields.
+
+    `payloads` may be asked for again after the mission had to give way to an emergency: it goes
+    on where the workflow stands, with a new plan.
+    """
 
     def __init__(
         self, services: Services, mission: Mission, feed: StepFeed, decide: Decide
     ) -> None:
         """`decide` is awaited for the operator's answer once approval was requested."""
         self.mission = mission
-        self._services, self._decide = services, decide
+        self._services, self._feed = services, feed
         self._watch = Stopwatch()
-        self._planning = Planning(services, mission, self._watch)
+        self._monitor = Monitor(services.rulebook, services.sim.world)
+        self._planning = Planning(services, mission, self._watch, self._monitor)
+        self._deciding = Deciding(self._planning, mission, decide, self._watch)
+        self._course = Course(services.rulebook, mission)
         self.execution = Execution(services, mission, self._watch, feed)
-        self._approved: Candidate | None = None
+        self.moving = False
+        """Whether the mission waits for the world, not the world for the mission."""
         self._status: MissionStatus = "held"
         self._reason = ""
+        self._facts = ReportFacts(mission)
+        self._verifications: list[Verification] = []
+
+    @property
+    def subjects(self) -> frozenset[str]:
+        """What the mission deals with: its own subject and the tracks of its workflows."""
+        own = (self.mission.subject,) if self.mission.subject is not None else ()
+        return frozenset((*own, *self._course.tracks))
 
     async def payloads(self) -> Payloads:
         """Yield everything that happens; a plan is executed only after an admissible approval."""
         yield ev.MissionStarted()
-        async for payload in self._planning.retrieve():
-            yield payload
-        async for payload in self._until_approved():
-            yield payload
-        if self._approved is not None:
-            async for payload in self._carry_out(self._approved):
+        refused = self._refused_at_intake()
+        if refused is not None:
+            yield refused
+        else:
+            if self._services.workflows:
+                for move in self._course.begin(self._now()):
+                    yield self._note(move)
+            async for payload in self._plan_after_plan():
                 yield payload
         for payload in self.close(self._status, self._reason):
             yield payload
@@ -50,45 +82,93 @@ class MissionRun:
         self, status: MissionStatus, reason: str
     ) -> tuple[ev.MissionReported, ev.MissionFinished]:
         """Return the report and the end of the mission."""
-        approved = self._approved.examination.plan if self._approved is not None else None
-        text = brief_report(
-            self.mission,
-            status=status,
-            reason=reason,
-            plan=approved,
-            verification=self.execution.verification,
-            picture=self._services.sim.picture(),
+        facts = self._facts
+        text = after_action_report(facts, status, reason, self._services.sim.picture())
+        metrics = self._watch.metrics(
+            self._planning.attempts, plans=len(facts.plans), halts=len(facts.halts)
         )
-        metrics = self._watch.metrics(self._planning.attempts)
         finished = ev.MissionFinished(status=status, reason=reason, metrics=metrics)
         return ev.MissionReported(text=text), finished
 
-    async def _until_approved(self) -> Payloads:
-        """Steps 1 (policy at intake) to 6: plan, decide, and plan again if the world moved."""
-        refused = await self._refused_at_intake()
-        if refused is not None:
-            yield refused
-            return
+    def see(self, picture: Picture) -> Iterator[ev.WorkflowMoved]:
+        """Take in new telemetry: orderings are monitored, workflows move on."""
+        now = moment(
+            picture,
+            self._services.sim.world,
+            self.execution.orders,
+            tuple(order.agent for order in self.execution.orders),
+        )
+        for finding in self._monitor.observe(now):
+            if finding.blocking:
+                self.execution.breaches.append(f"{finding.rule_id}: {finding.message}")
+        for move in self._course.observe(now):
+            yield self._note(move)
+
+    async def _plan_after_plan(self) -> Payloads:
+        """Steps 2 to 8, once for every plan that the mission takes."""
+        task = self._course.task or self.mission
         reasons: tuple[str, ...] = ()
+        tries: dict[str, int] = {}
+        while True:
+            phase = self._course.phase
+            async for payload in self._planning.retrieve(task):
+                yield payload
+            async for payload in self._until_approved(reasons):
+                yield payload
+            approved = self._deciding.approved
+            if approved is None:
+                self._status, self._reason = self._deciding.status, self._deciding.reason
+                if phase:
+                    self._reason = f"phase {phase}: {self._reason}"
+                return
+            async for payload in self._carry_out(approved, task):
+                yield payload
+            reasons = self.execution.halted
+            if reasons:
+                if len(self._facts.halts) > MAX_HALTS:
+                    self._status, self._reason = "unverified", f"halted: {'; '.join(reasons)}"
+                    return
+                continue
+            tries[phase] = tries.get(phase, 0) + 1
+            following = self._course.task
+            stuck = self._course.phase == phase and tries[phase] >= MAX_TRIES
+            if following is None or stuck:
+                self._conclude()
+                return
+            task, verification = following, self._verifications[-1]
+            reasons = (verification.reason,) if verification.outcome == "fail" else ()
+
+    def _conclude(self) -> None:
+        """Say what the executed plans and the workflow come to."""
+        outcomes = [verification.outcome for verification in self._verifications]
+        reasons = [verification.reason for verification in self._verifications]
+        if self._course.entered:
+            reasons = [self._course.summary, *reasons[-1:]]
+        passed = all(outcome == "pass" for outcome in outcomes) and self._course.over
+        self._status = "verified" if passed else "unverified"
+        self._reason = "; ".join(reasons)
+
+    async def _until_approved(self, reasons: Sequence[str]) -> Payloads:
+        """Steps 3 to 6: plan and decide, and again if the situation changed meanwhile."""
         previous = ""
         for _ in range(MAX_VOIDED):
             async for payload in self._planning.propose(reasons, previous):
                 yield payload
-            async for payload in self._settle():
+            async for payload in self._deciding.settle():
                 yield payload
-            candidate = self._approved
+            candidate = self._deciding.approved
             if candidate is None:
                 return
             fresh = await self._planning.reexamine()
             if fresh is None:
                 return
-            self._approved = None
-            self._status = "held"
-            self._reason = f"the situation changed: {'; '.join(fresh.broken)}"
-            yield ev.PlanVoided(attempt=candidate.attempt, reason=self._reason)
+            reason = f"the situation changed: {'; '.join(fresh.broken)}"
+            self._deciding.approved = None
+            self._deciding.status, self._deciding.reason = "held", reason
+            yield ev.PlanVoided(attempt=candidate.attempt, reason=reason)
             reasons, previous = fresh.broken, fresh.plan.model_dump_json()
 
-    async def _refused_at_intake(self) -> ev.PlanChecked | None:
+    def _refused_at_intake(self) -> ev.PlanChecked | None:
         """Decide the rules that concern the mission's words alone, before any model is asked."""
         services = self._services
         started = perf_counter()
@@ -101,64 +181,45 @@ class MissionRun:
         self._status, self._reason = "refused", "; ".join(blocking)
         return ev.PlanChecked(attempt=1, findings=findings, seconds=seconds)
 
-    async def _settle(self) -> Payloads:
-        """Step 6: judge, ask the operator, and go round again for a plan of the operator's own."""
-        while True:
-            candidate = self._planning.best
-            if candidate is None:
-                self._status = "held"
-                self._reason = self._planning.error or "the planner gave no plan"
-                return
-            async for payload in self._planning.judge():
+    async def _carry_out(self, approved: Candidate, task: Mission) -> Payloads:
+        """Step 7 and 8 for one plan: execute, see what comes of it, judge the outcome."""
+        plan = approved.examination.plan
+        self.moving = True
+        try:
+            async for payload in self.execution.run(approved.examination, approved.attempt):
                 yield payload
-            found = candidate.examination
-            request = request_approval(
-                f"{self.mission.id}.{candidate.attempt}",
-                candidate.attempt,
-                found.plan,
-                found.findings,
-                candidate.verdict,
-                candidate.judge_error,
-            )
-            yield request
-            decision: Decision | None = None
-            while decision is None:
-                with self._watch.time("decision_s"):
-                    answer = await self._decide()
-                problem = inadmissible(request, answer)
-                yield ev.DecisionMade(
-                    attempt=candidate.attempt,
-                    decision=answer,
-                    accepted=not problem,
-                    detail=problem,
-                )
-                decision = None if problem else answer
-            if decision.kind == "approve":
-                self._approved = candidate
+            verification = self.execution.verification
+            self._facts.executed(plan, task, verification, self.execution.halted)
+            if verification is None:
                 return
-            if decision.kind == "reject" or decision.plan is None:
-                self._reject(candidate, request, decision)
-                return
-            async for payload in self._planning.take(decision.plan):
-                yield payload
-
-    def _reject(
-        self, candidate: Candidate, request: ev.ApprovalRequested, decision: Decision
-    ) -> None:
-        if candidate.examination.blocked:
-            self._status, self._reason = "refused", "; ".join(request.blocked_by)
-        elif request.blocked_by:
-            self._status, self._reason = "held", "; ".join(request.blocked_by)
-        else:
-            self._status = "rejected"
-            self._reason = decision.reason or f"rejected by {decision.by}"
-
-    async def _carry_out(self, approved: Candidate) -> Payloads:
-        async for payload in self.execution.run(approved.examination, approved.attempt):
+            self._verifications.append(verification)
+            if self._services.workflows:
+                phase = self._course.phase
+                for move in self._course.join(plan, self._now()):
+                    yield self._note(move)
+                await self._watch_outcome(phase)
+        finally:
+            self.moving = False
+        async for payload in self.execution.judge_outcome(
+            approved.examination, task, self._planning.selection
+        ):
+            if isinstance(payload, ev.OutcomeJudged):
+                self._facts.judged(payload.verdict)
             yield payload
-        async for payload in self.execution.judge_outcome(approved.examination):
-            yield payload
-        verification = self.execution.verification
-        if verification is not None:
-            self._status = "verified" if verification.outcome == "pass" else "unverified"
-            self._reason = verification.reason
+
+    async def _watch_outcome(self, phase: str) -> None:
+        """Let the world go on until `phase` is over and its outcome known, at most WATCH_S."""
+        course, sim = self._course, self._services.sim
+        end_s = sim.time_s + WATCH_S
+        with self._feed.follow() as steps:
+            async for _ in steps:
+                waiting = (phase and course.phase == phase) or not course.settled
+                if not waiting or sim.time_s >= end_s:
+                    return
+
+    def _now(self) -> Moment:
+        return moment(self._services.sim.picture(), self._services.sim.world, ())
+
+    def _note(self, move: ev.WorkflowMoved) -> ev.WorkflowMoved:
+        self._facts.moved(move, self._services.sim.time_s)
+        return move

@@ -9,14 +9,16 @@ from pa_console.llm.judge import Judgement
 from pa_console.llm.planner import Proposal
 from pa_console.llm.prompts import judge_prompt, planner_prompt
 from pa_console.orchestrator.digest import digest_picture
+from pa_console.orchestrator.selection import select
 from pa_console.orchestrator.safeguards import Examination, examine
 from pa_console.orchestrator.services import Payloads, Services, Stopwatch
+from pa_console.policy.monitor import Monitor
 from pa_console.schema import event as ev
 from pa_console.schema.finding import Verdict
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.rule import Rule, RuleHit
-from pa_console.schema.telemetry import Digest
+from pa_console.schema.telemetry import Digest, Selection
 
 
 @dataclass
@@ -30,10 +32,17 @@ class Candidate:
 
 
 class Planning:
-    """Makes and examines plans for one mission; `best` is the one to decide on."""
+    """Makes and examines plans for one mission; `best` is the one to decide on.
 
-    def __init__(self, services: Services, mission: Mission, stopwatch: Stopwatch) -> None:
-        self._services, self._mission, self._watch = services, mission, stopwatch
+    `task` is what the next plan is for: the mission itself, or a phase of its workflow.
+    """
+
+    def __init__(
+        self, services: Services, mission: Mission, stopwatch: Stopwatch, monitor: Monitor
+    ) -> None:
+        """`monitor` has followed the mission's history so far; it is only read."""
+        self._services, self._watch, self._monitor = services, stopwatch, monitor
+        self.task = mission
         self._hits: tuple[RuleHit, ...] = ()
         self._digest: Digest | None = None
         self.attempts = 0
@@ -41,11 +50,17 @@ class Planning:
         self.error = ""
         """Why there is no `best`."""
 
-    async def retrieve(self) -> Payloads:
-        """Step 2: the rules that concern the mission's words, and the pinned ones."""
+    @property
+    def selection(self) -> Selection | None:
+        """The part of the picture that the last prompt spoke of; None means all of it."""
+        return self._digest.selection if self._digest is not None else None
+
+    async def retrieve(self, task: Mission) -> Payloads:
+        """Step 2: the rules that concern the words of `task`, and the pinned ones."""
+        self.task = task
         started = perf_counter()
         retriever = self._services.retriever
-        self._hits = retriever.retrieve(self._mission.text, self._services.top_k)
+        self._hits = retriever.retrieve(task.text, self._services.top_k)
         seconds = perf_counter() - started
         self._watch.add("retrieval_s", seconds)
         yield ev.RulesRetrieved(method=retriever.method, hits=self._hits, seconds=seconds)
@@ -101,7 +116,7 @@ class Planning:
             self._services.sim.world,
             self._digest,
             rules,
-            self._mission,
+            self.task,
             candidate.examination.plan,
             rehearsal,
         )
@@ -126,9 +141,7 @@ class Planning:
         if self.best is None:
             return None
         plan = self.best.examination.plan
-        services = self._services
-        fresh = await examine(plan, self._mission, services.sim, services.rulebook)
-        self._count(fresh)
+        fresh = await self._safeguards(plan)
         return fresh if fresh.blocked else None
 
     async def _ask(self, reasons: Sequence[str], previous: str) -> Payloads:
@@ -137,16 +150,17 @@ class Planning:
         services = self._services
         started = perf_counter()
         picture = services.sim.picture()
-        self._digest = digest_picture(picture, services.sim.world)
+        world = services.sim.world
+        rules = [services.rulebook.get(hit.rule_id) for hit in self._hits]
+        selection = select(picture, world, self.task, rules)
+        self._digest = digest_picture(picture, world, selection)
         seconds = perf_counter() - started
         self._watch.add("picture_s", seconds)
         yield ev.PictureDigested(digest=self._digest, seconds=seconds)
         started = perf_counter()
-        rules = [services.rulebook.get(hit.rule_id) for hit in self._hits]
-        prompt = planner_prompt(
-            services.sim.world, self._digest, rules, self._mission, reasons, previous
-        )
-        grammar = plan_grammar(services.sim.world, picture)
+        prompt = planner_prompt(world, self._digest, rules, self.task, reasons, previous)
+        agents = None if selection is None else tuple(selection.assets)
+        grammar = plan_grammar(world, picture, agents)
         seconds = perf_counter() - started
         self._watch.add("prompt_s", seconds)
         yield ev.PromptBuilt(
@@ -167,9 +181,7 @@ class Planning:
             self._watch.add("first_token_s", self._proposal.usage.first_token_s)
 
     async def _examine(self, plan: Plan) -> Payloads:
-        services = self._services
-        found = await examine(plan, self._mission, services.sim, services.rulebook)
-        self._count(found)
+        found = await self._safeguards(plan)
         self._latest = found
         if found.rehearsal is not None:
             yield ev.PlanRehearsed(
@@ -179,9 +191,14 @@ class Planning:
         if self.best is None or found.badness < self.best.examination.badness:
             self.best = Candidate(self.attempts, found)
 
-    def _count(self, examination: Examination) -> None:
-        self._watch.add("checks_s", examination.checks_s)
-        self._watch.add("rehearsal_s", examination.rehearsal_s)
+    async def _safeguards(self, plan: Plan) -> Examination:
+        services = self._services
+        found = await examine(
+            plan, self.task, services.sim, services.rulebook, self._monitor
+        )
+        self._watch.add("checks_s", found.checks_s)
+        self._watch.add("rehearsal_s", found.rehearsal_s)
+        return found
 
     def _judged_rules(self, examination: Examination) -> list[Rule]:
         """Return the retrieved and pinned rules that apply to the plan, and every broken one."""

@@ -1,11 +1,14 @@
 """Step 6: runs a plan in a forked simulation and records what happens on the way."""
 
 import asyncio
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 from shapely import LineString, Point, Polygon
 
+from pa_console.policy.moments import distinct, moment
 from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand
+from pa_console.schema.moment import OrderMoment
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import (
     AssetTimeline,
@@ -36,13 +39,27 @@ def device_commands(plan: Plan, prefix: str) -> tuple[DeviceCommand, ...]:
     )
 
 
-async def rehearse(sim: Checkpoint, plan: Plan) -> Rehearsal:
-    """Run `plan` in a fork of `sim` until every command has ended, at most HORIZON_S seconds.
+def order_moments(plan: Plan, world: World, done: Collection[str]) -> tuple[OrderMoment, ...]:
+    """Return the plan's orders as ordering rules see them; `done` names who has finished."""
+    return tuple(
+        OrderMoment(
+            agent=action.agent,
+            kind=world.assets[action.agent].kind,
+            verb=action.verb,
+            target=action.target,
+            done=action.agent in done,
+        )
+        for action in plan.actions
+    )
 
-    The event loop gets its turn every STEPS_PER_SLICE steps, so a screen stays alive meanwhile.
+
+async def rehearse(sim: Checkpoint, plan: Plan) -> Rehearsal:
+    """Run `plan` in a forecast of `sim` until every command has ended, at most HORIZON_S seconds.
+
+    The forecast knows what the picture shows and nothing of the truth. The event loop gets its turn every STEPS_PER_SLICE steps, so a screen stays alive meanwhile.
     """
     before = sim.picture()
-    fork = sim.fork()
+    fork = sim.forecast()
     recorder = _Recorder(fork.world, before, plan)
     commands = device_commands(plan, "rehearsal")
     for command in commands:
@@ -91,6 +108,8 @@ class _Recorder:
 
     def __init__(self, world: World, before: Picture, plan: Plan) -> None:
         self._world, self._before, self._last = world, before, before
+        self._plan = plan
+        self._moments = [moment(before, world, (), plan.agents)]
         self._agents = {action.agent: _AssetLog() for action in plan.actions}
         self._movers = {a.agent for a in plan.actions if a.verb not in ("hold", "report")}
         self._tracks: dict[str, _TrackLog] = {name: _TrackLog() for name in before.tracks}
@@ -116,6 +135,9 @@ class _Recorder:
         for track in picture.tracks.values():
             self._look_at(track, picture, time_s)
         self._last, self._time = picture, time_s
+        done = {name for name, log in self._agents.items() if log.finished}
+        orders = order_moments(self._plan, self._world, done)
+        self._moments.append(moment(picture, self._world, orders, self._plan.agents))
 
     def _follow(self, log: _AssetLog, was: AssetTelemetry, now: AssetTelemetry) -> None:
         log.least_battery = min(log.least_battery, now.battery_pct)
@@ -156,6 +178,7 @@ class _Recorder:
         return Rehearsal(
             before=self._before,
             after=after,
+            moments=distinct(self._moments),
             timeline=Timeline(
                 duration_s=duration_s,
                 gates={

@@ -5,6 +5,7 @@ from time import perf_counter
 
 from pa_console.orchestrator.rehearsal import rehearse
 from pa_console.policy.checks import check_plan
+from pa_console.policy.monitor import Monitor
 from pa_console.policy.rulebook import Rulebook
 from pa_console.policy.structure import problems
 from pa_console.schema.finding import Finding
@@ -41,8 +42,17 @@ class Examination:
         return blocking, len(self.broken) - blocking
 
 
-async def examine(plan: Plan, mission: Mission, sim: Checkpoint, rulebook: Rulebook) -> Examination:
-    """Check `plan` against the present state of `sim`: its structure first, then by rehearsal."""
+async def examine(
+    plan: Plan,
+    mission: Mission,
+    sim: Checkpoint,
+    rulebook: Rulebook,
+    monitor: Monitor | None = None,
+) -> Examination:
+    """Check `plan` against the present picture of `sim`: its structure first, then by rehearsal.
+
+    `monitor` has followed the mission so far: ordering rules go on from its history.
+    """
     started = perf_counter()
     structural = problems(plan, sim.world, sim.picture())
     checked = perf_counter()
@@ -51,7 +61,12 @@ async def examine(plan: Plan, mission: Mission, sim: Checkpoint, rulebook: Ruleb
     rehearsal = await rehearse(sim, plan)
     rehearsed = perf_counter()
     findings = check_plan(
-        rulebook, plan=plan, rehearsal=rehearsal, mission=mission, world=sim.world
+        rulebook,
+        plan=plan,
+        rehearsal=rehearsal,
+        mission=mission,
+        world=sim.world,
+        monitor=monitor,
     )
     done = perf_counter()
     return Examination(

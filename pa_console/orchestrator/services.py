@@ -19,7 +19,10 @@ Payloads = AsyncIterator[EventPayload]
 
 @dataclass(frozen=True)
 class Services:
-    """The simulation, the policy and the two roles of the LLM; `repairs` bounds step 6's loop."""
+    """The simulation, the policy and the two roles of the LLM; `repairs` bounds step 6's loop.
+
+    Without `workflows` a mission is one plan.
+    """
 
     sim: Checkpoint
     rulebook: Rulebook
@@ -29,6 +32,7 @@ class Services:
     judge: Judge
     repairs: int = 2
     top_k: int = 3
+    workflows: bool = True
 
 
 @dataclass

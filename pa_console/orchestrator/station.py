@@ -1,22 +1,23 @@
 """The control station: one simulation, one mission queue, one stream of everything that happens."""
 
 import asyncio
-from collections import deque
-from collections.abc import AsyncGenerator, Coroutine
+from collections.abc import AsyncGenerator, Callable
 from contextlib import suppress
 from datetime import UTC, datetime
 
 from pa_console.llm.errors import EngineError
 from pa_console.llm.prompts import fixed_part
+from pa_console.orchestrator.background import Background
 from pa_console.orchestrator.clock import Clock
+from pa_console.orchestrator.desk import Desk
 from pa_console.orchestrator.feed import StepFeed
+from pa_console.orchestrator.intake import Intake
 from pa_console.orchestrator.notices import notices
-from pa_console.orchestrator.pipeline import MissionRun
 from pa_console.orchestrator.services import Services
+from pa_console.orchestrator.stops import Stops
 from pa_console.schema import event as ev
-from pa_console.schema.command import DeviceCommand
 from pa_console.schema.incident import Incident
-from pa_console.schema.mission import MAX_MISSION_TEXT, Decision, Mission, MissionStatus
+from pa_console.schema.mission import Decision, Mission
 from pa_console.schema.world import World
 
 ROLES: tuple[ev.Role, ...] = ("planner", "judge")
@@ -24,7 +25,7 @@ READ_ONLY = "this console is read-only: commands are refused"
 
 
 class Station:
-    """Owns the simulation and works on one mission at a time; both front ends use only this."""
+    """Owns the simulation, alarms and queue; both front ends use only this."""
 
     def __init__(
         self,
@@ -34,10 +35,12 @@ class Station:
         *,
         readonly: bool = False,
         keep_engine: bool = False,
+        respond: bool = False,
     ) -> None:
         """`started` is the session's first event; `clock` says when the world moves on.
 
-        The engine is closed with the session unless `keep_engine`.
+        The engine is closed with the session unless `keep_engine`. With `respond`, alarms become
+        missions by themselves.
         """
         self._services, self._clock, self._started = services, clock, started
         self.readonly, self._keep_engine = readonly, keep_engine
@@ -45,13 +48,10 @@ class Station:
         self._sim = services.sim
         self._feed = StepFeed()
         self._events: asyncio.Queue[ev.Event | None] = asyncio.Queue()
-        self._queue: deque[Mission] = deque()
-        self._arrived = asyncio.Event()
-        self._run: MissionRun | None = None
-        self._work: asyncio.Task[None] | None = None
-        self._answer: asyncio.Future[Decision] | None = None
-        self._missions = self._halts = 0
-        self._tasks: set[asyncio.Task[None]] = set()
+        self._intake = Intake(self.world, started.session, respond=respond and not readonly)
+        self._stops = Stops(self._sim)
+        self._desk = Desk(services, self._feed, self._intake, self._stops, self._emit)
+        self._background = Background(self._broken)
         self._last = self._sim.picture()
         self._closed = False
 
@@ -79,83 +79,76 @@ class Station:
         self._emit(self._started)
         self._emit(ev.TelemetryReceived(picture=self._last))
         self._services.engine.on_state = self.worker_changed
-        for work in (self._tick(), self._serve(), self._read_ahead()):
-            self._start(work)
+        serving = self._desk.serve(self._background, self._read_ahead)
+        for work in (self._tick(), serving, self._read_ahead()):
+            self._background.start(work)
         try:
             while (event := await self._events.get()) is not None:
                 yield event
         finally:
-            for task in list(self._tasks):
-                task.cancel()
-                with suppress(asyncio.CancelledError, Exception):
-                    await task
+            await self._background.stop()
             if not self._keep_engine:
                 await self._services.engine.close()
 
     def submit(self, text: str) -> Mission:
         """Step 1: queue a mission; raises ValueError when it cannot be taken."""
-        words = " ".join(text.split())
-        if self.readonly:
-            raise ValueError(READ_ONLY)
-        if not words:
-            raise ValueError("the mission is empty: say what is to be done")
-        if len(words) > MAX_MISSION_TEXT:
-            raise ValueError(
-                f"the mission has {len(words)} characters, at most {MAX_MISSION_TEXT} are taken"
-            )
-        self._missions += 1
-        mission = Mission(
-            id=f"M{self._missions:03d}-{self._started.session[-4:]}",
-            text=words,
-            created=datetime.now(UTC),
-        )
-        self._queue.append(mission)
-        position = len(self._queue) - 1 + (self._run is not None)
-        self._emit(ev.MissionReceived(mission=mission, position=position), mission.id)
-        self._arrived.set()
+        self._writable()
+        mission, received = self._intake.submit(text, active=self._desk.busy)
+        self._emit(received, mission.id)
+        self._desk.queue_changed()
         return mission
 
     def decide(self, decision: Decision) -> None:
         """Answer the open approval request; raises ValueError when there is none."""
-        if self.readonly:
-            raise ValueError(READ_ONLY)
-        if self._answer is None or self._answer.done():
-            raise ValueError("no plan waits for a decision")
-        self._answer.set_result(decision)
+        self._writable()
+        self._desk.decide(decision)
 
     def cancel(self) -> None:
-        """Cancel the mission being worked on; assets under way for it hold."""
-        if self.readonly:
-            raise ValueError(READ_ONLY)
-        if self._work is not None:
-            self._work.cancel()
+        """Cancel the mission being worked on; assets under way for it go to a safe state.
+
+        Raises ValueError when no mission is active.
+        """
+        self._writable()
+        self._desk.cancel()
+
+    def acknowledge(self, alarm_id: str) -> None:
+        """Note that the operator has seen an alarm; raises ValueError for an unknown one."""
+        self._writable()
+        self._emit(self._intake.acknowledge(alarm_id, "operator"))
+
+    def move(self, mission_id: str, by: int) -> None:
+        """Move a waiting mission by `by` places in the queue; ValueError when it does not wait."""
+        self._reorder(lambda: self._intake.move(mission_id, by))
+
+    def defer(self, mission_id: str) -> None:
+        """Let everything else go before a waiting mission; ValueError when it does not wait."""
+        self._reorder(lambda: self._intake.defer(mission_id))
+
+    def withdraw(self, mission_id: str) -> None:
+        """Cancel a waiting mission; raises ValueError when it does not wait."""
+        self._reorder(
+            lambda: self._desk.drop(
+                self._intake.withdraw(mission_id), "withdrawn by the operator"
+            )
+        )
 
     def stop_all(self, by: str = "operator") -> None:
-        """Every available asset holds, the active mission is cancelled, the queue is emptied."""
-        if self.readonly:
-            raise ValueError(READ_ONLY)
-        for mission in list(self._queue):
-            run = MissionRun(self._services, mission, self._feed, self._decided)
-            for payload in run.close("cancelled", "stopped by the operator"):
-                self._emit(payload, mission.id)
-        self._queue.clear()
-        self.cancel()
+        """Every asset is told to hold, the active mission is cancelled, the queue is emptied."""
+        self._writable()
+        for mission in self._intake.clear():
+            self._desk.drop(mission, "stopped by the operator")
+        if self._desk.busy:
+            self._desk.cancel()
         self._emit(ev.AllStopped(by=by))
-        self._halts += 1
-        for number, asset in enumerate(self._sim.picture().assets.values(), start=1):
-            if asset.available:
-                command = DeviceCommand(
-                    command_id=f"stop{self._halts}.{number}", agent=asset.id, verb="hold"
-                )
-                self._sim.send(command)
-                self._emit(ev.CommandSent(command=command))
+        for payload in self._stops.hold_all():
+            self._emit(payload)
+        self._desk.queue_changed()
 
     def inject(self, incident: Incident) -> None:
         """Let something happen in the simulation; raises ValueError for an unknown name."""
-        if self.readonly:
-            raise ValueError(READ_ONLY)
+        self._writable()
         self._sim.inject(incident)
-        self._emit(ev.IncidentHappened(incident=incident))
+        self._happened(incident, "operator")
 
     async def advance(self, seconds: float) -> None:
         """Wait until `seconds` of simulated time have passed."""
@@ -164,6 +157,10 @@ class Station:
             async for tick, _ in steps:
                 if tick >= end:
                     return
+
+    async def settled(self) -> None:
+        """Wait until no mission is worked on and none waits."""
+        await self._desk.idle.wait()
 
     def worker_changed(self, state: ev.WorkerState, detail: str) -> None:
         """Pass a change of the LLM worker on to the event stream."""
@@ -176,37 +173,57 @@ class Station:
             self._emit(ev.SessionEnded(reason=reason))
             self._events.put_nowait(None)
 
+    def _writable(self) -> None:
+        if self.readonly:
+            raise ValueError(READ_ONLY)
+
+    def _reorder(self, change: Callable[[], None]) -> None:
+        self._writable()
+        change()
+        self._desk.queue_changed()
+
     def _emit(self, payload: ev.EventPayload, mission: str | None = None) -> None:
         self._events.put_nowait(
             ev.Event(t=datetime.now(UTC), tick=self._sim.tick, mission=mission, data=payload)
         )
 
     async def _tick(self) -> None:
-        """Move the world on whenever the clock says so, and report telemetry at its own period."""
+        """Move the world on whenever the clock says so, and report telemetry at its own period.
+
+        A clock that lets the world wait for the mission does so while it is thought about only.
+        """
         every = max(1, round(self.world.telemetry_period_s / self.world.dt_s))
         while True:
-            steps = await self._clock.due(self.world.dt_s, waiting=self._feed.wanted)
-            for _ in range(steps):
-                self._feed.publish(self._sim.tick + 1, self._sim.step())
+            wanted = (self._feed.wanted or self._stops.waiting) and not self._desk.thinking
+            for _ in range(await self._clock.due(self.world.dt_s, waiting=wanted)):
+                replies = tuple(self._sim.step())
+                self._feed.publish(self._sim.tick, replies)
+                for incident in self._sim.take_incidents():
+                    self._happened(incident, "scenario")
+                for payload in self._stops.step((self._sim.tick, replies)):
+                    self._emit(payload)
                 if self._sim.tick % every == 0:
-                    picture = self._sim.picture()
-                    for notice in notices(self._last, picture):
-                        self._emit(notice)
-                    self._last = picture
-                    self._emit(ev.TelemetryReceived(picture=picture))
+                    self._look()
 
-    async def _serve(self) -> None:
-        """Work on the queued missions, one at a time, in the order in which they came."""
-        while True:
-            while not self._queue:
-                self._arrived.clear()
-                await self._arrived.wait()
-            mission = self._queue.popleft()
-            self._run = MissionRun(self._services, mission, self._feed, self._decided)
-            self._work = self._start(self._work_on(self._run))
-            await asyncio.wait([self._work])
-            self._run = self._work = None
-            self._start(self._read_ahead())
+    def _look(self) -> None:
+        """Take in new telemetry: tell it, raise alarms, queue their missions."""
+        picture = self._sim.picture()
+        for notice in notices(self._last, picture):
+            self._emit(notice)
+        self._last = picture
+        self._emit(ev.TelemetryReceived(picture=picture))
+        arrivals = self._intake.look(picture, self._desk.handled)
+        for payload, mission in arrivals.payloads:
+            self._emit(payload, mission)
+        for mission in arrivals.obsolete:
+            self._desk.drop(mission, "its cause is gone")
+        self._desk.queue_changed()
+        self._desk.see(picture)
+
+    def _happened(self, incident: Incident, source: ev.IncidentSource) -> None:
+        self._emit(ev.IncidentHappened(incident=incident, source=source))
+        if incident.kind == "worker":
+            self._services.engine.kill_worker()
 
     async def _read_ahead(self) -> None:
         """Load the model and let it read what never changes while nobody waits for it."""
@@ -216,42 +233,7 @@ class Station:
             for role in ROLES:
                 await engine.warm(role, fixed_part(role, self.world))
 
-    async def _work_on(self, run: MissionRun) -> None:
-        """Emit everything a mission yields; a cancelled or broken mission ends in safety."""
-        mission = run.mission.id
-        try:
-            async for payload in run.payloads():
-                self._emit(payload, mission)
-        except asyncio.CancelledError:
-            self._abandon(run, "cancelled", "cancelled by the operator")
-        except Exception as error:  # a defect must neither end the session nor move an asset
-            self._abandon(run, "failed", f"internal error: {type(error).__name__}: {error}")
-
-    def _abandon(self, run: MissionRun, status: MissionStatus, reason: str) -> None:
-        self._halts += 1
-        for command in run.execution.halt(self._halts):
-            self._emit(ev.CommandSent(command=command), run.mission.id)
-        for payload in run.close(status, reason):
-            self._emit(payload, run.mission.id)
-
-    async def _decided(self) -> Decision:
-        """Wait for `decide`."""
-        self._answer = asyncio.get_running_loop().create_future()
-        try:
-            return await self._answer
-        finally:
-            self._answer = None
-
-    def _start(self, work: Coroutine[None, None, None]) -> asyncio.Task[None]:
-        """Run `work` beside the rest of the session."""
-        task = asyncio.create_task(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._task_ended)
-        return task
-
-    def _task_ended(self, task: asyncio.Task[None]) -> None:
+    def _broken(self, error: BaseException) -> None:
         """End the session in order when one of its own tasks broke."""
-        self._tasks.discard(task)
-        if not task.cancelled() and (error := task.exception()) is not None:
-            self._emit(ev.SessionEnded(reason=f"internal error: {error}"))
-            self._events.put_nowait(None)
+        self._emit(ev.SessionEnded(reason=f"internal error: {error}"))
+        self._events.put_nowait(None)

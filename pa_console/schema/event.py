@@ -18,6 +18,7 @@ from pa_console.schema.telemetry import Digest, Picture
 
 Role = Literal["planner", "judge"]
 Level = Literal["info", "warning", "alarm"]
+IncidentSource = Literal["operator", "scenario"]
 WorkerState = Literal["loading", "ready", "dead", "unavailable"]
 
 
@@ -60,7 +61,7 @@ class IncidentHappened(Payload):
 
     kind: Literal["incident"] = "incident"
     incident: Incident
-    source: Literal["operator", "scenario"] = "operator"
+    source: IncidentSource = "operator"
 
 
 class Noticed(Payload):

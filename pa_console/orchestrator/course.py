@@ -1,0 +1,105 @@
+"""Where a mission stands in the workflows that rules prescribe (WF-01): phase after phase."""
+
+from collections.abc import Iterator
+
+from pa_console.policy.rulebook import Rulebook
+from pa_console.policy.workflow import WorkflowRun
+from pa_console.schema.event import WorkflowMoved
+from pa_console.schema.mission import Mission
+from pa_console.schema.moment import Moment
+from pa_console.schema.plan import Plan
+
+ENCOUNTERS = ("observe", "identify", "warn", "block")
+
+
+class Course:
+    """The workflows of one mission, one a track; the first that is not over sets the task."""
+
+    def __init__(self, rulebook: Rulebook, mission: Mission) -> None:
+        self._rulebook, self._mission = rulebook, mission
+        self._runs: dict[str, WorkflowRun] = {}
+
+    @property
+    def entered(self) -> bool:
+        """Whether the mission is in a workflow, or went through one."""
+        return bool(self._runs)
+
+    @property
+    def tracks(self) -> tuple[str, ...]:
+        """The tracks whose workflow the mission is in."""
+        return tuple(self._runs)
+
+    @property
+    def over(self) -> bool:
+        """Whether no workflow has a phase left."""
+        return all(run.current is None for run in self._runs.values())
+
+    @property
+    def settled(self) -> bool:
+        """Whether every workflow that is over has an outcome."""
+        return all(run.current is not None or run.outcome for run in self._runs.values())
+
+    @property
+    def summary(self) -> str:
+        """The outcome of every workflow in words."""
+        return "; ".join(
+            f"{track}: {run.outcome or f'stopped at {run.current.name}'}"
+            if run.current is not None
+            else f"{track}: {run.outcome or 'every phase done'}"
+            for track, run in self._runs.items()
+        )
+
+    @property
+    def phase(self) -> str:
+        """Track and name of the phase that is to be planned next, empty when there is none."""
+        for track, run in self._runs.items():
+            if run.current is not None:
+                return f"{track} {run.current.name}"
+        return ""
+
+    @property
+    def task(self) -> Mission | None:
+        """The phase to be planned next, as a mission of its own words."""
+        for track, run in self._runs.items():
+            if run.current is not None:
+                words = {"text": run.command(), "subject": track, "gate": run.gate}
+                return self._mission.model_copy(update=words)
+        return None
+
+    def begin(self, now: Moment) -> Iterator[WorkflowMoved]:
+        """Enter the workflow of the track that an alarm's mission is about."""
+        if self._mission.subject in now.tracks and self._mission.subject not in self._runs:
+            yield from self._enter(self._mission.subject, now)
+
+    def join(self, plan: Plan, now: Moment) -> Iterator[WorkflowMoved]:
+        """Enter the workflow of every track that an executed plan has dealt with."""
+        gates = {action.target for action in plan.actions if action.verb in ENCOUNTERS}
+        for name, track in now.tracks.items():
+            if track.gate in gates and name not in self._runs:
+                yield from self._enter(name, now)
+
+    def observe(self, now: Moment) -> Iterator[WorkflowMoved]:
+        """Move on every workflow whose phase is over at `now`."""
+        for run in self._runs.values():
+            if run.current is not None and run.advance(now):
+                yield _moved(run)
+
+    def _enter(self, track: str, now: Moment) -> Iterator[WorkflowMoved]:
+        run = WorkflowRun.start(self._rulebook, now, track)
+        if run is not None:
+            self._runs[track] = run
+            run.advance(now)
+            yield _moved(run)
+
+
+def _moved(run: WorkflowRun) -> WorkflowMoved:
+    return WorkflowMoved(
+        workflow=run.workflow.id,
+        rule_id=run.workflow.rule,
+        track=run.track,
+        phases=tuple(phase.name for phase in run.workflow.phases),
+        phase=run.position,
+        skipped=run.skipped,
+        command=run.command() if run.current is not None else "",
+        outcome=run.outcome,
+    )

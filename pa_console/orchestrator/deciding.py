@@ -1,0 +1,79 @@
+"""Step 6 of a mission: judge the best plan, ask the operator, take a plan of the operator's own."""
+
+from collections.abc import Awaitable, Callable
+
+from pa_console.orchestrator.approval import inadmissible, request_approval
+from pa_console.orchestrator.planning import Candidate, Planning
+from pa_console.orchestrator.services import Payloads, Stopwatch
+from pa_console.schema import event as ev
+from pa_console.schema.mission import Decision, Mission, MissionStatus
+
+Decide = Callable[[], Awaitable[Decision]]
+
+
+class Deciding:
+    """Asks until there is an admissible decision; `approved` is the plan to execute, if any."""
+
+    def __init__(
+        self, planning: Planning, mission: Mission, decide: Decide, stopwatch: Stopwatch
+    ) -> None:
+        """`decide` is awaited for the operator's answer once approval was requested."""
+        self._planning, self._mission = planning, mission
+        self._decide, self._watch = decide, stopwatch
+        self.approved: Candidate | None = None
+        self.status: MissionStatus = "held"
+        self.reason = ""
+        """With no plan approved: what the mission comes to, and why."""
+
+    async def settle(self) -> Payloads:
+        """Judge and ask; go round again for a plan of the operator's own."""
+        self.approved = None
+        while True:
+            candidate = self._planning.best
+            if candidate is None:
+                self.status = "held"
+                self.reason = self._planning.error or "the planner gave no plan"
+                return
+            async for payload in self._planning.judge():
+                yield payload
+            found = candidate.examination
+            request = request_approval(
+                f"{self._mission.id}.{candidate.attempt}",
+                candidate.attempt,
+                found.plan,
+                found.findings,
+                candidate.verdict,
+                candidate.judge_error,
+            )
+            yield request
+            decision: Decision | None = None
+            while decision is None:
+                with self._watch.time("decision_s"):
+                    answer = await self._decide()
+                problem = inadmissible(request, answer)
+                yield ev.DecisionMade(
+                    attempt=candidate.attempt,
+                    decision=answer,
+                    accepted=not problem,
+                    detail=problem,
+                )
+                decision = None if problem else answer
+            if decision.kind == "approve":
+                self.approved = candidate
+                return
+            if decision.kind == "reject" or decision.plan is None:
+                self._reject(candidate, request, decision)
+                return
+            async for payload in self._planning.take(decision.plan):
+                yield payload
+
+    def _reject(
+        self, candidate: Candidate, request: ev.ApprovalRequested, decision: Decision
+    ) -> None:
+        if candidate.examination.blocked:
+            self.status, self.reason = "refused", "; ".join(request.blocked_by)
+        elif request.blocked_by:
+            self.status, self.reason = "held", "; ".join(request.blocked_by)
+        else:
+            self.status = "rejected"
+            self.reason = decision.reason or f"rejected by {decision.by}"
