@@ -18,10 +18,13 @@ class TrackMoment(StrictModel):
     observed: bool
     warned: bool
     defiant: bool = False
+    noncombatants: bool = Field(default=False, description="noncombatants are suspected (ROE-08)")
     ground_contact: bool = Field(
-        default=False, description="a ground asset on a task has it in sensor range"
+        default=False, description="a ground asset sent to it has it in sensor range"
     )
-    too_near: bool = Field(default=False, description="a ground asset is within the standoff")
+    too_near: bool = Field(
+        default=False, description="a ground asset drives nearer to it within the standoff"
+    )
     blocked: bool = Field(default=False, description="a UGV blocks its gate")
 
 

@@ -14,8 +14,9 @@ PRIORITIES: tuple[Priority, ...] = ("critical", "high", "medium")
 class RuleExample(StrictModel):
     """A small plan and state that must pass or fail the rule's check.
 
-    `plan` maps agents to commands; `given` overlays the default state, as described in the
-    policy package's `examples` module.
+    `plan` maps agents to commands; `given` overlays the default state. With `moments` the example
+    is of the rule's orderings instead. The policy package's `examples` and `example_moments`
+    modules describe both notations.
     """
 
     name: str
@@ -24,17 +25,30 @@ class RuleExample(StrictModel):
     reason: str = "example"
     plan: tuple[tuple[str, str], ...] = Field(default=(), description="(agent, command) pairs")
     given: dict[str, Any] = {}
+    moments: tuple[dict[str, Any], ...] = Field(
+        default=(), description="what changes from one moment to the next"
+    )
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Self:
+        if self.moments and (self.plan or self.given or self.mission):
+            raise ValueError("moments: an example has either moments or a plan and what is given")
+        if self.moments and self.expect == "not_applicable":
+            raise ValueError("expect: an example with moments passes or fails")
+        return self
 
 
 class Ordering(StrictModel):
     """In which order things may happen during a mission; `event` and `other` are CEL over a moment.
 
-    With `each`, `it` (and its name `id`) is bound to every track or gate in turn.
+    With `each`, `it` (and its name `id`) is bound to every track or gate in turn; each of them is
+    followed by itself, from the moment at which it first appears.
 
     before       `event` may first hold only at or after a moment at which `other` has held
     after        once `other` has held, `event` must hold at some moment before the mission ends
     never_while  `event` must not hold at a moment at which `other` holds
-    within       once `other` holds, `event` must hold within `seconds`, unless `other` ends first
+    within       once `other` begins to hold, `event` must hold within `seconds`, unless `other`
+                 ends first
     until        `event` must hold at every moment until `other` first holds
     """
 
@@ -42,7 +56,9 @@ class Ordering(StrictModel):
     event: str
     other: str
     each: Literal["track", "gate"] | None = None
-    seconds: Positive | None = None
+    seconds: Positive | str | None = Field(
+        default=None, description="a number, or CEL over the world that yields one"
+    )
     message: str = Field(min_length=1, description="what is wrong; the subjects are put after it")
 
     @model_validator(mode="after")
@@ -82,8 +98,12 @@ class Rule(StrictModel):
     def _consistent(self) -> Self:
         if not self.id.startswith(self.domain + "-"):
             raise ValueError(f"id {self.id!r} does not start with its domain {self.domain!r}")
-        if self.check is None and (self.applies or self.message or self.examples):
-            raise ValueError("applies, message and examples need a check")
+        if self.check is None and (self.applies or self.message):
+            raise ValueError("applies and message need a check")
+        if any(self.check is None and not example.moments for example in self.examples):
+            raise ValueError("an example with a plan needs a check")
+        if any(not self.order and example.moments for example in self.examples):
+            raise ValueError("an example with moments needs an order")
         if self.check is not None and not self.message:
             raise ValueError("a rule with a check needs a message that says what is wrong")
         return self
@@ -93,7 +113,7 @@ class Phase(StrictModel):
     """One step of a workflow: planned, checked, judged and approved on its own.
 
     `when` and `done` are CEL over a moment, with `it` bound to the workflow's track. A phase
-    whose `when` does not hold is skipped; one whose `done` holds is over.
+    whose `when` does not hold as its turn comes is skipped; one whose `done` holds is over.
     """
 
     name: str
@@ -106,13 +126,14 @@ class Workflow(StrictModel):
     """A sequence of phases over several plans that a rule prescribes (WF-01).
 
     `starts` is CEL over a moment with `it` bound to a track at one of the mission's gates; `ends`
-    is likewise and closes the workflow early, with what it means.
+    is likewise and closes the workflow, early or after its last phase, with what it means.
     """
 
     id: str = Field(pattern=r"^[a-z][a-z0-9-]*$")
     rule: str
     starts: str
     ends: dict[str, str] = Field(default={}, description="outcome in words -> CEL")
+    gone: str = Field(default="gone", description="outcome when the track is no longer known")
     phases: tuple[Phase, ...] = Field(min_length=1)
 
 
