@@ -1,0 +1,189 @@
+"""What one picture shows that may need a response, and the mission that would answer it."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from pa_console.schema.alarm import AlarmKind, AlarmPriority
+from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Track
+from pa_console.schema.world import World
+
+Topic = Literal["threat", "track", "cover", "asset", "battery", "camera"]
+BATTERY_MARGIN_PCT = 3.0
+"""A battery alarm stays open until the battery is so much above the limit, or on its way home."""
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One reason for an alarm; those of one topic and subject are the same alarm.
+
+    It must have shown for `settle_s` before it raises an alarm, and be gone for `linger_s` before
+    the alarm clears, in simulated seconds. One that is not `raises` only keeps an alarm open.
+    """
+
+    topic: Topic
+    kind: AlarmKind
+    priority: AlarmPriority
+    subject: str
+    gate: str | None
+    text: str
+    command: str = ""
+    distance_m: float | None = None
+    settle_s: float = 0.0
+    linger_s: float = 3.0
+    raises: bool = True
+
+    @property
+    def key(self) -> tuple[Topic, str]:
+        """What makes two causes the same alarm."""
+        return self.topic, self.subject
+
+
+def causes(picture: Picture, world: World, guards: Mapping[str, tuple[str, ...]]) -> list[Cause]:
+    """Return every cause that `picture` shows.
+
+    `guards` are the assets that last covered each gate for certain: when one of them is lost, its
+    gate's alarm names it and carries the response, the asset's own alarm carries none.
+    """
+    found = [cause for track in picture.tracks.values() if (cause := _track(track)) is not None]
+    for gate, cover in picture.gates.items():
+        if not cover.covered:
+            found.append(_cover(picture, world, gate, cover, guards.get(gate, ())))
+    alone = {names[0]: gate for gate, names in guards.items() if len(names) == 1}
+    for asset in picture.assets.values():
+        gate = alone.get(asset.id)
+        found.extend(_asset(asset, gate, picture.time_s))
+    found.extend(_cameras(picture, world))
+    return found
+
+
+def silence(picture: Picture, asset: AssetTelemetry) -> str:
+    """Return in words why nothing certain is known of an asset, empty when something is."""
+    if asset.integrity == "suspect":
+        return f"{asset.id} sends suspect telemetry"
+    if asset.comms == "lost" or asset.stale:
+        return f"{asset.id} silent for {picture.time_s - asset.stamp_s:.0f} s"
+    return ""
+
+
+def _track(track: Track) -> Cause | None:
+    """Return why a track matters; one that leaves, is authorized or is benign does not."""
+    if track.status == "leaving":
+        return None
+    known = "" if track.identity == "unknown" else f"{track.identity} "
+    where = {
+        "approaching": f"is approaching {track.gate}",
+        "stopped": f"has stopped at {track.gate}",
+        "inside": f"has passed {track.gate}",
+    }[track.status]
+    care = ". Noncombatants are suspected: only observe and report" if track.noncombatants else ""
+    topic, settle_s = "threat", 0.0
+    if track.intent == "hostile":
+        kind, priority, what = "hostile_track", "emergency", f"hostile {track.kind}"
+        what, order = f"A {what} {where}", ". Block it." if track.warned else "."
+    elif track.defiant:
+        kind, priority = "defiant_track", "emergency"
+        what = f"{_an(known or 'unknown ')}{track.kind} {where} in spite of a warning"
+        order = ". Observe it and keep the gate covered."
+    elif track.identity == "authorized":
+        return None
+    elif track.identity == "unauthorized":
+        topic, kind = "track", "unauthorized_track"
+        priority = "medium" if track.intent == "benign" else "high"
+        what, order = f"An unauthorized {track.kind} {where}", ". Warn it to turn back."
+        if track.warned:
+            order = ""
+    elif track.intent == "benign":
+        return None
+    else:
+        topic, kind, priority, settle_s = "track", "unknown_track", "high", 1.0
+        what, order = f"An unknown {track.kind} {where}", "."
+    return Cause(
+        topic, kind, priority, track.id, track.gate,
+        text=f"{track.id}: {what[0].lower()}{what[1:]}, {track.distance_m:.0f} m",
+        command=f"{what}{care}." if order and care else f"{what}{order}" if order else "",
+        distance_m=track.distance_m, settle_s=settle_s, linger_s=5.0,
+    )  # fmt: skip
+
+
+def _cover(
+    picture: Picture, world: World, gate: str, cover: GateCover, guards: tuple[str, ...]
+) -> Cause:
+    """Return why a gate needs an asset; a hand-over may take half the grace time (WF-03)."""
+    if cover.unknown:
+        unsure = [picture.assets[name] for name in cover.unsure if name in picture.assets]
+        why = ", ".join(filter(None, (silence(picture, asset) for asset in unsure)))
+        silent = all(asset.comms == "lost" for asset in unsure)
+        return Cause(
+            "cover", "coverage_unknown", "high" if silent else "medium", gate, gate,
+            text=f"nobody knows whether {gate} is covered: {why or 'its guard is not heard'}",
+            command=f"The cover of {gate} is unknown. Send one asset there.",
+            settle_s=world.stale_s,
+        )  # fmt: skip
+    lost = [
+        f"{name} {'has failed' if asset.status == 'failed' else 'is not available'}"
+        for name in guards
+        if (asset := picture.assets.get(name)) is not None and not asset.available
+    ]
+    return Cause(
+        "cover", "coverage_lost", "high", gate, gate,
+        text=f"{gate} is not covered" + (f": {', '.join(lost)}" if lost else ""),
+        command=f"{gate} has lost its cover{f', {lost[0]}' if lost else ''}. Send one asset there.",
+        settle_s=1.0 if lost else world.coverage_grace_s / 2,
+        linger_s=2.0,
+    )  # fmt: skip
+
+
+def _asset(asset: AssetTelemetry, alone_at: str | None, time_s: float) -> Iterator[Cause]:
+    """Yield what is wrong with an asset: the worst of failed, silent and suspect; its battery."""
+    place = alone_at or (asset.at if asset.at == asset.post else None)
+    priority: AlarmPriority = "high" if alone_at else "medium"
+    name = f"{asset.id} at {place}" if place else asset.id
+    trouble: tuple[AlarmKind, str, float] | None = None
+    if asset.status == "failed":
+        trouble = "asset_failed", f"{name} has failed", 0.0
+    elif asset.comms == "lost":
+        silent_s = time_s - asset.stamp_s
+        trouble = "link_lost", f"{name} has been silent for {silent_s:.0f} s", 0.0
+    elif asset.integrity == "suspect":
+        trouble = "suspect_telemetry", f"{name} sends telemetry that cannot be right", 1.5
+    if trouble is not None:
+        kind, text, settle_s = trouble
+        yield Cause("asset", kind, priority, asset.id, place, text, settle_s=settle_s)
+        return
+    if asset.task in ("returning", "charging") or not (asset.available or asset.stale):
+        return
+    if asset.low_battery:
+        does = "Replace it and return it to base." if alone_at else "Return it to base."
+        yield Cause(
+            "battery", "low_battery", "medium" if alone_at else "low", asset.id, place,
+            text=f"{name} has a low battery, {asset.battery_pct:.0f} %",
+            command=f"{name} has a low battery. {does}",
+            settle_s=2.0,
+            raises=not asset.stale,
+        )  # fmt: skip
+
+
+def almost_low(picture: Picture, world: World) -> Iterator[tuple[Topic, str]]:
+    """Yield the batteries near their limit: an open alarm of one of them does not clear."""
+    for asset in picture.assets.values():
+        near = asset.battery_pct < world.low_battery_pct + BATTERY_MARGIN_PCT
+        if near and asset.task not in ("returning", "charging") and asset.status != "failed":
+            yield "battery", asset.id
+
+
+def _cameras(picture: Picture, world: World) -> Iterator[Cause]:
+    for name, camera in picture.cameras.items():
+        silent_s = picture.time_s - camera.stamp_s
+        if camera.works and silent_s <= world.link_lost_s:
+            continue
+        why = "is out" if not camera.works else f"has been silent for {silent_s:.0f} s"
+        cover = picture.gates.get(camera.gate)
+        yield Cause(
+            "camera", "camera_lost", "low" if cover and cover.covered else "medium", name,
+            camera.gate, text=f"the camera {name} at {camera.gate} {why}", settle_s=1.0,
+        )  # fmt: skip
+
+
+def _an(words: str) -> str:
+    return f"An {words}" if words[0] in "aeiou" else f"A {words}"
