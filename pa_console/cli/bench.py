@@ -1,22 +1,48 @@
-"""`pa-console bench`: what the deterministic parts cost on this machine."""
+"""`pa-console bench`: what the parts cost, and how missions fare when things get worse."""
 
+import asyncio
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from typing import Annotated
 
 import typer
+from rich.progress import Progress
 from rich.table import Table
 
-from pa_console.cli.output import JsonOption, RulesOption, WorldOption, errors, out, print_json
+from pa_console.cli.output import (
+    JsonOption,
+    ModelOption,
+    RulesOption,
+    WorldOption,
+    errors,
+    out,
+    print_json,
+)
+from pa_console.evaluation.degradation import CONDITIONS, Row, run_condition, summarise
+from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.evaluation.pipeline_bench import bench_pipeline
-from pa_console.orchestrator.compose import load_site
+from pa_console.evaluation.scale import SIZES, ScaleRow, measure
+from pa_console.evaluation.true_outcome import RunResult
+from pa_console.evaluation.twin import repeated_hashes
+from pa_console.llm.catalog import find_model
+from pa_console.llm.engine import Engine
+from pa_console.orchestrator.compose import Site, load_site, open_scenario, open_world
+from pa_console.sim.scenario_file import list_scenarios
+
+app = typer.Typer(help="Time retrieval, checks, rehearsal, fork and simulation; more below.")
 
 
+@app.callback(invoke_without_command=True)
 def bench(
+    context: typer.Context,
     world: WorldOption = "checkpoint",
     rules: RulesOption = "checkpoint",
     runs: Annotated[int, typer.Option(min=1, help="Repetitions of each operation.")] = 20,
     json: JsonOption = False,
 ) -> None:
     """Time retrieval, checks, rehearsal, fork and simulation."""
+    if context.invoked_subcommand is not None:
+        return
     site = load_site(world, rules)
     with errors.status("measuring") as status:
         timings = bench_pipeline(site, runs, lambda name: status.update(f"measured: {name}"))
@@ -31,3 +57,128 @@ def bench(
     out.print(table)
     simulated = timings[-1]
     out.print(f"the simulation runs at {60 / simulated.median_s:.0f} times real time")
+
+
+@app.command()
+def twins(
+    world: WorldOption = "checkpoint",
+    seeds: Annotated[int, typer.Option(min=1, help="Seeds 0, 1, ... of each situation.")] = 3,
+    json: JsonOption = False,
+) -> None:
+    """Play every situation twice, stepped and forked on the way: telemetry must be equal."""
+    found, path = open_world(world)
+    names = [name for name, _ in list_scenarios(path)]
+    rows: list[dict[str, object]] = []
+    with Progress(console=errors, transient=True) as progress:
+        task = progress.add_task("situations", total=len(names) * seeds)
+        for name in names:
+            scenario = open_scenario(found, path, name).scenario
+            for seed in range(seeds):
+                one, other = repeated_hashes(found, scenario, seed)
+                rows.append({"scenario": name, "seed": seed, "sha256": one, "equal": one == other})
+                progress.advance(task)
+    if json:
+        print_json(rows)
+    else:
+        table = Table("situation", "seed", "telemetry SHA-256", "equal")
+        for row in rows:
+            table.add_row(
+                str(row["scenario"]),
+                str(row["seed"]),
+                str(row["sha256"])[:16],
+                "yes" if row["equal"] else "NO",
+            )
+        out.print(table)
+    if not all(row["equal"] for row in rows):
+        raise typer.Exit(1)
+
+
+@app.command()
+def degradation(
+    world: WorldOption = "checkpoint",
+    rules: RulesOption = "checkpoint",
+    model: ModelOption = None,
+    runs: Annotated[int, typer.Option(min=1, help="Seeded runs of each row.")] = 200,
+    only: Annotated[str, typer.Option(help="Only the rows whose name contains this.")] = "",
+    json: JsonOption = False,
+) -> None:
+    """Worsen radio and sensors and let assets fail; compare what is claimed with the truth."""
+    site = load_site(world, rules)
+    chosen = [condition for condition in CONDITIONS if only in condition.name]
+    if not chosen:
+        raise ValueError(
+            f"--only {only!r} matches no row; rows: {', '.join(c.name for c in CONDITIONS)}"
+        )
+    engine = MemoEngine(Engine(find_model(model)))
+    rows = asyncio.run(_degrade(site, engine, [c.name for c in chosen], runs))
+    if json:
+        print_json(rows)
+        return
+    table = Table(
+        "condition", "runs", "all gates within grace", "gap s", "missions", "plans", "halted",
+        "pass", "fail", "unknown", "false pass", "rules broken", "resent",
+    )  # fmt: skip
+    for row in rows:
+        table.add_row(
+            row.condition,
+            str(row.runs),
+            f"{row.covered_share:.1%}",
+            f"{row.median_longest_gap_s:.1f}",
+            *(
+                str(value)
+                for value in (
+                    row.missions, row.plans, row.halts, row.passes, row.fails, row.unknowns,
+                    row.false_passes, row.rules_broken, row.resent,
+                )
+            ),
+        )  # fmt: skip
+        for example in row.examples:
+            errors.print(f"{row.condition}: {example}", markup=False)
+    out.print(table)
+    out.print(f"the model was asked {engine.asked} times and reused {engine.reused} times")
+
+
+async def _degrade(site: Site, engine: MemoEngine, names: list[str], runs: int) -> list[Row]:
+    rows: list[Row] = []
+    with Progress(console=errors, transient=True) as progress:
+        for condition in CONDITIONS:
+            if condition.name not in names:
+                continue
+            task = progress.add_task(condition.name, total=runs)
+            results: list[RunResult] = []
+            async for result in run_condition(site, engine, condition, range(runs)):
+                results.append(result)
+                progress.advance(task)
+            rows.append(summarise(condition, results))
+    await engine.close()
+    return rows
+
+
+@app.command()
+def scale(
+    rules: RulesOption = "checkpoint",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the generated worlds.")] = 0,
+    json: JsonOption = False,
+) -> None:
+    """Measure teams of 10, 100 and 1,000 assets in generated worlds."""
+    site = load_site("checkpoint", rules)
+    rows: list[ScaleRow] = []
+    with errors.status("measuring") as status:
+        for gates, assets in SIZES:
+            status.update(f"measuring {assets} assets, {gates} gates")
+            with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+                rows.append(pool.submit(_measured, gates, assets, rules, seed).result())
+    del site
+    if json:
+        print_json(rows)
+        return
+    table = Table(
+        "assets", "gates", "start s", "x real time idle", "x real time moving", "rehearsal ms",
+        "checks ms", "steps 2-4 ms", "prompt chars", "map ms", "table ms", "memory MB",
+    )  # fmt: skip
+    out.print(table)
+
+
+def _measured(gates: int, assets: int, rules: str, seed: int) -> ScaleRow:
+    """Measure one size in a process of its own, so that its memory is its own."""
+    return measure(gates, assets, load_site("checkpoint", rules).rulebook, seed)[0]

@@ -30,9 +30,9 @@ app = typer.Typer(
 app.command("console")(console.console)
 app.command("mission")(mission.mission)
 app.command("replay")(replay.replay)
-app.command("bench")(bench.bench)
 app.add_typer(rules.app, name="rules")
 app.add_typer(models.app, name="models")
+app.add_typer(bench.app, name="bench")
 app.add_typer(scenarios.app, name="scenarios")
 app.add_typer(world.app, name="world")
 

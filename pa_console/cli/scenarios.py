@@ -8,6 +8,7 @@ from rich.table import Table
 
 from pa_console.cli.output import JsonOption, WorldOption, out, print_json
 from pa_console.orchestrator.compose import open_scenario, open_world
+from pa_console.schema.scenario import After, AssetIs, Condition, TrackIs
 from pa_console.session.wording import in_words
 from pa_console.sim.scenario_file import list_scenarios
 
@@ -62,6 +63,13 @@ def check(
     out.print(f"{file}: ok, {len(scenario.events)} events, {len(scenario.random)} random kinds")
 
 
-def _condition(condition: object) -> str:
-    values = condition.model_dump() if hasattr(condition, "model_dump") else {}
-    return " ".join(str(value) for value in values.values() if value is not None)
+def _condition(condition: Condition | None) -> str:
+    match condition:
+        case TrackIs(track=track, state=state):
+            return f"when {track} is {state}"
+        case AssetIs(asset=asset, state=state, at=at):
+            return f"when {asset} is {state.replace('_', ' ')}{f' at {at}' if at else ''}"
+        case After(event=event):
+            return f"after {event}"
+        case None:
+            return ""

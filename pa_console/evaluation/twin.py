@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import cast
 
 from pa_console.schema import event as ev
 from pa_console.schema.command import DeviceCommand
@@ -43,9 +44,7 @@ class TelemetryHash:
         return self._hash.hexdigest()
 
 
-def resimulate(
-    events: Iterable[ev.Event], world: World, scenario: Scenario | None = None
-) -> Twin:
+def resimulate(events: Iterable[ev.Event], world: World, scenario: Scenario | None = None) -> Twin:
     """Send what the session sent at the ticks at which it did, and compare every picture.
 
     The simulation gets the seed of the session's first event, the operator's incidents and
@@ -87,31 +86,35 @@ def resimulate(
     return twin
 
 
-def scenario_hash(world: World, scenario: Scenario, seed: int) -> str:
-    """Return the telemetry hash of a scenario that nobody interferes with."""
-    sim = Checkpoint(world, seed, scenario)
-    telemetry = TelemetryHash()
-    telemetry.add(sim.picture())
+def repeated_hashes(world: World, scenario: Scenario, seed: int) -> tuple[str, str]:
+    """Return the telemetry hashes of a scenario that nobody interferes with, played twice.
+
+    The second time every picture comes from a fork of the simulation that was made at the one
+    before, so that equal hashes also show that a fork goes on exactly as its original.
+    """
     every = max(1, round(world.telemetry_period_s / world.dt_s))
-    while sim.time_s < scenario.duration_s:
-        sim.step()
-        if sim.tick % every == 0:
+    hashes: list[str] = []
+    for forked in (False, True):
+        sim, telemetry = Checkpoint(world, seed, scenario), TelemetryHash()
+        telemetry.add(sim.picture())
+        while sim.time_s < scenario.duration_s:
+            sim = sim.fork() if forked else sim
+            for _ in range(every):
+                sim.step()
             telemetry.add(sim.picture())
-    return telemetry.hexdigest()
+        hashes.append(telemetry.hexdigest())
+    return hashes[0], hashes[1]
 
 
 def _difference(recorded: Picture, repeated: Picture) -> str:
     """Return where two pictures differ first."""
-    left, right = recorded.model_dump(), repeated.model_dump()
-    for field, value in left.items():
-        if value == right[field]:
+    for field in Picture.model_fields:
+        left, right = getattr(recorded, field), getattr(repeated, field)
+        if left == right:
             continue
-        if isinstance(value, dict):
-            names = [k for k in value.keys() | right[field].keys() if _at(value, right[field], k)]
-            return f"tick {recorded.tick}: {field} of {', '.join(sorted(map(str, names)))}"
+        if isinstance(left, dict):
+            mine, other = cast(dict[str, object], left), cast(dict[str, object], right)
+            names = sorted(k for k in mine.keys() | other.keys() if mine.get(k) != other.get(k))
+            return f"tick {recorded.tick}: {field} of {', '.join(names)}"
         return f"tick {recorded.tick}: {field}"
     return f"tick {recorded.tick}"
-
-
-def _at(left: dict[str, object], right: dict[str, object], key: str) -> bool:
-    return left.get(key) != right.get(key)
