@@ -1,7 +1,5 @@
 """Generated worlds are valid whatever is asked for, read back equal, and can be worked in."""
 
-from pathlib import Path
-
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
