@@ -1,27 +1,41 @@
-"""Step 7: follows dispatched commands from acknowledgement to their end, with time-outs."""
+"""Step 7: follows commands from acknowledgement to their end; resends, asks again, gives up."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand
 
-ACKNOWLEDGE_S = 3.0
+ACKNOWLEDGE_S = 8.0
+RESEND_S = 1.0
+RESEND_GROWTH = 1.2
+ASK_AGAIN_S = 4.0
+TIMED_OUT = "timed out"
+"""How the detail of a reply begins that is no device's word but the end of our patience."""
 
 
 @dataclass
 class _Open:
+    """A command on its way; `sent` and `heard` are ticks."""
+
     command: DeviceCommand
-    acknowledged: bool = False
+    sent: int
+    times: int = 0
+    heard: int | None = None
+    last: CommandReply | None = None
 
 
 class Dispatch:
-    """The commands of one plan on their way; fed with replies and time, it says how each ended."""
+    """The commands of one plan on their way; fed with replies and time, it says how each ended.
+
+    It knows no link: the caller sends what `resends` names. Devices take a command id once and
+    repeat their last answer, so sending again is harmless.
+    """
 
     def __init__(
         self, commands: Iterable[DeviceCommand], tick: int, dt_s: float, limit_s: float
     ) -> None:
-        """Start at `tick`; every command must be acknowledged at once and end within `limit_s`."""
-        self._open = {command.command_id: _Open(command) for command in commands}
+        """The commands were sent at `tick` for the first time; each must end within `limit_s`."""
+        self._open = {command.command_id: _Open(command, tick) for command in commands}
         self._started, self._dt_s, self._limit_s = tick, dt_s, limit_s
         self.final: dict[str, CommandReply] = {}
         """The last reply per agent, once its command has ended."""
@@ -37,34 +51,73 @@ class Dispatch:
         return tuple(entry.command.agent for entry in self._open.values())
 
     def advance(self, tick: int, replies: Iterable[CommandReply]) -> Iterator[CommandReply]:
-        """Take in the replies of `tick`; yield those that concern this plan, time-outs included."""
+        """Take in the replies of `tick`; yield what is new for this plan, time-outs included.
+
+        A repeated answer, or one that a later answer overtook, shows that the device lives.
+        """
         for reply in replies:
             entry = self._open.get(reply.command_id)
-            if entry is not None:
-                entry.acknowledged = True
+            if entry is None:
+                continue
+            entry.heard = tick
+            final = reply.status in FINAL_REPLIES
+            if final or entry.last is None or _is_news(reply, entry.last):
+                entry.last = reply
                 yield self._note(reply)
-        elapsed = (tick - self._started) * self._dt_s
-        for command_id, entry in list(self._open.items()):
-            if not entry.acknowledged and elapsed > ACKNOWLEDGE_S:
-                yield self._give_up(command_id, entry, tick, "no acknowledgement", ACKNOWLEDGE_S)
+        elapsed = self._seconds(self._started, tick)
+        for entry in list(self._open.values()):
+            if entry.heard is None and elapsed > min(ACKNOWLEDGE_S, self._limit_s):
+                limit_s = min(ACKNOWLEDGE_S, self._limit_s)
+                yield self._give_up(entry, tick, f"no acknowledgement within {limit_s:.0f} s")
             elif elapsed > self._limit_s:
-                yield self._give_up(command_id, entry, tick, "not done", self._limit_s)
+                yield self._give_up(entry, tick, f"not done within {self._limit_s:.0f} s")
 
-    def _give_up(
-        self, command_id: str, entry: _Open, tick: int, what: str, limit_s: float
-    ) -> CommandReply:
-        return self._note(
-            CommandReply(
-                command_id=command_id,
-                agent=entry.command.agent,
-                status="failed",
-                tick=tick,
-                detail=f"timed out: {what} within {limit_s:.0f} s",
-            )
-        )
+    def resends(self, tick: int) -> list[tuple[DeviceCommand, int]]:
+        """Return what is to be sent again at `tick`, each with how often that makes it.
+
+        A command without any answer is due after RESEND_S, then ever later; one whose device has
+        fallen silent is due after ASK_AGAIN_S. Asking twice for one tick gives nothing twice.
+        """
+        due: list[tuple[DeviceCommand, int]] = []
+        for entry in self._open.values():
+            wait_s = ASK_AGAIN_S
+            if entry.heard is None:
+                wait_s = RESEND_S * RESEND_GROWTH**entry.times
+            since = max(entry.sent, entry.heard or entry.sent)
+            if self._seconds(since, tick) >= wait_s - self._dt_s / 2:
+                entry.sent, entry.times = tick, entry.times + 1
+                due.append((entry.command, entry.times))
+        return due
+
+    def cancel(self, agent: str, tick: int, reason: str) -> Iterator[CommandReply]:
+        """Give up on the open command of `agent`, if there is one; yield how it ended."""
+        for entry in list(self._open.values()):
+            if entry.command.agent == agent:
+                yield self._note(_failed(entry, tick, f"halted: {reason}"))
+
+    def _seconds(self, since: int, tick: int) -> float:
+        return (tick - since) * self._dt_s
+
+    def _give_up(self, entry: _Open, tick: int, what: str) -> CommandReply:
+        sent = f", sent {entry.times + 1} times" if entry.heard is None and entry.times else ""
+        return self._note(_failed(entry, tick, f"{TIMED_OUT}: {what}{sent}"))
 
     def _note(self, reply: CommandReply) -> CommandReply:
         if reply.status in FINAL_REPLIES:
             self.final[reply.agent] = reply
             del self._open[reply.command_id]
         return reply
+
+
+def _is_news(reply: CommandReply, last: CommandReply) -> bool:
+    return reply.tick >= last.tick and reply != last
+
+
+def _failed(entry: _Open, tick: int, detail: str) -> CommandReply:
+    return CommandReply(
+        command_id=entry.command.command_id,
+        agent=entry.command.agent,
+        status="failed",
+        tick=tick,
+        detail=detail,
+    )
