@@ -9,17 +9,25 @@ from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.sim import (
     devices,
+    forecast,
     incidents,
+    integrity,
     link,
+    lost_link,
     motion,
     physics,
     power,
+    radio,
     script,
     sensing,
     telemetry,
 )
+from pa_console.sim import picture as station_side
+from pa_console.sim.link_state import RadioState
 from pa_console.sim.state import AssetState, Scene
 from pa_console.sim.terrain import Terrain
+
+LEAD_TICKS = 2
 
 
 class Checkpoint:
@@ -32,23 +40,26 @@ class Checkpoint:
         """
         self.world, self.scenario = world, scenario
         self._terrain = Terrain(world)
-        self._period = max(1, round(world.telemetry_period_s / world.dt_s))
+        self._period = station_side.period_ticks(world)
         self.reset(seed)
 
     def reset(self, seed: int) -> None:
         """Begin anew at tick 0; equal seeds give equal histories under equal inputs."""
         self.seed = seed
         self._scene = Scene(rng=random.Random(seed))
+        nominal = RadioState.nominal(self.world.radio)
         for index, (name, spec) in enumerate(self.world.assets.items()):
             at = self.world.frames[spec.post].at
-            asset = AssetState(name, spec.kind, index, *at, 0.0, spec.battery_pct, spec.post, at)
+            asset = AssetState(
+                name, spec.kind, index, *at, 0.0, spec.battery_pct, spec.post, at, nominal
+            )
             incidents.place(self._terrain, self._scene, asset, spec.post)
             self._scene.assets[name] = asset
         self._scene.script = script.begin(self.scenario, seed)
         self._happened: list[Incident] = []
         self._skipped: list[str] = []
         self._play()
-        self._picture = telemetry.report(self._terrain, self._scene, lossless=True)
+        self._picture = station_side.begin(self._terrain, self._scene)
 
     @property
     def tick(self) -> int:
@@ -66,19 +77,23 @@ class Checkpoint:
         scene.tick += 1
         self._play()
         for command in link.take_commands(scene):
+            if command.agent in scene.assets:
+                lost_link.heard(terrain, scene, scene.assets[command.agent])
             for reply in devices.accept(terrain, scene, command):
                 link.send_reply(scene, reply, dt_s)
         velocities = motion.drive(terrain, scene, dt_s)
         if velocities:
             physics.move(terrain, scene.assets.values(), velocities, dt_s)
         sensing.advance(terrain, scene, dt_s)
-        power.drain(self.world, scene, dt_s)
-        for asset in scene.assets.values():
-            if asset.command is not None or asset.route or asset.down:
-                for reply in devices.work(terrain, scene, asset):
-                    link.send_reply(scene, reply, dt_s)
-        if scene.tick % self._period == 0:
-            self._picture = telemetry.report(terrain, scene)
+        for asset in scene.busy():
+            power.settle(self.world, scene, asset)
+            for reply in devices.work(terrain, scene, asset):
+                link.send_reply(scene, reply, dt_s)
+            if scene.ideal:
+                scene.touched.add(asset.id)
+            if asset.command is None and not asset.route:
+                scene.active.discard(asset.id)
+        self._report()
         return link.take_replies(scene)
 
     def send(self, command: DeviceCommand) -> None:
@@ -88,14 +103,37 @@ class Checkpoint:
         """
         link.send_command(self._scene, command, self.world.dt_s)
 
-    def inject(self, incident: Incident) -> None:
-        """Make `incident` happen now and show in the picture at once.
+    def _report(self) -> None:
+        """Let heartbeats and reports go out and arrive; make a new picture when one is due.
 
+        Reports go out LEAD_TICKS before it, so that an undisturbed link brings them in time.
+        """
+        terrain, scene = self._terrain, self._scene
+        phase = scene.tick % self._period
+        if scene.ideal:
+            if phase == 0:
+                self._picture = forecast.report(terrain, scene)
+            return
+        if phase == max(0, self._period - LEAD_TICKS) % self._period:
+            radio.end_jams(scene)
+            lost_link.listen(terrain, scene)
+            telemetry.send(terrain, scene)
+        for report in link.take_reports(scene):
+            station_side.receive(terrain, scene, report)
+        if phase == 0:
+            integrity.compare(terrain, scene)
+            self._picture = station_side.build(terrain, scene, scene.assets)
+
+    def inject(self, incident: Incident) -> None:
+        """Make `incident` happen now; it shows in the picture when telemetry tells of it.
+
+        Before the first step it is part of the set-up: the picture shows it as long known.
         Raises ValueError naming what exists for an unknown asset, gate or frame, for a track at a
         gate without a lane, and for a frame with no place left.
         """
         incidents.apply(self._terrain, self._scene, incident)
-        self._picture = telemetry.report(self._terrain, self._scene, lossless=True)
+        if self.tick == 0:
+            self._picture = station_side.begin(self._terrain, self._scene)
 
     def picture(self) -> Picture:
         """Return telemetry as last reported, every `world.telemetry_period_s`."""
@@ -110,7 +148,12 @@ class Checkpoint:
 
     def forecast(self) -> "Checkpoint":
         """Return a simulation of what the picture shows, built from it and the world alone."""
-        return self.fork()
+        twin = Checkpoint.__new__(Checkpoint)
+        twin.world, twin.seed, twin.scenario = self.world, 0, None
+        twin._happened, twin._skipped = [], []
+        twin._terrain, twin._period = self._terrain, self._period
+        twin._scene, twin._picture = forecast.scene_of(self._terrain, self._picture), self._picture
+        return twin
 
     def take_incidents(self) -> list[Incident]:
         """Return what the scenario made happen since the last call, in order, for the log."""

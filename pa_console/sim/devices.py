@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pa_console.schema.command import CommandReply, DeviceCommand, ReplyStatus
 from pa_console.schema.plan import COMMANDS
 from pa_console.schema.telemetry import Task
+from pa_console.sim import power, radio
 from pa_console.sim.encounters import attend, called
 from pa_console.sim.motion import way_left
 from pa_console.sim.stalls import unstick
@@ -45,18 +46,35 @@ def accept(terrain: Terrain, scene: Scene, command: DeviceCommand) -> Iterator[C
     if command.verb == "report":
         yield _remember(asset, _answer(scene, command, "done", status_text(terrain, scene, asset)))
         return
+    power.rouse(terrain.world, scene, asset)
     if asset.command is not None:
         yield _close(scene, asset, "failed", "superseded")
     asset.command = command
     if command.verb == "hold":
-        asset.post = terrain.frame_at(asset.x, asset.y)
-        asset.stop("holding")
+        _stand(terrain, asset, "holding")
         yield _close(scene, asset, "done", f"holding at {asset.post or 'its place'}")
         return
     asset.task = "returning" if command.verb == "return_to_base" else "moving"
     problem = _set_out(terrain, scene, asset, command.target or terrain.world.base)
     if problem:
-        yield _give_up(terrain, scene, asset, problem)
+        yield from _give_up(terrain, scene, asset, problem)
+
+
+def lose_link(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterator[CommandReply]:
+    """Do what the platform does without its link; yield how the command ended, to be told later.
+
+    An asset that holds stays at its watch if it has no command; one that returns leaves it.
+    """
+    returns = terrain.world.platforms[asset.kind].lost_link == "return_to_base"
+    if asset.command is not None:
+        yield from _give_up(terrain, scene, asset, "link lost", "holding")
+    elif asset.route and not returns:
+        _stand(terrain, asset, "holding")
+    at_base = terrain.frame_at(asset.x, asset.y) == terrain.world.base
+    if returns and not at_base and asset.task != "returning":
+        asset.task = "returning"
+        if _set_out(terrain, scene, asset, terrain.world.base):
+            _stand(terrain, asset, "holding")
 
 
 def work(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterator[CommandReply]:
@@ -67,10 +85,12 @@ def work(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterator[CommandR
     if asset.route:
         trouble = unstick(terrain, scene, asset)
         if trouble:
-            yield _give_up(terrain, scene, asset, trouble)
+            yield from _give_up(terrain, scene, asset, trouble)
             return
     command = asset.command
     if command is None:
+        if not asset.route and asset.task == "returning":
+            asset.task = "charging"
         return
     if asset.route:
         if (scene.tick - asset.progress_tick) * terrain.world.dt_s >= PROGRESS_S:
@@ -105,7 +125,8 @@ def status_text(terrain: Terrain, scene: Scene, asset: AssetState) -> str:
     reach = terrain.world.platforms[asset.kind].sensor_range_m
     near = [c for c in scene.contacts.values() if math.dist(c.position, asset.position) <= reach]
     sees = f", sees {', '.join(called(scene, contact) for contact in near)}" if near else ""
-    return f"{place}, {asset.task}, battery {asset.battery:.0f} %, comms {asset.comms}{sees}"
+    comms = radio.quality(terrain.world, scene, asset)
+    return f"{place}, {asset.task}, battery {asset.battery:.0f} %, comms {comms}{sees}"
 
 
 def _objection(terrain: Terrain, asset: AssetState, command: DeviceCommand) -> str:
@@ -150,11 +171,19 @@ def _set_out(terrain: Terrain, scene: Scene, asset: AssetState, target: str) -> 
     return ""
 
 
-def _give_up(terrain: Terrain, scene: Scene, asset: AssetState, reason: str) -> CommandReply:
-    """Stay where it is, assigned to the frame it is at, if any; its command has failed."""
+def _give_up(
+    terrain: Terrain, scene: Scene, asset: AssetState, reason: str, task: Task = "idle"
+) -> Iterator[CommandReply]:
+    """Stay where it is; its command, if it has one, has failed."""
+    _stand(terrain, asset, task)
+    if asset.command is not None:
+        yield _close(scene, asset, "failed", reason)
+
+
+def _stand(terrain: Terrain, asset: AssetState, task: Task) -> None:
+    """Stay where it is, assigned to the frame it is at, if any."""
     asset.post = terrain.frame_at(asset.x, asset.y)
-    asset.stop("idle")
-    return _close(scene, asset, "failed", reason)
+    asset.stop(task)
 
 
 def _break_down(scene: Scene, asset: AssetState) -> Iterator[CommandReply]:

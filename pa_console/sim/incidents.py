@@ -1,17 +1,25 @@
 """Applies incidents to a scene: set-up of missions, scenarios and what-if."""
 
+import math
 from collections.abc import Iterable
+from dataclasses import replace
 
 from pa_console.schema.incident import (
+    DegradeAsset,
     FailAsset,
+    GpsDrift,
     Incident,
+    JamArea,
     PlaceAsset,
     RestoreAsset,
     SetBattery,
     SetComms,
+    SetRadio,
+    SpoofTelemetry,
 )
 from pa_console.schema.telemetry import Task
-from pa_console.sim import obstructions, sensing
+from pa_console.sim import obstructions, power, radio, sensing
+from pa_console.sim.link_state import Drift
 from pa_console.sim.state import AssetState, Scene
 from pa_console.sim.terrain import Terrain
 
@@ -20,18 +28,35 @@ def apply(terrain: Terrain, scene: Scene, incident: Incident) -> None:
     """Make `incident` true in `scene`; raises ValueError naming what exists for unknown names."""
     match incident:
         case FailAsset(asset=name):
-            _asset(scene, name).failed = True
+            _asset(terrain, scene, name).failed = True
         case RestoreAsset(asset=name):
-            _restore(terrain, _asset(scene, name))
+            _restore(terrain, _asset(terrain, scene, name))
         case SetBattery(asset=name, percent=percent):
-            _asset(scene, name).battery = percent
+            _asset(terrain, scene, name).battery = percent
+        case DegradeAsset(asset=name, speed_factor=factor):
+            _asset(terrain, scene, name).speed_factor = factor
         case SetComms(asset=name, comms=comms):
-            _asset(scene, name).comms = comms
+            radio.set_comms(terrain.world, _asset(terrain, scene, name), comms)
+        case SetRadio(asset=name):
+            for each in scene.assets if name is None else (name,):
+                radio.set_radio(_asset(terrain, scene, each), incident)
+        case JamArea():
+            radio.jam(terrain.world, scene, incident)
+        case GpsDrift(asset=name, rate_mps=rate, heading_deg=heading_deg):
+            heading = math.radians(heading_deg)
+            drift = Drift(rate * math.cos(heading), rate * math.sin(heading), scene.tick)
+            _asset(terrain, scene, name).drift = drift if rate > 0.0 else None
+        case SpoofTelemetry(asset=name, frame=frame):
+            if frame is not None:
+                _known("frame", frame, terrain.world.frames)
+            _asset(terrain, scene, name).spoofed = frame
         case PlaceAsset(asset=name, frame=frame):
             _known("frame", frame, terrain.world.frames)
-            place(terrain, scene, _asset(scene, name), frame)
+            place(terrain, scene, _asset(terrain, scene, name), frame)
+            _carried(scene, name)
         case _:
-            sensing.apply(terrain, scene, incident) or obstructions.apply(terrain, scene, incident)
+            if not sensing.apply(terrain, scene, incident):
+                obstructions.apply(terrain, scene, incident)
 
 
 def place(terrain: Terrain, scene: Scene, asset: AssetState, frame: str) -> None:
@@ -62,7 +87,7 @@ def _restore(terrain: Terrain, asset: AssetState) -> None:
     It is assigned to the frame it is at, if any.
     """
     was_down = asset.down
-    asset.failed = False
+    asset.failed, asset.speed_factor = False, 1.0
     if asset.battery <= 0.0:
         asset.battery = 100.0
     if was_down:
@@ -70,9 +95,20 @@ def _restore(terrain: Terrain, asset: AssetState) -> None:
         asset.stop("idle")
 
 
-def _asset(scene: Scene, name: str) -> AssetState:
+def _carried(scene: Scene, name: str) -> None:
+    """Tell the station that an asset was carried elsewhere, so nobody takes it for a forgery."""
+    heard = scene.station.heard.get(name)
+    if heard is not None:
+        trust = replace(heard.trust, carried_tick=scene.tick)
+        scene.station.heard[name] = replace(heard, trust=trust)
+
+
+def _asset(terrain: Terrain, scene: Scene, name: str) -> AssetState:
+    """Return the asset that something happens to; the next step looks after it."""
     _known("asset", name, scene.assets)
-    return scene.assets[name]
+    asset = scene.assets[name]
+    power.rouse(terrain.world, scene, asset)
+    return asset
 
 
 def _known(what: str, name: str, names: Iterable[str]) -> None:

@@ -1,21 +1,33 @@
-"""Batteries: drained by standing and moving, filled at the base, empty at last (CAP-04)."""
+"""Batteries: drained by standing and moving, filled at the base, empty at last (CAP-04).
+
+A battery is brought up to date only when its rate changes or its state is reported, so an asset
+that stands idle costs nothing in between.
+"""
 
 from pa_console.schema.world import World
-from pa_console.sim.state import Scene
+from pa_console.sim.state import AssetState, Scene
 
 
-def drain(world: World, scene: Scene, dt_s: float) -> None:
-    """Take one step's charge from every battery; a charging asset gains until it is full."""
-    minutes = dt_s / 60.0
-    for asset in scene.assets.values():
-        if asset.battery <= 0.0 or asset.failed:
-            continue
-        platform = world.platforms[asset.kind]
-        if asset.task == "charging":
-            asset.battery = min(100.0, asset.battery + platform.charge_pct_per_min * minutes)
-            if asset.battery >= 100.0:
-                asset.task = "idle"
-            continue
-        moving = asset.speed > 0.0
-        rate = platform.drain_moving_pct_per_min if moving else platform.drain_idle_pct_per_min
-        asset.battery = max(0.0, asset.battery - rate * minutes)
+def rouse(world: World, scene: Scene, asset: AssetState) -> None:
+    """Count `asset` among those that every step has to look after, until it is idle again."""
+    settle(world, scene, asset)
+    scene.active.add(asset.id)
+
+
+def settle(world: World, scene: Scene, asset: AssetState) -> None:
+    """Bring the battery up to date; a charging asset gains until it is full and then is idle."""
+    minutes = (scene.tick - asset.settled_tick) * world.dt_s / 60.0
+    asset.settled_tick = scene.tick
+    if minutes <= 0.0 or asset.failed or asset.battery <= 0.0:
+        return
+    platform = world.platforms[asset.kind]
+    if asset.task == "charging":
+        asset.battery = min(100.0, asset.battery + platform.charge_pct_per_min * minutes)
+        if asset.battery >= 100.0:
+            asset.task = "idle"
+        return
+    moving = asset.speed > 0.0
+    rate = platform.drain_moving_pct_per_min if moving else platform.drain_idle_pct_per_min
+    asset.battery = max(0.0, asset.battery - rate * minutes)
+    if asset.battery <= 0.0:
+        scene.active.add(asset.id)

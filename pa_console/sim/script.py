@@ -146,5 +146,5 @@ def _asset_is(terrain: Terrain, scene: Scene, when: AssetIs) -> bool:
         case "charging":
             return asset.task == "charging"
         case "silent":
-            report = scene.reports.get(asset.id)
+            report = scene.station.shown.get(asset.id)
             return report is not None and report.comms == "lost"

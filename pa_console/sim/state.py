@@ -4,17 +4,14 @@ import copy
 import hashlib
 import math
 import random
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from pa_console.schema.base import Point
 from pa_console.schema.command import CommandReply, DeviceCommand
-from pa_console.schema.telemetry import (
-    AssetTelemetry,
-    CommsStatus,
-    GateCover,
-    Task,
-)
+from pa_console.schema.telemetry import Task
 from pa_console.schema.world import AssetKind, Wall
+from pa_console.sim.link_state import UNDISTURBED, Drift, LinkState, RadioState, StationState
 from pa_console.sim.script_state import ScriptState
 from pa_console.sim.sensing_state import ContactState, SensingState
 
@@ -25,7 +22,10 @@ class AssetState:
 
     `station` is where it stands or is going to stand, `route` the waypoints still ahead, `origin`
     where the present leg began. `nearest_m` and `nearest_tick` are the least way left so far and
-    when it was reached; `stalls` counts how often the leg got stuck.
+    when it was reached; `stalls` counts how often the leg got stuck. `heard_tick` is when the
+    station last got through to it; while it is `cut_off` it `owes` the replies on how its command
+    ended. `place` is the frame it was at when it was at `placed_at`; its battery is as of
+    `settled_tick`.
     """
 
     id: str
@@ -37,10 +37,19 @@ class AssetState:
     battery: float
     post: str | None
     station: Point
+    radio: RadioState = UNDISTURBED
     task: Task = "idle"
     speed: float = 0.0
+    speed_factor: float = 1.0
     failed: bool = False
-    comms: CommsStatus = "ok"
+    heard_tick: int = 0
+    cut_off: bool = False
+    owes: tuple[CommandReply, ...] = ()
+    drift: Drift | None = None
+    spoofed: str | None = None
+    settled_tick: int = 0
+    place: str | None = None
+    placed_at: Point | None = None
     command: DeviceCommand | None = None
     origin: Point = (0.0, 0.0)
     route: tuple[Point, ...] = ()
@@ -63,11 +72,6 @@ class AssetState:
         """Whether it cannot do anything: failed, or its battery is empty."""
         return self.failed or self.battery <= 0.0
 
-    @property
-    def available(self) -> bool:
-        """Whether it can be counted on: not down and its link not lost."""
-        return not self.down and self.comms != "lost"
-
     def stop(self, task: Task) -> None:
         """Stand where it is from now on, with `task`."""
         self.route, self.speed, self.task = (), 0.0, task
@@ -75,17 +79,14 @@ class AssetState:
 
 
 @dataclass(slots=True)
-class LinkState:
-    """Messages on the in-process link: (tick due, order of sending, message)."""
-
-    sent: int = 0
-    commands: tuple[tuple[int, int, DeviceCommand], ...] = ()
-    replies: tuple[tuple[int, int, CommandReply], ...] = ()
-
-
-@dataclass(slots=True)
 class Scene:
-    """The whole dynamic state; `reports` and `covers` are telemetry as last received."""
+    """The whole dynamic state: the truth, and in `station` what of it has reached the station.
+
+    `covered_tick` is when a gate was last truly covered. `active` names the assets that every
+    step has to look after; those that stand idle are left alone. In an `ideal` scene, that of a
+    forecast, messages are never lost, and assets report only what has changed: `touched` names
+    those that have been active since the last picture.
+    """
 
     rng: random.Random
     tick: int = 0
@@ -94,9 +95,19 @@ class Scene:
     sensing: SensingState = field(default_factory=SensingState)
     script: ScriptState = field(default_factory=ScriptState)
     obstructions: tuple[Wall, ...] = ()
-    reports: dict[str, AssetTelemetry] = field(default_factory=dict[str, AssetTelemetry])
-    covers: dict[str, GateCover] = field(default_factory=dict[str, GateCover])
+    station: StationState = field(default_factory=StationState)
     covered_tick: dict[str, int] = field(default_factory=dict[str, int])
+    active: set[str] = field(default_factory=set[str])
+    ideal: bool = False
+    touched: set[str] = field(default_factory=set[str])
+
+    def busy(self) -> list[AssetState]:
+        """Return the assets that every step has to look after, in the team's order."""
+        return self.in_order(self.active)
+
+    def in_order(self, names: Iterable[str]) -> list[AssetState]:
+        """Return the assets of these names in the team's order."""
+        return sorted((self.assets[name] for name in names), key=_index)
 
     @property
     def contacts(self) -> dict[str, ContactState]:
@@ -111,20 +122,26 @@ class Scene:
             rng=rng,
             tick=self.tick,
             assets={name: copy.copy(asset) for name, asset in self.assets.items()},
-            link=copy.copy(self.link),
+            link=self.link.copy(),
             sensing=self.sensing.copy(),
             script=self.script.copy(),
             obstructions=self.obstructions,
-            reports=dict(self.reports),
-            covers=dict(self.covers),
+            station=self.station.copy(),
             covered_tick=dict(self.covered_tick),
+            active=set(self.active),
+            ideal=self.ideal,
+            touched=set(self.touched),
         )
 
     def digest(self) -> str:
         """Return the SHA-256 over every field, floats to their last bit."""
         parts = (
-            self.rng.getstate(), self.tick, self.assets, self.link,
-            self.sensing, self.script, self.obstructions, self.reports, self.covers,
-            self.covered_tick,
+            self.rng.getstate(), self.tick, self.assets, self.link, self.sensing, self.script,
+            self.obstructions, self.station, self.covered_tick, sorted(self.active), self.ideal,
+            sorted(self.touched),
         )  # fmt: skip
         return hashlib.sha256(repr(parts).encode()).hexdigest()
+
+
+def _index(asset: AssetState) -> int:
+    return asset.index
