@@ -16,8 +16,9 @@ from pa_console.sim.terrain import Terrain
 COMPLIES_AFTER_S = 2.0
 """A contact that leaves when it is warned stands this long first."""
 BUMPER_M = 3.0
-"""One that goes on stops this far from a ground asset in its way."""
+"""One that goes on passes ground assets in its way at this distance."""
 _STOPPED_MPS = 0.05
+_ASIDE_DEG = (30, -30, 60, -60, 85, -85)
 
 Points = npt.NDArray[np.float64]
 
@@ -177,11 +178,10 @@ def _approach(
 ) -> None:
     """Drive on until the waiting point, the contact in front, or a ground asset in the way.
 
-    One that goes on after its warning passes the waiting point and takes to the gate.
+    One that goes on after its warning leaves its lane at the waiting point, for the gate.
     """
     line = terrain.lanes[contact.lane]
-    goes_on = contact.warned_tick is not None
-    limit = line.length_m if goes_on else line.waiting_m
+    limit = line.waiting_m
     for other in scene.contacts.values():
         in_front = other.travelled > contact.travelled or (
             other.travelled == contact.travelled and other.id < contact.id
@@ -190,40 +190,58 @@ def _approach(
             limit = min(limit, other.travelled - QUEUE_GAP_M)
     step = min(contact.cruise_mps * dt_s, max(0.0, limit - contact.travelled))
     there, heading = line.locate(contact.travelled + step)
-    keeps = BUMPER_M if goes_on else terrain.world.standoff_m + 0.2
-    past_waiting = contact.travelled + step > line.waiting_m
-    if step > 0.0 and (
-        _nears(ground, contact.position, there, keeps)
-        or (past_waiting and gate_blocked(terrain, scene, contact.gate))
-    ):
-        step = 0.0
-    if step > 0.0:
+    warned = contact.warned_tick is not None
+    keeps = BUMPER_M if warned else terrain.world.standoff_m + 0.2
+    if step > 0.0 and not _nears(ground, contact.position, there, keeps):
         contact.travelled += step
         (contact.x, contact.y), contact.heading = there, heading
+    else:
+        step = 0.0
     contact.speed = step / dt_s
     contact.status = "approaching" if contact.speed > _STOPPED_MPS else "stopped"
-    if goes_on and contact.travelled >= line.length_m:
-        contact.on_lane, contact.route = False, way_in(terrain, contact.gate)
+    if warned and contact.travelled >= line.waiting_m:
+        end = line.locate(line.length_m)[0]
+        contact.on_lane, contact.route = False, (end, *way_in(terrain, contact.gate))
 
 
 def _drive(
     terrain: Terrain, scene: Scene, contact: ContactState, ground: Points, dt_s: float
 ) -> None:
-    """Go on through the gate and inside it, unless something holds it."""
-    was = (contact.x, contact.y, contact.heading, contact.route)
+    """Go on through the gate and inside it; a blocked gate holds it, other assets it passes."""
     gate_ahead = terrain.world.frames[contact.gate].at in contact.route
-    _follow(contact, contact.cruise_mps * dt_s, dt_s)
-    held = contact.speed > 0.0 and (
-        _nears(ground, (was[0], was[1]), contact.position, BUMPER_M)
-        or (gate_ahead and gate_blocked(terrain, scene, contact.gate))
-    )
-    if held:
-        contact.x, contact.y, contact.heading, contact.route = was
+    if gate_ahead and gate_blocked(terrain, scene, contact.gate):
         contact.speed = 0.0
+    else:
+        was = (contact.x, contact.y, contact.heading, contact.route)
+        _follow(contact, contact.cruise_mps * dt_s, dt_s)
+        if _nears(ground, (was[0], was[1]), contact.position, BUMPER_M):
+            contact.x, contact.y, contact.heading, contact.route = was
+            _pass_by(terrain, contact, ground, dt_s)
     if _inside(terrain, contact):
         contact.status = "inside"
     else:
         contact.status = "approaching" if contact.speed > _STOPPED_MPS else "stopped"
+
+
+def _pass_by(terrain: Terrain, contact: ContactState, ground: Points, dt_s: float) -> None:
+    """Step aside of a ground asset; stand if there is no way past it.
+
+    A waypoint that something stands at counts as reached, the last one too.
+    """
+    here, step = contact.position, contact.cruise_mps * dt_s
+    while contact.route and math.dist(here, contact.route[0]) <= BUMPER_M + step:
+        contact.route = contact.route[1:]
+    target = contact.route[0] if contact.route else here
+    ahead = math.atan2(target[1] - here[1], target[0] - here[0])
+    contact.speed = 0.0
+    for turn_deg in _ASIDE_DEG if here != target else ():
+        way = ahead + math.radians(turn_deg)
+        there = (here[0] + step * math.cos(way), here[1] + step * math.sin(way))
+        clear = terrain.sight.clear(np.array([here]), np.array([there]))[0]
+        if clear and not _nears(ground, here, there, BUMPER_M):
+            contact.x, contact.y = there
+            contact.heading, contact.speed = way, contact.cruise_mps
+            return
 
 
 def _follow(contact: ContactState, step_m: float, dt_s: float) -> None:

@@ -12,16 +12,14 @@ ACCELERATION_MPS2 = 1.0
 SPEED_SIGMA_MPS = 8.0
 """One sigma of the speed on each axis of a contact of which nothing is known yet."""
 LEAST_SIGMA_M = 0.05
-_SURPRISE = 13.8
-"""Squared error in sigmas that two dimensions exceed once in a thousand measurements."""
-_SURPRISES = 2
+_SURPRISE = 18.4
+"""Squared error in sigmas that two dimensions exceed once in ten thousand measurements."""
 
 
 def measure(file: TrackFile, at: Point, sigma_m: float, tick: int, dt_s: float) -> None:
     """Take in a measurement made at `tick`; an older one than the latest is first moved ahead.
 
-    Two surprising ones in a row mean that the contact has changed its motion: its speed is then
-    learned anew.
+    A surprising one means that the contact has changed its motion: its speed is learned anew.
     """
     noise = max(sigma_m, LEAST_SIGMA_M) ** 2
     if file.variance == 0.0:
@@ -38,14 +36,9 @@ def measure(file: TrackFile, at: Point, sigma_m: float, tick: int, dt_s: float) 
     error_x, error_y = at[0] - file.x, at[1] - file.y
     spread = file.variance + noise
     if error_x**2 + error_y**2 > _SURPRISE * spread:
-        file.outliers += 1
-        if file.outliers >= _SURPRISES:
-            file.outliers = 0
-            file.variance += error_x**2 + error_y**2
-            file.covariance, file.speed_variance = 0.0, SPEED_SIGMA_MPS**2
-            spread = file.variance + noise
-    else:
-        file.outliers = 0
+        file.variance += error_x**2 + error_y**2
+        file.covariance, file.speed_variance = 0.0, SPEED_SIGMA_MPS**2
+        spread = file.variance + noise
     gain, speed_gain = file.variance / spread, file.covariance / spread
     file.x += gain * error_x
     file.y += gain * error_y

@@ -108,7 +108,6 @@ class TrackFile:
     vy: float = 0.0
     covariance: float = 0.0
     speed_variance: float = 0.0
-    outliers: int = 0
     status: TrackStatus = "approaching"
     leaning: TrackStatus = "approaching"
     leaning_tick: int = 0
