@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 from pa_console.schema.base import Point
 from pa_console.schema.world import Platform
+from pa_console.sim.neighbours import Neighbours
 from pa_console.sim.physics import Velocity
 from pa_console.sim.state import AssetState, Scene
 from pa_console.sim.terrain import Terrain
@@ -13,6 +14,7 @@ ARRIVAL_M = 0.3
 _CORNER_M = {"uav": 1.5, "ugv": 0.5, "robot": 0.4}
 _LOOK_M = 5.0
 _LOOK_S = 2.0
+_HULL_GAP_M = 0.15
 _SLOWING_S = 0.6
 _TURNS = tuple(math.radians(turn) for turn in (0, -25, 25, -50, 50, -75, 75, -100, 100))
 """Ways to pass something, best first: of two equal ones the right-hand one."""
@@ -21,7 +23,7 @@ _TURNS = tuple(math.radians(turn) for turn in (0, -25, 25, -50, 50, -75, 75, -10
 def drive(terrain: Terrain, scene: Scene, dt_s: float) -> dict[str, Velocity]:
     """Turn every asset that has a route toward it; return the velocities (m/s) of those moving."""
     velocities: dict[str, Velocity] = {}
-    ground = [asset for asset in scene.assets.values() if asset.kind != "uav"]
+    ground: Neighbours | None = None
     tracks = [(contact.id, contact.position) for contact in scene.contacts.values()]
     for asset in scene.assets.values():
         if not asset.route or asset.down:
@@ -33,7 +35,9 @@ def drive(terrain: Terrain, scene: Scene, dt_s: float) -> dict[str, Velocity]:
             continue
         direction: float | None = _bearing(asset, asset.route[0])
         if asset.kind != "uav":
-            direction = give_way(terrain, asset, ground, direction)
+            ground = ground or _ground(terrain, scene)
+            others = ground.near(asset.x, asset.y)
+            direction = give_way(terrain, asset, others, direction)
         velocity = _steer(asset, terrain.world.platforms[asset.kind], direction, dt_s)
         asset.held_by = ""
         if asset.kind != "uav" and tracks:
@@ -52,6 +56,13 @@ def way_left(asset: AssetState) -> float:
         left += math.dist(here, point)
         here = point
     return left
+
+
+def _ground(terrain: Terrain, scene: Scene) -> Neighbours:
+    """Return the ground assets, those that one may have to give way to in the cells round it."""
+    widest = max(platform.radius_m for platform in terrain.world.platforms.values())
+    ground = (asset for asset in scene.assets.values() if asset.kind != "uav")
+    return Neighbours(ground, 2 * _LOOK_M + 3 * widest + _HULL_GAP_M)
 
 
 def _bearing(asset: AssetState, point: Point) -> float:
@@ -96,12 +107,13 @@ def give_way(
     platforms = terrain.world.platforms
     mine = platforms[asset.kind]
     look = min(_LOOK_M, mine.speed_mps * _LOOK_S) + mine.radius_m
+    reach = {k: mine.radius_m + p.radius_m + _HULL_GAP_M for k, p in platforms.items()}
     near: list[tuple[float, float, float, float, float]] = []
     for other in ground:
         dx, dy = other.x - asset.x, other.y - asset.y
-        radius = mine.radius_m + platforms[other.kind].radius_m + 0.15
-        theirs = min(other.speed * _LOOK_S, _LOOK_M)
-        if other is not asset and math.hypot(dx, dy) < look + theirs + radius:
+        radius = reach[other.kind]
+        limit = look + radius + (min(other.speed * _LOOK_S, _LOOK_M) if other.speed else 0.0)
+        if other is not asset and dx * dx + dy * dy < limit * limit:
             vx, vy = other.speed * math.cos(other.heading), other.speed * math.sin(other.heading)
             near.append((dx, dy, vx, vy, radius))
     if not near:
@@ -147,8 +159,11 @@ def _too_near(
 ) -> str:
     """Return the track that the step would bring nearer than the standoff (ROE-04), or ''."""
     there = (asset.x + velocity[0] * dt_s, asset.y + velocity[1] * dt_s)
+    limit = standoff_m + 0.2
     for name, point in tracks:
+        if abs(point[0] - there[0]) >= limit or abs(point[1] - there[1]) >= limit:
+            continue
         gap = math.dist(there, point)
-        if gap < standoff_m + 0.2 and gap < math.dist(asset.position, point):
+        if gap < limit and gap < math.dist(asset.position, point):
             return name
     return ""

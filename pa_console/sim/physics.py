@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import pymunk
 
 from pa_console.schema.world import Wall
+from pa_console.sim.neighbours import Neighbours
 from pa_console.sim.state import AssetState
 from pa_console.sim.terrain import Terrain
 
@@ -47,15 +48,17 @@ def _touching(
 ) -> tuple[list[AssetState], list[Wall]]:
     """Return the ground assets and walls that may come into contact within the step."""
     platforms = terrain.world.platforms
+    movers = [asset for asset in ground if asset.id in velocities]
+    if not movers:
+        return [], []
+    nearby = Neighbours(ground, terrain.contact_m + _MARGIN_M)
     close: set[int] = set()
     walls: list[Wall] = []
-    for mover in ground:
-        velocity = velocities.get(mover.id)
-        if velocity is None:
-            continue
+    for mover in movers:
+        velocity = velocities[mover.id]
         radius, speed = platforms[mover.kind].radius_m, math.hypot(*velocity)
         reach = radius + speed * dt_s + _MARGIN_M
-        for other in ground:
+        for other in nearby.near(mover.x, mover.y):
             if other is mover:
                 continue
             theirs = velocities.get(other.id)

@@ -97,6 +97,8 @@ class Planner:
         self._world = world
         self._perimeter = Polygon(world.perimeter)
         self._zones = {name: Polygon(zone.polygon) for name, zone in world.zones.items()}
+        for polygon in (self._perimeter, *self._zones.values()):
+            shapely.prepare(polygon)
         self._areas: dict[tuple[AssetKind, frozenset[str], bool], Area] = {}
 
     def route(self, kind: AssetKind, start: Point, target: Point) -> Route | None:
@@ -109,11 +111,12 @@ class Planner:
 
     def area(self, kind: AssetKind, *ends: Point) -> Area:
         """Return the free ground for `kind` on a way between `ends`."""
-        points = [shapely.Point(end) for end in ends]
         entered = frozenset(
-            name for name, zone in self._zones.items() if any(zone.covers(p) for p in points)
+            name
+            for name, zone in self._zones.items()
+            if any(shapely.intersects_xy(zone, *end) for end in ends)
         )
-        inside = all(self._perimeter.covers(point) for point in points)
+        inside = all(shapely.intersects_xy(self._perimeter, *end) for end in ends)
         key = (kind, entered, inside)
         if key not in self._areas:
             self._areas[key] = Area(self._free(kind, entered, inside))

@@ -1,19 +1,21 @@
 """What never changes while a world is simulated: routes, lanes, standing places, near walls."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import shapely
-from shapely.geometry import Polygon
+from shapely.geometry import LineString, Polygon
 
 from pa_console.schema.base import Point
-from pa_console.schema.world import AssetKind, Wall, World
+from pa_console.schema.world import AssetKind, Frame, Wall, World
 from pa_console.sim.lanes import LaneLine
 from pa_console.sim.routes import Planner
 from pa_console.sim.sight import Sight
 
 PLACE_GAP_M = 0.8
 _CELL_M = 2.0
+_FRAME_CELL_M = 16.0
+_Cells = dict[tuple[int, int], tuple[tuple[str, Frame], ...]]
 
 
 class Terrain:
@@ -26,9 +28,15 @@ class Terrain:
         self.lanes = {name: LaneLine(world, name) for name in world.lanes}
         self.spacing_m = PLACE_GAP_M + 2 * max(p.radius_m for p in world.platforms.values())
         self._perimeter = Polygon(world.perimeter)
-        self._widest_m = max(p.radius_m for p in world.platforms.values())
-        self._fastest_mps = max(p.speed_mps for p in world.platforms.values())
+        shapely.prepare(self._perimeter)
+        widest = max(p.radius_m for p in world.platforms.values())
+        fastest = max(p.speed_mps for p in world.platforms.values())
+        self.contact_m = 2 * (widest + fastest * world.dt_s)
+        """Two assets with their centres farther apart cannot touch within a step, metres."""
+        self._walls = shapely.STRtree([LineString((w.start, w.end)) for w in world.walls])
+        self._thickest_m = max((wall.thickness_m for wall in world.walls), default=0.0)
         self._near: dict[tuple[int, int], tuple[Wall, ...]] = {}
+        self._frames = _by_cell(world.frames)
         self._places: dict[tuple[str, AssetKind], tuple[Point, ...]] = {}
 
     def seconds(self, ticks: int) -> float:
@@ -38,7 +46,8 @@ class Terrain:
     def frame_at(self, x: float, y: float) -> str | None:
         """Return the nearest frame within whose radius the point lies."""
         best, name = math.inf, None
-        for frame, spec in self.world.frames.items():
+        cell = (math.floor(x / _FRAME_CELL_M), math.floor(y / _FRAME_CELL_M))
+        for frame, spec in self._frames.get(cell, ()):
             gap = math.hypot(x - spec.at[0], y - spec.at[1])
             if gap <= spec.radius_m and gap < best:
                 best, name = gap, frame
@@ -54,13 +63,9 @@ class Terrain:
         found = self._near.get(cell)
         if found is None:
             centre = shapely.Point((cell[0] + 0.5) * _CELL_M, (cell[1] + 0.5) * _CELL_M)
-            reach = self._widest_m + 2 * self._fastest_mps * self.world.dt_s + _CELL_M
-            found = tuple(
-                wall
-                for wall in self.world.walls
-                if shapely.LineString((wall.start, wall.end)).distance(centre)
-                <= reach + wall.thickness_m / 2
-            )
+            reach = self.contact_m + _CELL_M + self._thickest_m / 2
+            hits: list[int] = self._walls.query(centre, "dwithin", reach).tolist()
+            found = tuple(self.world.walls[index] for index in sorted(hits))
             self._near[cell] = found
         return found
 
@@ -79,12 +84,14 @@ class Terrain:
         self, frame: str, kind: AssetKind, taken: Iterable[Point], near: Point | None = None
     ) -> Point | None:
         """Return a place at `frame` clear of `taken`, the innermost or the nearest to `near`."""
-        others = tuple(taken)
-        spare = self.spacing_m - 0.1
+        spec, spare = self.world.frames[frame], self.spacing_m - 0.1
+        (x, y), reach = spec.at, spec.radius_m + spare
+        others = [p for p in taken if abs(p[0] - x) < reach and abs(p[1] - y) < reach]
+        stood_on = set(others)
         free = (
             place
             for place in self.places(frame, kind)
-            if all(math.dist(place, other) >= spare for other in others)
+            if place not in stood_on and all(math.dist(place, other) >= spare for other in others)
         )
         if near is None:
             return next(free, None)
@@ -98,16 +105,32 @@ class Terrain:
         standoff = self.world.standoff_m + 0.5
         reach = max(0.0, spec.radius_m - 0.5)
         rows = int(reach / self.spacing_m) + 2
-        points: list[Point] = []
-        for row in range(-rows, rows + 1):
-            for column in range(-rows, rows + 1):
-                x = spec.at[0] + self.spacing_m * (column + row % 2 / 2)
-                y = spec.at[1] + self.spacing_m * row * math.sqrt(0.75)
-                if (
-                    math.dist((x, y), spec.at) <= reach
-                    and area.contains(x, y)
-                    and (not inside or self._perimeter.covers(shapely.Point(x, y)))
-                    and all(math.dist((x, y), wait) >= standoff for wait in waits)
-                ):
-                    points.append((round(x, 6), round(y, 6)))
+        steps = range(-rows, rows + 1)
+        grid = [
+            (x, y)
+            for row in steps
+            for y in (spec.at[1] + self.spacing_m * row * math.sqrt(0.75),)
+            for x in (spec.at[0] + self.spacing_m * (column + row % 2 / 2) for column in steps)
+            if math.dist((x, y), spec.at) <= reach
+            and all(math.dist((x, y), wait) >= standoff for wait in waits)
+        ]
+        points = [
+            (round(x, 6), round(y, 6))
+            for x, y in grid
+            if area.contains(x, y) and (not inside or shapely.intersects_xy(self._perimeter, x, y))
+        ]
         return sorted(points, key=lambda p: (round(math.dist(p, spec.at), 6), p))
+
+
+def _by_cell(frames: Mapping[str, Frame]) -> _Cells:
+    """Return which frames reach into each square cell of the ground, in file order."""
+    cells: _Cells = {}
+    for name, frame in frames.items():
+        (x, y), r = frame.at, frame.radius_m
+        low_x, high_x, low_y, high_y = (
+            math.floor(edge / _FRAME_CELL_M) for edge in (x - r, x + r, y - r, y + r)
+        )
+        for column in range(low_x, high_x + 1):
+            for row in range(low_y, high_y + 1):
+                cells[column, row] = (*cells.get((column, row), ()), (name, frame))
+    return cells
