@@ -125,6 +125,7 @@ class Selection(StrictModel):
     gates: dict[Name, str] = Field(description="gate -> why it matters")
     tracks: dict[Name, str] = {}
     assets: dict[Name, str] = Field(description="asset -> why it matters")
+    frames: tuple[Name, ...] = Field(default=(), description="the frames that a plan may name")
     left_out: dict[Literal["gates", "tracks", "assets"], int] = {}
 
 
