@@ -2,34 +2,48 @@
 
 A check must hold. It yields either true or false, or a list of texts that name the offenders:
 the rule holds when the list is empty, and otherwise the message is followed by those texts. A
-check that fails to run decides nothing, so its finding is an error, which counts as broken.
+check that fails to run decides nothing, so its finding is an error, which counts as broken. A
+rule's orderings must hold as well, over the mission so far and the rehearsed plan after it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from typing import Any, cast
 
 import cel
 
 from pa_console.policy.context import mission_variables, plan_variables
 from pa_console.policy.expression import make_context
+from pa_console.policy.findings import finding, undecided, violation
+from pa_console.policy.monitor import Monitor
 from pa_console.policy.rulebook import CompiledRule, Rulebook
-from pa_console.schema.finding import Finding, FindingStatus
+from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.world import World
 
-MAX_OFFENDERS = 6
-MAX_ERROR = 200
-
 
 def check_plan(
-    rulebook: Rulebook, *, plan: Plan, rehearsal: Rehearsal, mission: Mission, world: World
+    rulebook: Rulebook,
+    *,
+    plan: Plan,
+    rehearsal: Rehearsal,
+    mission: Mission,
+    world: World,
+    monitor: Monitor | None = None,
 ) -> tuple[Finding, ...]:
-    """Return exactly one finding for every rule in force, in the rulebook's order."""
-    variables = plan_variables(plan, rehearsal, mission, world)
-    context = make_context({name: variables[name] for name in rulebook.variables})
-    return tuple(_decide(entry, context) for entry in rulebook.compiled)
+    """Return exactly one finding for every rule in force, in the rulebook's order.
+
+    `monitor` has followed the mission so far and stays as it is; without one the mission begins
+    with this plan.
+    """
+    variables = plan_variables(plan, rehearsal, mission, world, rulebook.variables)
+    context = make_context(variables)
+    history = Monitor(rulebook, world) if monitor is None else monitor
+    broken = broken_orderings(history, rehearsal)
+    return tuple(
+        _combine(_decide(entry, context), broken.get(entry.rule.id)) for entry in rulebook.compiled
+    )
 
 
 def check_mission(rulebook: Rulebook, mission: Mission, world: World) -> tuple[Finding, ...]:
@@ -41,46 +55,65 @@ def check_mission(rulebook: Rulebook, mission: Mission, world: World) -> tuple[F
 def check_rule(
     entry: CompiledRule, *, plan: Plan, rehearsal: Rehearsal, mission: Mission, world: World
 ) -> Finding:
-    """Return the finding for one rule alone."""
-    variables = plan_variables(plan, rehearsal, mission, world)
+    """Return the finding for the guard and check of one rule alone."""
+    variables = plan_variables(plan, rehearsal, mission, world, entry.variables)
     return _decide(entry, make_context(variables))
+
+
+def broken_orderings(monitor: Monitor, rehearsal: Rehearsal) -> Mapping[str, Finding]:
+    """Return by rule id what the rehearsed plan breaks on top of the mission so far.
+
+    What is wrong at the rehearsal's first moment, before any command, is not the plan's doing.
+    """
+    ahead = monitor.copy(running_limits=False)
+    found: dict[str, Finding] = {}
+    moments = list(rehearsal.moments)
+    if moments:
+        end_s = max(rehearsal.after.time_s, moments[-1].time_s)
+        moments.append(moments[-1].model_copy(update={"time_s": end_s}))
+    for number, now in enumerate(moments):
+        for new in ahead.observe(now):
+            if number == 0 and new.status != "error":
+                continue
+            known = found.get(new.rule_id)
+            found[new.rule_id] = new if known is None else _worse(known, new)
+    return found
 
 
 def _decide(entry: CompiledRule, context: cel.Context) -> Finding:
     """Run guard, then check; anything but a clear answer is an error."""
+    rule = entry.rule
     if entry.check is None:
-        return _finding(entry, "judged_only")
+        return finding(rule, "complies" if rule.decidable else "judged_only")
     try:
         applies: Any = True if entry.applies is None else entry.applies.evaluate(context)
         if applies is False:
-            return _finding(entry, "not_applicable")
+            return finding(rule, "not_applicable")
         if applies is not True:
-            return _error(entry, f"its guard yields {applies!r}, not true or false")
+            return undecided(rule, f"its guard yields {applies!r}, not true or false")
         result: Any = entry.check.evaluate(context)
     except Exception as error:  # whatever CEL or a function of ours runs into: nothing is decided
-        return _error(entry, f"{type(error).__name__}: {error}")
+        return undecided(rule, f"{type(error).__name__}: {error}")
     if result is True or result == []:
-        return _finding(entry, "complies")
+        return finding(rule, "complies")
     if result is False:
-        return _finding(entry, "violates", entry.rule.message)
+        return finding(rule, "violates", rule.message)
     if isinstance(result, list):
         offenders = cast("list[Any]", result)
         if all(isinstance(offender, str) for offender in offenders):
-            return _finding(entry, "violates", f"{entry.rule.message}: {_listed(offenders)}")
-    return _error(entry, f"it yields {result!r}, neither true, false nor a list of texts")
+            return finding(rule, "violates", violation(rule.message, offenders))
+    return undecided(rule, f"it yields {result!r}, neither true, false nor a list of texts")
 
 
-def _listed(offenders: Sequence[str]) -> str:
-    distinct = list(dict.fromkeys(offenders))
-    more = len(distinct) - MAX_OFFENDERS
-    return ", ".join(distinct[:MAX_OFFENDERS]) + (f" and {more} more" if more > 0 else "")
+def _combine(state: Finding, order: Finding | None) -> Finding:
+    """Return the one finding of a rule from its check and its orderings."""
+    if order is None:
+        return state
+    return _worse(state, order) if state.broken else order
 
 
-def _error(entry: CompiledRule, problem: str) -> Finding:
-    words = " ".join(problem.split())[:MAX_ERROR]
-    return _finding(entry, "error", f"the check could not decide: {words}")
-
-
-def _finding(entry: CompiledRule, status: FindingStatus, message: str = "") -> Finding:
-    rule = entry.rule
-    return Finding(rule_id=rule.id, priority=rule.priority, status=status, message=message)
+def _worse(first: Finding, second: Finding) -> Finding:
+    """Return both as one: an error outweighs a violation, and every message is kept once."""
+    status = "error" if "error" in (first.status, second.status) else "violates"
+    message = "; ".join(dict.fromkeys((first.message, second.message)))
+    return first.model_copy(update={"status": status, "message": message})

@@ -12,82 +12,98 @@ actions   plan.actions, a list of {agent, command, verb, target, goes_to, kind, 
 before    the picture when the plan was made: {time_s, assets, tracks, gates}, each by name.
 after     the picture when the rehearsed plan had ended, likewise.
 timeline  what happened in between: {duration_s, gates, tracks, assets}, each by name.
-tracks    list of before.tracks, each with `age_s`: the age of the last report of it.
-assets    list of before.assets, each with `goes_to`: its post once the plan has run. `at`, `post`
-          and `goes_to` are '' for no frame.
-gates     list of {name, by, covered_before, covered_after, longest_gap_s}.
+tracks    list of before.tracks, each {id, kind, gate, position, speed_mps, distance_m, identity,
+          intent, status, observed_by, observed, warned, defiant, noncombatants, seen_by,
+          hostile_by, stamp_s, first_seen_s, age_s, stale, uncertainty_m}. `age_s` is the time since
+          its last detection; `intent` is hostile only when two sensors, `hostile_by`, have said so.
+assets    list of before.assets, each {id, kind, at, post, position, speed_mps, status, task,
+          battery_pct, low_battery, comms, available, stale, integrity, stamp_s, goes_to}: `goes_to`
+          is its post once the plan has run; `at`, `post` and `goes_to` are '' for no frame.
+gates     list of {name, by, unsure, covered_before, covered_after, longest_gap_s}; `unsure` are
+          assets that were last reported there, by which alone no gate is covered.
 mission   {id, text, words, source}; `words` is the text in lower case, with plain quotes,
           compatibility forms resolved and single spaces.
 world     {gates, frames, zones, assets, base, standoff_m, coverage_grace_s, low_battery_pct,
           commands}; frames, zones and assets map names to kinds, commands verbs to kinds.
 
+Stale or suspect values are values of which nothing is known: an asset with them is not available.
 Names, not positions on the map, are what policies speak of: routes and polygons are left out.
+`filter` and `map` copy what they have found so far at each hit: over `assets` use `exists`.
 """
 
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Callable, Collection, Iterable
 from typing import Any
 
+from pa_console.policy.expression import PLAN_VARIABLES
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import COMMANDS, Action, Plan
 from pa_console.schema.rehearsal import Rehearsal
-from pa_console.schema.telemetry import Picture
+from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
 from pa_console.schema.world import World
 
 Values = dict[str, Any]
 
-_ASSET_FIELDS_LEFT_OUT = {"assets": {"__all__": {"route", "heading_deg", "command_id"}}}
+_ASSET_FIELDS = (
+    "id", "kind", "at", "post", "position", "speed_mps", "status", "task", "battery_pct",
+    "low_battery", "comms", "available", "stale", "integrity", "stamp_s",
+)  # fmt: skip
 _QUOTES = str.maketrans({"’": "'", "‘": "'", "“": '"', "”": '"', "–": "-", "—": "-"})
 
 
 def plan_variables(
-    plan: Plan, rehearsal: Rehearsal, mission: Mission, world: World
-) -> dict[str, Any]:
-    """Return every variable for judging a rehearsed plan; unknown agents and frames are fine."""
-    before, after = _picture(rehearsal.before), _picture(rehearsal.after)
-    timeline = rehearsal.timeline.model_dump()
+    plan: Plan,
+    rehearsal: Rehearsal,
+    mission: Mission,
+    world: World,
+    wanted: Collection[str] = PLAN_VARIABLES,
+) -> Values:
+    """Return the `wanted` variables for judging a rehearsed plan; unknown names in it are fine.
+
+    What nobody asks for is not converted: with many assets that takes most of the time.
+    """
+    before, timeline = rehearsal.before, rehearsal.timeline.model_dump()
+    tracks = {name: _track(track, before.time_s) for name, track in before.tracks.items()}
     destinations = {action.agent: goes_to(action, world) for action in plan.actions}
-    for name, asset in before["assets"].items():
-        asset["goes_to"] = destinations.get(name) or asset["post"]
-    for track in before["tracks"].values():
-        track["age_s"] = before["time_s"] - track["stamp_s"]
-    actions = [_action(action, before, timeline, world) for action in plan.actions]
-    return {
-        "plan": {"reason": plan.reason, "actions": actions},
-        "actions": actions,
-        "before": before,
-        "after": after,
-        "timeline": timeline,
-        "tracks": list(before["tracks"].values()),
-        "assets": list(before["assets"].values()),
-        "gates": [
-            {"name": name, "by": before["gates"].get(name, {}).get("by", ()), **cover}
-            for name, cover in timeline["gates"].items()
-        ],
-        **mission_variables(mission, world),
+    asked = before.assets if {"assets", "before"} & set(wanted) else destinations
+    assets = {
+        name: _asset(before.assets[name], destinations.get(name, ""))
+        for name in asked
+        if name in before.assets
     }
+    actions = [_action(action, assets, tracks, timeline, world) for action in plan.actions]
+    made: dict[str, Callable[[], Any]] = {
+        "plan": lambda: {"reason": plan.reason, "actions": actions},
+        "actions": lambda: actions,
+        "before": lambda: _picture(before, assets, tracks),
+        "after": lambda: _whole(rehearsal.after),
+        "timeline": lambda: timeline,
+        "tracks": lambda: list(tracks.values()),
+        "assets": lambda: list(assets.values()),
+        "gates": lambda: _gates(before, timeline),
+        "mission": lambda: _mission(mission),
+        "world": lambda: world_variables(world),
+    }
+    return {name: made[name]() for name in wanted}
 
 
-def mission_variables(mission: Mission, world: World) -> dict[str, Any]:
+def mission_variables(mission: Mission, world: World) -> Values:
     """Return what is known at intake: the mission and the world."""
+    return {"mission": _mission(mission), "world": world_variables(world)}
+
+
+def world_variables(world: World) -> Values:
+    """Return the world by names and limits."""
     return {
-        "mission": {
-            "id": mission.id,
-            "text": mission.text,
-            "words": plain_words(mission.text),
-            "source": mission.source,
-        },
-        "world": {
-            "gates": list(world.gates),
-            "frames": {name: frame.kind for name, frame in world.frames.items()},
-            "zones": {name: zone.kind for name, zone in world.zones.items()},
-            "assets": {name: asset.kind for name, asset in world.assets.items()},
-            "base": world.base,
-            "standoff_m": world.standoff_m,
-            "coverage_grace_s": world.coverage_grace_s,
-            "low_battery_pct": world.low_battery_pct,
-            "commands": {verb: sorted(spec.kinds) for verb, spec in COMMANDS.items()},
-        },
+        "gates": list(world.gates),
+        "frames": {name: frame.kind for name, frame in world.frames.items()},
+        "zones": {name: zone.kind for name, zone in world.zones.items()},
+        "assets": {name: asset.kind for name, asset in world.assets.items()},
+        "base": world.base,
+        "standoff_m": world.standoff_m,
+        "coverage_grace_s": world.coverage_grace_s,
+        "low_battery_pct": world.low_battery_pct,
+        "commands": {verb: sorted(spec.kinds) for verb, spec in COMMANDS.items()},
     }
 
 
@@ -106,14 +122,49 @@ def plain_words(text: str) -> str:
     return " ".join(visible.translate(_QUOTES).lower().split())
 
 
-def _picture(picture: Picture) -> Values:
-    values = picture.model_dump(exclude=_ASSET_FIELDS_LEFT_OUT)
-    for asset in values["assets"].values():
-        asset["at"], asset["post"] = asset["at"] or "", asset["post"] or ""
+def _mission(mission: Mission) -> Values:
+    return {
+        "id": mission.id,
+        "text": mission.text,
+        "words": plain_words(mission.text),
+        "source": mission.source,
+    }
+
+
+def _asset(asset: AssetTelemetry, destination: str) -> Values:
+    values: Values = {name: getattr(asset, name) for name in _ASSET_FIELDS}
+    values["at"], values["post"] = asset.at or "", asset.post or ""
+    values["goes_to"] = destination or asset.post or ""
     return values
 
 
-def _action(action: Action, before: Values, timeline: Values, world: World) -> Values:
+def _track(track: Track, now_s: float) -> Values:
+    return track.model_dump(exclude={"heading_deg"}) | {"age_s": now_s - track.stamp_s}
+
+
+def _whole(picture: Picture) -> Values:
+    """Return a picture after which nothing is ordered any more."""
+    tracks = {name: _track(track, picture.time_s) for name, track in picture.tracks.items()}
+    return _picture(picture, {n: _asset(asset, "") for n, asset in picture.assets.items()}, tracks)
+
+
+def _picture(picture: Picture, assets: Values, tracks: Values) -> Values:
+    gates = {name: cover.model_dump() for name, cover in picture.gates.items()}
+    return {"time_s": picture.time_s, "assets": assets, "tracks": tracks, "gates": gates}
+
+
+def _gates(before: Picture, timeline: Values) -> list[Values]:
+    """Return every gate of the timeline with who covered it when the plan was made."""
+    nobody: Values = {"by": (), "unsure": ()}
+    by = {name: {"by": cover.by, "unsure": cover.unsure} for name, cover in before.gates.items()}
+    return [
+        {"name": name, **by.get(name, nobody), **cover} for name, cover in timeline["gates"].items()
+    ]
+
+
+def _action(
+    action: Action, assets: Values, tracks: Values, timeline: Values, world: World
+) -> Values:
     spec = world.assets.get(action.agent)
     destination = goes_to(action, world)
     return {
@@ -123,9 +174,9 @@ def _action(action: Action, before: Values, timeline: Values, world: World) -> V
         "target": action.target or "",
         "goes_to": destination,
         "kind": spec.kind if spec is not None else "",
-        "asset": before["assets"].get(action.agent),
+        "asset": assets.get(action.agent),
         "outcome": timeline["assets"].get(action.agent),
-        "tracks": _met(destination, before["tracks"].values(), world),
+        "tracks": _met(destination, tracks.values(), world),
     }
 
 

@@ -1,5 +1,7 @@
 """Runs the examples of a rule: a small plan and a situation that must pass or fail its check.
 
+Those of its orderings, with `moments`, are described in `policy.example_moments`.
+
 `given` says how the situation differs from the example checkpoint (`policy.example_state`):
 
 assets    facts of assets before the plan, e.g. {Drone_T03: {status: failed}}
@@ -16,6 +18,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from pa_console.policy.checks import check_rule
+from pa_console.policy.example_moments import run_moments
 from pa_console.policy.example_state import WORLD, carried_out, course, overlay, situation
 from pa_console.policy.rulebook import compile_rule
 from pa_console.schema.finding import Finding
@@ -29,12 +32,14 @@ MISSION_TEXT = "Secure the checkpoint."
 
 
 def run_example(rule: Rule, example: RuleExample) -> Finding:
-    """Return what the check of `rule` finds for `example`.
+    """Return what the check of `rule`, or its orderings, find for `example`.
 
     An example that makes no sense, or a check that does not compile, is a finding of status error.
     """
     try:
         entry = compile_rule(rule)
+        if example.moments:
+            return run_moments(entry, example)
         plan = example_plan(example)
         rehearsal = example_rehearsal(example, plan)
     except ValidationError as error:

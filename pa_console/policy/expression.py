@@ -2,24 +2,22 @@
 
 import re
 from collections.abc import Mapping
-from typing import Any, Literal, get_args
+from typing import Any
 
 import cel
 
-Variable = Literal[
-    "plan",
-    "actions",
-    "before",
-    "after",
-    "timeline",
-    "tracks",
-    "assets",
-    "gates",
-    "mission",
-    "world",
-]
-VARIABLES: frozenset[Variable] = frozenset(get_args(Variable))
-"""What an expression may speak of; `policy.context` says what each holds."""
+PLAN_VARIABLES: frozenset[str] = frozenset(
+    ("plan", "actions", "before", "after", "timeline", "tracks", "assets", "gates", "mission",
+     "world")
+)  # fmt: skip
+"""What a guard or a check may speak of; `policy.context` says what each holds."""
+
+MOMENT_VARIABLES: frozenset[str] = frozenset(("now", "world"))
+SUBJECT_VARIABLES: frozenset[str] = MOMENT_VARIABLES | {"it", "id"}
+"""What an ordering may speak of, without and with `each`; `policy.subjects` says what they hold."""
+
+WORKFLOW_VARIABLES: frozenset[str] = frozenset(("now", "it", "id", "steady_s"))
+"""What a workflow may speak of; `policy.workflow` says what each holds."""
 
 STANDARD_FUNCTIONS: frozenset[str] = frozenset(
     ("contains", "double", "endsWith", "has", "int", "matches", "size", "startsWith", "string")
@@ -55,27 +53,26 @@ FUNCTIONS = {"brief": brief, "finds": finds, "without": without}
 
 
 class Expression:
-    """A compiled CEL expression; `variables` are the ones of `VARIABLES` that it reads."""
+    """A compiled CEL expression; `variables` are those of the allowed ones that it reads."""
 
-    def __init__(self, source: str) -> None:
+    def __init__(self, source: str, allowed: frozenset[str] = PLAN_VARIABLES) -> None:
         """Compile `source`; raises ValueError for broken syntax and for unknown names."""
         try:
             self._program = cel.compile(source)
         except ValueError as error:
             raise ValueError(f"not valid CEL: {_syntax_problem(error)}") from error
         references = self._program.references()
-        bound = set(_BOUND.findall(source))
-        named = set(references["variables"]) - bound
-        unknown = sorted(named - VARIABLES)
+        named = set(references["variables"])
+        unknown = sorted(named - set(_BOUND.findall(source)) - allowed)
         if unknown:
-            known = ", ".join(sorted(VARIABLES))
+            known = ", ".join(sorted(allowed))
             raise ValueError(f"unknown name {unknown[0]!r}; an expression may use {known}")
         functions = {name for name in references["functions"] if name.isidentifier()}
         missing = sorted(functions - STANDARD_FUNCTIONS - FUNCTIONS.keys())
         if missing:
             known = ", ".join(sorted(STANDARD_FUNCTIONS | FUNCTIONS.keys()))
             raise ValueError(f"unknown function {missing[0]!r}; known: {known}")
-        self.variables: frozenset[Variable] = VARIABLES & named
+        self.variables: frozenset[str] = allowed & named
 
     def evaluate(self, context: cel.Context) -> Any:
         """Return the value in `context`; raises whatever the expression runs into."""

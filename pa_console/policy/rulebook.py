@@ -1,29 +1,53 @@
-"""Loads a rule file and compiles its checks; a file that cannot be enforced is refused whole."""
+"""Loads a rule file and compiles its expressions; one that cannot be enforced is refused whole."""
 
 import hashlib
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from pa_console.policy.expression import Expression, Variable
-from pa_console.schema.document import Document
-from pa_console.schema.rule import Rule, RuleSet
+from pa_console.policy.expression import (
+    MOMENT_VARIABLES,
+    PLAN_VARIABLES,
+    SUBJECT_VARIABLES,
+    WORKFLOW_VARIABLES,
+    Expression,
+)
+from pa_console.schema.document import Document, FieldPath
+from pa_console.schema.rule import Ordering, Rule, RuleSet, Workflow
 
-MISSION_VARIABLES: frozenset[Variable] = frozenset(("mission", "world"))
+MISSION_VARIABLES = frozenset(("mission", "world"))
+LIMIT_VARIABLES = frozenset(("world",))
+
+
+@dataclass(frozen=True)
+class CompiledOrdering:
+    """An ordering ready to run; `seconds` is there when the world sets the time limit."""
+
+    order: Ordering
+    event: Expression
+    other: Expression
+    seconds: Expression | None
+
+    @property
+    def fixed(self) -> bool:
+        """Whether its expressions depend on the subject alone, not on the rest of the moment."""
+        return "now" not in self.event.variables | self.other.variables
 
 
 @dataclass(frozen=True)
 class CompiledRule:
-    """A rule with its guard and check ready to run; both are None where there is none."""
+    """A rule with its expressions ready to run; guard and check are None where there is none."""
 
     rule: Rule
     applies: Expression | None
     check: Expression | None
+    order: tuple[CompiledOrdering, ...] = ()
 
     @property
-    def variables(self) -> frozenset[Variable]:
+    def variables(self) -> frozenset[str]:
         """What guard and check read."""
         parts = (part.variables for part in (self.applies, self.check) if part is not None)
-        return frozenset[Variable]().union(*parts)
+        return frozenset[str]().union(*parts)
 
     @property
     def about_mission_only(self) -> bool:
@@ -31,27 +55,82 @@ class CompiledRule:
         return self.check is not None and self.variables <= MISSION_VARIABLES
 
 
-class ExpressionError(ValueError):
-    """A guard or check that does not compile; `field` says which of the two."""
+@dataclass(frozen=True)
+class CompiledPhase:
+    """The guard and the end of one phase."""
 
-    def __init__(self, field: str, problem: str) -> None:
-        super().__init__(f"{field}: {problem}")
+    when: Expression
+    done: Expression
+
+
+@dataclass(frozen=True)
+class CompiledWorkflow:
+    """A workflow ready to run; `ends` and `phases` are in the file's order."""
+
+    workflow: Workflow
+    starts: Expression
+    ends: tuple[tuple[str, Expression], ...]
+    phases: tuple[CompiledPhase, ...]
+
+
+class ExpressionError(ValueError):
+    """An expression that does not compile; `field` is its place within the rule or workflow."""
+
+    def __init__(self, field: FieldPath, problem: str) -> None:
+        super().__init__(f"{'.'.join(map(str, field))}: {problem}")
         self.field, self.problem = field, problem
 
 
 def compile_rule(rule: Rule) -> CompiledRule:
     """Return `rule` ready to run; raises ExpressionError."""
-    return CompiledRule(rule, _compile("applies", rule.applies), _compile("check", rule.check))
+    return CompiledRule(
+        rule,
+        None if rule.applies is None else _compile(("applies",), rule.applies, PLAN_VARIABLES),
+        None if rule.check is None else _compile(("check",), rule.check, PLAN_VARIABLES),
+        tuple(_compile_ordering(number, order) for number, order in enumerate(rule.order)),
+    )
+
+
+def compile_workflow(workflow: Workflow) -> CompiledWorkflow:
+    """Return `workflow` ready to run; raises ExpressionError, for its phases' words too."""
+    for number, phase in enumerate(workflow.phases):
+        try:
+            phase.command.format(track="Track_01", gate="Gate")
+        except (AttributeError, LookupError, ValueError) as error:
+            problem = f"only {{track}} and {{gate}} can be put in: {error}"
+            raise ExpressionError(("phases", number, "command"), problem) from error
+    return CompiledWorkflow(
+        workflow,
+        _compile(("starts",), workflow.starts, WORKFLOW_VARIABLES),
+        tuple(
+            (outcome, _compile(("ends", outcome), source, WORKFLOW_VARIABLES))
+            for outcome, source in workflow.ends.items()
+        ),
+        tuple(
+            CompiledPhase(
+                _compile(("phases", number, "when"), phase.when, WORKFLOW_VARIABLES),
+                _compile(("phases", number, "done"), phase.done, WORKFLOW_VARIABLES),
+            )
+            for number, phase in enumerate(workflow.phases)
+        ),
+    )
 
 
 class Rulebook:
-    """Every rule in force; `sha256` is that of the file."""
+    """Every rule in force, and the workflows they prescribe; `sha256` is that of the file."""
 
-    def __init__(self, name: str, sha256: str, compiled: tuple[CompiledRule, ...]) -> None:
+    def __init__(
+        self,
+        name: str,
+        sha256: str,
+        compiled: tuple[CompiledRule, ...],
+        workflows: tuple[CompiledWorkflow, ...] = (),
+    ) -> None:
         self.name, self.sha256, self.compiled = name, sha256, compiled
+        self.workflows = workflows
         self.rules: tuple[Rule, ...] = tuple(entry.rule for entry in compiled)
         self._by_id = {rule.id: rule for rule in self.rules}
-        self.variables = frozenset[Variable]().union(*(entry.variables for entry in compiled))
+        self.variables = frozenset[str]().union(*(entry.variables for entry in compiled))
         """What any check reads; nothing else has to be converted for CEL."""
 
     def get(self, rule_id: str) -> Rule:
@@ -67,24 +146,47 @@ def load_rules(path: Path) -> Rulebook:
     """
     document = Document.read(path)
     rule_set = document.parse(RuleSet)
-    compiled: list[CompiledRule] = []
-    seen: set[str] = set()
-    for index, rule in enumerate(rule_set.rules):
-        if rule.id in seen:
-            raise document.error(("rules", index, "id"), f"{rule.id!r} appears twice")
-        seen.add(rule.id)
-        try:
-            compiled.append(compile_rule(rule))
-        except ExpressionError as error:
-            raise document.error(("rules", index, error.field), error.problem) from error
-    sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
-    return Rulebook(rule_set.name, sha256, tuple(compiled))
-
-
-def _compile(field: str, source: str | None) -> Expression | None:
-    if source is None:
-        return None
+    _refuse_repeated(document, "rules", (rule.id for rule in rule_set.rules))
+    _refuse_repeated(document, "workflows", (entry.id for entry in rule_set.workflows))
+    place: FieldPath = ()
+    rules: list[CompiledRule] = []
+    workflows: list[CompiledWorkflow] = []
     try:
-        return Expression(source)
+        for index, rule in enumerate(rule_set.rules):
+            place = ("rules", index)
+            rules.append(compile_rule(rule))
+        for index, workflow in enumerate(rule_set.workflows):
+            place = ("workflows", index)
+            workflows.append(compile_workflow(workflow))
+    except ExpressionError as error:
+        raise document.error((*place, *error.field), error.problem) from error
+    sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
+    return Rulebook(rule_set.name, sha256, tuple(rules), tuple(workflows))
+
+
+def _refuse_repeated(document: Document, part: str, ids: Iterable[str]) -> None:
+    seen: set[str] = set()
+    for index, name in enumerate(ids):
+        if name in seen:
+            raise document.error((part, index, "id"), f"{name!r} appears twice")
+        seen.add(name)
+
+
+def _compile_ordering(number: int, order: Ordering) -> CompiledOrdering:
+    place = ("order", number)
+    allowed = SUBJECT_VARIABLES if order.each is not None else MOMENT_VARIABLES
+    return CompiledOrdering(
+        order,
+        _compile((*place, "event"), order.event, allowed),
+        _compile((*place, "other"), order.other, allowed),
+        _compile((*place, "seconds"), order.seconds, LIMIT_VARIABLES)
+        if isinstance(order.seconds, str)
+        else None,
+    )
+
+
+def _compile(field: FieldPath, source: str, allowed: frozenset[str]) -> Expression:
+    try:
+        return Expression(source, allowed)
     except ValueError as error:
         raise ExpressionError(field, str(error)) from error

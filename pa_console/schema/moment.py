@@ -26,6 +26,7 @@ class TrackMoment(StrictModel):
         default=False, description="a ground asset drives nearer to it within the standoff"
     )
     blocked: bool = Field(default=False, description="a UGV blocks its gate")
+    other_threat: bool = Field(default=False, description="another track at its gate is hostile")
 
 
 class OrderMoment(StrictModel):

@@ -113,7 +113,7 @@ class Phase(StrictModel):
     """One step of a workflow: planned, checked, judged and approved on its own.
 
     `when` and `done` are CEL over a moment, with `it` bound to the workflow's track. A phase
-    whose `when` does not hold as its turn comes is skipped; one whose `done` holds is over.
+    whose `done` holds is over; another one whose `when` does not hold is skipped.
     """
 
     name: str

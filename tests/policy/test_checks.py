@@ -8,9 +8,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pa_console.policy.checks import MAX_OFFENDERS, check_mission, check_plan
+from pa_console.policy.checks import check_mission, check_plan
 from pa_console.policy.example_state import WORLD
 from pa_console.policy.examples import example_plan, example_rehearsal, run_example
+from pa_console.policy.findings import MAX_OFFENDERS
 from pa_console.policy.rulebook import load_rules
 from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission
@@ -51,7 +52,7 @@ def assert_decided(plan: Plan, rehearsal: Rehearsal, mission: Mission) -> None:
     for rule, finding in zip(book.rules, findings, strict=True):
         assert finding.status != "error", finding
         assert finding.priority == rule.priority
-        assert (finding.status == "judged_only") == (rule.check is None)
+        assert (finding.status == "judged_only") == (not rule.decidable)
         assert bool(finding.message) == (finding.status == "violates")
 
 
