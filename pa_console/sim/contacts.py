@@ -23,6 +23,30 @@ _ASIDE_DEG = (30, -30, 60, -60, 85, -85)
 Points = npt.NDArray[np.float64]
 
 
+class _Ground:
+    """Where the ground assets are at this step; collected only once a contact moves."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._assets = scene.assets.values()
+        self._at: Points | None = None
+
+    def nears(self, here: Point, there: Point, keeps_m: float) -> bool:
+        """Return whether going from `here` to `there` comes nearer than `keeps_m` to an asset.
+
+        Going away from one already too near is free.
+        """
+        if self._at is None:
+            at = [(asset.x, asset.y) for asset in self._assets if asset.kind != "uav"]
+            self._at = np.array(at).reshape(-1, 2)
+        after = np.hypot(self._at[:, 0] - there[0], self._at[:, 1] - there[1])
+        close = after < keeps_m
+        if not close.any():
+            return False
+        at = self._at[close]
+        before = np.hypot(at[:, 0] - here[0], at[:, 1] - here[1])
+        return bool((after[close] < before).any())
+
+
 def spawn(terrain: Terrain, scene: Scene, incident: SpawnTrack) -> ContactState:
     """Put a new contact on a lane of its gate, behind whatever is already there.
 
@@ -100,7 +124,7 @@ def remove(scene: Scene, contact_id: str) -> None:
 
 def advance(terrain: Terrain, scene: Scene, dt_s: float) -> None:
     """Move every contact by one step; one that has left by the far end of its lane is gone."""
-    ground = np.array([a.position for a in scene.assets.values() if a.kind != "uav"])
+    ground = _Ground(scene)
     for contact in list(scene.contacts.values()):
         told = contact.warned_tick is not None
         if told and contact.when_warned == "stop":
@@ -174,7 +198,7 @@ def _way_out(terrain: Terrain, contact: ContactState) -> tuple[Point, ...]:
 
 
 def _approach(
-    terrain: Terrain, scene: Scene, contact: ContactState, ground: Points, dt_s: float
+    terrain: Terrain, scene: Scene, contact: ContactState, ground: _Ground, dt_s: float
 ) -> None:
     """Drive on until the waiting point, the contact in front, or a ground asset in the way.
 
@@ -192,7 +216,7 @@ def _approach(
     there, heading = line.locate(contact.travelled + step)
     warned = contact.warned_tick is not None
     keeps = BUMPER_M if warned else terrain.world.standoff_m + 0.2
-    if step > 0.0 and not _nears(ground, contact.position, there, keeps):
+    if step > 0.0 and not ground.nears(contact.position, there, keeps):
         contact.travelled += step
         (contact.x, contact.y), contact.heading = there, heading
     else:
@@ -205,7 +229,7 @@ def _approach(
 
 
 def _drive(
-    terrain: Terrain, scene: Scene, contact: ContactState, ground: Points, dt_s: float
+    terrain: Terrain, scene: Scene, contact: ContactState, ground: _Ground, dt_s: float
 ) -> None:
     """Go on through the gate and inside it; a blocked gate holds it, other assets it passes."""
     gate_ahead = terrain.world.frames[contact.gate].at in contact.route
@@ -214,7 +238,7 @@ def _drive(
     else:
         was = (contact.x, contact.y, contact.heading, contact.route)
         _follow(contact, contact.cruise_mps * dt_s, dt_s)
-        if _nears(ground, (was[0], was[1]), contact.position, BUMPER_M):
+        if ground.nears((was[0], was[1]), contact.position, BUMPER_M):
             contact.x, contact.y, contact.heading, contact.route = was
             _pass_by(terrain, contact, ground, dt_s)
     if _inside(terrain, contact):
@@ -223,7 +247,7 @@ def _drive(
         contact.status = "approaching" if contact.speed > _STOPPED_MPS else "stopped"
 
 
-def _pass_by(terrain: Terrain, contact: ContactState, ground: Points, dt_s: float) -> None:
+def _pass_by(terrain: Terrain, contact: ContactState, ground: _Ground, dt_s: float) -> None:
     """Step aside of a ground asset; stand if there is no way past it.
 
     A waypoint that something stands at counts as reached, the last one too.
@@ -238,7 +262,7 @@ def _pass_by(terrain: Terrain, contact: ContactState, ground: Points, dt_s: floa
         way = ahead + math.radians(turn_deg)
         there = (here[0] + step * math.cos(way), here[1] + step * math.sin(way))
         clear = terrain.sight.clear(np.array([here]), np.array([there]))[0]
-        if clear and not _nears(ground, here, there, BUMPER_M):
+        if clear and not ground.nears(here, there, BUMPER_M):
             contact.x, contact.y = there
             contact.heading, contact.speed = way, contact.cruise_mps
             return
@@ -268,15 +292,3 @@ def gate_blocked(terrain: Terrain, scene: Scene, gate: str) -> bool:
         asset.task == "blocking" and not asset.down and terrain.frame_at(asset.x, asset.y) == gate
         for asset in scene.assets.values()
     )
-
-
-def _nears(ground: Points, here: Point, there: Point, keeps_m: float) -> bool:
-    """Return whether going from `here` to `there` comes nearer than `keeps_m` to one of `ground`.
-
-    Going away from something already too near is free.
-    """
-    if not len(ground):
-        return False
-    after = np.hypot(ground[:, 0] - there[0], ground[:, 1] - there[1])
-    before = np.hypot(ground[:, 0] - here[0], ground[:, 1] - here[1])
-    return bool((after < np.minimum(keeps_m, before)).any())

@@ -18,11 +18,10 @@ def restore(terrain: Terrain, scene: Scene, picture: Picture) -> None:
     """Put into a forecast's `scene` what `picture` tells of tracks, cameras and weather.
 
     A contact stands or moves as last seen; unknown identity will be found unauthorized; one that
-    is warned stops, one that has been seen to go on after its warning goes on. Sensors neither
-    miss nor err.
+    is warned stops, one that has been seen to go on after its warning goes on.
     """
     state = scene.sensing
-    state.ideal, state.weather = True, picture.weather
+    state.weather = picture.weather
     state.broken = frozenset(n for n, camera in picture.cameras.items() if not camera.works)
     for track in picture.tracks.values():
         state.contacts[track.id] = _contact(terrain, track)

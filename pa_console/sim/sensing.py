@@ -26,7 +26,7 @@ def tracks_known(terrain: Terrain, scene: Scene) -> dict[str, Track]:
     """Return the tracks of the picture, as the detections that arrived tell of them."""
     if not scene.sensing.files:
         return {}
-    tracker.expire(terrain, scene)
+    tracker.review(terrain, scene)
     return {file.id: known_track(terrain, scene, file) for file in scene.sensing.files.values()}
 
 

@@ -104,6 +104,7 @@ class TrackFile:
     variance: float
     tick: int
     first_tick: int
+    reviewed_tick: int = -1
     vx: float = 0.0
     vy: float = 0.0
     covariance: float = 0.0
@@ -140,7 +141,7 @@ class SensingState:
 
     `named` maps a scenario's handles to contacts, gone ones included; detections of `cleared`
     contacts that are still on their way are ignored. `watched` counts the scans in which a sensor
-    had a contact at close range. `ideal` sensors neither miss nor err: those of a forecast.
+    had a contact at close range.
     """
 
     contacts: dict[str, ContactState] = field(default_factory=dict[str, ContactState])
@@ -154,7 +155,6 @@ class SensingState:
     findings: dict[tuple[str, str], Finding] = field(default_factory=dict[tuple[str, str], Finding])
     files: dict[str, TrackFile] = field(default_factory=dict[str, TrackFile])
     numbered: int = 0
-    ideal: bool = False
 
     def copy(self) -> "SensingState":
         """Return an independent copy; immutable values are shared."""
@@ -170,5 +170,4 @@ class SensingState:
             findings=dict(self.findings),
             files={name: copy.copy(file) for name, file in self.files.items()},
             numbered=self.numbered,
-            ideal=self.ideal,
         )

@@ -44,16 +44,13 @@ class _Hit:
 
 @dataclass(slots=True)
 class _Eyes:
-    """Every working sensor: who, what, and arrays (n,) of where, how far and which way."""
+    """Every working sensor: who, what, and an array (n, 5) of x, y, range, heading, half view."""
 
     names: list[str]
     specs: list[Sensing]
     near_gate: list[str | None]
-    at: Floats
-    reach: Floats
-    heading: Floats
-    half_view: Floats
-    walled: npt.NDArray[np.bool_]
+    walled: list[bool]
+    rows: Floats
 
 
 def scan(terrain: Terrain, scene: Scene) -> Found:
@@ -93,30 +90,27 @@ def _hits(terrain: Terrain, scene: Scene) -> list[_Hit]:
     eyes = _eyes(terrain, scene, range_part)
     if not eyes.names:
         return []
-    dx = targets[None, :, 0] - eyes.at[:, None, 0]
-    dy = targets[None, :, 1] - eyes.at[:, None, 1]
-    gaps = np.hypot(dx, dy)
-    off = np.abs((np.arctan2(dy, dx) - eyes.heading[:, None] + np.pi) % (2 * np.pi) - np.pi)
-    view = off <= eyes.half_view[:, None] + 1e-9
-    close_by = (
-        np.array([[gate == contact.gate for contact in contacts] for gate in eyes.near_gate])
-        if any(eyes.near_gate)
-        else np.zeros(gaps.shape, dtype=np.bool_)
-    )
-    within = (gaps <= eyes.reach[:, None]) & (view | close_by)
-    sensor_at, contact_at = np.nonzero(within)
-    needs = eyes.walled[sensor_at] & ~close_by[sensor_at, contact_at]
-    clear = np.ones(len(sensor_at), dtype=np.bool_)
-    clear[needs] = terrain.sight.clear(eyes.at[sensor_at[needs]], targets[contact_at[needs]])
+    dx = targets[None, :, 0] - eyes.rows[:, None, 0]
+    dy = targets[None, :, 1] - eyes.rows[:, None, 1]
+    reached = np.nonzero(dx * dx + dy * dy <= eyes.rows[:, None, 2] ** 2)
+    rows = eyes.rows[reached[0]]
+    bearing = np.arctan2(dy[reached], dx[reached])
+    off = np.abs((bearing - rows[:, 3] + np.pi) % (2 * np.pi) - np.pi)
+    viewed = (off <= rows[:, 4] + 1e-9).tolist()
+    gaps = np.hypot(dx[reached], dy[reached]).tolist()
+    pairs = list(zip(reached[0].tolist(), reached[1].tolist(), strict=True))
+    close_by = [eyes.near_gate[s] == contacts[c].gate for s, c in pairs]
+    needs = [index for index, (s, _) in enumerate(pairs) if eyes.walled[s] and not close_by[index]]
+    clear = np.ones(len(pairs), dtype=np.bool_)
+    clear[needs] = terrain.sight.clear(rows[needs, :2], targets[reached[1][needs]])
     hits: list[_Hit] = []
-    for s, c, sees in zip(sensor_at.tolist(), contact_at.tolist(), clear.tolist(), strict=True):
-        if not sees:
+    for index, (s, c) in enumerate(pairs):
+        if not (close_by[index] or (viewed[index] and clear[index])):
             continue
-        gap, spec = float(gaps[s, c]), eyes.specs[s]
-        chance = detection_chance(spec, gap, float(eyes.reach[s])) * chance_part
-        certain = scene.sensing.ideal or bool(close_by[s, c])
-        if certain or scene.rng.random() < chance:
-            hits.append(_Hit(eyes.names[s], spec, contacts[c], gap))
+        spec, reach = eyes.specs[s], float(eyes.rows[s, 2])
+        chance = detection_chance(spec, gaps[index], reach) * chance_part
+        if scene.ideal or close_by[index] or scene.rng.random() < chance:
+            hits.append(_Hit(eyes.names[s], spec, contacts[c], gaps[index]))
     return hits
 
 
@@ -128,24 +122,33 @@ def detection_chance(spec: Sensing, gap_m: float, reach_m: float) -> float:
 def _eyes(terrain: Terrain, scene: Scene, range_part: float) -> _Eyes:
     """Collect the sensors that work, cameras first; those at close quarters have full range."""
     world, broken = terrain.world, scene.sensing.broken
-    cameras = [(name, camera) for name, camera in world.cameras.items() if name not in broken]
-    assets = [a for a in scene.assets.values() if not a.down and a.id not in broken]
-    near = [a.post if a.task in ("identifying", "warning") else None for a in assets]
-    specs: list[Sensing] = [camera for _, camera in cameras]
-    specs += [world.platforms[asset.kind] for asset in assets]
-    parts = [range_part] * len(cameras) + [1.0 if gate else range_part for gate in near]
-    heading = [math.radians(camera.heading_deg) for _, camera in cameras]
-    heading += [asset.heading for asset in assets]
-    return _Eyes(
-        names=[name for name, _ in cameras] + [asset.id for asset in assets],
-        specs=specs,
-        near_gate=[None] * len(cameras) + near,
-        at=np.array([camera.at for _, camera in cameras] + [a.position for a in assets]),
-        reach=np.array([s.sensor_range_m * part for s, part in zip(specs, parts, strict=True)]),
-        heading=np.array(heading),
-        half_view=np.radians([spec.field_of_view_deg / 2 for spec in specs]),
-        walled=np.array([True] * len(cameras) + [asset.kind != "uav" for asset in assets]),
-    )
+    eyes = _Eyes([], [], [], [], np.zeros((0, 5)))
+    rows: list[tuple[float, float, float, float, float]] = []
+    for name, camera in world.cameras.items():
+        if name not in broken:
+            eyes.names.append(name)
+            eyes.specs.append(camera)
+            eyes.near_gate.append(None)
+            eyes.walled.append(True)
+            half = math.radians(camera.field_of_view_deg / 2)
+            reach = camera.sensor_range_m * range_part
+            rows.append((*camera.at, reach, math.radians(camera.heading_deg), half))
+    kinds = {
+        kind: (spec, spec.sensor_range_m, math.radians(spec.field_of_view_deg / 2), kind != "uav")
+        for kind, spec in world.platforms.items()
+    }
+    for asset in scene.assets.values():
+        if asset.down or asset.id in broken:
+            continue
+        spec, reach, half, walled = kinds[asset.kind]
+        near = asset.post if asset.task in ("identifying", "warning") else None
+        eyes.names.append(asset.id)
+        eyes.specs.append(spec)
+        eyes.near_gate.append(near)
+        eyes.walled.append(walled)
+        rows.append((asset.x, asset.y, reach if near else reach * range_part, asset.heading, half))
+    eyes.rows = np.array(rows).reshape(-1, 5)
+    return eyes
 
 
 def _detection(terrain: Terrain, scene: Scene, hit: _Hit) -> Detection:
@@ -159,11 +162,11 @@ def _detection(terrain: Terrain, scene: Scene, hit: _Hit) -> Detection:
         state.watched[key] = state.watched.get(key, 0) + 1
         if state.watched[key] * world.telemetry_period_s >= WATCH_S:
             opinion = contact.intent
-    sigma = 0.0 if state.ideal else hit.spec.position_noise_m
+    sigma = 0.0 if scene.ideal else hit.spec.position_noise_m
     return Detection(
         contact=contact.id,
         kind=contact.kind,
-        position=_measured(scene, contact.position, sigma),
+        position=_measured(terrain, scene, hit.sensor, contact.position, sigma),
         sigma_m=sigma,
         identity=finding.identity,
         opinion=opinion,
@@ -184,8 +187,14 @@ def _recalled(contact: ContactState, finding: Finding) -> Detection:
     )
 
 
-def _measured(scene: Scene, point: Point, sigma_m: float) -> Point:
-    """Return `point` as measured with a normal error of `sigma_m` on each axis."""
+def _measured(terrain: Terrain, scene: Scene, sensor: str, point: Point, sigma_m: float) -> Point:
+    """Return `point` as measured with a normal error of `sigma_m` on each axis.
+
+    An asset measures from where it believes to be: its own drift goes into what it reports.
+    """
+    asset = scene.assets.get(sensor)
+    if asset is not None and asset.drift is not None:
+        point = asset.drift.applied(point, scene.tick, terrain.world.dt_s)
     if sigma_m == 0.0:
         return point
     return (point[0] + scene.rng.gauss(0.0, sigma_m), point[1] + scene.rng.gauss(0.0, sigma_m))
@@ -205,5 +214,5 @@ def _imagined(terrain: Terrain, scene: Scene, phantom: Phantom) -> Detection | N
     crept = (scene.tick - phantom.from_tick) * world.dt_s * _PHANTOM_MPS
     point, _ = line.locate(min(line.waiting_m, start + crept))
     sigma = spec.position_noise_m
-    at = _measured(scene, point, sigma)
+    at = _measured(terrain, scene, phantom.sensor, point, sigma)
     return Detection(contact=phantom.id, kind="vehicle", position=at, sigma_m=sigma)

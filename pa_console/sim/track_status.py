@@ -31,7 +31,7 @@ def conclude(terrain: Terrain, file: TrackFile) -> None:
         file.status = says
     if is_moving(file):
         file.heading = math.atan2(file.vy, file.vx)
-    if depth < 0.0 and file.status != "inside":
+    if depth < 0.0 and file.status not in {"inside", "stopped"}:
         file.gate = terrain.sight.gate_of(file.position)
     _watch_defiance(terrain, file)
 

@@ -35,14 +35,19 @@ def receive(
             measure(file, detection.position, detection.sigma_m, stamp, terrain.world.dt_s)
         if file is not None:
             _learn(terrain, file, sensor, stamp, detection)
-            conclude(terrain, file)
 
 
-def expire(terrain: Terrain, scene: Scene) -> None:
-    """Drop every track that has not been detected for DROP_S seconds."""
+def review(terrain: Terrain, scene: Scene) -> None:
+    """Conclude what each track detected since the last review is doing.
+
+    A track that has not been detected for DROP_S seconds is dropped.
+    """
     for contact, file in list(scene.sensing.files.items()):
         if terrain.seconds(scene.tick - file.tick) >= DROP_S:
             del scene.sensing.files[contact]
+        elif file.tick > file.reviewed_tick:
+            file.reviewed_tick = file.tick
+            conclude(terrain, file)
 
 
 def intent_of(file: TrackFile) -> Intent:

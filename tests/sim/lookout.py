@@ -76,9 +76,7 @@ def scene_at(*assets: tuple[str, AssetKind, Point], seed: int = 0) -> Scene:
 
 def stand(terrain: Terrain, scene: Scene, at: Point, **truth: Any) -> ContactState:
     """Put a contact at a point, the lane's nearest one as soon as the scene is advanced."""
-    away = math.dist(at, terrain.world.frames["Gate"].at)
-    contact = contacts.spawn(
-        terrain, scene, SpawnTrack(gate="Gate", **{"distance_m": away, **truth})
-    )
+    truth.setdefault("distance_m", math.dist(at, terrain.world.frames["Gate"].at))
+    contact = contacts.spawn(terrain, scene, SpawnTrack(gate="Gate", **truth))
     contact.x, contact.y = at
     return contact

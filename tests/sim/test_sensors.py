@@ -30,7 +30,7 @@ def seen_at(terrain: Terrain, scene: Scene, at: Point, **truth: Any) -> set[str]
 def test_a_sensor_reaches_as_far_as_its_range(kind: AssetKind, gap_m: float, seen: bool) -> None:
     terrain = Terrain(lookout())
     scene = scene_at(("Eye", kind, HERE))
-    scene.sensing.ideal = True
+    scene.ideal = True
     assert bool(seen_at(terrain, scene, (0.0, HERE[1] + gap_m))) is seen
 
 

@@ -56,6 +56,7 @@ def watch(terrain: Terrain, scene: Scene, seconds: float) -> None:
         if scene.tick % period == 0:
             for sensor, detections in sensing.scan(terrain, scene).items():
                 sensing.receive(terrain, scene, sensor, scene.tick, detections)
+            sensing.tracks_known(terrain, scene)
 
 
 def deal(terrain: Terrain, scene: Scene, verb: str) -> str:
@@ -139,7 +140,8 @@ def test_more_sensors_make_the_estimate_better(terrain: Terrain, scene: Scene) -
 
 
 def test_a_late_detection_does_not_pull_a_track_back(terrain: Terrain, scene: Scene) -> None:
-    for scene.tick in range(0, 60, 5):
+    track = tell(terrain, scene, "Cam", (0.0, 100.0))
+    for scene.tick in range(5, 60, 5):
         track = tell(terrain, scene, "Cam", (0.0, 100.0 - scene.tick * 0.5))
     late = Detection(contact="X", kind="vehicle", position=(0.0, 82.5), sigma_m=0.5)
     sensing.receive(terrain, scene, "Eagle", 35, (late,))
