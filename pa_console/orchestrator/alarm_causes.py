@@ -58,7 +58,12 @@ def causes(picture: Picture, world: World, guards: Mapping[str, tuple[str, ...]]
 
 
 def silence(picture: Picture, asset: AssetTelemetry) -> str:
-    """Return in words why nothing certain is known of an asset, empty when something is."""
+    """Return in words why nothing certain is known of an asset, empty when something is.
+
+    That an asset has failed is certain.
+    """
+    if asset.status == "failed":
+        return ""
     if asset.integrity == "suspect":
         return f"{asset.id} sends suspect telemetry"
     if asset.comms == "lost" or asset.stale:

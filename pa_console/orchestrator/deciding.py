@@ -21,6 +21,7 @@ class Deciding:
         self._planning, self._mission = planning, mission
         self._decide, self._watch = decide, stopwatch
         self.approved: Candidate | None = None
+        self.decision: Decision | None = None
         self.status: MissionStatus = "held"
         self.reason = ""
         """With no plan approved: what the mission comes to, and why."""
@@ -46,7 +47,7 @@ class Deciding:
                 candidate.judge_error,
             )
             yield request
-            decision: Decision | None = None
+            decision = self.decision = None
             while decision is None:
                 with self._watch.time("decision_s"):
                     answer = await self._decide()
@@ -57,7 +58,7 @@ class Deciding:
                     accepted=not problem,
                     detail=problem,
                 )
-                decision = None if problem else answer
+                decision = self.decision = None if problem else answer
             if decision.kind == "approve":
                 self.approved = candidate
                 return

@@ -130,7 +130,9 @@ class Desk:
             self._emit(payload, run.mission.id)
 
     def _new_run(self, mission: Mission) -> MissionRun:
-        return MissionRun(self._services, mission, self._feed, self._decided)
+        return MissionRun(
+            self._services, mission, self._feed, self._decided, lambda: self._intake.open_alarms
+        )
 
     async def _decided(self) -> Decision:
         """Wait for `decide`."""

@@ -1,40 +1,74 @@
 """Step 3: the picture digested into what an operator would ask of it (paper, Step 4)."""
 
-from pa_console.schema.telemetry import AssetTelemetry, Digest, Picture, Track
+from collections.abc import Iterator
+
+from pa_console.orchestrator.alarm_causes import silence
+from pa_console.schema.telemetry import AssetTelemetry, Digest, Picture, Selection, Track
 from pa_console.schema.world import AssetKind, World
 
 KINDS: tuple[AssetKind, ...] = ("uav", "ugv", "robot")
 
 
-def digest_picture(picture: Picture, world: World) -> Digest:
+def digest_picture(picture: Picture, world: World, selection: Selection | None = None) -> Digest:
     """Return cover per gate, free assets best first, sole covers, assets down or low, and tracks.
 
     An asset is free when it is available, not low on battery, not on a task for a track, and no
-    gate depends on it alone; the fullest battery comes first.
+    gate depends on it alone; the fullest battery comes first, or what `selection` puts first. Of
+    the rest of the picture, `selection` leaves out what it does not name.
     """
+    gates = tuple(g for g in world.gates if selection is None or g in selection.gates)
     sole = {gate: cover.by[0] for gate, cover in picture.gates.items() if len(cover.by) == 1}
-    up = [asset for asset in picture.assets.values() if asset.available]
-    free = [asset for asset in up if _is_free(asset, set(sole.values()))]
-    free.sort(key=lambda asset: (-asset.battery_pct, asset.id))
+    team = [
+        asset
+        for asset in picture.assets.values()
+        if selection is None or asset.id in selection.assets
+    ]
+    up = [asset for asset in team if asset.available]
+    free = [asset for asset in up if is_free(asset, set(sole.values()))]
+    if selection is None:
+        free.sort(key=lambda asset: (-asset.battery_pct, asset.id))
+    else:
+        place = {name: index for index, name in enumerate(selection.assets)}
+        free.sort(key=lambda asset: place[asset.id])
+    tracks = [
+        track
+        for track in sorted(picture.tracks.values(), key=lambda t: (t.distance_m, t.id))
+        if selection is None or track.id in selection.tracks
+    ]
     return Digest(
-        covered={gate: len(picture.gates[gate].by) for gate in world.gates},
-        uncovered=tuple(gate for gate in world.gates if not picture.gates[gate].covered),
+        covered={gate: len(picture.gates[gate].by) for gate in gates},
+        uncovered=tuple(gate for gate in gates if not picture.gates[gate].covered),
         free={kind: tuple(a.id for a in free if a.kind == kind) for kind in KINDS},
-        sole_cover=sole,
+        sole_cover={gate: name for gate, name in sole.items() if gate in gates},
         posts={asset.id: _post(asset) for asset in up},
-        down=tuple(a.id for a in picture.assets.values() if not a.available),
+        down=tuple(a.id for a in team if not a.available and not silence(picture, a)),
+        unknown=tuple(_unknown(picture, gates, team)),
         low_battery=tuple(a.id for a in up if a.low_battery),
         degraded_comms=tuple(a.id for a in up if a.comms != "ok"),
-        tracks=tuple(
-            _track(track)
-            for track in sorted(picture.tracks.values(), key=lambda t: (t.distance_m, t.id))
-        ),
+        tracks=tuple(_track(picture, track) for track in tracks),
+        selection=selection,
     )
 
 
-def _is_free(asset: AssetTelemetry, sole_covers: set[str]) -> bool:
+def is_free(asset: AssetTelemetry, sole_covers: set[str]) -> bool:
+    """Whether an asset may be sent somewhere without uncovering a gate or leaving its task."""
     busy = asset.task in ("identifying", "warning", "blocking", "charging")
-    return not busy and not asset.low_battery and asset.id not in sole_covers
+    return asset.available and not busy and not asset.low_battery and asset.id not in sole_covers
+
+
+def _unknown(picture: Picture, gates: tuple[str, ...], team: list[AssetTelemetry]) -> Iterator[str]:
+    """Yield the gates of whose cover nothing certain is known, then the other such assets."""
+    told: set[str] = set()
+    for gate in gates:
+        cover = picture.gates[gate]
+        if cover.unknown:
+            told.update(cover.unsure)
+            unsure = [picture.assets[name] for name in cover.unsure if name in picture.assets]
+            why = [why for asset in unsure if (why := silence(picture, asset))]
+            yield ", ".join([f"{gate}: cover unknown", *why])
+    for asset in team:
+        if asset.id not in told and (why := silence(picture, asset)):
+            yield why
 
 
 def _post(asset: AssetTelemetry) -> str:
@@ -43,11 +77,21 @@ def _post(asset: AssetTelemetry) -> str:
     return f"{asset.kind} heading to {asset.post}" if asset.post else f"{asset.kind} en route"
 
 
-def _track(track: Track) -> str:
+def _track(picture: Picture, track: Track) -> str:
     where = "approaches" if track.status == "approaching" else f"{track.status} at"
     facts = [f"{track.kind} {where} {track.gate}", f"{track.distance_m:.0f} m"]
     known = track.identity != "unknown"
-    facts.append(f"{track.identity}, intent {track.intent}" if known else "not identified")
+    if known or track.intent == "hostile":
+        identity = track.identity if known else "not identified"
+        facts.append(f"{identity}, intent {track.intent}")
+    else:
+        facts.append("not identified")
     facts.append("observed" if track.observed else "not observed")
     facts.append("warned" if track.warned else "not warned")
+    if track.defiant:
+        facts.append("went on in spite of it")
+    if track.noncombatants:
+        facts.append("noncombatants suspected")
+    if track.stale:
+        facts.append(f"last seen {picture.time_s - track.stamp_s:.0f} s ago")
     return f"{track.id}: {', '.join(facts)}"

@@ -44,7 +44,7 @@ def standing_approver(mode: ApprovalMode, override_reason: str = "") -> Approver
     return decide
 
 
-async def run_missions(
+async def run_missions(  # noqa: PLR0917
     station: Station,
     texts: Sequence[str],
     approver: Approver,

@@ -4,7 +4,7 @@ A mission may take several plans: one for each phase of a workflow, and another 
 premise of the running plan breaks. Each is planned, checked, judged and approved on its own.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from time import perf_counter
 
 from pa_console.orchestrator.course import Course
@@ -18,6 +18,7 @@ from pa_console.policy.checks import check_mission
 from pa_console.policy.moments import moment
 from pa_console.policy.monitor import Monitor
 from pa_console.schema import event as ev
+from pa_console.schema.alarm import Alarm
 from pa_console.schema.mission import Mission, MissionStatus, Verification
 from pa_console.schema.moment import Moment
 from pa_console.schema.telemetry import Picture
@@ -39,11 +40,16 @@ class MissionRun:
     """
 
     def __init__(
-        self, services: Services, mission: Mission, feed: StepFeed, decide: Decide
+        self,
+        services: Services,
+        mission: Mission,
+        feed: StepFeed,
+        decide: Decide,
+        open_alarms: Callable[[], Sequence[Alarm]],
     ) -> None:
         """`decide` is awaited for the operator's answer once approval was requested."""
         self.mission = mission
-        self._services, self._feed = services, feed
+        self._services, self._feed, self._open_alarms = services, feed, open_alarms
         self._watch = Stopwatch()
         self._monitor = Monitor(services.rulebook, services.sim.world)
         self._planning = Planning(services, mission, self._watch, self._monitor)
@@ -54,7 +60,8 @@ class MissionRun:
         """Whether the mission waits for the world, not the world for the mission."""
         self._status: MissionStatus = "held"
         self._reason = ""
-        self._facts = ReportFacts(mission)
+        alarm = next((a for a in open_alarms() if a.id == mission.alarm), None)
+        self._facts = ReportFacts(mission, alarm)
         self._verifications: list[Verification] = []
 
     @property
@@ -83,7 +90,8 @@ class MissionRun:
     ) -> tuple[ev.MissionReported, ev.MissionFinished]:
         """Return the report and the end of the mission."""
         facts = self._facts
-        text = after_action_report(facts, status, reason, self._services.sim.picture())
+        picture = self._services.sim.picture()
+        text = after_action_report(facts, status, reason, picture, self._open_alarms())
         metrics = self._watch.metrics(
             self._planning.attempts, plans=len(facts.plans), halts=len(facts.halts)
         )
@@ -92,6 +100,7 @@ class MissionRun:
 
     def see(self, picture: Picture) -> Iterator[ev.WorkflowMoved]:
         """Take in new telemetry: orderings are monitored, workflows move on."""
+        self._facts.see(picture)
         now = moment(
             picture,
             self._services.sim.world,
@@ -113,6 +122,7 @@ class MissionRun:
             phase = self._course.phase
             async for payload in self._planning.retrieve(task):
                 yield payload
+            self._facts.rules = self._planning.rule_ids
             async for payload in self._until_approved(reasons):
                 yield payload
             approved = self._deciding.approved
@@ -121,6 +131,8 @@ class MissionRun:
                 if phase:
                     self._reason = f"phase {phase}: {self._reason}"
                 return
+            if self._deciding.decision is not None:
+                self._facts.decided(self._deciding.decision)
             async for payload in self._carry_out(approved, task):
                 yield payload
             reasons = self.execution.halted
@@ -144,8 +156,10 @@ class MissionRun:
         reasons = [verification.reason for verification in self._verifications]
         if self._course.entered:
             reasons = [self._course.summary, *reasons[-1:]]
+        open_rules = [f"{f.rule_id}: {f.message}" for f in self._monitor.finish() if f.blocking]
+        reasons += open_rules
         passed = all(outcome == "pass" for outcome in outcomes) and self._course.over
-        self._status = "verified" if passed else "unverified"
+        self._status = "verified" if passed and not open_rules else "unverified"
         self._reason = "; ".join(reasons)
 
     async def _until_approved(self, reasons: Sequence[str]) -> Payloads:

@@ -9,8 +9,8 @@ from pa_console.llm.judge import Judgement
 from pa_console.llm.planner import Proposal
 from pa_console.llm.prompts import judge_prompt, planner_prompt
 from pa_console.orchestrator.digest import digest_picture
-from pa_console.orchestrator.selection import select
 from pa_console.orchestrator.safeguards import Examination, examine
+from pa_console.orchestrator.selection import select
 from pa_console.orchestrator.services import Payloads, Services, Stopwatch
 from pa_console.policy.monitor import Monitor
 from pa_console.schema import event as ev
@@ -49,6 +49,11 @@ class Planning:
         self.best: Candidate | None = None
         self.error = ""
         """Why there is no `best`."""
+
+    @property
+    def rule_ids(self) -> tuple[str, ...]:
+        """Ids of the rules that were retrieved for the task."""
+        return tuple(hit.rule_id for hit in self._hits)
 
     @property
     def selection(self) -> Selection | None:
@@ -193,9 +198,7 @@ class Planning:
 
     async def _safeguards(self, plan: Plan) -> Examination:
         services = self._services
-        found = await examine(
-            plan, self.task, services.sim, services.rulebook, self._monitor
-        )
+        found = await examine(plan, self.task, services.sim, services.rulebook, self._monitor)
         self._watch.add("checks_s", found.checks_s)
         self._watch.add("rehearsal_s", found.rehearsal_s)
         return found

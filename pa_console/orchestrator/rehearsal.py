@@ -56,7 +56,8 @@ def order_moments(plan: Plan, world: World, done: Collection[str]) -> tuple[Orde
 async def rehearse(sim: Checkpoint, plan: Plan) -> Rehearsal:
     """Run `plan` in a forecast of `sim` until every command has ended, at most HORIZON_S seconds.
 
-    The forecast knows what the picture shows and nothing of the truth. The event loop gets its turn every STEPS_PER_SLICE steps, so a screen stays alive meanwhile.
+    The forecast knows what the picture shows and nothing of the truth. The event loop gets its
+    turn every STEPS_PER_SLICE steps, so a screen stays alive meanwhile.
     """
     before = sim.picture()
     fork = sim.forecast()

@@ -5,11 +5,12 @@ from collections.abc import Callable, Sequence
 import pytest
 
 from pa_console.orchestrator.clock import SteppedClock
-from pa_console.orchestrator.compose import Site, load_site, open_station
+from pa_console.orchestrator.compose import LoadedScenario, Site, load_site, open_station
 from pa_console.orchestrator.headless import Approver, run_missions, standing_approver
 from pa_console.orchestrator.station import Station
 from pa_console.schema.event import Event
 from pa_console.schema.incident import Incident
+from pa_console.schema.scenario import Scenario
 from pa_console.session.fold import MissionTrace, SessionState
 from tests.scripted import ScriptedEngine
 
@@ -24,9 +25,33 @@ class Rig:
         self.events: list[Event] = []
         self.state = SessionState()
 
-    def station(self, engine: ScriptedEngine) -> Station:
-        """Return a fresh station on the checkpoint."""
-        return open_station(self.site, engine.engine(), SteppedClock())
+    def station(
+        self, engine: ScriptedEngine, scenario: Scenario | None = None, respond: bool = False
+    ) -> Station:
+        """Return a fresh station on the checkpoint; with `respond`, alarms start missions."""
+        played = LoadedScenario(scenario, "0" * 64) if scenario is not None else None
+        return open_station(
+            self.site, engine.engine(), SteppedClock(), scenario=played, respond=respond
+        )
+
+    async def play(
+        self,
+        engine: ScriptedEngine,
+        scenario: Scenario,
+        approver: Approver | None = None,
+        on_event: Callable[[Event, Station], None] = lambda _event, _station: None,
+    ) -> SessionState:
+        """Play `scenario` to its end with alarms that start missions; return the state."""
+        station = self.station(engine, scenario, respond=True)
+
+        def sink(event: Event, state: SessionState) -> None:
+            self.events.append(event)
+            self.state = state
+            on_event(event, station)
+
+        decide = approver or standing_approver("auto")
+        await run_missions(station, [], decide, sink, duration_s=scenario.duration_s)
+        return self.state
 
     async def run(
         self,
