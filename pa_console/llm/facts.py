@@ -12,21 +12,36 @@ WORDS: dict[AssetKind, str] = {"uav": "drone", "ugv": "vehicle", "robot": "robot
 """What people call the kinds of assets, and what the models read of them."""
 
 
+FEW_FRAMES = 24
+"""A world with more frames than these tells in every prompt which of them matter."""
+MOST_PROBLEMS = 24
+
+
 def vocabulary(world: World) -> str:
-    """Return who may do what and the frames of `world`; it never changes."""
+    """Return who may do what and the frames of `world`, if they are few; it never changes."""
     lines = ["Commands"]
     for verb, spec in COMMANDS.items():
         kinds = sorted(WORDS[kind] for kind in spec.kinds)
         who = "all" if len(kinds) == len(WORDS) else ", ".join(kinds)
         lines.append(f"{verb}{' FRAME' if spec.takes_frame else ''}: {who}")
-    lines.append(f"Frames: {', '.join(world.frames)}")
+    if len(world.frames) <= FEW_FRAMES:
+        lines.append(f"Frames: {', '.join(world.frames)}")
     return "\n".join(lines)
+
+
+def frames(world: World, digest: Digest) -> list[str]:
+    """Return a line with the frames that matter now, where `vocabulary` does not list them."""
+    if len(world.frames) <= FEW_FRAMES:
+        return []
+    chosen = digest.selection.frames if digest.selection is not None else tuple(world.frames)
+    return [f"Frames: {', '.join(chosen)}"]
 
 
 def situation(digest: Digest) -> str:
     """Return the digested picture (paper, Step 4) but for the free assets."""
     guards = "; ".join(f"{name} at {gate}" for gate, name in digest.sole_cover.items()) or "none"
     lines = [
+        *_told("Unknown", digest.unknown),
         *_told("Down", digest.down),
         *_told("Degraded comms", digest.degraded_comms),
         *_told("Tracks", digest.tracks),
@@ -96,6 +111,8 @@ def rehearsal_facts(world: World, rehearsal: Rehearsal) -> str:
     for name, fact in timeline.tracks.items():
         if fact.least_distance_m is not None and fact.least_distance_m < world.standoff_m:
             problems.append(f"a ground asset comes within {fact.least_distance_m:.0f} m of {name}")
+    if len(problems) > MOST_PROBLEMS:
+        problems[MOST_PROBLEMS:] = [f"{len(problems) - MOST_PROBLEMS} more"]
     outcome = f"problem: {'; '.join(problems)}" if problems else NO_PROBLEM + "".join(restored)
     lines: list[str] = []
     for name, fact in timeline.tracks.items():
@@ -118,6 +135,7 @@ def verification_facts(verification: Verification) -> str:
         for action in verification.actions
     ]
     lines.append(f"Gates that lost their cover: {_list(verification.gates_lost)}")
+    lines += _told("Gates whose cover is unknown", verification.gates_unknown)
     return "\n".join(lines)
 
 

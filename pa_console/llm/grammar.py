@@ -5,7 +5,7 @@ kind and frames that exist. The text depends on nothing but its arguments, so it
 """
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 from pa_console.schema.plan import COMMANDS, MAX_ACTIONS
 from pa_console.schema.telemetry import Picture
@@ -22,16 +22,23 @@ _OPINION = '{{"id": "{}", "verdict": "'
 _END = '"}'
 
 
-def plan_grammar(world: World, picture: Picture) -> str:
+def plan_grammar(
+    world: World,
+    picture: Picture,
+    agents: Collection[str] | None = None,
+    frames: Collection[str] | None = None,
+) -> str:
     """Return the grammar of a plan; with no asset up, the only plan is one without actions.
 
-    Whether an agent was used is a bit of llguidance's rule parameter, 64 of them (its limit and
-    MAX_ACTIONS); raises ValueError when more assets are up.
+    Only `agents` are addressed and only `frames` named, by default all. Whether an agent was used
+    is a bit of llguidance's rule parameter, 64 of them (its limit and MAX_ACTIONS); raises
+    ValueError when more assets are up.
     """
     up: dict[str, AssetKind] = {
         name: spec.kind
         for name, spec in world.assets.items()
         if name in picture.assets and picture.assets[name].available
+        if agents is None or name in agents
     }
     if len(up) > MAX_ACTIONS:
         raise ValueError(f"{len(up)} assets are up and a plan can address {MAX_ACTIONS} at most")
@@ -47,7 +54,7 @@ def plan_grammar(world: World, picture: Picture) -> str:
         lines.append("first::_: " + "\n  | ".join(one))
         lines.append('more::_: ""\n  | ' + "\n  | ".join(next_one))
         lines += [_commands(kind) for kind in KINDS if kind in up.values()]
-        lines.append("frame: " + _choice(world.frames))
+        lines.append("frame: " + _choice(f for f in world.frames if frames is None or f in frames))
     return "\n".join(lines) + "\n"
 
 

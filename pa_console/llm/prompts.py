@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pa_console.llm.facts import (
+    frames,
     free_assets,
     low_battery,
     plan_facts,
@@ -168,7 +169,8 @@ def planner_prompt(  # noqa: PLR0917
     previous: str = "",
 ) -> Prompt:
     """Return the planner's prompt; `repair` says what was wrong with the `previous` answer."""
-    user = [_rules(rules), situation(digest), _mission(mission), free_assets(digest)]
+    user = [_rules(rules), *frames(world, digest), situation(digest), _mission(mission)]
+    user.append(free_assets(digest))
     if repair:
         faults = "\n".join(f"- {' '.join(reason.split())}" for reason in repair)
         user.append(f"Your previous answer: {previous}\nIt cannot be carried out:\n{faults}")
@@ -205,6 +207,7 @@ def outcome_prompt(
 ) -> Prompt:
     """Return the judge's prompt about an executed plan; `digest` is the picture afterwards."""
     user = [
+        *frames(world, digest),
         situation(digest),
         _mission(mission),
         f"Plan: {_plan(plan)}",

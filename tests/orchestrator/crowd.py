@@ -1,6 +1,7 @@
 """A large checkpoint and its picture, built by hand for tests of selection."""
 
 import math
+from collections.abc import Mapping
 
 from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Track
 from pa_console.schema.world import AssetKind, AssetSpec, Frame, Platform, World
@@ -42,7 +43,7 @@ def _on_circle(number: int, count: int, radius: float) -> tuple[float, float]:
     return round(radius * math.cos(angle), 1), round(radius * math.sin(angle), 1)
 
 
-def calm(world: World, *tracks: Track, **changes: dict[str, object]) -> Picture:
+def calm(world: World, *tracks: Track, **changes: Mapping[str, object]) -> Picture:
     """Return the picture of everybody at their posts, but for `changes` by asset id."""
     team: dict[str, AssetTelemetry] = {}
     for name, spec in world.assets.items():

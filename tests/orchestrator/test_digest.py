@@ -3,9 +3,12 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pa_console.llm.prompts import planner_prompt
 from pa_console.orchestrator.digest import digest_picture
 from pa_console.resources import find_data
+from pa_console.schema.telemetry import GateCover
 from pa_console.sim.world_file import load_world
+from tests.llm.site import mission
 from tests.orchestrator.pictures import GATES, asset, picture, track
 
 WORLD = load_world(find_data("worlds", "checkpoint", "world.yaml"))
@@ -62,3 +65,37 @@ def test_moving_free_assets_one_at_a_time_uncovers_no_gate(team: list[object]) -
         for name in names:
             assert view.assets[name].available
             assert all(cover.by != (name,) for cover in view.gates.values())
+
+
+def test_the_prompt_of_a_small_world_with_fresh_telemetry_is_as_it_was_tuned() -> None:
+    team = [asset(name, spec.kind, spec.post) for name, spec in WORLD.assets.items()]
+    view = picture(*team, tracks=(track("Track_01", "WestGate"),))
+    prompt = planner_prompt(WORLD, digest_picture(view, WORLD), [], mission("Watch the gates."))
+    assert prompt.system.endswith("NorthGate, EastGate, SouthGate, WestGate, Checkpoint, Base")
+    assert prompt.user == (
+        "Rules\nnone\n"
+        "Tracks: Track_01: vehicle approaches WestGate, 40 m, not identified, not observed,"
+        " not warned\n"
+        "Guards: Drone_T02 at NorthGate; Ugv_T01 at EastGate; Drone_T03 at SouthGate;"
+        " Drone_T01 at WestGate\n"
+        'Mission: "Watch the gates."\n'
+        "Free: drone Drone_T04; vehicle Ugv_T02; robot Robot_T01, Robot_T02"
+    )
+
+
+def test_what_nobody_knows_is_told_as_unknown_not_as_down() -> None:
+    silent = asset("Drone_T01", "uav", "WestGate", available=False, stale=True, stamp_s=3.0)
+    forged = asset("Drone_T04", "uav", "Checkpoint", available=False, integrity="suspect")
+    broken = asset("Ugv_T01", "ugv", "EastGate", available=False, status="failed", stale=True)
+    seen = track("V1", "WestGate", stale=True, stamp_s=4.0, noncombatants=True)
+    view = picture(silent, forged, broken, tracks=(seen,))
+    gates = view.gates | {"WestGate": GateCover(covered=False, unsure=("Drone_T01",))}
+    digest = digest_picture(view.model_copy(update={"gates": gates}), WORLD)
+    assert digest.unknown == (
+        "WestGate: cover unknown, Drone_T01 silent for 7 s",
+        "Drone_T04 sends suspect telemetry",
+    )
+    assert digest.down == ("Ugv_T01",)
+    assert digest.tracks[0].endswith("noncombatants suspected, last seen 6 s ago")
+    user = planner_prompt(WORLD, digest, [], mission("Watch.")).user
+    assert "\nUnknown: WestGate: cover unknown, Drone_T01 silent for 7 s; Drone_T04 sends" in user

@@ -3,7 +3,7 @@
 from datetime import UTC, datetime
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.llm.grammar import plan_grammar
@@ -127,7 +127,7 @@ def test_the_digest_speaks_of_the_selection_only_and_names_the_unknown() -> None
 def prompt_length(assets: int) -> int:
     world = large_world(assets=assets)
     seen = [track(f"Track_{n:02d}", world.gates[n % 50]) for n in range(30)]
-    silent = {name: SILENT for name in list(world.assets)[::2]}
+    silent = dict.fromkeys(list(world.assets)[::2], SILENT)
     view = calm(world, *seen, **silent)
     task = mission("Send everybody to the hill gates.")
     selection = select(view, world, task, [BATTERY])
@@ -159,6 +159,7 @@ words = st.lists(
 ).map(" ".join)
 
 
+@settings(max_examples=40)
 @given(
     words,
     st.dictionaries(names, st.sampled_from([SILENT, {"low_battery": True}]), max_size=30),
