@@ -9,18 +9,21 @@ from pa_console.sim.state import AssetState, Scene
 from pa_console.sim.terrain import Terrain
 
 PATIENCE_S = 3.0
-MOST_STALLS = 8
-RETREAT_M = 4.0
+MOST_STALLS = 10
+RETREAT_M = 15.0
+RETREAT_MORE_M = 5.0
+_SWAP_EVERY = 5
 _CHECK_S = 0.5
 _HEADWAY_M = 0.05
 _NEIGHBOUR_M = 4.0
+_GROUP_M = 25.0
 
 
 def unstick(terrain: Terrain, scene: Scene, asset: AssetState) -> str:
     """Look after an asset under way; return why it has to give up, '' while it need not.
 
-    An asset that is stuck within its frame stays where it stands. Of two that block each other
-    the later one of the team retreats along its way, farther at every try, and lets the other by.
+    An asset that is stuck within its frame stays where it stands. Of two groups that block each
+    other one retreats along its way, farther at every try, and lets the other by.
     """
     dt_s = terrain.world.dt_s
     if (scene.tick - asset.nearest_tick) % max(1, round(_CHECK_S / dt_s)):
@@ -47,9 +50,9 @@ def unstick(terrain: Terrain, scene: Scene, asset: AssetState) -> str:
 def _replan(terrain: Terrain, scene: Scene, asset: AssetState) -> None:
     """Plan the rest of the way anew, after a retreat when it is this asset's turn to yield."""
     back: Route = ()
-    if not asset.held_by and (_yields(terrain, scene, asset) or asset.stalls % 3 == 0):
+    if not asset.held_by and (_yields(terrain, scene, asset) or asset.stalls % _SWAP_EVERY == 0):
         way = terrain.planner.route(asset.kind, asset.position, asset.origin) or ()
-        back = _cut(asset.position, way, RETREAT_M * asset.stalls)
+        back = _cut(asset.position, way, RETREAT_M + RETREAT_MORE_M * asset.stalls)
     start = back[-1] if back else asset.position
     onward = terrain.planner.route(asset.kind, start, asset.station)
     if onward is not None:
@@ -57,15 +60,36 @@ def _replan(terrain: Terrain, scene: Scene, asset: AssetState) -> None:
 
 
 def _yields(terrain: Terrain, scene: Scene, asset: AssetState) -> bool:
-    """Return whether an earlier asset of the team wants to pass close by."""
-    platforms = terrain.world.platforms
-    for other in scene.assets.values():
-        if other.index >= asset.index or other.kind == "uav" or not other.route or other.down:
-            continue
-        reach = platforms[asset.kind].radius_m + platforms[other.kind].radius_m + _NEIGHBOUR_M
-        if math.dist(asset.position, other.position) < reach:
-            return True
-    return False
+    """Return whether it is for this asset to retreat, and not for those that it meets.
+
+    Of two groups that meet, the one with the earliest asset of the team goes first, so a whole
+    queue retreats together. Where nobody comes the other way, the later asset retreats.
+    """
+    widest = 2 * max(platform.radius_m for platform in terrain.world.platforms.values())
+    near = [
+        other
+        for other in scene.assets.values()
+        if other.kind != "uav"
+        and other.route
+        and not other.down
+        and math.dist(asset.position, other.position) < widest + _GROUP_M
+    ]
+    against = [other.index for other in near if _opposed(asset, other)]
+    if against:
+        along = [other.index for other in near if not _opposed(asset, other)]
+        return min(against) < min(along)
+    reach = widest + _NEIGHBOUR_M
+    return any(
+        other.index < asset.index and math.dist(asset.position, other.position) < reach
+        for other in near
+    )
+
+
+def _opposed(asset: AssetState, other: AssetState) -> bool:
+    """Return whether the two legs lead opposite ways."""
+    mine = (asset.station[0] - asset.origin[0], asset.station[1] - asset.origin[1])
+    theirs = (other.station[0] - other.origin[0], other.station[1] - other.origin[1])
+    return mine[0] * theirs[0] + mine[1] * theirs[1] < 0.0
 
 
 def _cut(start: Point, way: Route, length_m: float) -> Route:

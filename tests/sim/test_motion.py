@@ -2,6 +2,7 @@
 
 import math
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import LineString, Point, Polygon
@@ -87,6 +88,18 @@ def test_two_vehicles_in_a_narrow_passage_get_past_each_other(crossing: World) -
     order(sim, "Left", "move_to", "West", command_id="left")
     ends = {r.command_id: r.status for r in run(sim, 150.0) if r.status in ("done", "failed")}
     assert ends == {"right": "done", "left": "done"}
+
+
+@pytest.mark.parametrize("mixed", [False, True])
+def test_three_against_three_get_through_a_narrow_passage(crossing: World, *, mixed: bool) -> None:
+    posts = ["West", "East"] * 3 if mixed else ["West"] * 3 + ["East"] * 3
+    assets = {f"A{index}": AssetSpec(kind="ugv", post=post) for index, post in enumerate(posts)}
+    sim = Checkpoint(crossing.model_copy(update={"assets": assets}))
+    for agent, spec in assets.items():
+        target = "East" if spec.post == "West" else "West"
+        order(sim, agent, "move_to", target, command_id=agent)
+    ends = {r.command_id: r.status for r in run(sim, 150.0) if r.status in ("done", "failed")}
+    assert ends == dict.fromkeys(assets, "done")
 
 
 def test_a_closed_passage_ends_the_command_with_a_reason(crossing: World) -> None:
