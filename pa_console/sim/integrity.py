@@ -30,6 +30,7 @@ NOISE_M = 1.0
 CREEP_M = 3.0
 SEEN_M = 2.5
 """Another sensor tells where an asset is to within this."""
+GAP_PERIODS = 2.5
 SOUND_S = 3.0
 UNSEEN_S = 3.0
 """So long other sensors have to miss an asset before its reports are suspect."""
@@ -42,14 +43,16 @@ def judge(world: World, heard: Heard, report: Report) -> Trust:
         return Trust(stood=_standing(now))
     since_s = (report.stamp - heard.stamp) * world.dt_s
     if not trust.suspect:
-        if _possible(world, now, last.position, since_s) and not _creeps(now, trust):
+        if _possible(world, now, last.position, since_s) and not _creeps(
+            world, now, trust, since_s
+        ):
             return _sound(world, trust, now, since_s)
         return Trust(stood=trust.stood, suspect=True, anchor=last.position, anchor_tick=heard.stamp)
     if trust.sound_from is None:
         if _returned(world, trust, report, last, since_s):
             return replace(trust, sound_from=report.stamp)
         return trust
-    if not _possible(world, now, last.position, since_s) or _creeps(now, trust):
+    if not _possible(world, now, last.position, since_s) or _creeps(world, now, trust, since_s):
         return replace(trust, sound_from=None)
     if (report.stamp - trust.sound_from) * world.dt_s >= SOUND_S:
         return Trust(stood=_standing(now))
@@ -137,22 +140,29 @@ def _possible(world: World, now: AssetTelemetry, then: Point, since_s: float) ->
     return now.position == then or math.dist(now.position, then) <= limit
 
 
-def _creeps(now: AssetTelemetry, trust: Trust) -> bool:
-    """Return whether an asset that says it stands is not where it came to stand."""
+def _creeps(world: World, now: AssetTelemetry, trust: Trust, since_s: float) -> bool:
+    """Return whether an asset that says it stands is not where it came to stand.
+
+    After a gap in its reports it may have moved and come to stand again.
+    """
     stood = trust.stood
     if stood is None or now.position == stood or _standing(now) is None:
         return False
-    return math.dist(now.position, stood) > CREEP_M
+    return not _gap(world, since_s) and math.dist(now.position, stood) > CREEP_M
 
 
 def _standing(now: AssetTelemetry) -> Point | None:
     return now.position if now.speed_mps == 0.0 and not now.route else None
 
 
+def _gap(world: World, since_s: float) -> bool:
+    return since_s > GAP_PERIODS * world.telemetry_period_s
+
+
 def _sound(world: World, trust: Trust, now: AssetTelemetry, since_s: float) -> Trust:
     """Return the trust after a sound report; after a gap the asset may have moved in between."""
     stood = _standing(now)
-    if stood is not None and since_s <= 2.5 * world.telemetry_period_s and trust.stood:
+    if stood is not None and trust.stood is not None and not _gap(world, since_s):
         stood = trust.stood
     return trust if stood == trust.stood else Trust(stood=stood, unseen=trust.unseen)
 

@@ -11,14 +11,19 @@ from hypothesis import strategies as st
 
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.incident import (
+    DegradeAsset,
     FailAsset,
+    GpsDrift,
     Incident,
+    JamArea,
     PlaceAsset,
     Reaction,
     RestoreAsset,
     SetBattery,
     SetComms,
+    SetRadio,
     SpawnTrack,
+    SpoofTelemetry,
 )
 from pa_console.schema.plan import COMMANDS
 from pa_console.schema.world import World
@@ -56,13 +61,18 @@ incidents: st.SearchStrategy[Incident] = st.one_of(
     st.builds(SetBattery, asset=agents, percent=st.floats(0, 100)),
     st.builds(SetComms, asset=agents, comms=st.sampled_from(["ok", "degraded", "lost"])),
     st.builds(PlaceAsset, asset=agents, frame=st.sampled_from(FRAMES)),
+    st.builds(DegradeAsset, asset=agents, speed_factor=st.floats(0.1, 1.0)),
+    st.builds(SetRadio, asset=st.none() | agents, loss=st.floats(0, 1), up=st.booleans()),
+    st.builds(JamArea, at=st.just((0.0, 0.0)), radius_m=st.floats(1, 90), seconds=st.just(5.0)),
+    st.builds(GpsDrift, asset=agents, rate_mps=st.floats(0, 9), heading_deg=st.floats(0, 360)),
+    st.builds(SpoofTelemetry, asset=agents, frame=st.none() | st.sampled_from(FRAMES)),
 )
 moments = st.lists(
     st.tuples(st.integers(1, 60), st.one_of(commands(), incidents)), min_size=1, max_size=8
 )
 
 
-def _live_through(sim: Checkpoint, history: list[tuple[int, Any]]) -> None:
+def live_through(sim: Checkpoint, history: list[tuple[int, Any]]) -> None:
     for steps, happening in history:
         if isinstance(happening, DeviceCommand):
             sim.send(happening)
@@ -78,15 +88,15 @@ def test_twins_and_forks_stay_equal(
     world: World, past: list[tuple[int, Any]], future: list[tuple[int, Any]], seed: int
 ) -> None:
     sim, twin = Checkpoint(world, seed), Checkpoint(world, seed)
-    _live_through(sim, past)
-    _live_through(twin, past)
+    live_through(sim, past)
+    live_through(twin, past)
     assert sim.state_hash() == twin.state_hash()
     fork = sim.fork()
     before = sim.state_hash()
-    _live_through(fork, future)
+    live_through(fork, future)
     assert sim.state_hash() == before
-    _live_through(sim, future)
-    _live_through(twin, future)
+    live_through(sim, future)
+    live_through(twin, future)
     assert sim.state_hash() == fork.state_hash() == twin.state_hash()
     assert sim.picture() == fork.picture()
 

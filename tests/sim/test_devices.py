@@ -121,7 +121,7 @@ def test_failing_under_way_ends_the_command_and_restoring_helps(sim: Checkpoint)
     moving = order(sim, "Ugv_T02", "block", "EastGate")
     run(sim, 3.0)
     sim.inject(FailAsset(asset="Ugv_T02"))
-    stopped = sim.picture().assets["Ugv_T02"].position
+    stopped = sim.truth().assets["Ugv_T02"].position
     reply = finish(sim, moving)[-1]
     assert (reply.status, reply.detail) == ("failed", "the asset has failed")
     run(sim, 2.0)
@@ -156,28 +156,14 @@ def test_moving_drains_more_than_standing_and_the_base_charges(sim: Checkpoint) 
 def test_lost_link_swallows_commands_and_freezes_telemetry(sim: Checkpoint) -> None:
     sim.inject(SetComms(asset="Drone_T01", comms="lost"))
     order(sim, "Drone_T01", "move_to", "Base")
-    assert run(sim, 20.0) == []
+    assert run(sim, 8.0) == []
     asset = sim.picture().assets["Drone_T01"]
     assert (asset.comms, asset.available, asset.stamp_s) == ("lost", False, 0.0)
     assert not sim.picture().gates["WestGate"].covered
     sim.inject(SetComms(asset="Drone_T01", comms="ok"))
-    assert sim.picture().assets["Drone_T01"].at == "WestGate"
-
-
-def test_degraded_link_delays_answers_but_loses_none(sim: Checkpoint) -> None:
-    sim.inject(SetComms(asset="Drone_T04", comms="degraded"))
-    replies = finish(sim, order(sim, "Drone_T04", "observe", "EastGate"))
-    assert replies[0].status == "acknowledged"
-    assert replies[0].tick > 3
-    assert replies[-1].status == "done"
-
-
-def test_answers_over_a_degraded_link_keep_their_order(world: World) -> None:
-    for seed in range(10):
-        sim = Checkpoint(world, seed)
-        sim.inject(SetComms(asset="Drone_T01", comms="degraded"))
-        order(sim, "Drone_T01", "hold")
-        assert [reply.status for reply in run(sim, 5.0)] == ["acknowledged", "done"]
+    run(sim, 1.0)
+    asset = sim.picture().assets["Drone_T01"]
+    assert (asset.at, asset.available) == ("WestGate", True)
 
 
 def test_several_assets_at_one_frame_stand_apart(sim: Checkpoint) -> None:
