@@ -12,7 +12,7 @@ from pa_console.orchestrator.clock import Clock
 from pa_console.orchestrator.desk import Desk
 from pa_console.orchestrator.feed import StepFeed
 from pa_console.orchestrator.intake import Intake
-from pa_console.orchestrator.notices import notices
+from pa_console.orchestrator.notices import Noticer
 from pa_console.orchestrator.services import Services
 from pa_console.orchestrator.stops import Stops
 from pa_console.schema import event as ev
@@ -53,6 +53,7 @@ class Station:
         self._desk = Desk(services, self._feed, self._intake, self._stops, self._emit)
         self._background = Background(self._broken)
         self._last = self._sim.picture()
+        self._noticer = Noticer(self._last)
         self._closed = False
 
     @property
@@ -127,9 +128,7 @@ class Station:
     def withdraw(self, mission_id: str) -> None:
         """Cancel a waiting mission; raises ValueError when it does not wait."""
         self._reorder(
-            lambda: self._desk.drop(
-                self._intake.withdraw(mission_id), "withdrawn by the operator"
-            )
+            lambda: self._desk.drop(self._intake.withdraw(mission_id), "withdrawn by the operator")
         )
 
     def stop_all(self, by: str = "operator") -> None:
@@ -208,7 +207,7 @@ class Station:
     def _look(self) -> None:
         """Take in new telemetry: tell it, raise alarms, queue their missions."""
         picture = self._sim.picture()
-        for notice in notices(self._last, picture):
+        for notice in self._noticer.look(picture):
             self._emit(notice)
         self._last = picture
         self._emit(ev.TelemetryReceived(picture=picture))
