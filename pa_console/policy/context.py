@@ -14,8 +14,10 @@ after     the picture when the rehearsed plan had ended, likewise.
 timeline  what happened in between: {duration_s, gates, tracks, assets}, each by name.
 tracks    list of before.tracks, each {id, kind, gate, position, speed_mps, distance_m, identity,
           intent, status, observed_by, observed, warned, defiant, noncombatants, seen_by,
-          hostile_by, stamp_s, first_seen_s, age_s, stale, uncertainty_m}. `age_s` is the time since
-          its last detection; `intent` is hostile only when two sensors, `hostile_by`, have said so.
+          hostile_by, stamp_s, first_seen_s, age_s, stale, uncertainty_m, met, attended_by}. `age_s`
+          is the time since its last detection; `intent` is hostile only when two sensors,
+          `hostile_by`, have said so; `met` tells whether an action meets it; `attended_by` are the
+          available assets that identify, warn or block at its gate already, and stay.
 assets    list of before.assets, each {id, kind, at, post, position, speed_mps, status, task,
           battery_pct, low_battery, comms, available, stale, integrity, stamp_s, goes_to}: `goes_to`
           is its post once the plan has run; `at`, `post` and `goes_to` are '' for no frame.
@@ -32,14 +34,14 @@ Names, not positions on the map, are what policies speak of: routes and polygons
 """
 
 import unicodedata
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 from pa_console.policy.expression import PLAN_VARIABLES
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import COMMANDS, Action, Plan
 from pa_console.schema.rehearsal import Rehearsal
-from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
+from pa_console.schema.telemetry import AssetTelemetry, Picture, Task, Track
 from pa_console.schema.world import World
 
 Values = dict[str, Any]
@@ -48,6 +50,7 @@ _ASSET_FIELDS = (
     "id", "kind", "at", "post", "position", "speed_mps", "status", "task", "battery_pct",
     "low_battery", "comms", "available", "stale", "integrity", "stamp_s",
 )  # fmt: skip
+_ATTENDING: frozenset[Task] = frozenset(("identifying", "warning", "blocking"))
 _QUOTES = str.maketrans({"’": "'", "‘": "'", "“": '"', "”": '"', "–": "-", "—": "-"})
 
 
@@ -72,6 +75,12 @@ def plan_variables(
         if name in before.assets
     }
     actions = [_action(action, assets, tracks, timeline, world) for action in plan.actions]
+    for met in (track for action in actions for track in action["tracks"]):
+        met["met"] = True
+    for gate, name in _attending(before, destinations):
+        for track in tracks.values():
+            if track["gate"] == gate:
+                track["attended_by"].append(name)
     made: dict[str, Callable[[], Any]] = {
         "plan": lambda: {"reason": plan.reason, "actions": actions},
         "actions": lambda: actions,
@@ -139,7 +148,16 @@ def _asset(asset: AssetTelemetry, destination: str) -> Values:
 
 
 def _track(track: Track, now_s: float) -> Values:
-    return track.model_dump(exclude={"heading_deg"}) | {"age_s": now_s - track.stamp_s}
+    known = track.model_dump(exclude={"heading_deg"})
+    return known | {"age_s": now_s - track.stamp_s, "met": False, "attended_by": []}
+
+
+def _attending(picture: Picture, destinations: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+    """Yield the place and name of every asset that deals with tracks there, and stays."""
+    for name, asset in picture.assets.items():
+        place = destinations.get(name) or asset.post
+        if asset.task in _ATTENDING and asset.available and place:
+            yield place, name
 
 
 def _whole(picture: Picture) -> Values:

@@ -2,16 +2,18 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple, Self
+from typing import Literal, NamedTuple, Self
 
 from pa_console.policy.findings import finding, undecided, violation
 from pa_console.policy.ordering import START, Progress, follow, leave
 from pa_console.policy.rulebook import CompiledOrdering, CompiledRule, Rulebook
-from pa_console.policy.subjects import Evaluator, Subject, Subjects, subjects
+from pa_console.policy.subjects import Evaluator, Subjects, subjects
 from pa_console.schema.finding import Finding
 from pa_console.schema.moment import Moment
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
+
+Each = Literal["track", "gate"] | None
 
 
 class Pending(NamedTuple):
@@ -32,59 +34,76 @@ class Breach(NamedTuple):
     problem: str = ""
 
 
+class _News(NamedTuple):
+    """The subjects of one kind at a moment, and which of them are not as they were before."""
+
+    present: Subjects
+    changed: tuple[str, ...]
+    gone: tuple[str, ...]
+
+    @classmethod
+    def since(cls, last: Subjects, present: Subjects) -> Self:
+        """Compare the subjects with those of the moment before."""
+        changed = (name for name, it in present.items() if name not in last or last[name] != it)
+        return cls(present, tuple(changed), tuple(name for name in last if name not in present))
+
+
 @dataclass
 class _Watch:
-    """One ordering: where each of its subjects stands, and how they looked at the last moment."""
+    """One ordering, and where each of its subjects stands."""
 
     rule: Rule
     entry: CompiledOrdering
     limit_s: float
     problem: str = ""
     progress: dict[str, Progress] = field(default_factory=dict[str, Progress])
-    last: Subjects = field(default_factory=dict[str, Subject])
+    failed: bool = False
 
     def copy(self) -> "_Watch":
         return replace(self, progress=dict(self.progress))
 
-    def observe(self, now: Moment, present: Subjects, evaluator: Evaluator) -> Breach | None:
+    def observe(self, now: Moment, news: _News, evaluator: Evaluator) -> Breach | None:
         """Move every subject on; return what is newly wrong."""
-        if self.problem:
-            return Breach(self.rule, self.entry.order.message, problem=self.problem)
-        try:
-            offenders = tuple(self._offenders(now, present, evaluator))
-        except Exception as error:  # whatever CEL runs into: nothing is decided
-            problem = f"{type(error).__name__}: {error}"
-            return Breach(self.rule, self.entry.order.message, problem=problem)
-        return Breach(self.rule, self.entry.order.message, offenders) if offenders else None
+        message, problem, offenders = self.entry.order.message, self.problem, ()
+        if not problem:
+            try:
+                offenders = tuple(self._offenders(now, news, evaluator))
+                self.failed = False
+            except Exception as error:  # whatever CEL runs into: nothing is decided
+                problem, self.failed = f"{type(error).__name__}: {error}", True
+        if not problem and not offenders:
+            return None
+        return Breach(self.rule, message, offenders, problem)
 
-    def _offenders(self, now: Moment, present: Subjects, evaluator: Evaluator) -> Iterator[str]:
+    def _offenders(self, now: Moment, news: _News, evaluator: Evaluator) -> Iterator[str]:
         """Yield the subjects that break the ordering now; '' stands for the moment as a whole."""
         order, entry = self.entry.order, self.entry
-        unchanged = entry.fixed and present == self.last
-        running = [name for name, was in self.progress.items() if was.stage == "open"]
-        gone = [] if unchanged else [name for name in self.last if name not in present]
-        for name in gone:
+        for name in news.gone:
             was = self.progress.get(name, START)
             self.progress[name], broken = leave(order, was, now.time_s, self.limit_s)
             if broken:
                 yield name
-        for name in running if unchanged else present:
-            if name not in present:
-                continue
-            event = evaluator.holds(entry.event, now, name, present[name])
-            other = evaluator.holds(entry.other, now, name, present[name])
-            was = self.progress.get(name, START)
+        for name in self._to_follow(news):
+            subject = news.present[name]
             self.progress[name], broken = follow(
                 order,
-                was,
-                event=event,
-                other=other,
+                self.progress.get(name, START),
+                event=evaluator.holds(entry.event, now, name, subject),
+                other=evaluator.holds(entry.other, now, name, subject),
                 time_s=now.time_s,
                 limit_s=self.limit_s,
             )
             if broken:
                 yield name
-        self.last = present
+
+    def _to_follow(self, news: _News) -> Iterable[str]:
+        """Return the subjects for which this moment may matter."""
+        if self.failed or not self.entry.fixed:
+            return tuple(news.present)
+        if self.entry.order.kind != "within":
+            return news.changed
+        running = (name for name, was in self.progress.items() if was.stage == "open")
+        return dict.fromkeys((*news.changed, *(name for name in running if name in news.present)))
 
     def pending(self) -> Iterator[Pending]:
         order = self.entry.order
@@ -112,21 +131,24 @@ class Monitor:
         """Begin with no history."""
         self._evaluator = Evaluator(world)
         self._covered_before: set[str] = set()
+        self._last: dict[Each, Subjects] = {}
         self._watches = [
             self._watch(entry, ordering) for entry in rulebook.compiled for ordering in entry.order
         ]
 
     def observe(self, moment: Moment) -> tuple[Finding, ...]:
         """Take in the next moment; return one finding for each rule that it newly breaks."""
+        news: dict[Each, _News] = {}
         breaches: list[Breach] = []
-        by_kind: dict[str | None, Subjects] = {}
         for watch in self._watches:
             each = watch.entry.order.each
-            if each not in by_kind:
-                by_kind[each] = subjects(watch.entry.order, moment, self._covered_before)
-            breach = watch.observe(moment, by_kind[each], self._evaluator)
+            if each not in news:
+                present = subjects(watch.entry.order, moment, self._covered_before)
+                news[each] = _News.since(self._last.get(each, {}), present)
+            breach = watch.observe(moment, news[each], self._evaluator)
             if breach is not None:
                 breaches.append(breach)
+        self._last = {each: new.present for each, new in news.items()}
         self._covered_before |= {gate for gate, covered in moment.covered.items() if covered}
         return _findings(breaches)
 
@@ -153,6 +175,7 @@ class Monitor:
         twin = object.__new__(type(self))
         twin._evaluator = self._evaluator
         twin._covered_before = set(self._covered_before)
+        twin._last = self._last
         twin._watches = [watch.copy() for watch in self._watches]
         if not running_limits:
             for watch in twin._watches:

@@ -5,7 +5,8 @@ A workflow's expressions may use these variables:
 it        the track as schema/moment.py TrackMoment.
 id        its id.
 now       the moment: {time_s, tracks, covered, up, orders}; an order's `target` is '' for none.
-steady_s  seconds since identity, intent, status, warning or defiance of the track last changed.
+steady_s  seconds since what the track is, or has done, last changed: identity, intent, status,
+          warning, defiance, suspected noncombatants.
 """
 
 from dataclasses import dataclass, field
@@ -17,7 +18,7 @@ from pa_console.policy.subjects import moment_values
 from pa_console.schema.moment import Moment, TrackMoment
 from pa_console.schema.rule import Phase, Workflow
 
-Facts = tuple[str, str, str, bool, bool]
+Facts = tuple[str, str, str, bool, bool, bool]
 
 
 class Move(NamedTuple):
@@ -133,4 +134,11 @@ class WorkflowRun:
 
 
 def _facts(track: TrackMoment) -> Facts:
-    return track.identity, track.intent, track.status, track.warned, track.defiant
+    return (
+        track.identity,
+        track.intent,
+        track.status,
+        track.warned,
+        track.defiant,
+        track.noncombatants,
+    )

@@ -92,6 +92,11 @@ def test_a_violation_says_where_and_anything_else_says_nothing(
     if example.expect != "fail":
         assert message == ""
         return
+    if example.moments:
+        subjects = {name for change in example.moments for name in change.get("tracks", {})}
+        assert any(message.startswith(order.message) for order in rule.order)
+        assert any(f": {name}" in message for name in (*subjects, *WORLD.gates))
+        return
     assert message.startswith(rule.message)
     words = [agent for agent, _ in example.plan] + [c.split()[-1] for _, c in example.plan]
     names = [*words, *example.given.get("tracks", {}), *WORLD.gates, "every available asset", "V9"]
