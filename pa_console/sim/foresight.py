@@ -22,7 +22,7 @@ def restore(terrain: Terrain, scene: Scene, picture: Picture) -> None:
     """
     state = scene.sensing
     state.weather = picture.weather
-    state.broken = frozenset(n for n, camera in picture.cameras.items() if not camera.works)
+    state.broken = tuple(n for n, camera in picture.cameras.items() if not camera.works)
     for track in picture.tracks.values():
         state.contacts[track.id] = _contact(terrain, track)
         state.files[track.id] = _file(terrain, track)

@@ -41,10 +41,10 @@ def play(terrain: Terrain, scene: Scene, scenario: Scenario) -> tuple[list[Incid
             continue
         problem = _apply(terrain, scene, event.do)
         if problem:
-            state.skipped |= {index}
+            state.skipped = (*state.skipped, index)
             skipped.append(f"{event.name or f'events.{index}'} did not happen: {problem}")
         else:
-            state.happened |= {index}
+            state.happened = (*state.happened, index)
             done.append(event.do)
     for index, process in enumerate(scenario.random):
         if state.next_s[index] > now:

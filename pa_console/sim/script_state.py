@@ -14,8 +14,8 @@ class ScriptState:
 
     seed: int = 0
     due_s: dict[int, float] = field(default_factory=dict[int, float])
-    happened: frozenset[int] = frozenset()
-    skipped: frozenset[int] = frozenset()
+    happened: tuple[int, ...] = ()
+    skipped: tuple[int, ...] = ()
     drawn: tuple[int, ...] = ()
     next_s: tuple[float, ...] = ()
 

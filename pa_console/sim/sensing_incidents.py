@@ -37,7 +37,8 @@ def apply(terrain: Terrain, scene: Scene, incident: Incident) -> bool:
             _imagine(terrain, scene, gate, seconds)
         case SensorFault(sensor=sensor, works=works):
             _check("sensor", sensor, (*world.cameras, *world.assets))
-            state.broken = state.broken - {sensor} if works else state.broken | {sensor}
+            broken = {*state.broken} - {sensor} if works else {*state.broken, sensor}
+            state.broken = tuple(sorted(broken))
         case SetWeather(weather=now):
             state.weather = now
         case _:
@@ -63,7 +64,7 @@ def _clear(terrain: Terrain, scene: Scene, gate: str) -> None:
     state.phantoms = tuple(p for p in state.phantoms if p.lane not in lanes)
     for contact in there | tracked:
         state.files.pop(contact, None)
-    state.cleared |= there
+    state.cleared = tuple(sorted({*state.cleared} | there))
 
 
 def _imagine(terrain: Terrain, scene: Scene, gate: str, seconds: float) -> None:

@@ -147,9 +147,9 @@ class SensingState:
     contacts: dict[str, ContactState] = field(default_factory=dict[str, ContactState])
     spawned: int = 0
     named: dict[str, str] = field(default_factory=dict[str, str])
-    cleared: frozenset[str] = frozenset()
+    cleared: tuple[str, ...] = ()
     weather: Weather = "clear"
-    broken: frozenset[str] = frozenset()
+    broken: tuple[str, ...] = ()
     phantoms: tuple[Phantom, ...] = ()
     watched: dict[tuple[str, str], int] = field(default_factory=dict[tuple[str, str], int])
     findings: dict[tuple[str, str], Finding] = field(default_factory=dict[tuple[str, str], Finding])

@@ -244,7 +244,7 @@ def test_only_identify_finds_the_identity(terrain: Terrain) -> None:
 
 def test_identify_alone_does_not_confirm_hostility(terrain: Terrain) -> None:
     scene = scene_at(("Fox", "robot", GATE))
-    scene.sensing.broken = frozenset({"Cam"})
+    scene.sensing.broken = ("Cam",)
     stand(terrain, scene, WAITS, identity="unauthorized", intent="hostile")
     assert deal(terrain, scene, "identify") == "a vehicle is unauthorized, looks hostile"
     watch(terrain, scene, 30.0)
