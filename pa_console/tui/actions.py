@@ -1,12 +1,17 @@
 """The one registry of actions: key bindings, footer, command palette and help are made from it."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 from textual.binding import Binding, BindingType
 
-Need = Literal["live", "replay", "writable", "mission", "idle_trace", "approval"]
-Group = Literal["Mission", "Safety", "View", "Copy", "Simulation", "Replay", "Console"]
+Need = Literal[
+    "live", "replay", "writable", "mission", "idle_trace", "approval", "alarm", "unseen", "queue"
+]
+Group = Literal[
+    "Mission", "Safety", "Alarms", "Queue", "View", "Map", "Copy", "Simulation", "Replay",
+    "Console",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -18,6 +23,9 @@ class Situation:
     mission: bool = False
     traced: bool = False
     approval: bool = False
+    alarms: int = 0
+    unseen: int = 0
+    queue: int = 0
 
 
 @dataclass(frozen=True)
@@ -60,19 +68,18 @@ class ConsoleAction:
 
 
 def _refusal(need: Need, now: Situation) -> str:
-    match need:
-        case "live":
-            return "not in a replay" if now.replay else ""
-        case "replay":
-            return "" if now.replay else "only in a replay"
-        case "writable":
-            return "the console is read-only" if now.readonly else ""
-        case "mission":
-            return "" if now.mission else "no mission is active"
-        case "idle_trace":
-            return "" if now.traced else "there is no mission yet"
-        case "approval":
-            return "" if now.approval else "nothing waits for approval"
+    legal, why = {
+        "live": (not now.replay, "not in a replay"),
+        "replay": (now.replay, "only in a replay"),
+        "writable": (not now.readonly, "the console is read-only"),
+        "mission": (now.mission, "no mission is active"),
+        "idle_trace": (now.traced, "there is no mission yet"),
+        "approval": (now.approval, "nothing waits for approval"),
+        "alarm": (now.alarms > 0, "no alarm is open"),
+        "unseen": (now.unseen > 0, "every alarm has been seen"),
+        "queue": (now.queue > 0, "no mission waits"),
+    }[need]
+    return "" if legal else why
 
 
 _COMMAND: tuple[Need, ...] = ("live", "writable")
@@ -88,6 +95,8 @@ ACTIONS: tuple[ConsoleAction, ...] = (
                   "view('trace')"),
     ConsoleAction("view_events", "f5,4", "Events", "Go to the event list", "View",
                   "view('events')"),
+    ConsoleAction("view_alarms", "5", "Alarms", "Go to the alarms and the missions that wait",
+                  "View", "view('alarms')"),
     ConsoleAction("policies", "f6,p", "Policies", "Browse and search the rules", "View",
                   "policies", footer=True),
     ConsoleAction(
@@ -102,6 +111,40 @@ ACTIONS: tuple[ConsoleAction, ...] = (
         "stop", "f9,S", "STOP ALL", "Stop: every asset holds and open plans are void",
         "Safety", "stop_all", needs=_COMMAND, footer=True, urgent=True,
     ),
+    ConsoleAction(
+        "acknowledge", "k,f12", "Seen", "Acknowledge the alarm at the pointer or the worst new one",
+        "Alarms", "acknowledge", needs=(*_COMMAND, "unseen"), footer=True,
+    ),
+    ConsoleAction("next_alarm", "j", "Next alarm", "Put the pointer on the next alarm", "Alarms",
+                  "next_alarm", needs=("alarm",)),
+    ConsoleAction("next_queued", "o", "Next waiting", "Put the pointer on the next waiting mission",
+                  "Queue", "next_queued", needs=("queue",)),
+    ConsoleAction("sooner", "u", "Sooner", "Move the waiting mission at the pointer up", "Queue",
+                  "move_queued(-1)", needs=(*_COMMAND, "queue")),
+    ConsoleAction("later_queued", "d", "Later", "Move the waiting mission at the pointer down",
+                  "Queue", "move_queued(1)", needs=(*_COMMAND, "queue")),
+    ConsoleAction("defer", "z", "Defer", "Let every other mission go before the one at the pointer",
+                  "Queue", "defer_queued", needs=(*_COMMAND, "queue")),
+    ConsoleAction("withdraw", "x", "Withdraw", "Take the mission at the pointer out of the queue",
+                  "Queue", "withdraw_queued", needs=(*_COMMAND, "queue")),
+    ConsoleAction("follow", "t", "Follow", "Keep what the alarm at the pointer is about in view",
+                  "Map", "follow"),
+    ConsoleAction("zoom_in", "full_stop,greater_than_sign", "Nearer", "Zoom the map in", "Map",
+                  "zoom(2.0)"),
+    ConsoleAction("zoom_out", "comma,less_than_sign", "Farther", "Zoom the map out", "Map",
+                  "zoom(0.5)"),
+    ConsoleAction("pan_left", "shift+left", "West", "Look further west", "Map", "pan(-1, 0)",
+                  palette=False),
+    ConsoleAction("pan_right", "shift+right", "East", "Look further east", "Map", "pan(1, 0)",
+                  palette=False),
+    ConsoleAction("pan_up", "shift+up", "North", "Look further north", "Map", "pan(0, 1)",
+                  palette=False),
+    ConsoleAction("pan_down", "shift+down", "South", "Look further south", "Map", "pan(0, -1)",
+                  palette=False),
+    ConsoleAction("filter", "f", "Filter", "Filter assets, tracks and cameras by any words",
+                  "View", "filter"),
+    ConsoleAction("problems", "F", "Problems", "Show only what needs an eye, or all again", "View",
+                  "problems"),
     ConsoleAction("prompt", "i,slash", "Mission", "Type a mission", "Mission", "to_prompt",
                   needs=_COMMAND),
     ConsoleAction("leave", "escape", "Leave", "Leave the field; what was typed stays",
@@ -133,9 +176,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
                   footer=True),
 )  # fmt: skip
 
-GROUPS: tuple[Group, ...] = (
-    "Mission", "Safety", "View", "Copy", "Simulation", "Replay", "Console"
-)  # fmt: skip
+GROUPS: tuple[Group, ...] = get_args(Group)
 
 _BY_CALL = {action.action: action for action in ACTIONS}
 
@@ -163,10 +204,18 @@ def key_text(keys: str) -> str:
         "right_square_bracket": "]",
         "left": "←",
         "right": "→",
+        "up": "↑",
+        "down": "↓",
         "space": "Space",
+        "full_stop": ".",
+        "comma": ",",
+        "greater_than_sign": ">",
+        "less_than_sign": "<",
     }
-    parts = [
-        words.get(key, key.upper() if key[0] == "f" and len(key) > 1 else key)
-        for key in keys.split(",")
-    ]
-    return " ".join(part.replace("ctrl+", "^") for part in parts)
+    parts: list[str] = []
+    for key in keys.split(","):
+        *modifiers, plain = key.split("+")
+        shown = words.get(plain, plain.upper() if plain[0] == "f" and len(plain) > 1 else plain)
+        signs = {"ctrl": "^", "shift": "⇧"}
+        parts.append("".join(signs.get(name, f"{name}+") for name in modifiers) + shown)
+    return " ".join(parts)

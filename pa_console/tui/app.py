@@ -2,7 +2,6 @@
 
 import asyncio
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -10,12 +9,11 @@ from textual.binding import Binding
 from textual.screen import Screen
 
 from pa_console.schema.document import DocumentError
-from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Plan
 from pa_console.schema.world import World
 from pa_console.tui.actions import bindings, key_text
-from pa_console.tui.browsing_app import BrowsingApp
+from pa_console.tui.commanding_app import CommandingApp
 from pa_console.tui.history import History, history_file
 from pa_console.tui.keymap import keymap_file, load_keymap
 from pa_console.tui.palette import ConsoleCommands
@@ -44,7 +42,7 @@ CLOSED = {
 }
 
 
-class ConsoleApp(BrowsingApp):
+class ConsoleApp(CommandingApp):
     """The console over a live station, or over a player (then everything is refused)."""
 
     TITLE = "PA Console"
@@ -112,21 +110,9 @@ class ConsoleApp(BrowsingApp):
 
     # Commands to the station
 
-    def _try(self, title: str, command: Callable[[StationPort], object]) -> bool:
-        """Give a command; a refusal is shown. Returns whether it was taken."""
-        if self.station is None or self.readonly:
-            self.tell("the console is read-only", f"{title} refused", bad=True)
-            return False
-        try:
-            command(self.station)
-        except ValueError as error:
-            self.tell(str(error), f"{title} refused", bad=True)
-            return False
-        return True
-
     def on_mission_prompt_given(self, message: MissionPrompt.Given) -> None:
         """Submit a mission; a refused text stays in the field."""
-        if self._try("Mission", lambda station: station.submit(message.text)) and self.main:
+        if self.attempt("Mission", lambda station: station.submit(message.text)) and self.main:
             self.main.query_one(MissionPrompt).taken(message.text)
 
     def on_approval_panel_decided(self, message: ApprovalPanel.Decided) -> None:
@@ -134,7 +120,7 @@ class ConsoleApp(BrowsingApp):
         self._decide(message.decision)
 
     def _decide(self, decision: Decision) -> None:
-        if not self._try("Decision", lambda station: station.decide(decision)) and self.main:
+        if not self.attempt("Decision", lambda station: station.decide(decision)) and self.main:
             self.main.query_one(ApprovalPanel).refused()
 
     def on_approval_panel_modify_asked(self) -> None:
@@ -166,10 +152,6 @@ class ConsoleApp(BrowsingApp):
             self.screen.dismiss(None)
             self.tell("the plan no longer waits for a decision", "Modify", bad=True)
 
-    def inject(self, incident: Incident) -> None:
-        """Make something happen in the simulation."""
-        self._try("What-if", lambda station: station.inject(incident))
-
     def set_rate(self, rate: float) -> None:
         """Set the speed of the simulation or of the replay."""
         if self._deck is not None:
@@ -178,15 +160,6 @@ class ConsoleApp(BrowsingApp):
         elif self.station is not None and not self.readonly:
             self.station.rate = self.rate = rate
         self.changed(frozenset(("status",)))
-
-    def action_cancel_mission(self) -> None:
-        """Cancel the active mission at once."""
-        self._try("Cancel", lambda station: station.cancel())
-
-    def action_stop_all(self) -> None:
-        """Make every asset hold, at once and without a question."""
-        if self._try("Stop", lambda station: station.stop_all()):
-            self.tell("every asset was told to hold; open plans are void", "Stop")
 
     def action_change_rate(self, factor: float) -> None:
         """Go faster or slower."""

@@ -14,7 +14,11 @@ from pa_console.tui.ports import (
     StationPort,
 )
 from pa_console.tui.session_app import SessionApp
+from pa_console.tui.widgets.alarm_pane import AlarmPane
+from pa_console.tui.widgets.asset_pane import AssetPane
+from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
+from pa_console.tui.widgets.virtual_rows import VirtualRows
 
 
 class BrowsingApp(SessionApp):
@@ -67,6 +71,63 @@ class BrowsingApp(SessionApp):
         """Show the trace of the mission before or after."""
         if self.main is not None:
             self.main.select(self.state, by)
+
+    def action_next_alarm(self) -> None:
+        """Put the pointer on the next alarm."""
+        if self.main is not None:
+            self.main.show_alarms().next_alarm()
+
+    def action_next_queued(self) -> None:
+        """Put the pointer on the next waiting mission."""
+        if self.main is not None:
+            self.main.show_alarms().next_mission()
+
+    def action_follow(self) -> None:
+        """Follow what the alarm at the pointer is about; the same again follows nothing."""
+        if self.main is None:
+            return
+        view, subject = self.main.query_one(MapView), self.main.query_one(AlarmPane).subject
+        if not subject or subject == view.followed:
+            view.follow("")
+        else:
+            self.follow(subject)
+
+    def follow(self, name: str) -> None:
+        """Keep something in view on the map, and go to the map."""
+        if self.main is not None:
+            if self.main.query_one(MapView).follow(name):
+                self.main.go_to("map")
+            else:
+                self.tell(f"where {name} is was never reported", "Follow", bad=True)
+
+    def on_virtual_rows_chosen(self, message: VirtualRows.Chosen) -> None:
+        """Follow what the chosen row is about."""
+        rows = message.rows
+        name = rows.subject if isinstance(rows, AlarmPane) else message.key
+        if name:
+            self.follow(name)
+
+    def action_zoom(self, factor: float) -> None:
+        """Zoom the map."""
+        if self.main is not None:
+            self.main.query_one(MapView).zoom_by(factor)
+
+    def action_pan(self, right: int, up: int) -> None:
+        """Move the map's view."""
+        if self.main is not None:
+            self.main.query_one(MapView).pan(right, up)
+
+    def action_filter(self) -> None:
+        """Type a filter for assets, tracks and cameras."""
+        if self.main is not None:
+            self.main.go_to("assets")
+            self.main.query_one(AssetPane).ask()
+
+    def action_problems(self) -> None:
+        """Show only what needs an eye, or everything."""
+        if self.main is not None:
+            self.main.go_to("assets")
+            self.main.query_one(AssetPane).toggle_problems()
 
     def action_help(self) -> None:
         """Show the help page."""

@@ -40,11 +40,27 @@ class StationPort(Protocol):
         ...
 
     def cancel(self) -> None:
-        """Cancel the active mission at once, in any stage."""
+        """Cancel the active mission at once, in any stage; ValueError when none is active."""
         ...
 
     def stop_all(self) -> None:
         """Make every asset hold and void open plans."""
+        ...
+
+    def acknowledge(self, alarm_id: str) -> None:
+        """Note that the operator has seen an alarm; raises ValueError when it is not open."""
+        ...
+
+    def move(self, mission_id: str, by: int) -> None:
+        """Move a waiting mission by `by` places, up when negative; ValueError when refused."""
+        ...
+
+    def defer(self, mission_id: str) -> None:
+        """Let every other waiting mission go first; raises ValueError when it does not wait."""
+        ...
+
+    def withdraw(self, mission_id: str) -> None:
+        """Take a waiting mission out of the queue; raises ValueError when it does not wait."""
         ...
 
     def inject(self, incident: Incident) -> None:

@@ -1,19 +1,26 @@
 """Which panes an event concerns, so that the others are left alone."""
 
-ALL_VIEWS = frozenset(("status", "map", "assets", "trace", "events"))
+ALL_VIEWS = frozenset(("status", "map", "assets", "alarms", "trace", "events"))
 
 _PICTURE = frozenset(("status", "map", "assets"))
 _TRACE = frozenset(("trace",))
+_ALARMS = frozenset(("status", "alarms", "events"))
+_COMMAND = frozenset(("status", "trace"))
 _BY_KIND = {
     "telemetry": _PICTURE,
     "incident": frozenset(("events",)),
     "noticed": frozenset(("events",)),
     "worker": frozenset(("status", "events")),
+    "alarm_raised": _ALARMS,
+    "alarm_acknowledged": _ALARMS,
+    "alarm_cleared": _ALARMS,
+    "queue_changed": _ALARMS,
     "text_streamed": _TRACE,
-    "command_sent": frozenset(("status", "trace")),
-    "command_replied": frozenset(("trace", "events")),
+    "command_sent": _COMMAND,
+    "command_resent": _COMMAND,
+    "command_replied": frozenset(("status", "trace", "events")),
 }
-_MISSION = frozenset(("status", "trace", "events"))
+_MISSION = frozenset(("status", "alarms", "trace", "events"))
 
 
 def views_of(kind: str) -> frozenset[str]:

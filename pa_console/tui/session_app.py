@@ -78,13 +78,16 @@ class SessionApp(App[None]):
     @property
     def situation(self) -> Situation:
         """What decides which actions are legal now."""
-        current = self.state.current
+        current, alarms = self.state.current, self.state.alarms
         return Situation(
             replay=self.player is not None,
             readonly=self.readonly or self.station is None,
             mission=self.state.active is not None,
             traced=current is not None,
             approval=current is not None and current.approval is not None,
+            alarms=len(alarms),
+            unseen=sum(not item.acknowledged for item in alarms),
+            queue=len(self.state.queue),
         )
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:

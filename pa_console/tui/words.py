@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from pa_console.schema.plan import Action, Verb
 from pa_console.schema.telemetry import Digest, Picture
@@ -47,6 +47,15 @@ def _number(name: str) -> str:
     return str(int(match[1])) if match else ""
 
 
+def track_names(names: Iterable[str]) -> dict[str, str]:
+    """Return the number at the end of each track's name, or its place where that is not unique."""
+    names = tuple(names)
+    numbers = [_number(name) for name in names]
+    if all(numbers) and len(set(numbers)) == len(numbers):
+        return dict(zip(names, numbers, strict=True))
+    return {name: str(place) for place, name in enumerate(names, start=1)}
+
+
 def action_sentence(action: Action, picture: Picture | None, digest: Digest | None) -> str:
     """Say what `action` does, where its agent is now and which gate it would leave unwatched."""
     asset = picture.assets.get(action.agent) if picture else None
@@ -72,6 +81,20 @@ def place(at: str | None, post: str | None) -> str:
     if at is not None:
         return f"at {at}"
     return f"on its way to {post}" if post else "between frames"
+
+
+def few(names: Sequence[str], most: int = 3) -> str:
+    """Name at most `most` of `names`, and say how many more there are."""
+    more = len(names) - most
+    return ", ".join(names) if more <= 0 else f"{', '.join(names[:most])} and {more} more"
+
+
+def age_text(seconds: float) -> str:
+    """Write an age: tenths below ten seconds, then whole seconds, then minutes."""
+    seconds = max(seconds, 0.0)
+    if seconds < 9.95:
+        return f"{seconds:.1f} s"
+    return f"{seconds:.0f} s" if seconds < 599.5 else f"{seconds / 60:.0f} min"
 
 
 def clock_text(seconds: float) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 from textual.pilot import Pilot
 
 from pa_console.schema.event import (
+    AlarmAcknowledged,
     AllStopped,
     DecisionMade,
     Event,
@@ -42,6 +43,10 @@ class ScriptedStation:
         self.decisions: list[Decision] = []
         self.injected: list[Incident] = []
         self.cancelled = self.stopped = 0
+        self.acknowledged: list[str] = []
+        self.moved: list[tuple[str, int]] = []
+        self.deferred: list[str] = []
+        self.withdrawn: list[str] = []
         self.closed = False
         self.refuse = ""
         self._broken = broken
@@ -78,15 +83,13 @@ class ScriptedStation:
 
     def submit(self, text: str) -> Mission:
         """Record a mission."""
-        if self.refuse:
-            raise ValueError(self.refuse)
+        self._refuse()
         self.submitted.append(text)
         return Mission(id=f"M-{len(self.submitted):03}", text=text, created=START)
 
     def decide(self, decision: Decision) -> None:
         """Record a decision, and accept it unless it modifies."""
-        if self.refuse:
-            raise ValueError(self.refuse)
+        self._refuse()
         self.decisions.append(decision)
         if decision.kind != "modify":
             self.emit(DecisionMade(attempt=1, decision=decision, accepted=True))
@@ -101,10 +104,34 @@ class ScriptedStation:
         self.stopped += 1
         self.emit(AllStopped(by="operator"), mission=None)
 
-    def inject(self, incident: Incident) -> None:
-        """Record an incident."""
+    def acknowledge(self, alarm_id: str) -> None:
+        """Record that an alarm was seen, and tell it."""
+        self._refuse()
+        self.acknowledged.append(alarm_id)
+        self.emit(AlarmAcknowledged(alarm_id=alarm_id), mission=None)
+
+    def move(self, mission_id: str, by: int) -> None:
+        """Record a move in the queue."""
+        self._refuse()
+        self.moved.append((mission_id, by))
+
+    def defer(self, mission_id: str) -> None:
+        """Record a deferred mission."""
+        self._refuse()
+        self.deferred.append(mission_id)
+
+    def withdraw(self, mission_id: str) -> None:
+        """Record a withdrawn mission."""
+        self._refuse()
+        self.withdrawn.append(mission_id)
+
+    def _refuse(self) -> None:
         if self.refuse:
             raise ValueError(self.refuse)
+
+    def inject(self, incident: Incident) -> None:
+        """Record an incident."""
+        self._refuse()
         self.injected.append(incident)
 
     async def close(self) -> None:

@@ -6,7 +6,14 @@ from pathlib import Path
 
 from pa_console.schema.document import Document
 from pa_console.schema.rule import Rule, RuleExample, RuleHit
-from pa_console.schema.telemetry import AssetTelemetry, Digest, GateCover, Picture, Track
+from pa_console.schema.telemetry import (
+    AssetTelemetry,
+    CameraReport,
+    Digest,
+    GateCover,
+    Picture,
+    Track,
+)
 from pa_console.schema.world import World
 
 WORLD = Document.read(Path(__file__).with_name("site.yaml")).parse(World)
@@ -129,8 +136,12 @@ def picture(
     changes: Mapping[str, Mapping[str, object]] | None = None,
     tracks: tuple[Track, ...] = (),
     uncovered: tuple[str, ...] = (),
+    **fields: object,
 ) -> Picture:
-    """The default picture at `time_s` with some assets changed and some gates uncovered."""
+    """The default picture at `time_s` with some assets changed and some gates uncovered.
+
+    `fields` are further fields of Picture.
+    """
     changes = changes or {}
     assets = {name: asset(name, time_s, **changes.get(name, {})) for name in _PLACES}
     covers = {gate: [n for n, a in assets.items() if a.at == gate] for gate in WORLD.gates}
@@ -142,13 +153,18 @@ def picture(
         )
         for gate, by in covers.items()
     }
-    return Picture(
-        tick=round(time_s * 10),
-        time_s=time_s,
-        assets=assets,
-        tracks={track.id: track for track in tracks},
-        gates=gates,
-    )
+    given: dict[str, object] = {
+        "tick": round(time_s * 10),
+        "time_s": time_s,
+        "assets": assets,
+        "tracks": {track.id: track for track in tracks},
+        "gates": gates,
+        "cameras": {
+            name: CameraReport(gate=camera.gate, works=True, stamp_s=time_s - 0.3)
+            for name, camera in WORLD.cameras.items()
+        },
+    }
+    return Picture.model_validate(given | fields)
 
 
 def track(name: str = "Vehicle_01", gate: str = "NorthGate", **changes: object) -> Track:

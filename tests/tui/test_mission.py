@@ -12,6 +12,7 @@ from pa_console.tui.app import ConsoleApp
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.status_bar import StatusBar
 from pa_console.tui.widgets.trace_pane import TracePane
+from pa_console.tui.widgets.virtual_rows import VirtualRows
 from tests.tui import story
 from tests.tui.scripted import ScriptedStation, console, settle
 from tests.tui.site import picture
@@ -37,7 +38,10 @@ def shown(app: ConsoleApp, selector: str = "#trace") -> str:
     assert app.main is not None
     pane = app.main.query_one(selector)
     widgets = [pane, *pane.walk_children(Widget)]
-    parts = (str(cast(object, widget.render())) for widget in widgets)
+    parts = (
+        widget.text if isinstance(widget, VirtualRows) else str(cast(object, widget.render()))
+        for widget in widgets
+    )
     return " ".join(" ".join(parts).split())
 
 
@@ -149,7 +153,9 @@ async def test_old_telemetry_is_called_old(tmp_path: Path) -> None:
         late = picture(time_s=320.0, changes={"Drone_T01": {"stamp_s": 300.0}})
         station.emit(ev.TelemetryReceived(picture=late), mission=None)
         await settle(pilot, station)
-        assert "20!" in shown(app, "#assets")
+        text = shown(app, "#assets")
+        assert "20 s!" in text
+        assert "? stale 20 s" in text
 
 
 async def test_a_broken_stream_leaves_the_console_usable(tmp_path: Path) -> None:

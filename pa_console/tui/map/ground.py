@@ -10,10 +10,15 @@ from pa_console.tui.map.projection import Projection
 
 _FRAME_GLYPHS = {"gate": "◆", "post": "○", "base": "⌂"}
 _COST = {"": 0, "lane": 2, "zone": 3, "wall": 40, "frame": 60, "label": 60}
+_CROWDED = 10
+"""With more frames than this, a name is left out where it would hide something."""
 
 
-def draw_ground(world: World, view: Projection) -> Canvas:
-    """Return a canvas with everything of the world that stays where it is."""
+def draw_ground(world: World, view: Projection) -> tuple[Canvas, dict[str, Cell]]:
+    """Return a canvas with everything that stays where it is, and where each frame's name is.
+
+    In a crowded view a name that would hide something else is left out.
+    """
     canvas = Canvas(view.width, view.height)
     for zone in world.zones.values():
         _hatch(canvas, view, zone.polygon)
@@ -25,16 +30,26 @@ def draw_ground(world: World, view: Projection) -> Canvas:
     for frame in world.frames.values():
         canvas.put(view.cell(frame.at), _FRAME_GLYPHS[frame.kind], "frame")
     centre = view.cell(_middle(world.perimeter))
-    for name, frame in world.frames.items():
-        place_label(canvas, view.cell(frame.at), name, "label", away_from=centre)
+    shown = {name: frame for name, frame in world.frames.items() if view.shows(frame.at)}
+    most = 40.0 if len(shown) > _CROWDED else None
+    labels: dict[str, Cell] = {}
+    for name, frame in shown.items():
+        at = place_label(canvas, view.cell(frame.at), name, "label", away_from=centre, most=most)
+        if at is not None:
+            labels[name] = at
     for name, zone in world.zones.items():
         cell = view.cell(_middle(zone.polygon))
         canvas.write((cell[0] - len(name) // 2 - 1, cell[1]), f" {name} ", "zone-label")
-    return canvas
+    return canvas, labels
 
 
-def place_label(canvas: Canvas, cell: Cell, text: str, role: str, away_from: Cell) -> None:
-    """Write a name beside `cell` where it hides least, on the side away from the centre."""
+def place_label(
+    canvas: Canvas, cell: Cell, text: str, role: str, *, away_from: Cell, most: float | None = None
+) -> Cell | None:
+    """Write a name beside `cell` where it hides least, on the side away from the centre.
+
+    Returns where; None when every place would hide `most` or more.
+    """
     column, row = cell
     outward = (column > away_from[0]) - (column < away_from[0])
     down = (row > away_from[1]) - (row < away_from[1])
@@ -49,8 +64,12 @@ def place_label(canvas: Canvas, cell: Cell, text: str, role: str, away_from: Cel
         ((column - len(text) - 1, row - 1), 3 if down < 0 else 7),
         ((column - len(text) - 1, row + 1), 3 if down > 0 else 7),
     ]
-    best = min(candidates, key=lambda item: item[1] + _hidden(canvas, item[0], len(text)))
-    canvas.write(best[0], text, role)
+    costs = [(cost + _hidden(canvas, at, len(text)), at) for at, cost in candidates]
+    least, best = min(costs, key=lambda item: item[0])
+    if most is not None and least >= most:
+        return None
+    canvas.write(best, text, role)
+    return best
 
 
 def _hidden(canvas: Canvas, start: Cell, length: int) -> int:

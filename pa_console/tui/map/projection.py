@@ -21,15 +21,30 @@ LANES_FROM_ROWS = 12
 
 @dataclass(frozen=True)
 class Projection:
-    """Fits the site, and its lanes as far as useful, into `width` x `height` cells."""
+    """Fits the site, and its lanes as far as useful, into `width` x `height` cells.
+
+    With `zoom` above 1 only that part of it is shown, around `centre` (the middle if None).
+    """
 
     world: World
     width: int
     height: int
+    zoom: float = 1.0
+    centre_on: Point | None = None
 
     @cached_property
     def _view(self) -> tuple[float, float, float, float]:
-        """West, south, east and north edge in metres."""
+        """West, south, east and north edge of what is shown, in metres."""
+        west, south, east, north = self.whole
+        if self.zoom <= 1.0:
+            return west, south, east, north
+        x, y = self.centre_on or ((west + east) / 2, (south + north) / 2)
+        half_x, half_y = (east - west) / 2 / self.zoom, (north - south) / 2 / self.zoom
+        return x - half_x, y - half_y, x + half_x, y + half_y
+
+    @cached_property
+    def whole(self) -> tuple[float, float, float, float]:
+        """West, south, east and north edge of everything, in metres."""
         world = self.world
         site = list(
             chain(
@@ -69,6 +84,11 @@ class Projection:
         column = (self.width - 1) / 2 + (point[0] - (west + east) / 2) * across
         row = (self.height - 1) / 2 - (point[1] - (south + north) / 2) * down
         return round(column), round(row)
+
+    def shows(self, point: Point) -> bool:
+        """Whether a point in metres lies on the canvas."""
+        column, row = self.cell(point)
+        return 0 <= column < self.width and 0 <= row < self.height
 
     def centre(self, cell: Cell) -> Point:
         """Return the point in metres that a cell's centre stands for."""

@@ -14,8 +14,10 @@ from pa_console.schema.world import World
 from pa_console.session.fold import MissionTrace, SessionState
 from pa_console.tui.history import History
 from pa_console.tui.ports import Clock
+from pa_console.tui.widgets.alarm_bar import AlarmBar
+from pa_console.tui.widgets.alarm_pane import AlarmPane
 from pa_console.tui.widgets.approval_panel import ApprovalPanel
-from pa_console.tui.widgets.asset_table import AssetTable
+from pa_console.tui.widgets.asset_pane import AssetPane
 from pa_console.tui.widgets.event_list import EventList
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
@@ -25,6 +27,9 @@ from pa_console.tui.widgets.view_bar import VIEWS, ViewBar
 
 LEAST_SIZE = (60, 18)
 WIDE_SIZE = (100, 30)
+_KEYS_GO_TO = {"trace": "#trace-body", "assets": "#asset-rows"}
+"""Which part of a view takes the keys, where it is not the view itself."""
+
 TOO_SMALL = (
     "PA Console needs 60 x 18 cells.\nThis terminal has {width} x {height}:\nmake it larger."
 )
@@ -53,12 +58,14 @@ class MainScreen(Screen[None]):
     def compose(self) -> ComposeResult:
         """Yield all panes; the style sheet decides which are seen."""
         yield StatusBar(id="status", markup=False)
+        yield AlarmBar(id="alarm-bar")
         yield ViewBar(id="views", markup=False)
         with Horizontal(id="body"):
             with Vertical(id="left"):
                 yield MapView(self._world, id="map")
-                yield AssetTable(self._world, id="assets")
-                yield EventList(id="events")
+                yield AlarmPane(id="alarms")
+                yield AssetPane(self._world, id="assets")
+                yield EventList(all_known=self.mode == "REPLAY", id="events")
             with Vertical(id="right"):
                 yield TracePane(self._rules, id="trace")
                 yield ApprovalPanel(self._clock)
@@ -102,8 +109,13 @@ class MainScreen(Screen[None]):
     def focus_view(self, view: str) -> None:
         """Show a view and give it the keys."""
         self.go_to(view)
-        target = "#trace-body" if view == "trace" else f"#{view}"
-        self.query_one(target).focus()
+        self.query_one(_KEYS_GO_TO.get(view, f"#{view}")).focus()
+
+    def show_alarms(self) -> AlarmPane:
+        """Return the alarms, brought into sight where one pane is shown at a time."""
+        if self.compact:
+            self.go_to("alarms")
+        return self.query_one(AlarmPane)
 
     def on_view_bar_chosen(self, message: ViewBar.Chosen) -> None:
         """Go where the pointer said."""
@@ -130,10 +142,14 @@ class MainScreen(Screen[None]):
         if "status" in views:
             bar = self.query_one(StatusBar)
             bar.show(state, self._world.title, self.mode, rate, silent_s)
+            self.query_one(AlarmBar).show(state)
         if "map" in views:
             self.query_one(MapView).show(state.picture)
         if "assets" in views:
-            self.query_one(AssetTable).show(state.picture)
+            self.query_one(AssetPane).show(state.picture)
+        if "alarms" in views:
+            self.set_class(bool(state.alarms or state.queue), "-alarmed")
+            self.query_one(AlarmPane).show(state)
         if "events" in views:
             self.query_one(EventList).show(state.notices)
         if "trace" in views:

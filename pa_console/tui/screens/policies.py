@@ -11,7 +11,7 @@ from textual.screen import Screen
 from textual.widgets import Footer, Input, OptionList, Select, Static
 from textual.widgets.option_list import Option
 
-from pa_console.schema.rule import PRIORITIES, Rule, RuleHit
+from pa_console.schema.rule import Ordering, PRIORITIES, Rule, RuleHit
 from pa_console.tui.ports import RetrieverPort, RulebookPort
 from pa_console.tui.trace.rows import Row, column, row
 from pa_console.tui.vocabulary import NOTE, QUIET, term
@@ -91,7 +91,7 @@ class PolicyScreen(Screen[None]):
             for rule in self._rules
             if self._wanted["policy-domain"] in (None, rule.domain)
             and self._wanted["policy-priority"] in (None, rule.priority)
-            and self._wanted["policy-mode"] in (None, "checked" if rule.check else "judged")
+            and self._wanted["policy-mode"] in (None, "checked" if rule.decidable else "judged")
         ]
         if self._hits:
             rules.sort(key=lambda rule: -self._score(rule))
@@ -110,7 +110,7 @@ class PolicyScreen(Screen[None]):
             listing.highlighted = 0
         else:
             self.query_one("#policy-sheet", Sheet).show((row("", "No rule passes the filters."),))
-        count = sum(rule.check is not None for rule in self._rules)
+        count = sum(rule.decidable for rule in self._rules)
         self.query_one("#policy-title", Static).update(
             Content.assemble(
                 ("Policies  ", "bold $text-primary"),
@@ -120,7 +120,7 @@ class PolicyScreen(Screen[None]):
 
     def _line(self, rule: Rule) -> Content:
         urgency = term("priority", rule.priority)
-        mode = term("rule", "checked" if rule.check else "judged")
+        mode = term("rule", "checked" if rule.decidable else "judged")
         score = f"{self._score(rule):4.2f} " if self._hits else ""
         return Content.assemble(
             (score, NOTE),
@@ -150,7 +150,7 @@ class PolicyScreen(Screen[None]):
 def rule_rows(rule: Rule, hit: RuleHit | None) -> list[Row]:
     """Return everything there is to know of one rule."""
     urgency = term("priority", rule.priority)
-    mode = term("rule", "checked" if rule.check else "judged")
+    mode = term("rule", "checked" if rule.decidable else "judged")
     rows = [
         row(
             "",
@@ -175,6 +175,10 @@ def rule_rows(rule: Rule, hit: RuleHit | None) -> list[Row]:
     ):
         if value:
             rows += [row(""), row("", (name, f"bold {NOTE}")), row("  ", value.strip())]
+    for order in rule.order:
+        rows += [row(""), row("", (_ordering(order), f"bold {NOTE}"))]
+        rows += [row("  ", part.strip()) for part in (order.event, order.other)]
+        rows.append(row("  ", (order.message, QUIET)))
     if rule.examples:
         rows += [row(""), row("", (f"examples ({len(rule.examples)})", f"bold {NOTE}"))]
     for example in rule.examples:
@@ -185,10 +189,18 @@ def rule_rows(rule: Rule, hit: RuleHit | None) -> list[Row]:
         rows += [row("      ", f"{agent}: {command}") for agent, command in example.plan]
         if example.given:
             rows.append(row("      given ", (str(example.given), QUIET)))
+        rows += [row("      then ", (str(change), QUIET)) for change in example.moments]
     return rows
 
 
+def _ordering(order: Ordering) -> str:
+    """Return an ordering's kind, its subjects and its time limit; the two events follow it."""
+    limit = f" {order.seconds} s" if isinstance(order.seconds, float) else f" {order.seconds}"
+    each = f", each {order.each}" if order.each is not None else ""
+    return f"order: {order.kind}{limit if order.seconds is not None else ''}{each}"
+
+
 def _enforcement(rule: Rule) -> str:
-    if rule.check is None:
+    if not rule.decidable:
         return "no: the LLM judges it, code cannot"
     return "blocks a plan for everyone" if rule.enforced else "a warning to be acknowledged"

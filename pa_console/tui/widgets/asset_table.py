@@ -1,127 +1,112 @@
-"""All assets and tracks, a row each; a row is painted again only when its text changed."""
+"""All tracks, assets and cameras, a row each: problems first, and only what a filter lets in."""
 
-from textual import events
-from textual.containers import VerticalScroll
+from bisect import bisect_right
+from typing import Literal, NamedTuple
+
 from textual.content import Content
-from textual.widgets import Static
 
-from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
+from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
-from pa_console.tui.map.scene import arrow, track_token
-from pa_console.tui.trace.rows import column
-from pa_console.tui.vocabulary import BAD, QUIET, WARN, term
+from pa_console.tui.condition import FINE, Reliance, track_rank
+from pa_console.tui.vocabulary import QUIET, WARN
+from pa_console.tui.widgets import asset_rows as cells
+from pa_console.tui.widgets.virtual_rows import VirtualRows
 from pa_console.tui.words import short_names
 
-STALE_AFTER_S = 3.0
-"""Simulated seconds after which a report is called stale."""
 
-HEADINGS = (
-    ("", 3),
-    ("asset", 10),
-    ("status", 10),
-    ("task", 11),
-    ("at / to", 11),
-    ("batt", 5),
-    ("link", 6),
-    ("age", 4),
-)
+class _Item(NamedTuple):
+    """A row: a heading has the title of its group as name, a note its text."""
+
+    kind: Literal["heading", "track", "asset", "camera", "note"]
+    name: str
 
 
-class AssetTable(VerticalScroll):
-    """Status, task, place, battery, link and age of the last report of every asset."""
+class Count(NamedTuple):
+    """How many rows there are, how many are shown, and how many of all need an eye."""
+
+    total: int = 0
+    shown: int = 0
+    problems: int = 0
+
+
+class AssetTable(VirtualRows):
+    """Status, place and age of the last report of everything; only rows in view are laid out."""
 
     def __init__(self, world: World, **kwargs: str) -> None:
-        super().__init__(id=kwargs.get("id"))
+        super().__init__(**kwargs)
         self._short = short_names(world.assets)
+        self._stale_s = world.stale_s
         self._picture: Picture | None = None
-        self._shown: dict[str, Content] = {}
-        self.border_title = "Assets and tracks"
+        self._look: Reliance | None = None
+        self._items: list[_Item] = []
+        self._headings: list[int] = []
+        self._wanted: tuple[str, ...] = ()
+        self.count = Count()
 
     def show(self, picture: Picture | None) -> None:
-        """Show another picture, changing only the rows that differ."""
+        """Show another picture; filter and cursor stay."""
         self._picture = picture
-        if not self.is_mounted:
-            return
-        width = self.scrollable_content_region.width or self.content_size.width
-        lines = self._lines(picture, width)
-        for key in [key for key in self._shown if key not in lines]:
-            self.query_one(f"#row-{key}", Static).remove()
-            del self._shown[key]
-        for key, line in lines.items():
-            if key not in self._shown:
-                self.mount(Static(line, id=f"row-{key}", markup=False))
-            elif not line.is_same(self._shown[key]):
-                self.query_one(f"#row-{key}", Static).update(line)
-            self._shown[key] = line
+        if picture is None:
+            self._items = [_Item("note", "no telemetry yet: unknown")]
+        else:
+            self._look = Reliance(picture, self._stale_s)
+            self._items = self._arranged(picture, self._look)
+        self._headings = [i for i, item in enumerate(self._items) if item.kind == "heading"]
+        plain = ("heading", "note")
+        self.set_keys(["" if item.kind in plain else item.name for item in self._items])
 
-    def on_resize(self, _event: events.Resize) -> None:
-        """Lay the columns out for the new width."""
+    def filter(self, text: str) -> None:
+        """Show only rows that have every word of `text` in what is known of them."""
+        self._wanted = tuple(text.lower().split())
         self.show(self._picture)
 
-    def _lines(self, picture: Picture | None, width: int) -> dict[str, Content]:
-        heading = [column(word, cells, QUIET) for word, cells in _fitting(width)]
-        lines = {"heading": Content.assemble(*heading).truncate(width)}
-        if picture is None:
-            return lines | {"none": Content.styled("no telemetry yet: unknown", WARN)}
-        for asset in picture.assets.values():
-            lines[asset.id] = _line(asset_cells(asset, self._short, picture.time_s), width)
-        for number, track in enumerate(picture.tracks.values(), start=1):
-            lines[track.id] = _line(track_cells(track, number, picture.time_s), width)
-        return lines
+    def _arranged(self, picture: Picture, look: Reliance) -> list[_Item]:
+        """Return the rows in order: what is most urgent first, equal ones as they were told."""
+        tracks = sorted(picture.tracks.values(), key=lambda t: (*track_rank(t), t.id))
+        ranks = {name: look.rank(asset) for name, asset in picture.assets.items()}
+        assets = sorted(picture.assets.values(), key=lambda a: ranks[a.id])
+        cameras = sorted(picture.cameras.items(), key=lambda c: look.camera(c[1]) == "works")
+        if self._wanted:
+            tracks = [t for t in tracks if self._lets_in(cells.track_words(t, look))]
+            assets = [a for a in assets if self._lets_in(cells.asset_words(a, self._short, look))]
+            cameras = [c for c in cameras if self._lets_in(cells.camera_words(*c, look))]
+        items: list[_Item] = []
+        if tracks:
+            items += [_Item("heading", "tracks"), *(_Item("track", t.id) for t in tracks)]
+        if assets:
+            items += [_Item("heading", "assets"), *(_Item("asset", a.id) for a in assets)]
+        if cameras:
+            items += [_Item("heading", "cameras"), *(_Item("camera", name) for name, _ in cameras)]
+        down = sum(look.camera(camera) != "works" for camera in picture.cameras.values())
+        suspicious = sum(track_rank(track)[0] < 4 for track in picture.tracks.values())
+        self.count = Count(
+            total=len(picture.tracks) + len(picture.assets) + len(picture.cameras),
+            shown=len(tracks) + len(assets) + len(cameras),
+            problems=sum(rank < FINE for rank in ranks.values()) + down + suspicious,
+        )
+        return items or [_Item("note", "nothing passes the filter")]
 
+    def _lets_in(self, words: str) -> bool:
+        return all(word in words for word in self._wanted)
 
-def _fitting(width: int) -> list[tuple[str, int]]:
-    """Return the columns that fit: the long name goes first when room is short."""
-    columns = list(HEADINGS)
-    if sum(cells + 1 for _, cells in columns) - 1 > width:
-        columns = [item for item in columns if item[0] != "asset"]
-    return columns
+    def row(self, index: int, width: int) -> Content:
+        """Return a heading or the row of a track, an asset or a camera."""
+        kind, name = self._items[index]
+        picture, look = self._picture, self._look
+        if kind == "heading":
+            layouts = {"tracks": cells.tracks(width), "assets": cells.ASSETS}
+            return layouts.get(name, cells.CAMERAS).heading(width)
+        if picture is None or look is None or kind == "note":
+            return Content.styled(name, WARN if picture is None else QUIET)
+        if kind == "track":
+            return cells.tracks(width).line(cells.track_cells(picture.tracks[name], look), width)
+        if kind == "camera":
+            given = picture.cameras[name]
+            return cells.CAMERAS.line(cells.camera_cells(name, given, look), width)
+        asset = picture.assets[name]
+        return cells.ASSETS.line(cells.asset_cells(asset, self._short, look), width)
 
-
-def _line(cells: dict[str, tuple[str, str]], width: int) -> Content:
-    fields = [column(cells[name][0], room, cells[name][1]) for name, room in _fitting(width)]
-    return Content.assemble(*fields).truncate(width)
-
-
-def asset_cells(
-    asset: AssetTelemetry, short: dict[str, str], now_s: float
-) -> dict[str, tuple[str, str]]:
-    """Return (text, style) for each column of an asset's row."""
-    status, comms = term("asset", asset.status), term("comms", asset.comms)
-    age = now_s - asset.stamp_s
-    going = asset.at or (f"{arrow(asset.heading_deg)} {asset.post}" if asset.post else "between")
-    low = "▼" if asset.low_battery else ""
-    return {
-        "": (short[asset.id], "bold"),
-        "asset": (asset.id, ""),
-        "status": (f"{status.glyph} {status.word}", status.style),
-        "task": (asset.task, QUIET if asset.task in ("idle", "holding") else ""),
-        "at / to": (going, "" if asset.at else "$text-accent"),
-        "batt": (f"{asset.battery_pct:3.0f}%{low}", WARN if low else ""),
-        "link": (f"{comms.glyph} {comms.word}", comms.style),
-        "age": age_cell(age),
-    }
-
-
-def track_cells(track: Track, number: int, now_s: float) -> dict[str, tuple[str, str]]:
-    """Return (text, style) for each column of a track's row."""
-    identity = term("identity", track.identity)
-    names = list(short_names(track.observed_by).values())
-    seen = names[0] if len(names) == 1 else str(len(names) or "")
-    return {
-        "": (track_token(track, number)[0], f"bold {identity.style}"),
-        "asset": (track.kind, ""),
-        "status": (identity.word.lower(), identity.style),
-        "task": ("warned" if track.warned else track.status, WARN),
-        "at / to": (track.gate, ""),
-        "batt": (f"{track.distance_m:3.0f}m", ""),
-        "link": (f"by {seen}" if seen else "unseen", QUIET if seen else WARN),
-        "age": age_cell(now_s - track.stamp_s),
-    }
-
-
-def age_cell(age_s: float) -> tuple[str, str]:
-    """Return the age of a report; one that is old carries a mark, never looks fine."""
-    if age_s < STALE_AFTER_S:
-        return f"{max(age_s, 0.0):3.1f}", QUIET
-    return f"{min(age_s, 999):.0f}!", BAD
+    def sticky(self, first: int, width: int) -> Content | None:
+        """Return the heading of the group that is scrolled through."""
+        at = bisect_right(self._headings, first) - 1
+        return self.row(self._headings[at], width) if at >= 0 else None

@@ -16,12 +16,16 @@ from pa_console.tui.vocabulary import QUIET, term
 
 
 class EventList(ScrollView):
-    """What happened, newest last; long lines wrap."""
+    """What happened, newest last; long lines wrap.
+
+    What only the simulation knows is left out, unless `all_known` (in a replay).
+    """
 
     can_focus = True
 
-    def __init__(self, **kwargs: str) -> None:
+    def __init__(self, *, all_known: bool = False, **kwargs: str) -> None:
         super().__init__(id=kwargs.get("id"))
+        self._all_known = all_known
         self._shown: deque[Notice] = deque(maxlen=NOTICES_KEPT)
         self._rows: list[Row] = []
         self._lines: list[Content] = []
@@ -30,7 +34,7 @@ class EventList(ScrollView):
 
     def show(self, notices: Iterable[Notice]) -> None:
         """Show these notices; when nothing but new ones were added, only those are laid out."""
-        given = list(notices)
+        given = [notice for notice in notices if self._all_known or not notice.hidden]
         added = given[len(self._shown) :]
         if given[: len(self._shown)] != list(self._shown):
             self._shown.clear()

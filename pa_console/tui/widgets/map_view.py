@@ -1,4 +1,4 @@
-"""The live map: only rows that changed are painted again."""
+"""The live map: only rows that changed are painted again; it can be zoomed and follow something."""
 
 from rich.segment import Segment
 from rich.style import Style
@@ -7,19 +7,33 @@ from textual.geometry import Region
 from textual.strip import Strip
 from textual.widget import Widget
 
+from pa_console.schema.base import Point
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
-from pa_console.tui.map.scene import ROLES, Scene
+from pa_console.tui.map.projection import Projection
+from pa_console.tui.map.scene import ROLES, Scene, Window
 
 LEGEND = (
-    ("◆", "covered", "gate-covered"), ("◇", "UNCOVERED", "gate-uncovered"),
-    ("?", "unknown", "track-unknown"), ("!", "unauthorized", "track-unauthorized"),
-    ("✔", "authorized", "track-authorized"), ("■", "vehicle", "legend"),
-    ("▪", "person", "legend"), ("•", "route", "route"), ("╱", "restricted", "zone-label"),
+    ("◇", "UNCOVERED", "gate-uncovered"), ("?", "cover unknown", "gate-unknown"),
+    ("‼", "hostile", "track-hostile"), ("!", "unauthorized", "track-unauthorized"),
+    ("?", "unknown", "track-unknown"), ("✔", "authorized", "track-authorized"),
+    ("?", "not seen now", "track-stale"), ("?", "stale report", "stale"),
+    ("≠", "suspect", "suspect"), ("✘", "down", "down"), ("▿✘", "camera failed", "camera-failed"),
+    ("▿?", "camera unknown", "camera-unknown"), ("×9", "so many", "crowd"),
+    ("◆", "covered", "gate-covered"), ("•", "route", "route"), ("▿", "camera", "camera"),
+    ("╱", "restricted", "zone"),
 )  # fmt: skip
+"""Glyph, word and role; named only while something of that role is on the map."""
 
 LEGEND_FROM_ROWS = 13
 """A map with fewer rows needs them all."""
+
+MOST_ZOOM = 16.0
+FOLLOW_ZOOM = 2.0
+"""Following something brings the map at least this near."""
+
+PAN_SHARE = 0.25
+"""How much of what is in view one step of panning moves by."""
 
 
 class MapView(Widget):
@@ -30,10 +44,14 @@ class MapView(Widget):
 
     def __init__(self, world: World, **kwargs: str) -> None:
         super().__init__(id=kwargs.get("id"))
+        self._world = world
         self._scene = Scene(world)
         self._picture: Picture | None = None
         self._rows: list[list[tuple[str, str]]] = []
         self._styles: dict[str, Style] = {}
+        self._zoom = 1.0
+        self._centre: Point | None = None
+        self.followed = ""
         self.border_title = "Map"
 
     def show(self, picture: Picture | None) -> None:
@@ -41,6 +59,67 @@ class MapView(Widget):
         self._picture = picture
         if self.is_on_screen and self.content_size.height > 1:
             self._draw()
+
+    def zoom_by(self, factor: float) -> None:
+        """Go nearer or farther; at 1 the whole site is shown."""
+        self._zoom = min(max(self._zoom * factor, 1.0), MOST_ZOOM)
+        if self._zoom <= 1.0:
+            self._centre = None
+        self._draw()
+
+    def pan(self, right: int, up: int) -> None:
+        """Look at what lies beside, a part of the view further; nothing is followed any more."""
+        if self._zoom > 1.0:
+            west, south, east, north = self._whole
+            x, y = self._centre or ((west + east) / 2, (south + north) / 2)
+            x += right * PAN_SHARE * (east - west) / self._zoom
+            y += up * PAN_SHARE * (north - south) / self._zoom
+            self._centre = (min(max(x, west), east), min(max(y, south), north))
+            self.followed = ""
+            self._draw()
+
+    def follow(self, name: str) -> bool:
+        """Keep an asset, track, camera or frame in view and point at it; '' follows nothing.
+
+        Returns whether there is anything of that name.
+        """
+        place = self._place_of(name)
+        self.followed = name if place is not None else ""
+        if place is not None:
+            self._zoom = max(self._zoom, FOLLOW_ZOOM)
+            self._centre = place
+        self._draw()
+        return place is not None
+
+    def _place_of(self, name: str) -> Point | None:
+        picture, world = self._picture, self._world
+        if picture is not None and (item := picture.tracks.get(name) or picture.assets.get(name)):
+            return item.position
+        fixed = world.cameras.get(name) or world.frames.get(name)
+        return fixed.at if fixed is not None else None
+
+    @property
+    def _whole(self) -> tuple[float, float, float, float]:
+        return Projection(self._world, 2, 20).whole
+
+    def _window(self) -> Window:
+        """Return what to show; what is followed may move in the middle of the view unnoticed."""
+        place = self._place_of(self.followed) if self.followed else None
+        if self._zoom > 1.0 and place is not None:
+            west, south, east, north = self._whole
+            x, y = self._centre or place
+            far_x = abs(place[0] - x) > (east - west) / self._zoom / 4
+            if far_x or abs(place[1] - y) > (north - south) / self._zoom / 4:
+                self._centre = place
+        return self._zoom, self._centre
+
+    def _label(self) -> None:
+        title = "Map"
+        if self._zoom > 1.0:
+            title += f" ×{self._zoom:g}"
+        if self.followed:
+            title += f" following {self.followed}"
+        self.border_title = title
 
     def on_show(self) -> None:
         """Draw what was left out while the map was hidden."""
@@ -56,14 +135,15 @@ class MapView(Widget):
         self._styles = {}
 
     def _draw(self) -> None:
+        self._label()
         width, height = self.content_size
         if width < 2 or height < 2:
             return
         room = height - 1 if height >= LEGEND_FROM_ROWS else height
-        canvas = self._scene.draw(self._picture, width, room)
+        canvas = self._scene.draw(self._picture, width, room, self._window(), self.followed)
         rows = [canvas.runs(row) for row in range(room)]
         if room < height:
-            rows.append(legend(width))
+            rows.append(legend(width, {role for row in rows for _, role in row}))
         if len(rows) != len(self._rows):
             self._rows = rows
             self.refresh()
@@ -92,14 +172,16 @@ class MapView(Widget):
         return "\n".join("".join(text for text, _ in row) for row in self._rows)
 
 
-def legend(width: int) -> list[tuple[str, str]]:
-    """Return the meaning of the map's signs, as many as fit into `width` cells."""
+def legend(width: int, roles: set[str]) -> list[tuple[str, str]]:
+    """Return the meaning of the signs of `roles`, as many as fit into `width` cells."""
     runs: list[tuple[str, str]] = []
     used = 0
     for glyph, word, role in LEGEND:
         gap = "  " if runs else " "
-        if used + len(gap) + len(word) + 2 > width:
+        if role not in roles:
+            continue
+        if used + len(gap) + len(glyph) + len(word) + 1 > width:
             break
         runs += [(gap, ""), (glyph, role), (f" {word}", "legend")]
-        used += len(gap) + len(word) + 2
+        used += len(gap) + len(glyph) + len(word) + 1
     return runs

@@ -4,8 +4,9 @@ from textual.content import Content
 from textual.widgets import Static
 
 from pa_console.session.fold import SessionState
+from pa_console.tui.condition import cover_state
 from pa_console.tui.vocabulary import QUIET, term
-from pa_console.tui.words import clock_text
+from pa_console.tui.words import clock_text, few
 
 STALE_AFTER_S = 5.0
 """Wall seconds without telemetry after which the stream is called stale."""
@@ -40,12 +41,23 @@ class StatusBar(Static):
         return Content.styled("● LIVE" if mode == "LIVE" else f" {mode} ", style)
 
     def _gates(self, state: SessionState) -> Content:
+        """Name the gates that are not covered; one of which nothing is known is not covered."""
         if state.picture is None:
             return Content.styled("? gates unknown", "$text-warning")
-        lost = [name for name, gate in state.picture.gates.items() if not gate.covered]
-        mark = term("gate", "uncovered" if lost else "covered")
-        words = f"{', '.join(lost)} {mark.word}" if lost else "all gates covered"
-        return Content.styled(f"{mark.glyph} {words}", f"bold {mark.style}" if lost else mark.style)
+        by: dict[str, list[str]] = {"uncovered": [], "unknown": [], "covered": []}
+        for name, cover in state.picture.gates.items():
+            by[cover_state(cover)].append(name)
+        parts: list[tuple[str, str]] = []
+        for name in ("uncovered", "unknown"):
+            if by[name]:
+                mark = term("gate", name)
+                gap = ", " if parts else ""
+                words = f"{gap}{mark.glyph} {few(by[name], 2)} {mark.word}"
+                parts.append((words, f"bold {mark.style}"))
+        if parts:
+            return Content.assemble(*parts)
+        mark = term("gate", "covered")
+        return Content.styled(f"{mark.glyph} all gates covered", mark.style)
 
     def _mission(self, state: SessionState) -> Content:
         if state.ended:
@@ -54,4 +66,7 @@ class StatusBar(Static):
             return Content.styled("no mission", QUIET)
         trace = state.missions[state.active]
         waiting = " ▲ WAITS FOR YOU" if trace.approval else ""
-        return Content.assemble(f"{trace.mission.id} {trace.stage}", (waiting, "bold $text-accent"))
+        phase = f" {trace.phase}:" if trace.phase else ""
+        return Content.assemble(
+            f"{trace.mission.id}{phase} {trace.stage}", (waiting, "bold $text-accent")
+        )

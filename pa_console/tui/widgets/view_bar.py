@@ -5,7 +5,10 @@ from textual.content import Content
 from textual.message import Message
 from textual.widgets import Static
 
-VIEWS = (("map", "F2 Map"), ("assets", "F3 Assets"), ("trace", "F4 Trace"), ("events", "F5 Events"))
+VIEWS = (
+    ("map", "F2 Map"), ("assets", "F3 Assets"), ("trace", "F4 Trace"), ("events", "F5 Events"),
+    ("alarms", "5 Alarms"),
+)  # fmt: skip
 
 
 class ViewBar(Static):

@@ -1,0 +1,130 @@
+"""How open alarms and waiting missions look as rows, and the one line that sums them up."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from textual.content import Content
+
+from pa_console.schema.alarm import QueueEntry
+from pa_console.session.fold import OpenAlarm, SessionState, Stop
+from pa_console.session.mission_trace import MissionTrace
+from pa_console.tui.trace.rows import column
+from pa_console.tui.vocabulary import BAD, CALM, NOTE, QUIET, WARN, term
+from pa_console.tui.words import clock_text
+
+_FILL = {BAD: "$error", WARN: "$warning", CALM: "$primary", QUIET: "$quiet"}
+"""What is behind a sign that must not be overlooked, by the sign's own colour."""
+
+Part = Content | tuple[str, str] | str
+
+
+def alarm_row(item: OpenAlarm, answers: Mapping[str, MissionTrace], active: str) -> Content:
+    """Return an alarm as priority, whether it was seen, its text, its mission and since when."""
+    alarm = item.alarm
+    mark = term("alarm", alarm.priority)
+    seen = term("seen", "seen" if item.acknowledged else "new")
+    answer = answers.get(alarm.id)
+    told: tuple[str, str] = ("", "")
+    if answer is not None and answer.status is None:
+        doing = "works on it" if answer.mission.id == active else "waits"
+        told = (f"  {answer.mission.id} {doing}", QUIET)
+    distance = f" ({alarm.distance_m:.0f} m)" if alarm.distance_m is not None else ""
+    return Content.assemble(
+        column(f"{mark.glyph} {mark.word}", 11, f"bold {mark.style}"),
+        column(f"{seen.glyph} {seen.word}", 6, seen.style),
+        (alarm.text, "" if item.acknowledged else "bold"),
+        distance,
+        told,
+        (f"  since {clock_text(alarm.raised_s)}", QUIET),
+    )
+
+
+def queue_rows(place: int, entry: QueueEntry) -> tuple[Content, Content]:
+    """Return a waiting mission as two lines: what it is, and why it stands where it stands."""
+    mark = term("alarm", entry.priority)
+    mission = entry.mission
+    origin = ("by alarm  ", NOTE) if mission.source == "alarm" else ("", "")
+    later = ("deferred  ", WARN) if entry.deferred else ("", "")
+    head = Content.assemble(
+        column(f"{place}.", 3, "bold"),
+        (f"{mission.id} ", "bold $text-accent"),
+        (f"{mark.glyph} {mark.word}  ", mark.style),
+        origin,
+        later,
+        mission.text,
+    )
+    distance = f"{entry.distance_m:.0f} m, " if entry.distance_m is not None else ""
+    return head, Content.assemble("    ", (f"{distance}{entry.reason}", QUIET))
+
+
+def answering(missions: Mapping[str, MissionTrace]) -> dict[str, MissionTrace]:
+    """Return the latest mission that answers each alarm."""
+    return {trace.mission.alarm: trace for trace in missions.values() if trace.mission.alarm}
+
+
+def summary(state: SessionState, width: int) -> Content:
+    """Return one line: a stop, the alarms and the worst of them, the queue, weather, scenario.
+
+    Where room is short the scenario goes first, then the end of the alarm's text.
+    """
+    kept = [part for part in (_queue(state.queue), _weather(state)) if part is not None]
+    ends = [*kept, *_scenario(state)]
+    line = Content.assemble(*_stop(state.stop), *_alarms(state.alarms))
+    needed = min(line.cell_length, width * 11 // 20)
+    if _length(ends) > width - needed:
+        ends = kept
+    line = line.truncate(max(width - _length(ends), 1), ellipsis=True)
+    return Content.assemble(line, *(part for end in ends for part in ("  ", end)))
+
+
+def _length(parts: Sequence[Content]) -> int:
+    return sum(part.cell_length + 2 for part in parts)
+
+
+def _alarms(alarms: Sequence[OpenAlarm]) -> Iterator[Part]:
+    if not alarms:
+        mark = term("alarm", "none")
+        yield (f"{mark.glyph} {mark.word}", mark.style)
+        return
+    fresh = sum(not item.acknowledged for item in alarms)
+    worst = next((item for item in alarms if not item.acknowledged), alarms[0])
+    mark = term("alarm", worst.alarm.priority)
+    plural = "s" if len(alarms) > 1 else ""
+    new = f", {fresh} NEW" if fresh else ""
+    style = f"bold {mark.style}"
+    tag = f" {mark.glyph} {len(alarms)} alarm{plural}{new} "
+    yield (tag, f"bold $background on {_FILL[mark.style]}" if fresh else style)
+    yield (f" {mark.word} ", style)
+    yield worst.alarm.text
+
+
+def _stop(stop: Stop | None) -> Iterator[Part]:
+    """Say that everything was stopped, and whether the assets have obeyed."""
+    if stop is None:
+        return
+    answers = [sent.replies[-1].status if sent.replies else "" for sent in stop.orders.values()]
+    held = sum(status == "done" for status in answers)
+    open_ = len(answers) - held
+    told = f"  {held} hold" if answers else ""
+    yield (" ■ ALL STOPPED ", f"bold $background on {_FILL[BAD]}")
+    yield (told, "bold")
+    if open_:
+        yield (f", {open_} not confirmed", f"bold {WARN}")
+    yield "  "
+
+
+def _queue(queue: Sequence[QueueEntry]) -> Content | None:
+    if not queue:
+        return None
+    return Content.styled(f"queue {len(queue)}, next {queue[0].mission.id}", NOTE)
+
+
+def _weather(state: SessionState) -> Content | None:
+    if state.picture is None:
+        return None
+    mark = term("weather", state.picture.weather)
+    return Content.styled(f"{mark.glyph} {mark.word}", mark.style)
+
+
+def _scenario(state: SessionState) -> Iterator[Content]:
+    if state.scenario:
+        yield Content.styled(f"scenario {state.scenario}", QUIET)
