@@ -21,6 +21,7 @@ SMALL_ASSETS, SMALL_GATES = 16, 8
 MOST_GATES, MOST_TRACKS, MOST_FRAMES = 10, 8, 16
 MOST_ASSETS, SPARES_PER_KIND = 24, 3
 COVERS_PER_GATE = 2
+MOST_MEANT = 6
 MOST_LOW = 3
 Pick = tuple[str, str]
 """A name and why it matters."""
@@ -108,11 +109,12 @@ def _gates(
         post = picture.assets[name].post
         if post in picture.gates:
             yield post, f"{name} is posted to it"
+    alike = meant(world.gates, mission.text)[:MOST_MEANT]
+    yield from ((gate, "meant in the mission") for gate in alike)
     for name in tracks:
         gate = picture.tracks[name].gate
         if gate in picture.gates:
             yield gate, f"{name} is there"
-    yield from ((gate, "meant in the mission") for gate in meant(world.gates, mission.text))
     for gate, cover in picture.gates.items():
         if not cover.covered:
             yield gate, "its cover is unknown" if cover.unknown else "it is not covered"

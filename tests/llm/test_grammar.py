@@ -137,3 +137,14 @@ def test_a_verdict_on_other_rules_is_not_writable():
     assert accepts(judge_grammar(["WF-03"]), json.dumps(answer))
     assert not accepts(judge_grammar(["WF-04"]), json.dumps(answer))
     assert not accepts(judge_grammar(["WF-03", "WF-04"]), json.dumps(answer))
+
+
+@given(plans())
+def test_only_the_chosen_agents_and_frames_are_writable(plan: dict[str, Any]):
+    grammar = plan_grammar(WORLD, picture(), ("Hawk_1", "Guard_1"), ("HillGate",))
+    chosen = all(
+        action["agent"] in ("Hawk_1", "Guard_1")
+        and action["command"].split()[1:] in ([], ["HillGate"])
+        for action in plan["actions"]
+    )
+    assert accepts(grammar, json.dumps(plan)) is chosen

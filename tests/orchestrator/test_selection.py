@@ -181,3 +181,11 @@ def test_a_selection_is_bounded_counts_what_it_leaves_out_and_gives_a_readable_g
     for free in digest.free.values():
         assert all(view.gates[g].by != (name,) for name in free for g in LARGE.gates)
     assert plan_grammar(LARGE, view, selection.assets, selection.frames).startswith("start: ")
+
+
+def test_the_gates_that_a_mission_means_go_before_those_in_trouble() -> None:
+    seen = [track(f"Track_{n:02d}", LARGE.gates[n]) for n in range(20)]
+    selection = select(calm(LARGE, *seen), LARGE, mission("Send a drone to the oak gates."), [])
+    assert selection is not None
+    assert list(selection.gates)[:5] == [f"OakGate_{n}" for n in range(1, 6)]
+    assert len(selection.gates) == MOST_GATES
