@@ -8,7 +8,7 @@ from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand
 ACKNOWLEDGE_S = 8.0
 RESEND_S = 1.0
 RESEND_GROWTH = 1.2
-ASK_AGAIN_S = 4.0
+ASK_AGAIN_S = 6.5
 TIMED_OUT = "timed out"
 """How the detail of a reply begins that is no device's word but the end of our patience."""
 
@@ -32,9 +32,18 @@ class Dispatch:
     """
 
     def __init__(
-        self, commands: Iterable[DeviceCommand], tick: int, dt_s: float, limit_s: float
+        self,
+        commands: Iterable[DeviceCommand],
+        tick: int,
+        dt_s: float,
+        limit_s: float,
+        acknowledge_s: float = ACKNOWLEDGE_S,
     ) -> None:
-        """The commands were sent at `tick` for the first time; each must end within `limit_s`."""
+        """The commands were sent at `tick` for the first time; each must end within `limit_s`.
+
+        Those that are not answered at all within `acknowledge_s` are given up.
+        """
+        self._acknowledge_s = acknowledge_s
         self._open = {command.command_id: _Open(command, tick) for command in commands}
         self._started, self._dt_s, self._limit_s = tick, dt_s, limit_s
         self.final: dict[str, CommandReply] = {}
@@ -66,8 +75,8 @@ class Dispatch:
                 yield self._note(reply)
         elapsed = self._seconds(self._started, tick)
         for entry in list(self._open.values()):
-            if entry.heard is None and elapsed > min(ACKNOWLEDGE_S, self._limit_s):
-                limit_s = min(ACKNOWLEDGE_S, self._limit_s)
+            if entry.heard is None and elapsed > min(self._acknowledge_s, self._limit_s):
+                limit_s = min(self._acknowledge_s, self._limit_s)
                 yield self._give_up(entry, tick, f"no acknowledgement within {limit_s:.0f} s")
             elif elapsed > self._limit_s:
                 yield self._give_up(entry, tick, f"not done within {self._limit_s:.0f} s")

@@ -6,7 +6,7 @@ from time import perf_counter
 from pa_console.llm.grammar import judge_grammar
 from pa_console.llm.prompts import outcome_prompt
 from pa_console.orchestrator.digest import digest_picture
-from pa_console.orchestrator.dispatch import Dispatch
+from pa_console.orchestrator.dispatch import TIMED_OUT, Dispatch
 from pa_console.orchestrator.feed import Step, StepFeed
 from pa_console.orchestrator.premises import Premises, safe_state
 from pa_console.orchestrator.rehearsal import device_commands, order_moments
@@ -134,13 +134,13 @@ class Execution:
             if picture is seen:
                 continue
             seen = picture
+            self.halted = tuple(_gave_up(dispatch))
             if not dispatch.finished:
-                self.halted = (
-                    *premises.broken(picture, dispatch.open_agents),
-                    *dict.fromkeys(self.breaches),
-                )
-                if self.halted:
-                    return
+                broken = premises.broken(picture, dispatch.open_agents)
+                self.halted = (*self.halted, *broken, *dict.fromkeys(self.breaches))
+            if self.halted:
+                return
+            if not dispatch.finished:
                 continue
             ended_s = sim.time_s if ended_s is None else ended_s
             late = sim.time_s - ended_s > EVIDENCE_S
@@ -177,3 +177,10 @@ class Execution:
         for command, times in dispatch.resends(tick):
             self._services.sim.send(command)
             yield ev.CommandResent(command_id=command.command_id, times=times)
+
+
+def _gave_up(dispatch: Dispatch) -> Iterator[str]:
+    """Yield what a device said that it cannot do; a device that says nothing is another matter."""
+    for agent, reply in dispatch.final.items():
+        if reply.status != "done" and not reply.detail.startswith(TIMED_OUT):
+            yield f"{agent}: {reply.detail or reply.status}"

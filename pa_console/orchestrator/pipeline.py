@@ -127,9 +127,7 @@ class MissionRun:
                 yield payload
             approved = self._deciding.approved
             if approved is None:
-                self._status, self._reason = self._deciding.status, self._deciding.reason
-                if phase:
-                    self._reason = f"phase {phase}: {self._reason}"
+                self._stop_short(phase, reasons)
                 return
             if self._deciding.decision is not None:
                 self._facts.decided(self._deciding.decision)
@@ -149,6 +147,14 @@ class MissionRun:
                 return
             task, verification = following, self._verifications[-1]
             reasons = (verification.reason,) if verification.outcome == "fail" else ()
+
+    def _stop_short(self, phase: str, halted: Sequence[str]) -> None:
+        """Say what a mission comes to whose next plan was not approved."""
+        status, reason = self._deciding.status, self._deciding.reason
+        self._status, self._reason = status, f"phase {phase}: {reason}" if phase else reason
+        if halted and self._facts.plans:
+            why = f"{'; '.join(halted)}; the next plan was {status}: {reason}"
+            self._status, self._reason = "unverified", why
 
     def _conclude(self) -> None:
         """Say what the executed plans and the workflow come to."""

@@ -8,7 +8,8 @@ from pa_console.schema import event as ev
 from pa_console.schema.command import DeviceCommand
 from pa_console.sim.checkpoint import Checkpoint
 
-STOP_LIMIT_S = 10.0
+STOP_LIMIT_S = 60.0
+"""A stop is sent again for so long to whoever has not answered."""
 
 
 class Stops:
@@ -41,7 +42,8 @@ class Stops:
             yield ev.CommandSent(command=command)
         if commands:
             world = self._sim.world
-            self._open.append(Dispatch(commands, self._sim.tick, world.dt_s, STOP_LIMIT_S))
+            follow = Dispatch(commands, self._sim.tick, world.dt_s, STOP_LIMIT_S, STOP_LIMIT_S)
+            self._open.append(follow)
 
     def step(self, step: Step) -> Iterator[ev.EventPayload]:
         """Take in one step's replies; send again what was not answered."""
