@@ -18,7 +18,7 @@ from pa_console.sim.link_state import Heard, RadioState, StationState
 from pa_console.sim.state import AssetState, Scene
 from pa_console.sim.terrain import Terrain
 
-IDLE_REPORT_PERIODS = 10
+IDLE_REPORT_PERIODS = 20
 """An idle asset, of which only the battery changes, reports once in so many telemetry periods."""
 _VERBS: dict[Task, Verb] = {
     "moving": "move_to",

@@ -25,7 +25,7 @@ def drive(terrain: Terrain, scene: Scene, dt_s: float) -> dict[str, Velocity]:
     velocities: dict[str, Velocity] = {}
     ground: Neighbours | None = None
     tracks = [(contact.id, contact.position) for contact in scene.contacts.values()]
-    for asset in scene.assets.values():
+    for asset in scene.busy():
         if not asset.route or asset.down:
             asset.speed = 0.0
             continue
@@ -92,7 +92,8 @@ def _steer(asset: AssetState, platform: Platform, direction: float | None, dt_s:
     asset.heading = math.remainder(asset.heading + min(most, max(-most, error)), math.tau)
     rest = math.remainder(direction - asset.heading, math.tau)
     ahead = math.cos(rest)
-    speed = platform.speed_mps * ahead * ahead if ahead > 0.5 else 0.0
+    fastest = platform.speed_mps * asset.speed_factor
+    speed = fastest * ahead * ahead if ahead > 0.5 else 0.0
     gap = math.dist(asset.position, asset.route[0])
     if len(asset.route) == 1:
         speed = min(speed, max(gap / _SLOWING_S, 0.3 * ahead))

@@ -5,7 +5,7 @@ import hashlib
 import math
 import random
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from pa_console.schema.base import Point
 from pa_console.schema.command import CommandReply, DeviceCommand
@@ -134,11 +134,13 @@ class Scene:
         )
 
     def digest(self) -> str:
-        """Return the SHA-256 over every field, floats to their last bit."""
+        """Return the SHA-256 over every field, floats to their last bit and sets in order."""
+        unordered = self.sensing.broken, self.sensing.cleared
+        sensing = replace(self.sensing, broken=frozenset(), cleared=frozenset())
         parts = (
-            self.rng.getstate(), self.tick, self.assets, self.link, self.sensing, self.script,
+            self.rng.getstate(), self.tick, self.assets, self.link, sensing, self.script,
             self.obstructions, self.station, self.covered_tick, sorted(self.active), self.ideal,
-            sorted(self.touched),
+            sorted(self.touched), *map(sorted, unordered),
         )  # fmt: skip
         return hashlib.sha256(repr(parts).encode()).hexdigest()
 

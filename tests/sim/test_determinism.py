@@ -158,6 +158,7 @@ def test_a_module_level_simulation_exits_cleanly() -> None:
         "from pathlib import Path\n"
         "from pa_console.resources import find_data\n"
         "from pa_console.schema.command import DeviceCommand\n"
+        "from pa_console.schema.incident import JamArea, SensorFault, SetRadio\n"
         "from pa_console.schema.incident import ClearTracks, SensorFault, SpawnTrack\n"
         "from pa_console.sim.checkpoint import Checkpoint\n"
         "from pa_console.sim.world_file import load_world\n"
@@ -169,6 +170,9 @@ def test_a_module_level_simulation_exits_cleanly() -> None:
         "    sim.inject(SensorFault(sensor=sensor))\n"
         "for gate in sim.world.gates:\n"
         "    sim.inject(SpawnTrack(gate=gate)); sim.inject(ClearTracks(gate=gate))\n"
+        "for name in sim.world.cameras: sim.inject(SensorFault(sensor=name))\n"
+        "sim.inject(JamArea(at=(0.0, 0.0), radius_m=30.0))\n"
+        "sim.inject(SetRadio(loss=0.3))\n"
         "for _ in range(300): sim.step()\n"
         "print(sim.state_hash())\n"
     )

@@ -6,7 +6,14 @@ from itertools import combinations
 import pytest
 
 from pa_console.schema.command import DeviceCommand
-from pa_console.schema.incident import FailAsset, PlaceAsset, RestoreAsset, SetBattery, SetComms
+from pa_console.schema.incident import (
+    DegradeAsset,
+    FailAsset,
+    PlaceAsset,
+    RestoreAsset,
+    SetBattery,
+    SetComms,
+)
 from pa_console.schema.plan import COMMANDS, Verb
 from pa_console.schema.world import Wall, World
 from pa_console.sim.checkpoint import Checkpoint
@@ -185,3 +192,18 @@ def test_placing_puts_an_asset_at_a_free_place(sim: Checkpoint) -> None:
     assert assets["Ugv_T02"].at == assets["Ugv_T02"].post == "EastGate"
     assert math.dist(assets["Ugv_T02"].position, assets["Ugv_T01"].position) > 2.0
     assert sim.picture().gates["EastGate"].by == ("Ugv_T01", "Ugv_T02")
+
+
+def test_a_degraded_asset_goes_on_at_a_part_of_its_speed(sim: Checkpoint) -> None:
+    sim.inject(DegradeAsset(asset="Ugv_T02", speed_factor=0.25))
+    assert sim.picture().assets["Ugv_T02"].status == "degraded"
+    moving = order(sim, "Ugv_T02", "block", "EastGate")
+    speeds: list[float] = []
+    for _ in range(20):
+        run(sim, 0.5)
+        speeds.append(sim.picture().assets["Ugv_T02"].speed_mps)
+    assert max(speeds) == pytest.approx(1.0, abs=0.01)
+    assert finish(sim, moving)[-1].status == "done"
+    sim.inject(RestoreAsset(asset="Ugv_T02"))
+    run(sim, 1.0)
+    assert sim.picture().assets["Ugv_T02"].status == "ok"
