@@ -23,7 +23,7 @@ def _load(rules: str) -> Rulebook:
 
 
 def _how(rule: Rule) -> str:
-    return "checked" if rule.check is not None else "judged only"
+    return "checked" if rule.decidable else "judged only"
 
 
 @app.command("list")
@@ -85,7 +85,7 @@ def check(
                         "message": found.message,
                     }
                 )
-    checked = sum(rule.check is not None for rule in book.rules)
+    checked = sum(rule.decidable for rule in book.rules)
     if json:
         print_json({"rules": len(book.rules), "checked": checked, "examples": examples,
                     "wrong": wrong})  # fmt: skip

@@ -11,7 +11,7 @@ from textual.screen import Screen
 from textual.widgets import Footer, Input, OptionList, Select, Static
 from textual.widgets.option_list import Option
 
-from pa_console.schema.rule import Ordering, PRIORITIES, Rule, RuleHit
+from pa_console.schema.rule import PRIORITIES, Ordering, Rule, RuleHit
 from pa_console.tui.ports import RetrieverPort, RulebookPort
 from pa_console.tui.trace.rows import Row, column, row
 from pa_console.tui.vocabulary import NOTE, QUIET, term
