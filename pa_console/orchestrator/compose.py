@@ -19,6 +19,7 @@ from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import find_data
 from pa_console.schema.event import SessionStarted
+from pa_console.schema.plan import MAX_ACTIONS
 from pa_console.schema.scenario import Scenario
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
@@ -105,7 +106,7 @@ def open_station(
         judge=Judge(engine),
         workflows=workflows,
     )
-    grammar = plan_grammar(site.world, sim.picture())
+    grammar = plan_grammar(site.world, sim.picture(), tuple(site.world.assets)[:MAX_ACTIONS])
     started = SessionStarted(
         session=new_session_id(),
         version=__version__,

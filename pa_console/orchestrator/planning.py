@@ -164,8 +164,8 @@ class Planning:
         yield ev.PictureDigested(digest=self._digest, seconds=seconds)
         started = perf_counter()
         prompt = planner_prompt(world, self._digest, rules, self.task, reasons, previous)
-        agents = None if selection is None else tuple(selection.assets)
-        grammar = plan_grammar(world, picture, agents)
+        chosen = (None, None) if selection is None else (selection.assets, selection.frames)
+        grammar = plan_grammar(world, picture, *chosen)
         seconds = perf_counter() - started
         self._watch.add("prompt_s", seconds)
         yield ev.PromptBuilt(
