@@ -83,7 +83,7 @@ class Checkpoint:
                 link.send_reply(scene, reply, dt_s)
         velocities = motion.drive(terrain, scene, dt_s)
         if velocities:
-            physics.move(terrain, scene.assets.values(), velocities, dt_s)
+            physics.move(terrain, scene, velocities, dt_s)
         sensing.advance(terrain, scene, dt_s)
         for asset in scene.busy():
             power.settle(self.world, scene, asset)

@@ -164,7 +164,7 @@ def _set_out(terrain: Terrain, scene: Scene, asset: AssetState, target: str) -> 
     place = terrain.free_place(target, asset.kind, taken)
     if place is None:
         return f"there is no free place for a {asset.kind} at {target}"
-    route = terrain.planner.route(asset.kind, asset.position, place)
+    route = terrain.planner.route(asset.kind, asset.position, place, asset.obstructions)
     if route is None:
         return f"{target} cannot be reached"
     asset.origin, asset.station, asset.route = asset.position, place, route

@@ -120,7 +120,7 @@ def give_way(
     if not near:
         return wanted
     horizon = min(_LOOK_S, math.dist(asset.position, asset.route[0]) / mine.speed_mps + 0.2)
-    area = terrain.planner.area(asset.kind, asset.position, asset.station)
+    area = terrain.planner.area(asset.kind, asset.position, asset.station, avoid=asset.obstructions)
     free_here = area.contains(asset.x, asset.y)
     for turn in _TURNS:
         vx = mine.speed_mps * math.cos(wanted + turn)

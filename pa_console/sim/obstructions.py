@@ -1,11 +1,8 @@
 """Things that come to lie across the ground: nobody knows of them until an asset runs into one."""
 
-import math
-from collections.abc import Iterable
-
-from pa_console.schema.base import Point
 from pa_console.schema.incident import Incident, ObstructWay
 from pa_console.schema.world import Wall
+from pa_console.sim.physics import gap
 from pa_console.sim.state import AssetState, Scene
 from pa_console.sim.terrain import Terrain
 
@@ -32,23 +29,13 @@ def apply(terrain: Terrain, scene: Scene, incident: Incident) -> bool:
     return True
 
 
-def seen_from(
-    terrain: Terrain, asset: AssetState, obstructions: Iterable[Wall]
-) -> tuple[Wall, ...]:
-    """Return the obstructions that a ground asset notices from where it stands."""
+def notice(terrain: Terrain, scene: Scene, asset: AssetState) -> bool:
+    """Let a ground asset that cannot go on see what lies near it; return whether it is news."""
     reach = terrain.world.platforms[asset.kind].radius_m + SEEN_M
-    return tuple(wall for wall in obstructions if gap(wall, asset.x, asset.y) <= reach)
-
-
-def gap(wall: Wall, x: float, y: float) -> float:
-    """Return the distance from a point to the face of a wall, metres, negative inside it."""
-    foot = nearest(wall.start, wall.end, (x, y))
-    return math.hypot(x - foot[0], y - foot[1]) - wall.thickness_m / 2
-
-
-def nearest(start: Point, end: Point, point: Point) -> Point:
-    """Return the point of the segment from `start` to `end` that lies nearest to `point`."""
-    dx, dy = end[0] - start[0], end[1] - start[1]
-    along = ((point[0] - start[0]) * dx + (point[1] - start[1]) * dy) / (dx * dx + dy * dy)
-    along = min(1.0, max(0.0, along))
-    return (start[0] + along * dx, start[1] + along * dy)
+    news = tuple(
+        wall
+        for wall in scene.obstructions
+        if wall not in asset.obstructions and gap(wall, asset.x, asset.y) <= reach
+    )
+    asset.obstructions = (*asset.obstructions, *news)
+    return bool(news)

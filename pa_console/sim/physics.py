@@ -6,13 +6,13 @@ physics, and a fork stays exactly equal to its original through contacts too.
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import pymunk
 
 from pa_console.schema.world import Wall
 from pa_console.sim.neighbours import Neighbours
-from pa_console.sim.state import AssetState
+from pa_console.sim.state import AssetState, Scene
 from pa_console.sim.terrain import Terrain
 
 Velocity = tuple[float, float]
@@ -21,15 +21,15 @@ _MARGIN_M = 0.05
 _OVERLAP_LEFT_PER_S = 1e-9
 
 
-def move(
-    terrain: Terrain, assets: Iterable[AssetState], velocities: Mapping[str, Velocity], dt_s: float
-) -> None:
+def move(terrain: Terrain, scene: Scene, velocities: Mapping[str, Velocity], dt_s: float) -> None:
     """Advance every asset named in `velocities` (m/s) by `dt_s`; the others stand with brakes on.
 
-    UAVs fly over everything. A ground asset never passes through a wall or another one.
+    UAVs fly over everything. A ground asset never passes through a wall, an obstruction or
+    another one.
     """
+    assets = scene.assets.values()
     ground = [asset for asset in assets if asset.kind != "uav"]
-    touching, walls = _touching(terrain, ground, velocities, dt_s)
+    touching, walls = _touching(terrain, ground, scene.obstructions, velocities, dt_s)
     fixed = {asset.id for asset in touching}
     for asset in assets:
         velocity = velocities.get(asset.id)
@@ -43,6 +43,7 @@ def move(
 def _touching(
     terrain: Terrain,
     ground: Sequence[AssetState],
+    obstructions: Sequence[Wall],
     velocities: Mapping[str, Velocity],
     dt_s: float,
 ) -> tuple[list[AssetState], list[Wall]]:
@@ -69,8 +70,8 @@ def _touching(
             if dx * dx + dy * dy < limit * limit:
                 close.add(mover.index)
                 close.add(other.index)
-        for wall in terrain.near_walls(mover.x, mover.y):
-            if _gap(wall, mover.x, mover.y) < reach:
+        for wall in (*terrain.near_walls(mover.x, mover.y), *obstructions):
+            if gap(wall, mover.x, mover.y) < reach:
                 close.add(mover.index)
                 if wall not in walls:
                     walls.append(wall)
@@ -79,7 +80,7 @@ def _touching(
     return [asset for asset in ground if asset.index in close], walls
 
 
-def _gap(wall: Wall, x: float, y: float) -> float:
+def gap(wall: Wall, x: float, y: float) -> float:
     """Return the distance from a point to the face of a wall, metres, negative inside it."""
     (ax, ay), (bx, by) = wall.start, wall.end
     dx, dy = bx - ax, by - ay

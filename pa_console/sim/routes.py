@@ -10,7 +10,7 @@ from shapely.geometry.polygon import orient
 from shapely.ops import nearest_points
 
 from pa_console.schema.base import Point
-from pa_console.schema.world import AssetKind, World
+from pa_console.schema.world import AssetKind, Wall, World
 
 CLEARANCE_M = 0.8
 """Space kept between the hull of a vehicle and a wall or zone while it follows a route."""
@@ -99,30 +99,35 @@ class Planner:
         self._zones = {name: Polygon(zone.polygon) for name, zone in world.zones.items()}
         for polygon in (self._perimeter, *self._zones.values()):
             shapely.prepare(polygon)
-        self._areas: dict[tuple[AssetKind, frozenset[str], bool], Area] = {}
+        self._areas: dict[tuple[AssetKind, frozenset[str], bool, tuple[Wall, ...]], Area] = {}
 
-    def route(self, kind: AssetKind, start: Point, target: Point) -> Route | None:
+    def route(
+        self, kind: AssetKind, start: Point, target: Point, avoid: tuple[Wall, ...] = ()
+    ) -> Route | None:
         """Return waypoints from `start` (not included) to `target`, None when unreachable.
 
+        A ground asset keeps clear of walls and of `avoid`, obstructions that it knows of.
         Restricted zones are avoided unless an end lies inside one; the perimeter is left only
         when an end lies outside it (ROE-06, ROE-07).
         """
-        return self.area(kind, start, target).path(start, target)
+        return self.area(kind, start, target, avoid=avoid).path(start, target)
 
-    def area(self, kind: AssetKind, *ends: Point) -> Area:
-        """Return the free ground for `kind` on a way between `ends`."""
+    def area(self, kind: AssetKind, *ends: Point, avoid: tuple[Wall, ...] = ()) -> Area:
+        """Return the free ground for `kind` on a way between `ends`, clear of `avoid`."""
         entered = frozenset(
             name
             for name, zone in self._zones.items()
             if any(shapely.intersects_xy(zone, *end) for end in ends)
         )
         inside = all(shapely.intersects_xy(self._perimeter, *end) for end in ends)
-        key = (kind, entered, inside)
+        key = (kind, entered, inside, avoid)
         if key not in self._areas:
-            self._areas[key] = Area(self._free(kind, entered, inside))
+            self._areas[key] = Area(self._free(kind, entered, inside, avoid))
         return self._areas[key]
 
-    def _free(self, kind: AssetKind, entered: frozenset[str], inside: bool) -> BaseGeometry:
+    def _free(
+        self, kind: AssetKind, entered: frozenset[str], inside: bool, avoid: tuple[Wall, ...]
+    ) -> BaseGeometry:
         radius = self._world.platforms[kind].radius_m
         obstacles = [
             zone.buffer(radius + CLEARANCE_M, join_style="mitre")
@@ -134,7 +139,7 @@ class Planner:
                 shapely.LineString((wall.start, wall.end)).buffer(
                     wall.thickness_m / 2 + radius + CLEARANCE_M, cap_style="square"
                 )
-                for wall in self._world.walls
+                for wall in (*self._world.walls, *avoid)
             ]
         if inside:
             ground = self._perimeter.buffer(-radius, join_style="mitre")

@@ -4,6 +4,7 @@ import math
 
 from pa_console.schema.base import Point
 from pa_console.sim.motion import way_left
+from pa_console.sim.obstructions import notice
 from pa_console.sim.routes import Route
 from pa_console.sim.state import AssetState, Scene
 from pa_console.sim.terrain import Terrain
@@ -36,6 +37,7 @@ def unstick(terrain: Terrain, scene: Scene, asset: AssetState) -> str:
     if (scene.tick - asset.nearest_tick) * dt_s < PATIENCE_S + turning_s:
         return ""
     asset.stalls += 1
+    news = asset.kind != "uav" and notice(terrain, scene, asset)
     asset.nearest_m, asset.nearest_tick = math.inf, scene.tick
     if asset.post is not None and terrain.frame_at(asset.x, asset.y) == asset.post:
         asset.station, asset.route = asset.position, ()
@@ -43,18 +45,27 @@ def unstick(terrain: Terrain, scene: Scene, asset: AssetState) -> str:
     if asset.stalls > MOST_STALLS:
         reason = f"it keeps its distance from {asset.held_by}" if asset.held_by else "blocked"
         return f"the way to {asset.post} is closed: {reason}"
+    if news:
+        way = _way(terrain, asset, asset.position, asset.station)
+        asset.route = way or ()
+        return "" if way else f"the way to {asset.post} is closed: something lies across it"
     _replan(terrain, scene, asset)
     return ""
+
+
+def _way(terrain: Terrain, asset: AssetState, start: Point, target: Point) -> Route | None:
+    """Return a route round all that the asset knows of."""
+    return terrain.planner.route(asset.kind, start, target, asset.obstructions)
 
 
 def _replan(terrain: Terrain, scene: Scene, asset: AssetState) -> None:
     """Plan the rest of the way anew, after a retreat when it is this asset's turn to yield."""
     back: Route = ()
     if not asset.held_by and (_yields(terrain, scene, asset) or asset.stalls % _SWAP_EVERY == 0):
-        way = terrain.planner.route(asset.kind, asset.position, asset.origin) or ()
+        way = _way(terrain, asset, asset.position, asset.origin) or ()
         back = _cut(asset.position, way, RETREAT_M + RETREAT_MORE_M * asset.stalls)
     start = back[-1] if back else asset.position
-    onward = terrain.planner.route(asset.kind, start, asset.station)
+    onward = _way(terrain, asset, start, asset.station)
     if onward is not None:
         asset.route = (*back, *onward)
 

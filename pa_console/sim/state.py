@@ -21,7 +21,8 @@ class AssetState:
     """One asset as it truly is; fields hold immutable values, so a shallow copy is a copy.
 
     `station` is where it stands or is going to stand, `route` the waypoints still ahead, `origin`
-    where the present leg began. `nearest_m` and `nearest_tick` are the least way left so far and
+    where the present leg began; `obstructions` are those
+    that it has run into. `nearest_m` and `nearest_tick` are the least way left so far and
     when it was reached; `stalls` counts how often the leg got stuck. `heard_tick` is when the
     station last got through to it; while it is `cut_off` it `owes` the replies on how its command
     ended. `place` is the frame it was at when it was at `placed_at`; its battery is as of
@@ -50,6 +51,7 @@ class AssetState:
     settled_tick: int = 0
     place: str | None = None
     placed_at: Point | None = None
+    obstructions: tuple[Wall, ...] = ()
     command: DeviceCommand | None = None
     origin: Point = (0.0, 0.0)
     route: tuple[Point, ...] = ()
