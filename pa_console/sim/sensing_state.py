@@ -91,7 +91,8 @@ class TrackFile:
     Position and velocity are estimates at `tick`; `variance`, `covariance` and `speed_variance`
     are theirs on each axis. `confirmed` is an intent that was confirmed before the file began (in
     the picture of a forecast). `opinions` and `seen` hold, per sensor, its latest opinion of the
-    intent and the tick of its latest detection.
+    intent and the tick of its latest detection. `anchor` is where it was when it had last moved
+    beyond doubt, and when that was.
     """
 
     id: str
@@ -112,6 +113,8 @@ class TrackFile:
     status: TrackStatus = "approaching"
     leaning: TrackStatus = "approaching"
     leaning_tick: int = 0
+    anchor: Point | None = None
+    anchor_tick: int = 0
     identity: Identity = "unknown"
     confirmed: Intent = "unknown"
     opinions: tuple[tuple[str, Intent], ...] = ()

@@ -17,6 +17,10 @@ SETTLED_S = 3.0
 _MOVING_MPS, _MOVING_SIGMAS = 0.6, 3.0
 _STANDING_MPS, _STANDING_SIGMAS = 0.4, 1.5
 _KNOWN_SPEED_MPS = 2.0
+_LEAST_MOVE_M, _PLACE_SIGMAS = 1.0, 4.0
+_SLOW_MPS = 1.0
+_STANDS_S = 20.0
+"""One stands that has not moved while the slowest walker would have, or for this long."""
 _DEFIANT_M = 2.0
 
 
@@ -24,8 +28,11 @@ def conclude(terrain: Terrain, file: TrackFile) -> None:
     """Update status, heading, gate and defiance of a track after a detection."""
     dt_s = terrain.world.dt_s
     depth = terrain.sight.depth(file.position)
+    displaced = _displaced(terrain, file)
     says = _says(terrain, file, depth)
-    if says == file.status or says != file.leaning:
+    if displaced is not None and says == file.status == "stopped":
+        file.status = file.leaning = displaced
+    elif says == file.status or says != file.leaning:
         file.leaning, file.leaning_tick = says, file.tick
     elif (file.tick - file.leaning_tick) * dt_s >= CONFIRM_S - 1e-9:
         file.status = says
@@ -47,6 +54,25 @@ def gap_to_gate(terrain: Terrain, file: TrackFile) -> float:
     return math.dist(file.position, terrain.world.frames[file.gate].at)
 
 
+def _displaced(terrain: Terrain, file: TrackFile) -> TrackStatus | None:
+    """Return which way a track has moved since it last had, if that is beyond doubt.
+
+    So one that creeps is not taken for stopped, however noisy its speed is.
+    """
+    if file.anchor is None:
+        file.anchor, file.anchor_tick = file.position, file.tick
+    if math.dist(file.anchor, file.position) <= _doubt_m(file):
+        return None
+    before = math.dist(file.anchor, terrain.world.frames[file.gate].at)
+    file.anchor, file.anchor_tick = file.position, file.tick
+    return "approaching" if gap_to_gate(terrain, file) < before else "leaving"
+
+
+def _doubt_m(file: TrackFile) -> float:
+    """Return how far apart two estimates of one place may be."""
+    return max(_LEAST_MOVE_M, _PLACE_SIGMAS * math.sqrt(2.0) * file.sigma_m)
+
+
 def _says(terrain: Terrain, file: TrackFile, depth_m: float) -> TrackStatus:
     """Return what the estimate alone says now; the present status if it says nothing clear."""
     margin = max(1.0, file.sigma_m)
@@ -58,7 +84,9 @@ def _says(terrain: Terrain, file: TrackFile, depth_m: float) -> TrackStatus:
         return "approaching" if closing > 0.0 else "leaving"
     doubt = math.sqrt(file.speed_variance)
     standing = math.hypot(file.vx, file.vy) < max(_STANDING_MPS, _STANDING_SIGMAS * doubt)
-    if standing and doubt < _KNOWN_SPEED_MPS:
+    stood_s = (file.tick - file.anchor_tick) * terrain.world.dt_s
+    long_enough = stood_s >= min(_STANDS_S, _doubt_m(file) / _SLOW_MPS)
+    if standing and long_enough and doubt < _KNOWN_SPEED_MPS:
         return "stopped"
     return "approaching" if file.status == "inside" else file.status
 
