@@ -125,10 +125,9 @@ def _cover(
             command=f"The cover of {gate} is unknown. Send one asset there.",
             settle_s=world.stale_s,
         )  # fmt: skip
+    away = [picture.assets[name] for name in guards if name in picture.assets]
     lost = [
-        f"{name} {'has failed' if asset.status == 'failed' else 'is not available'}"
-        for name in guards
-        if (asset := picture.assets.get(name)) is not None and not asset.available
+        silence(picture, asset) or f"{asset.id} has failed" for asset in away if not asset.available
     ]
     return Cause(
         "cover", "coverage_lost", "high", gate, gate,

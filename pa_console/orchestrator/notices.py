@@ -112,6 +112,8 @@ def _gate(picture: Picture, gate: str, cover: GateCover) -> _Fact:
 def _asset(picture: Picture, asset: AssetTelemetry) -> Iterator[_Fact]:
     """Yield whether the asset works, whether its battery lasts, whether it is heard and sound."""
     name, status = asset.id, asset.status
+    if status == "degraded" and (asset.low_battery or asset.comms != "ok"):
+        status = "ok"  # why it is degraded is told by itself
     level: Level = "alarm" if status == "failed" else "info"
     settle_s = 0.0 if status == "failed" else 3.0
     yield _Fact(name, "status", status, status, level, f"status {status}", settle_s)
@@ -128,7 +130,7 @@ def _asset(picture: Picture, asset: AssetTelemetry) -> Iterator[_Fact]:
     elif asset.comms == "degraded":
         fact = "degraded", "info", "communications degraded", 5.0
     else:
-        fact = "ok", "info", "communications ok", 3.0
+        fact = "ok", "info", "communications ok", 5.0
     value, level, text, settle_s = fact
     yield _Fact(name, "heard", value, "ok", level, text, settle_s)
 
