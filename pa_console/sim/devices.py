@@ -89,8 +89,8 @@ def work(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterator[CommandR
             return
     command = asset.command
     if command is None:
-        if not asset.route and asset.task == "returning":
-            asset.task = "charging"
+        if not asset.route and asset.task in ("moving", "returning"):
+            asset.task = "charging" if asset.task == "returning" else "holding"
         return
     if asset.route:
         if (scene.tick - asset.progress_tick) * terrain.world.dt_s >= PROGRESS_S:

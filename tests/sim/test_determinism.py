@@ -54,7 +54,7 @@ def commands(draw: st.DrawFn) -> DeviceCommand:
     )
 
 
-incidents: st.SearchStrategy[Incident] = st.one_of(
+honest: st.SearchStrategy[Incident] = st.one_of(
     st.builds(SpawnTrack, gate=st.sampled_from(GATES), when_warned=REACTIONS),
     st.builds(FailAsset, asset=agents),
     st.builds(RestoreAsset, asset=agents),
@@ -64,6 +64,9 @@ incidents: st.SearchStrategy[Incident] = st.one_of(
     st.builds(DegradeAsset, asset=agents, speed_factor=st.floats(0.1, 1.0)),
     st.builds(SetRadio, asset=st.none() | agents, loss=st.floats(0, 1), up=st.booleans()),
     st.builds(JamArea, at=st.just((0.0, 0.0)), radius_m=st.floats(1, 90), seconds=st.just(5.0)),
+)
+incidents: st.SearchStrategy[Incident] = st.one_of(
+    honest,
     st.builds(GpsDrift, asset=agents, rate_mps=st.floats(0, 9), heading_deg=st.floats(0, 360)),
     st.builds(SpoofTelemetry, asset=agents, frame=st.none() | st.sampled_from(FRAMES)),
 )

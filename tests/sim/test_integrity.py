@@ -1,6 +1,10 @@
 """Forged and drifting positions: what is found suspect, and when it is believed again."""
 
+from typing import Any
+
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from pa_console.schema.incident import (
     GpsDrift,
@@ -14,6 +18,7 @@ from pa_console.schema.telemetry import AssetTelemetry
 from pa_console.schema.world import Camera, World
 from pa_console.sim.checkpoint import Checkpoint
 from tests.sim.running import order, run
+from tests.sim.test_determinism import commands, honest, live_through
 
 
 def of(sim: Checkpoint, name: str) -> AssetTelemetry:
@@ -83,6 +88,20 @@ def test_honest_assets_are_never_suspect(world: World) -> None:
         for _ in range(40):
             run(sim, 0.5)
             assert {a.integrity for a in sim.picture().assets.values()} == {"ok"}
+
+
+@given(
+    history=st.lists(st.tuples(st.integers(1, 80), honest | commands()), min_size=1, max_size=10),
+    seed=st.integers(0, 999),
+)
+@settings(max_examples=40, deadline=None)
+def test_no_honest_mishap_looks_like_a_forgery(
+    world: World, history: list[tuple[int, Any]], seed: int
+) -> None:
+    sim = Checkpoint(world, seed)
+    for moment in history:
+        live_through(sim, [moment])
+        assert {asset.integrity for asset in sim.picture().assets.values()} == {"ok"}
 
 
 def test_honest_assets_are_not_suspect_after_a_long_silence(bare: Checkpoint) -> None:

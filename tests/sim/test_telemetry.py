@@ -1,6 +1,10 @@
 """The picture: cover per gate, stamps, gaps, and incidents that name what exists."""
 
+from typing import Any
+
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from pa_console.schema.incident import (
     ClearTracks,
@@ -16,6 +20,7 @@ from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 from tests.sim.running import carry_out, order, run
+from tests.sim.test_determinism import live_through, moments
 
 
 def test_every_gate_is_covered_at_the_start(sim: Checkpoint) -> None:
@@ -152,3 +157,42 @@ def test_a_track_needs_a_lane(world: World) -> None:
     sim = Checkpoint(world.model_copy(update={"lanes": lanes}))
     with pytest.raises(ValueError, match=r"no lane leads to 'SouthGate'.*NorthGate"):
         sim.inject(SpawnTrack(gate="SouthGate"))
+
+
+@given(history=moments, seed=st.integers(0, 999))
+@settings(max_examples=30, deadline=None)
+def test_no_picture_claims_more_than_its_reports_say(
+    world: World, history: list[tuple[int, Any]], seed: int
+) -> None:
+    sim = Checkpoint(world, seed)
+    last = sim.picture()
+    for steps, happening in history:
+        live_through(sim, [(0, happening)])
+        for _ in range(steps):
+            sim.step()
+            now = sim.picture()
+            if now is not last:
+                _check(world, last, now)
+                last = now
+
+
+def _check(world: World, last: Picture, now: Picture) -> None:
+    for name, asset in now.assets.items():
+        age_s = round(now.time_s - asset.stamp_s, 6)
+        assert asset.stamp_s >= last.assets[name].stamp_s
+        assert asset.stale or age_s <= world.stale_s
+        assert asset.comms == "lost" or age_s < world.link_lost_s
+        doubtful = asset.stale or asset.comms == "lost" or asset.integrity == "suspect"
+        assert asset.available == (asset.status != "failed" and not doubtful)
+    for gate, cover in now.gates.items():
+        there = [a for a in now.assets.values() if a.post == a.at == gate]
+        assert cover.by == tuple(a.id for a in there if a.available)
+        assert cover.unsure == tuple(
+            a.id for a in there if not a.available and a.status != "failed"
+        )
+        assert cover.covered == bool(cover.by)
+        assert not cover.covered or cover.uncovered_s == 0.0
+        before = last.gates[gate]
+        if not cover.covered and not before.covered:
+            passed = now.time_s - last.time_s
+            assert cover.uncovered_s == pytest.approx(before.uncovered_s + passed)
