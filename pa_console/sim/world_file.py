@@ -53,6 +53,12 @@ def _sizes(world: World) -> Iterator[Problem]:
         limits.append(((*field, "turn_rate_dps"), platform.turn_rate_dps, 1.0, 3600.0))
         limits.append(((*field, "radius_m"), platform.radius_m, 0.05, 20.0))
         limits.append(((*field, "sensor_range_m"), platform.sensor_range_m, 0.1, 10_000.0))
+        limits.append(((*field, "position_noise_m"), platform.position_noise_m, 0.0, 1000.0))
+    for name, camera in world.cameras.items():
+        field = ("cameras", name)
+        limits.append(((*field, "sensor_range_m"), camera.sensor_range_m, 0.1, 10_000.0))
+        limits.append(((*field, "position_noise_m"), camera.position_noise_m, 0.0, 1000.0))
+        limits.append(((*field, "heading_deg"), camera.heading_deg, -360.0, 360.0))
     for name, frame in world.frames.items():
         limits.append((("frames", name, "radius_m"), frame.radius_m, 0.1, 100.0))
     for index, wall in enumerate(world.walls):
@@ -73,6 +79,8 @@ def _all_points(world: World) -> Iterator[tuple[FieldPath, tuple[Point, ...]]]:
         yield ("lanes", name, "points"), lane.points
     for name, frame in world.frames.items():
         yield ("frames", name, "at"), (frame.at,)
+    for name, camera in world.cameras.items():
+        yield ("cameras", name, "at"), (camera.at,)
     for index, wall in enumerate(world.walls):
         yield ("walls", index), (wall.start, wall.end)
 

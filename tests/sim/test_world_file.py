@@ -55,6 +55,10 @@ def test_the_default_checkpoint_is_as_designed(world: World) -> None:
         ("assets.Ugv_T01.post", "Nowhere", "not a frame"),
         ("platforms.ugv.speed_mps", -1, "greater than 0"),
         ("assets.Robot_T01.colour", "red", "Extra inputs"),
+        ("cameras.NorthCamera.gate", "Base", "not a gate frame"),
+        ("cameras.NorthCamera.heading_deg", 500.0, "out of range"),
+        ("cameras.NorthCamera.field_of_view_deg", 0.0, "greater than 0"),
+        ("cameras.NorthCamera.sensor_range_m", 1e6, "out of range"),
     ],
 )
 def test_bad_field_is_named_with_its_line(
