@@ -5,7 +5,7 @@ import math
 import shapely
 
 from pa_console.schema.telemetry import Intent, Picture, Track
-from pa_console.sim.contacts import way_in
+from pa_console.sim.contact_motion import way_in
 from pa_console.sim.sensing_state import ContactState, TrackFile
 from pa_console.sim.state import Scene
 from pa_console.sim.terrain import Terrain

@@ -1,7 +1,7 @@
 """What the checkpoint asks of sensing: contacts move, sensors scan, detections become tracks."""
 
 from pa_console.schema.telemetry import CameraReport, Track, Weather
-from pa_console.sim import contacts, tracker
+from pa_console.sim import contact_motion, tracker
 from pa_console.sim.foresight import restore
 from pa_console.sim.sensing_incidents import apply
 from pa_console.sim.sensors import scan
@@ -19,7 +19,7 @@ __all__ = [
 def advance(terrain: Terrain, scene: Scene, dt_s: float) -> None:
     """Move every contact by one step."""
     if scene.contacts:
-        contacts.advance(terrain, scene, dt_s)
+        contact_motion.advance(terrain, scene, dt_s)
 
 
 def tracks_known(terrain: Terrain, scene: Scene) -> dict[str, Track]:
