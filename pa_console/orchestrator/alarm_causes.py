@@ -72,7 +72,7 @@ def silence(picture: Picture, asset: AssetTelemetry) -> str:
 
 
 def _track(track: Track) -> Cause | None:
-    """Return why a track matters; one that leaves, is authorized or is benign does not."""
+    """Return why a track matters; one that leaves or is authorized does not."""
     if track.status == "leaving":
         return None
     known = "" if track.identity == "unknown" else f"{track.identity} "
@@ -98,10 +98,9 @@ def _track(track: Track) -> Cause | None:
         what, order = f"An unauthorized {track.kind} {where}", ". Warn it to turn back."
         if track.warned:
             order = ""
-    elif track.intent == "benign":
-        return None
     else:
-        topic, kind, priority, settle_s = "track", "unknown_track", "high", 1.0
+        topic, kind, settle_s = "track", "unknown_track", 1.0
+        priority = "medium" if track.intent == "benign" else "high"
         what, order = f"An unknown {track.kind} {where}", "."
     return Cause(
         topic, kind, priority, track.id, track.gate,

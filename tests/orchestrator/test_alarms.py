@@ -85,12 +85,20 @@ def test_an_unknown_vehicle_raises_one_alarm_with_its_mission() -> None:
     [
         {"identity": "authorized"},
         {"identity": "authorized", "intent": "benign"},
-        {"intent": "benign"},
         {"status": "leaving"},
     ],
 )
 def test_a_harmless_track_raises_no_alarm(changes: dict[str, str]) -> None:
     assert play(AlarmBook(WORLD), every(20, track("T1", "EastGate", **changes))) == []
+
+
+@pytest.mark.parametrize("identity", ["unknown", "unauthorized"])
+def test_a_benign_intent_makes_an_alarm_less_urgent_but_does_not_let_a_vehicle_in(
+    identity: str,
+) -> None:
+    seen = track("T1", "EastGate", identity=identity, intent="benign")
+    [alarm] = raised(play(AlarmBook(WORLD), every(5, seen)))
+    assert (alarm.priority, bool(alarm.command)) == ("medium", True)
 
 
 @pytest.mark.parametrize(
