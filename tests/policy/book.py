@@ -1,5 +1,6 @@
 """The rule file of the checkpoint and small rule files of the tests' own."""
 
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -17,12 +18,17 @@ def checkpoint_rules() -> Rulebook:
     return load_rules(RULES)
 
 
-def write_rules(folder: Path, *rules: dict[str, Any]) -> Path:
+def write_rules(
+    folder: Path, *rules: dict[str, Any], workflows: Sequence[dict[str, Any]] = ()
+) -> Path:
     """Write a rule file with `rules`; each is ROE-01, ROE-02 and so on unless it says otherwise."""
     entries = [
         {"id": f"ROE-{number:02}", "domain": "ROE", "priority": "high", "text": "Be safe."} | rule
         for number, rule in enumerate(rules, start=1)
     ]
     path = folder / "rules.yaml"
-    path.write_text(yaml.safe_dump({"name": "own", "rules": entries}, sort_keys=False))
+    values = {"name": "own", "rules": entries} | (
+        {"workflows": list(workflows)} if workflows else {}
+    )
+    path.write_text(yaml.safe_dump(values, sort_keys=False))
     return path

@@ -12,6 +12,15 @@ from tests.policy.book import RULES, checkpoint_rules, write_rules
 
 CHECKED: dict[str, Any] = {"check": "size(actions) > 0", "message": "the plan is empty"}
 
+ORDER: dict[str, Any] = {
+    "kind": "before", "each": "track", "event": "it.warned", "other": "it.observed",
+    "message": "wrong order",
+}  # fmt: skip
+EMPTY: dict[str, Any] = {}
+WHOLE: dict[str, Any] = {key: value for key, value in ORDER.items() if key != "each"}
+PHASE: dict[str, Any] = {"name": "go", "command": "go to {gate}", "done": "it.observed"}
+WORKFLOW: dict[str, Any] = {"id": "own", "rule": "ROE-01", "starts": "true", "phases": [PHASE]}
+
 
 def test_the_shipped_rules_load() -> None:
     book = checkpoint_rules()
@@ -35,6 +44,24 @@ def test_a_rule_that_is_not_in_force_is_a_key_error() -> None:
         ({"text": ""}, "rules.0.text", "at least 1"),
         ({"check": "true"}, "rules.0", "needs a message"),
         ({"message": "why"}, "rules.0", "need a check"),
+        ({"examples": [{"name": "x", "expect": "pass"}]}, "rules.0", "needs a check"),
+        (CHECKED | {"examples": [{"name": "x", "expect": "pass", "moments": [EMPTY]}]}, "rules.0",
+         "needs an order"),
+        (CHECKED | {"examples": [{"name": "x", "expect": "pass", "moments": [EMPTY],
+                                  "given": {"assets": EMPTY}}]}, "rules.0.examples.0.moments",
+         "either"),
+        ({"order": [ORDER | {"kind": "until", "each": "asset"}]}, "rules.0.order.0.each", "track"),
+        ({"order": [ORDER, ORDER | {"event": "it.warned ||"}]}, "rules.0.order.1.event",
+         "not valid CEL"),
+        ({"order": [ORDER | {"event": "before.time_s > 1.0"}]}, "rules.0.order.0.event",
+         "unknown name 'before'"),
+        ({"order": [ORDER | {"other": "tracks.exists(t, t.warned)"}]}, "rules.0.order.0.other",
+         "unknown name 'tracks'"),
+        ({"order": [WHOLE | {"event": "it.warned"}]}, "rules.0.order.0.event", "unknown name 'it'"),
+        ({"order": [ORDER | {"kind": "within"}]}, "rules.0.order.0", "seconds belongs"),
+        ({"order": [ORDER | {"seconds": 4}]}, "rules.0.order.0", "seconds belongs"),
+        ({"order": [ORDER | {"kind": "within", "seconds": "now.time_s"}]},
+         "rules.0.order.0.seconds", "unknown name 'now'"),
         (CHECKED | {"check": "size(plan"}, "rules.0.check", "not valid CEL"),
         (CHECKED | {"check": ""}, "rules.0.check", "not valid CEL"),
         (CHECKED | {"applies": "a b"}, "rules.0.applies", "not valid CEL"),
@@ -58,6 +85,38 @@ def test_a_bad_rule_is_named_with_file_line_and_field(
     last = field.rsplit(".", maxsplit=1)[-1]
     line = path.read_text(encoding="utf-8").splitlines()[error.line - 1]
     assert last in line or last == "0"
+
+
+@pytest.mark.parametrize(
+    ("workflow", "field", "problem"),
+    [
+        ({"starts": "it.warned &&"}, "workflows.0.starts", "not valid CEL"),
+        ({"starts": "world.base == ''"}, "workflows.0.starts", "unknown name 'world'"),
+        ({"ends": {"gone home": "it.status = 1"}}, "workflows.0.ends.gone home", "not valid CEL"),
+        ({"phases": [PHASE, PHASE | {"done": "len(id)"}]}, "workflows.0.phases.1.done", "'len'"),
+        ({"phases": [PHASE | {"when": "track.warned"}]}, "workflows.0.phases.0.when", "'track'"),
+        ({"phases": [PHASE | {"command": "go to {place}"}]}, "workflows.0.phases.0.command",
+         "'place'"),
+        ({"phases": [PHASE | {"command": "go to {gate"}]}, "workflows.0.phases.0.command", "only"),
+        ({"phases": [PHASE | {"command": "{gate.upper.x}"}]}, "workflows.0.phases.0.command", "x"),
+        ({"phases": []}, "workflows.0.phases", "at least 1"),
+        ({"id": "Own"}, "workflows.0.id", "pattern"),
+        ({"rule": "WF-01"}, "", "there is no rule 'WF-01'"),
+    ],
+)  # fmt: skip
+def test_a_bad_workflow_is_named_with_file_line_and_field(
+    tmp_path: Path, workflow: dict[str, Any], field: str, problem: str
+) -> None:
+    with pytest.raises(DocumentError) as caught:
+        load_rules(write_rules(tmp_path, {}, workflows=[WORKFLOW | workflow]))
+    assert caught.value.field == field
+    assert problem in caught.value.problem
+
+
+def test_two_workflows_cannot_have_one_id(tmp_path: Path) -> None:
+    with pytest.raises(DocumentError, match="'own' appears twice") as caught:
+        load_rules(write_rules(tmp_path, {}, workflows=[WORKFLOW, WORKFLOW]))
+    assert caught.value.field == "workflows.1.id"
 
 
 def test_a_syntax_error_is_located_inside_the_expression(tmp_path: Path) -> None:
