@@ -1,10 +1,12 @@
 """Who decides when the next simulation step is due: the wall clock, or whoever waits for it."""
 
 import asyncio
+from collections.abc import Callable
 from time import perf_counter
 from typing import Protocol
 
 MAX_STEPS_AT_ONCE = 20
+IDLE_S = 0.005
 
 
 class Clock(Protocol):
@@ -12,7 +14,7 @@ class Clock(Protocol):
 
     rate: float
 
-    async def due(self, dt_s: float, waiting: bool) -> int:
+    async def due(self, dt_s: float, waiting: Callable[[], bool]) -> int:
         """Wait until steps are due and return their number; `waiting`: someone needs a step."""
         ...
 
@@ -25,7 +27,7 @@ class RealTimeClock:
         self._owed = 0.0
         self._last = perf_counter()
 
-    async def due(self, dt_s: float, waiting: bool) -> int:  # noqa: ARG002
+    async def due(self, dt_s: float, waiting: Callable[[], bool]) -> int:  # noqa: ARG002
         """Sleep about one step; `waiting` makes no difference."""
         await asyncio.sleep(dt_s / max(self.rate, 1.0))
         now = perf_counter()
@@ -41,7 +43,9 @@ class SteppedClock:
 
     rate = 1.0
 
-    async def due(self, dt_s: float, waiting: bool) -> int:  # noqa: ARG002
+    async def due(self, dt_s: float, waiting: Callable[[], bool]) -> int:  # noqa: ARG002
         """Return one step as soon as someone waits for it."""
-        await asyncio.sleep(0.0 if waiting else 0.005)
-        return 1 if waiting else 0
+        await asyncio.sleep(0.0)
+        if not waiting():
+            await asyncio.sleep(IDLE_S)
+        return 1 if waiting() else 0

@@ -152,9 +152,7 @@ class Intake:
     def _waiting(self, mission_id: str) -> str:
         waiting = [entry.mission.id for entry in self._queue.entries]
         if mission_id not in waiting:
-            raise ValueError(
-                f"{mission_id} does not wait; waiting: {', '.join(waiting) or 'none'}"
-            )
+            raise ValueError(f"{mission_id} does not wait; waiting: {', '.join(waiting) or 'none'}")
         return mission_id
 
     def _position(self, mission: Mission) -> int:

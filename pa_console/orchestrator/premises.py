@@ -7,7 +7,7 @@ from pa_console.orchestrator.rehearsal import device_commands
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Timeline
-from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
+from pa_console.schema.telemetry import AssetTelemetry, Picture
 from pa_console.schema.world import World
 
 ENCOUNTERS = ("observe", "identify", "warn", "block")
@@ -74,7 +74,8 @@ class Premises:
                 continue
             if track.intent == "hostile" and action.verb != "block":
                 yield f"{track.id} at {track.gate} is hostile now"
-            if action.verb in ("warn", "block") and _harmless(track):
+            benign = action.verb == "block" and track.intent == "benign"
+            if action.verb in ("warn", "block") and (benign or track.identity == "authorized"):
                 yield f"{track.id} at {track.gate} is {track.identity}, intent {track.intent}"
 
 
@@ -113,7 +114,3 @@ def why_unavailable(asset: AssetTelemetry, picture: Picture) -> str:
     if asset.integrity == "suspect":
         return "sends suspect telemetry"
     return f"has been silent for {picture.time_s - asset.stamp_s:.0f} s"
-
-
-def _harmless(track: Track) -> bool:
-    return track.identity == "authorized" or track.intent == "benign"

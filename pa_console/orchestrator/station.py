@@ -193,8 +193,7 @@ class Station:
         """
         every = max(1, round(self.world.telemetry_period_s / self.world.dt_s))
         while True:
-            wanted = (self._feed.wanted or self._stops.waiting) and not self._desk.thinking
-            for _ in range(await self._clock.due(self.world.dt_s, waiting=wanted)):
+            for _ in range(await self._clock.due(self.world.dt_s, self._wanted)):
                 replies = tuple(self._sim.step())
                 self._feed.publish(self._sim.tick, replies)
                 for incident in self._sim.take_incidents():
@@ -203,6 +202,10 @@ class Station:
                     self._emit(payload)
                 if self._sim.tick % every == 0:
                     self._look()
+
+    def _wanted(self) -> bool:
+        """Return whether somebody waits for the world to move, and nobody thinks about it."""
+        return (self._feed.wanted or self._stops.waiting) and not self._desk.thinking
 
     def _look(self) -> None:
         """Take in new telemetry: tell it, raise alarms, queue their missions."""
