@@ -81,9 +81,10 @@ class Checkpoint:
                 lost_link.heard(terrain, scene, scene.assets[command.agent])
             for reply in devices.accept(terrain, scene, command):
                 link.send_reply(scene, reply, dt_s)
-        velocities = motion.drive(terrain, scene, dt_s)
+        ground = motion.traffic(terrain, scene)
+        velocities = motion.drive(terrain, scene, ground, dt_s)
         if velocities:
-            physics.move(terrain, scene, velocities, dt_s)
+            physics.move(terrain, scene, ground, velocities, dt_s)
         sensing.advance(terrain, scene, dt_s)
         for asset in scene.busy():
             power.settle(self.world, scene, asset)

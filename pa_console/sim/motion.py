@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 from pa_console.schema.base import Point
 from pa_console.schema.world import Platform
-from pa_console.sim.neighbours import Neighbours
-from pa_console.sim.physics import Velocity
+from pa_console.sim.neighbours import Traffic
+from pa_console.sim.physics import CONTACT_MARGIN_M, Velocity
 from pa_console.sim.state import AssetState, Scene
 from pa_console.sim.terrain import Terrain
 
@@ -20,10 +20,16 @@ _TURNS = tuple(math.radians(turn) for turn in (0, -25, 25, -50, 50, -75, 75, -10
 """Ways to pass something, best first: of two equal ones the right-hand one."""
 
 
-def drive(terrain: Terrain, scene: Scene, dt_s: float) -> dict[str, Velocity]:
+def traffic(terrain: Terrain, scene: Scene) -> Traffic:
+    """Return the ground assets as they stand now, looked up as far as one has to give way."""
+    widest = max(platform.radius_m for platform in terrain.world.platforms.values())
+    standing_m = max(_LOOK_M + 3 * widest + _HULL_GAP_M, terrain.contact_m + CONTACT_MARGIN_M)
+    return Traffic(scene, standing_m, standing_m + _LOOK_M)
+
+
+def drive(terrain: Terrain, scene: Scene, ground: Traffic, dt_s: float) -> dict[str, Velocity]:
     """Turn every asset that has a route toward it; return the velocities (m/s) of those moving."""
     velocities: dict[str, Velocity] = {}
-    ground: Neighbours | None = None
     tracks = [(contact.id, contact.position) for contact in scene.contacts.values()]
     for asset in scene.busy():
         if not asset.route or asset.down:
@@ -35,9 +41,7 @@ def drive(terrain: Terrain, scene: Scene, dt_s: float) -> dict[str, Velocity]:
             continue
         direction: float | None = _bearing(asset, asset.route[0])
         if asset.kind != "uav":
-            ground = ground or _ground(terrain, scene)
-            others = ground.near(asset.x, asset.y)
-            direction = give_way(terrain, asset, others, direction)
+            direction = give_way(terrain, asset, ground.near(asset), direction)
         velocity = _steer(asset, terrain.world.platforms[asset.kind], direction, dt_s)
         asset.held_by = ""
         if asset.kind != "uav" and tracks:
@@ -56,13 +60,6 @@ def way_left(asset: AssetState) -> float:
         left += math.dist(here, point)
         here = point
     return left
-
-
-def _ground(terrain: Terrain, scene: Scene) -> Neighbours:
-    """Return the ground assets, those that one may have to give way to in the cells round it."""
-    widest = max(platform.radius_m for platform in terrain.world.platforms.values())
-    ground = (asset for asset in scene.assets.values() if asset.kind != "uav")
-    return Neighbours(ground, 2 * _LOOK_M + 3 * widest + _HULL_GAP_M)
 
 
 def _bearing(asset: AssetState, point: Point) -> float:

@@ -1,9 +1,9 @@
-"""Finds the assets near a point without asking every asset of a large team."""
+"""Finds the ground assets near a point without asking every asset of a large team."""
 
 import math
 from collections.abc import Iterable
 
-from pa_console.sim.state import AssetState
+from pa_console.sim.state import AssetState, Scene
 
 
 class Neighbours:
@@ -24,3 +24,26 @@ class Neighbours:
             for j in (row - 1, row, row + 1):
                 found += self._cells.get((i, j), ())
         return found
+
+
+class Traffic:
+    """The ground assets of one step, before anything moves; sorted into cells on first use."""
+
+    def __init__(self, scene: Scene, standing_m: float, moving_m: float) -> None:
+        """Look `standing_m` far for those that stand and `moving_m` for those under way."""
+        self._scene = scene
+        self._reach = (standing_m, moving_m)
+        self._grids: tuple[Neighbours, Neighbours] | None = None
+
+    def near(self, asset: AssetState) -> list[AssetState]:
+        """Return the ground assets that may matter to `asset`, which is among them."""
+        if self._grids is None:
+            ground = [other for other in self._scene.assets.values() if other.kind != "uav"]
+            standing = (other for other in ground if not other.route and not other.speed)
+            moving = (other for other in ground if other.route or other.speed)
+            self._grids = (
+                Neighbours(standing, self._reach[0]),
+                Neighbours(moving, self._reach[1]),
+            )
+        standing_by, under_way = self._grids
+        return standing_by.near(asset.x, asset.y) + under_way.near(asset.x, asset.y)

@@ -11,29 +11,33 @@ from collections.abc import Mapping, Sequence
 import pymunk
 
 from pa_console.schema.world import Wall
-from pa_console.sim.neighbours import Neighbours
+from pa_console.sim.neighbours import Traffic
 from pa_console.sim.state import AssetState, Scene
 from pa_console.sim.terrain import Terrain
 
 Velocity = tuple[float, float]
+CONTACT_MARGIN_M = 0.05
 _SUBSTEP_M = 0.05
-_MARGIN_M = 0.05
 _OVERLAP_LEFT_PER_S = 1e-9
 
 
-def move(terrain: Terrain, scene: Scene, velocities: Mapping[str, Velocity], dt_s: float) -> None:
+def move(
+    terrain: Terrain,
+    scene: Scene,
+    ground: Traffic,
+    velocities: Mapping[str, Velocity],
+    dt_s: float,
+) -> None:
     """Advance every asset named in `velocities` (m/s) by `dt_s`; the others stand with brakes on.
 
     UAVs fly over everything. A ground asset never passes through a wall, an obstruction or
     another one.
     """
-    assets = scene.assets.values()
-    ground = [asset for asset in assets if asset.kind != "uav"]
-    touching, walls = _touching(terrain, ground, scene.obstructions, velocities, dt_s)
+    touching, walls = _touching(terrain, scene, ground, velocities, dt_s)
     fixed = {asset.id for asset in touching}
-    for asset in assets:
-        velocity = velocities.get(asset.id)
-        if velocity is not None and asset.id not in fixed:
+    for name, velocity in velocities.items():
+        if name not in fixed:
+            asset = scene.assets[name]
             asset.x += velocity[0] * dt_s
             asset.y += velocity[1] * dt_s
     if touching:
@@ -42,24 +46,22 @@ def move(terrain: Terrain, scene: Scene, velocities: Mapping[str, Velocity], dt_
 
 def _touching(
     terrain: Terrain,
-    ground: Sequence[AssetState],
-    obstructions: Sequence[Wall],
+    scene: Scene,
+    ground: Traffic,
     velocities: Mapping[str, Velocity],
     dt_s: float,
 ) -> tuple[list[AssetState], list[Wall]]:
     """Return the ground assets and walls that may come into contact within the step."""
     platforms = terrain.world.platforms
-    movers = [asset for asset in ground if asset.id in velocities]
-    if not movers:
-        return [], []
-    nearby = Neighbours(ground, terrain.contact_m + _MARGIN_M)
-    close: set[int] = set()
+    close: set[str] = set()
     walls: list[Wall] = []
-    for mover in movers:
-        velocity = velocities[mover.id]
+    for name, velocity in velocities.items():
+        mover = scene.assets[name]
+        if mover.kind == "uav":
+            continue
         radius, speed = platforms[mover.kind].radius_m, math.hypot(*velocity)
-        reach = radius + speed * dt_s + _MARGIN_M
-        for other in nearby.near(mover.x, mover.y):
+        reach = radius + speed * dt_s + CONTACT_MARGIN_M
+        for other in ground.near(mover):
             if other is mover:
                 continue
             theirs = velocities.get(other.id)
@@ -68,16 +70,13 @@ def _touching(
                 limit += math.hypot(*theirs) * dt_s
             dx, dy = other.x - mover.x, other.y - mover.y
             if dx * dx + dy * dy < limit * limit:
-                close.add(mover.index)
-                close.add(other.index)
-        for wall in (*terrain.near_walls(mover.x, mover.y), *obstructions):
+                close |= {mover.id, other.id}
+        for wall in (*terrain.near_walls(mover.x, mover.y), *scene.obstructions):
             if gap(wall, mover.x, mover.y) < reach:
-                close.add(mover.index)
+                close.add(mover.id)
                 if wall not in walls:
                     walls.append(wall)
-    if not close:
-        return [], []
-    return [asset for asset in ground if asset.index in close], walls
+    return scene.in_order(close), walls
 
 
 def gap(wall: Wall, x: float, y: float) -> float:

@@ -97,6 +97,7 @@ class Planner:
         self._world = world
         self._perimeter = Polygon(world.perimeter)
         self._zones = {name: Polygon(zone.polygon) for name, zone in world.zones.items()}
+        self._boxes = {name: zone.bounds for name, zone in self._zones.items()}
         for polygon in (self._perimeter, *self._zones.values()):
             shapely.prepare(polygon)
         self._areas: dict[tuple[AssetKind, frozenset[str], bool, tuple[Wall, ...]], Area] = {}
@@ -116,8 +117,10 @@ class Planner:
         """Return the free ground for `kind` on a way between `ends`, clear of `avoid`."""
         entered = frozenset(
             name
-            for name, zone in self._zones.items()
-            if any(shapely.intersects_xy(zone, *end) for end in ends)
+            for name, (left, low, right, high) in self._boxes.items()
+            for x, y in ends
+            if left <= x <= right and low <= y <= high
+            if shapely.intersects_xy(self._zones[name], x, y)
         )
         inside = all(shapely.intersects_xy(self._perimeter, *end) for end in ends)
         key = (kind, entered, inside, avoid)
