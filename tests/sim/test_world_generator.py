@@ -16,7 +16,7 @@ SEEDS = st.integers(0, 10_000)
 @given(gates=st.integers(1, 50), assets=st.integers(1, 120), seed=SEEDS)
 @example(gates=50, assets=120, seed=1)
 @example(gates=1, assets=1, seed=0)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_every_generated_world_loads_and_starts_with_its_gates_covered(
     gates: int, assets: int, seed: int, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
@@ -32,7 +32,7 @@ def test_every_generated_world_loads_and_starts_with_its_gates_covered(
 
 
 @given(gates=st.integers(1, 30), seed=SEEDS, data=st.data())
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=10, deadline=None)
 def test_every_gate_has_a_lane_and_a_camera_and_can_be_reached_with_room_for_several(
     gates: int, seed: int, data: st.DataObject
 ) -> None:
