@@ -95,7 +95,7 @@ class Trust:
     its last sound position, of tick `anchor_tick`, `lie` a place where other sensors miss it, and
     `sound_from` the tick since which its reports have been sound again. `unseen` and `seen` count
     in a row the periods in which other sensors missed it, or saw it, where it says it is. Reports
-    sent before `carried_tick` are void: it was carried elsewhere then.
+    sent up to `carried_tick` are void: it was carried elsewhere then.
     """
 
     stood: Point | None = None

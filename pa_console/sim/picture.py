@@ -53,7 +53,7 @@ def receive(terrain: Terrain, scene: Scene, report: Report) -> None:
     world, station = terrain.world, scene.station
     heard = station.heard[report.agent]
     carried = heard.trust.carried_tick
-    if report.stamp <= heard.stamp or (carried is not None and report.stamp < carried):
+    if report.stamp <= heard.stamp or (carried is not None and report.stamp <= carried):
         return
     trust = integrity.judge(world, heard, report)
     missed = (report.stamp - heard.stamp) // period_ticks(world)

@@ -3,7 +3,7 @@
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pa_console.schema.incident import (
@@ -94,6 +94,7 @@ def test_honest_assets_are_never_suspect(world: World) -> None:
     history=st.lists(st.tuples(st.integers(1, 80), honest | commands()), min_size=1, max_size=10),
     seed=st.integers(0, 999),
 )
+@example(history=[(58, SetRadio()), (7, PlaceAsset(asset="Drone_T01", frame="Base"))], seed=0)
 @settings(max_examples=40, deadline=None)
 def test_no_honest_mishap_looks_like_a_forgery(
     world: World, history: list[tuple[int, Any]], seed: int
