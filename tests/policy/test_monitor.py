@@ -111,28 +111,33 @@ def _late(trace: Sequence[tuple[float, dict[str, tuple[bool, bool]]]], name: str
     return wrong
 
 
-steps = st.lists(
+facts = st.tuples(st.booleans(), st.booleans())
+stretches = st.lists(
     st.tuples(
         st.sampled_from([0.5, 1.0, 3.0, 4.0]),
-        st.dictionaries(
-            st.sampled_from(["V1", "V2"]), st.tuples(st.booleans(), st.booleans()), max_size=2
+        st.integers(1, 3),
+        st.one_of(
+            st.fixed_dictionaries({"V1": facts}),
+            st.dictionaries(st.sampled_from(["V1", "V2"]), facts, max_size=2),
         ),
     ),
-    max_size=14,
+    max_size=8,
 )
 
 
-def timed(drawn: list[tuple[float, dict[str, tuple[bool, bool]]]]):
+def timed(drawn: list[tuple[float, int, dict[str, tuple[bool, bool]]]]):
+    """Return the trace of stretches in which nothing changes: (step, how many, what is seen)."""
     total, trace = 0.0, list[tuple[float, dict[str, tuple[bool, bool]]]]()
-    for step, seen in drawn:
-        total += step
-        trace.append((total, seen))
+    for step, times, seen in drawn:
+        for _ in range(times):
+            total += step
+            trace.append((total, seen))
     return trace
 
 
 @pytest.mark.parametrize("kind", get_args(Kind))
-@settings(max_examples=150, deadline=None)
-@given(steps.map(timed))
+@settings(max_examples=200, deadline=None)
+@given(stretches.map(timed))
 def test_moment_by_moment_is_the_same_as_the_whole_trace_at_once(
     kind: Kind, trace: list[tuple[float, dict[str, tuple[bool, bool]]]]
 ) -> None:
@@ -141,9 +146,17 @@ def test_moment_by_moment_is_the_same_as_the_whole_trace_at_once(
     assert set(told(monitor, moments(trace))) == expected
 
 
+def test_what_was_done_in_time_need_not_be_done_again_until_its_cause_begins_anew() -> None:
+    both, cause, neither = (True, True), (False, True), (False, False)
+    facts_at = [(0.0, both), (1.0, cause), (9.0, cause), (10.0, neither), (11.0, cause)]
+    trace = [(t, {"V1": facts}) for t, facts in [*facts_at, (17.0, cause), (30.0, cause)]]
+    monitor = Monitor(book_of("within", "track", "it.observed", "it.warned"), WORLD)
+    assert told(monitor, moments(trace)) == [(5, "V1")]
+
+
 @pytest.mark.parametrize("kind", get_args(Kind))
 @settings(max_examples=40, deadline=None)
-@given(steps.map(timed), st.integers(0, 14))
+@given(stretches.map(timed), st.integers(0, 14))
 def test_a_copy_goes_on_as_the_original_would_and_leaves_it_alone(
     kind: Kind, trace: list[tuple[float, dict[str, tuple[bool, bool]]]], cut: int
 ) -> None:
@@ -157,7 +170,7 @@ def test_a_copy_goes_on_as_the_original_would_and_leaves_it_alone(
 
 @pytest.mark.parametrize("kind", get_args(Kind))
 @settings(max_examples=40, deadline=None)
-@given(steps.map(timed))
+@given(stretches.map(timed))
 def test_speaking_of_the_whole_moment_finds_the_same_as_speaking_of_the_subject(
     kind: Kind, trace: list[tuple[float, dict[str, tuple[bool, bool]]]]
 ) -> None:
