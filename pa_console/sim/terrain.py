@@ -80,10 +80,8 @@ class Terrain:
             self._places[key] = tuple(self._stands(frame, kind))
         return self._places[key]
 
-    def free_place(
-        self, frame: str, kind: AssetKind, taken: Iterable[Point], near: Point | None = None
-    ) -> Point | None:
-        """Return a place at `frame` clear of `taken`, the innermost or the nearest to `near`."""
+    def free_place(self, frame: str, kind: AssetKind, taken: Iterable[Point]) -> Point | None:
+        """Return the innermost place at `frame` that is clear of `taken`, None if it is full."""
         spec, spare = self.world.frames[frame], self.spacing_m - 0.1
         (x, y), reach = spec.at, spec.radius_m + spare
         others = [p for p in taken if abs(p[0] - x) < reach and abs(p[1] - y) < reach]
@@ -93,9 +91,7 @@ class Terrain:
             for place in self.places(frame, kind)
             if place not in stood_on and all(math.dist(place, other) >= spare for other in others)
         )
-        if near is None:
-            return next(free, None)
-        return min(free, key=lambda place: math.dist(place, near), default=None)
+        return next(free, None)
 
     def _stands(self, frame: str, kind: AssetKind) -> list[Point]:
         spec = self.world.frames[frame]

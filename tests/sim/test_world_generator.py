@@ -9,6 +9,7 @@ from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.terrain import Terrain
 from pa_console.sim.world_file import load_world
 from pa_console.sim.world_generator import MOST_GATES, generate_world, world_yaml
+from tests.sim.running import order, run
 
 SEEDS = st.integers(0, 10_000)
 
@@ -62,3 +63,19 @@ def test_seeds_differ_and_equal_arguments_do_not() -> None:
 def test_numbers_out_of_range_are_refused(gates: int, assets: int) -> None:
     with pytest.raises(ValueError, match="out of range; it must be from 1 to"):
         generate_world(gates, assets, 0)
+
+
+def test_a_large_generated_world_lives_and_forks_exactly() -> None:
+    world = generate_world(12, 150, 3)
+    sim, twin = Checkpoint(world, 1), Checkpoint(world, 1)
+    for each in (sim, twin):
+        for number, (name, spec) in enumerate(world.assets.items()):
+            if spec.post not in world.gates and number % 3 == 0:
+                order(each, name, "move_to", world.gates[number % 12], command_id=name)
+        run(each, 10.0)
+    fork = sim.fork()
+    ends = {reply.command_id: reply.status for reply in run(sim, 30.0)}
+    run(twin, 30.0)
+    run(fork, 30.0)
+    assert "done" in ends.values()
+    assert sim.state_hash() == twin.state_hash() == fork.state_hash()
