@@ -60,7 +60,10 @@ def large_plan(world: World) -> Plan:
 
 
 def large_rehearsal(world: World, plan: Plan, *, tracks: int, moments: int) -> Rehearsal:
-    """Return what `plan` might bring about, with `tracks` unknown vehicles and their moments."""
+    """Return what `plan` might bring about, with `tracks` unknown vehicles and their moments.
+
+    One gate or none is uncovered at each moment, and every one is covered again by the end.
+    """
     gates = world.gates
     by = {gate: [n for n, spec in world.assets.items() if spec.post == gate] for gate in gates}
     picture: dict[str, Any] = {
@@ -93,7 +96,10 @@ def large_rehearsal(world: World, plan: Plan, *, tracks: int, moments: int) -> R
                 name: {"gate": track["gate"], "observed": number > n, **seen}
                 for n, (name, track) in enumerate(picture["tracks"].items())
             },
-            "covered": {gate: bool(by[gate]) and number % 7 != n for n, gate in enumerate(gates)},
+            "covered": {
+                gate: bool(by[gate]) and (number % 7 != n or number == moments - 1)
+                for n, gate in enumerate(gates)
+            },
         }
         for number in range(moments)
     ]
