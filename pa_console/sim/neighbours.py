@@ -1,49 +1,35 @@
-"""Finds the ground assets near a point without asking every asset of a large team."""
+"""Finds the ground assets near a moving one without asking every asset of a large team."""
 
-import math
-from collections.abc import Iterable
+import numpy as np
+import numpy.typing as npt
 
 from pa_console.sim.state import AssetState, Scene
 
-
-class Neighbours:
-    """Assets by square cell of `cell_m` metres, as they stand when it is built."""
-
-    def __init__(self, assets: Iterable[AssetState], cell_m: float) -> None:
-        self._cell_m = cell_m
-        self._cells: dict[tuple[int, int], list[AssetState]] = {}
-        for asset in assets:
-            key = (math.floor(asset.x / cell_m), math.floor(asset.y / cell_m))
-            self._cells.setdefault(key, []).append(asset)
-
-    def near(self, x: float, y: float) -> list[AssetState]:
-        """Return every asset within `cell_m` of the point, and some farther ones."""
-        column, row = math.floor(x / self._cell_m), math.floor(y / self._cell_m)
-        found: list[AssetState] = []
-        for i in (column - 1, column, column + 1):
-            for j in (row - 1, row, row + 1):
-                found += self._cells.get((i, j), ())
-        return found
+Floats = npt.NDArray[np.float64]
 
 
 class Traffic:
-    """The ground assets of one step, before anything moves; sorted into cells on first use."""
+    """The ground assets of one step, before anything moves; collected on first use."""
 
     def __init__(self, scene: Scene, standing_m: float, moving_m: float) -> None:
         """Look `standing_m` far for those that stand and `moving_m` for those under way."""
         self._scene = scene
-        self._reach = (standing_m, moving_m)
-        self._grids: tuple[Neighbours, Neighbours] | None = None
+        self._standing_m, self._moving_m = standing_m, moving_m
+        self._ground: list[AssetState] | None = None
+        self._x: Floats = np.empty(0)
+        self._y: Floats = np.empty(0)
+        self._reach: Floats = np.empty(0)
 
     def near(self, asset: AssetState) -> list[AssetState]:
-        """Return the ground assets that may matter to `asset`, which is among them."""
-        if self._grids is None:
+        """Return the ground assets that may matter to `asset`, itself among them."""
+        ground = self._ground
+        if ground is None:
             ground = [other for other in self._scene.assets.values() if other.kind != "uav"]
-            standing = (other for other in ground if not other.route and not other.speed)
-            moving = (other for other in ground if other.route or other.speed)
-            self._grids = (
-                Neighbours(standing, self._reach[0]),
-                Neighbours(moving, self._reach[1]),
-            )
-        standing_by, under_way = self._grids
-        return standing_by.near(asset.x, asset.y) + under_way.near(asset.x, asset.y)
+            moving = np.array([bool(other.route) or other.speed > 0.0 for other in ground])
+            self._ground = ground
+            self._x = np.array([other.x for other in ground])
+            self._y = np.array([other.y for other in ground])
+            self._reach = np.where(moving, self._moving_m**2, self._standing_m**2)
+        dx, dy = self._x - asset.x, self._y - asset.y
+        found: list[int] = np.flatnonzero(dx * dx + dy * dy <= self._reach).tolist()
+        return [ground[index] for index in found]

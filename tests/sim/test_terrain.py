@@ -1,6 +1,7 @@
-"""What is looked up by cell is what asking everybody would give."""
+"""What is looked up quickly is what asking everybody would give."""
 
 import math
+import random
 
 import pytest
 from hypothesis import given, settings
@@ -8,8 +9,8 @@ from hypothesis import strategies as st
 from shapely import LineString, Point
 
 from pa_console.schema.world import World
-from pa_console.sim.neighbours import Neighbours
-from pa_console.sim.state import AssetState
+from pa_console.sim.neighbours import Traffic
+from pa_console.sim.state import AssetState, Scene
 from pa_console.sim.terrain import Terrain
 from pa_console.sim.world_generator import generate_world
 
@@ -48,18 +49,21 @@ def test_no_wall_within_reach_is_left_out(terrain: Terrain, spot: tuple[float, f
         assert gap > terrain.contact_m or wall in near
 
 
-@given(points=st.lists(spots, max_size=40), spot=spots, cell_m=st.floats(1.0, 30.0))
+@given(points=st.lists(spots, min_size=1, max_size=40), moving=st.integers(0, 2**40))
 @settings(max_examples=100, deadline=None)
-def test_nobody_within_a_cell_is_left_out(
-    points: list[tuple[float, float]], spot: tuple[float, float], cell_m: float
-) -> None:
-    assets = [
-        AssetState(f"A{n}", "ugv", n, *point, 0.0, 100.0, None, point)
-        for n, point in enumerate(points)
+def test_everybody_within_reach_is_found(points: list[tuple[float, float]], moving: int) -> None:
+    scene = Scene(rng=random.Random(0))
+    for number, point in enumerate(points):
+        asset = AssetState(f"A{number}", "ugv", number, *point, 0.0, 100.0, None, point)
+        asset.route = ((0.0, 0.0),) if moving >> number & 1 else ()
+        scene.assets[asset.id] = asset
+    me = scene.assets["A0"]
+    expected = [
+        other.id
+        for other in scene.assets.values()
+        if math.dist(me.position, other.position) <= (20.0 if other.route else 10.0)
     ]
-    near = Neighbours(assets, cell_m).near(*spot)
-    assert len({asset.id for asset in near}) == len(near)
-    assert {a.id for a in assets if math.dist(a.position, spot) <= cell_m} <= {a.id for a in near}
+    assert [other.id for other in Traffic(scene, 10.0, 20.0).near(me)] == expected
 
 
 def test_places_taken_one_after_the_other_stand_apart_until_a_frame_is_full(
