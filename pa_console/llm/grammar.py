@@ -7,7 +7,7 @@ kind and frames that exist. The text depends on nothing but its arguments, so it
 import json
 from collections.abc import Collection, Iterable, Sequence
 
-from pa_console.schema.plan import COMMANDS, MAX_ACTIONS
+from pa_console.schema.plan import COMMANDS, MAX_ACTIONS, Verb
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import AssetKind, World
 
@@ -27,10 +27,11 @@ def plan_grammar(
     picture: Picture,
     agents: Collection[str] | None = None,
     frames: Collection[str] | None = None,
+    verbs: Collection[Verb] = (),
 ) -> str:
     """Return the grammar of a plan; with no asset up, the only plan is one without actions.
 
-    Only `agents` are addressed and only `frames` named, by default all. Whether an agent was used
+    Only `agents` are addressed, only `frames` named and only `verbs` given, by default all. Whether an agent was used
     is a bit of llguidance's rule parameter, 64 of them (its limit and MAX_ACTIONS); raises
     ValueError when more assets are up.
     """
@@ -38,7 +39,7 @@ def plan_grammar(
         name: spec.kind
         for name, spec in world.assets.items()
         if name in picture.assets and picture.assets[name].available
-        if agents is None or name in agents
+        if (agents is None or name in agents) and _verbs(spec.kind, verbs)
     }
     if len(up) > MAX_ACTIONS:
         raise ValueError(f"{len(up)} assets are up and a plan can address {MAX_ACTIONS} at most")
@@ -53,7 +54,7 @@ def plan_grammar(
         next_one = [f'", " {action} %if bit_clear({i})' for i, action in enumerate(one)]
         lines.append("first::_: " + "\n  | ".join(one))
         lines.append('more::_: ""\n  | ' + "\n  | ".join(next_one))
-        lines += [_commands(kind) for kind in KINDS if kind in up.values()]
+        lines += [_commands(kind, verbs) for kind in KINDS if kind in up.values()]
         lines.append("frame: " + _choice(f for f in world.frames if frames is None or f in frames))
     return "\n".join(lines) + "\n"
 
@@ -80,14 +81,19 @@ def _action(agent: str, kind: AssetKind) -> str:
     return f"{_literal(_AGENT.format(agent))} {kind}_command {_literal(_END)}"
 
 
-def _commands(kind: AssetKind) -> str:
+def _commands(kind: AssetKind, verbs: Collection[Verb]) -> str:
     """Return the rule for the commands that an asset of `kind` can carry out."""
     words = [
-        f"{_literal(verb + ' ')} frame" if spec.takes_frame else _literal(verb)
-        for verb, spec in COMMANDS.items()
-        if kind in spec.kinds
+        f"{_literal(verb + ' ')} frame" if COMMANDS[verb].takes_frame else _literal(verb)
+        for verb in _verbs(kind, verbs)
     ]
     return f"{kind}_command: " + " | ".join(words)
+
+
+def _verbs(kind: AssetKind, verbs: Collection[Verb]) -> list[Verb]:
+    """Return the verbs for assets of `kind`; no `verbs` means every one of the vocabulary."""
+    able = [verb for verb, spec in COMMANDS.items() if kind in spec.kinds]
+    return [verb for verb in able if not verbs or verb in verbs]
 
 
 def _choice(words: Iterable[str]) -> str:

@@ -7,7 +7,7 @@ from pa_console.policy.workflow import WorkflowRun
 from pa_console.schema.event import WorkflowMoved
 from pa_console.schema.mission import Mission
 from pa_console.schema.moment import Moment
-from pa_console.schema.plan import Plan
+from pa_console.schema.plan import Plan, Verb
 
 ENCOUNTERS = ("observe", "identify", "warn", "block")
 
@@ -65,6 +65,12 @@ class Course:
                 words = {"text": run.command(), "subject": track, "gate": run.gate}
                 return self._mission.model_copy(update=words)
         return None
+
+    @property
+    def verbs(self) -> tuple[Verb, ...]:
+        """The commands that the next phase is made of; none means that it does not say."""
+        phases = [run.current for run in self._runs.values() if run.current is not None]
+        return phases[0].verbs if phases else ()
 
     def begin(self, now: Moment) -> Iterator[WorkflowMoved]:
         """Enter the workflow of the track that an alarm's mission is about."""

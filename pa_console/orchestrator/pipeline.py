@@ -120,7 +120,7 @@ class MissionRun:
         tries: dict[str, int] = {}
         while True:
             phase = self._course.phase
-            async for payload in self._planning.retrieve(task):
+            async for payload in self._planning.retrieve(task, self._course.verbs):
                 yield payload
             self._facts.rules = self._planning.rule_ids
             async for payload in self._until_approved(reasons):

@@ -16,7 +16,7 @@ from pa_console.policy.monitor import Monitor
 from pa_console.schema import event as ev
 from pa_console.schema.finding import Verdict
 from pa_console.schema.mission import Mission
-from pa_console.schema.plan import Plan
+from pa_console.schema.plan import Plan, Verb
 from pa_console.schema.rule import Rule, RuleHit
 from pa_console.schema.telemetry import Digest, Selection
 
@@ -43,6 +43,7 @@ class Planning:
         """`monitor` has followed the mission's history so far; it is only read."""
         self._services, self._watch, self._monitor = services, stopwatch, monitor
         self.task = mission
+        self._verbs: Sequence[Verb] = ()
         self._hits: tuple[RuleHit, ...] = ()
         self._digest: Digest | None = None
         self.attempts = 0
@@ -60,9 +61,12 @@ class Planning:
         """The part of the picture that the last prompt spoke of; None means all of it."""
         return self._digest.selection if self._digest is not None else None
 
-    async def retrieve(self, task: Mission) -> Payloads:
-        """Step 2: the rules that concern the words of `task`, and the pinned ones."""
-        self.task = task
+    async def retrieve(self, task: Mission, verbs: Sequence[Verb] = ()) -> Payloads:
+        """Step 2: the rules that concern the words of `task`, and the pinned ones.
+
+        With `verbs`, the planner is given no other commands for it.
+        """
+        self.task, self._verbs = task, verbs
         started = perf_counter()
         retriever = self._services.retriever
         self._hits = retriever.retrieve(task.text, self._services.top_k)
@@ -165,7 +169,7 @@ class Planning:
         started = perf_counter()
         prompt = planner_prompt(world, self._digest, rules, self.task, reasons, previous)
         chosen = (None, None) if selection is None else (selection.assets, selection.frames)
-        grammar = plan_grammar(world, picture, *chosen)
+        grammar = plan_grammar(world, picture, *chosen, self._verbs)
         seconds = perf_counter() - started
         self._watch.add("prompt_s", seconds)
         yield ev.PromptBuilt(

@@ -5,6 +5,7 @@ from typing import Any, Literal, Self
 from pydantic import Field, model_validator
 
 from pa_console.schema.base import Positive, StrictModel
+from pa_console.schema.plan import Verb
 
 Domain = Literal["ROE", "WF", "CAP"]
 Priority = Literal["critical", "high", "medium"]
@@ -113,11 +114,13 @@ class Phase(StrictModel):
     """One step of a workflow: planned, checked, judged and approved on its own.
 
     `when` and `done` are CEL over a moment, with `it` bound to the workflow's track. A phase
-    whose `done` holds is over; another one whose `when` does not hold is skipped.
+    whose `done` holds is over; another one whose `when` does not hold is skipped. Its planner is
+    given no other commands than `verbs`, if there are any; checks and judge see to the rest.
     """
 
     name: str
     command: str = Field(min_length=1, description="its mission; {track} and {gate} are put in")
+    verbs: tuple[Verb, ...] = ()
     when: str = "true"
     done: str
 
