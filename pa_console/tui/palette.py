@@ -10,7 +10,10 @@ from textual.types import IgnoreReturnCallbackType
 from pa_console.schema.incident import Incident
 from pa_console.schema.world import World
 from pa_console.tui.actions import ACTIONS, Situation, key_text
-from pa_console.tui.whatif import RATES, what_ifs
+from pa_console.tui.whatif import RATES, WhatIf, what_ifs
+
+TYPICAL = ("unknown vehicle", "weather")
+"""Words of the what-ifs that are offered before anything is typed."""
 
 Command = tuple[str, IgnoreReturnCallbackType, str]
 """Title, what it does, help."""
@@ -42,6 +45,8 @@ class PaletteHost(Protocol):
 class ConsoleCommands(Provider):
     """Offers what can be done at this moment, and nothing else."""
 
+    _what_ifs: tuple[WhatIf, ...] | None = None
+
     @property
     def _host(self) -> PaletteHost:
         return cast(PaletteHost, self.app)
@@ -59,7 +64,9 @@ class ConsoleCommands(Provider):
             return
         for rate in RATES:
             yield f"Speed {rate:g}x", partial(self._host.set_rate, rate), "Simulation"
-        for title, incident in what_ifs(self._host.world):
+        if self._what_ifs is None:
+            self._what_ifs = tuple(what_ifs(self._host.world))
+        for title, incident in self._what_ifs:
             yield title, partial(self._host.inject, incident), "Simulation only"
 
     async def discover(self) -> Hits:
@@ -67,13 +74,22 @@ class ConsoleCommands(Provider):
         for title, run, help_text in self._actions():
             yield DiscoveryHit(title, run, help=help_text)
         for title, run, help_text in self._simulation():
-            if "Speed" in title or "unknown vehicle" in title:
+            if "Speed" in title or any(word in title for word in TYPICAL):
                 yield DiscoveryHit(title, run, help=help_text)
 
     async def search(self, query: str) -> Hits:
-        """Yield everything that matches what was typed."""
-        matcher = self.matcher(query)
-        for title, run, help_text in (*self._actions(), *self._simulation()):
+        """Yield everything that matches what was typed.
+
+        In the simulation's part, thousands of entries long on a large site, every word has to
+        occur as it is.
+        """
+        matcher, words = self.matcher(query), query.lower().split()
+        found = (item for item in self._simulation() if _has(item[0].lower(), words))
+        for title, run, help_text in (*self._actions(), *found):
             score = matcher.match(title)
             if score > 0:
                 yield Hit(score, matcher.highlight(title), run, text=title, help=help_text)
+
+
+def _has(title: str, words: list[str]) -> bool:
+    return all(word in title for word in words)

@@ -83,18 +83,15 @@ def place(at: str | None, post: str | None) -> str:
     return f"on its way to {post}" if post else "between frames"
 
 
+def count(number: int, thing: str) -> str:
+    """Write a number of things, e.g. `1 gate` or `3 gates`."""
+    return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
+
+
 def few(names: Sequence[str], most: int = 3) -> str:
     """Name at most `most` of `names`, and say how many more there are."""
     more = len(names) - most
     return ", ".join(names) if more <= 0 else f"{', '.join(names[:most])} and {more} more"
-
-
-def age_text(seconds: float) -> str:
-    """Write an age: tenths below ten seconds, then whole seconds, then minutes."""
-    seconds = max(seconds, 0.0)
-    if seconds < 9.95:
-        return f"{seconds:.1f} s"
-    return f"{seconds:.0f} s" if seconds < 599.5 else f"{seconds / 60:.0f} min"
 
 
 def clock_text(seconds: float) -> str:

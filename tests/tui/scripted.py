@@ -18,6 +18,7 @@ from pa_console.schema.event import (
 )
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Metrics, Mission
+from pa_console.schema.world import World
 from pa_console.tui.app import ConsoleApp
 from tests.tui.site import WORLD, Rulebook, WordRetriever
 from tests.tui.story import MISSION, START, stamped
@@ -141,11 +142,15 @@ class ScriptedStation:
 
 
 def console(
-    station: ScriptedStation | None, tmp: Path, clock: FakeClock | None = None, **options: Any
+    station: ScriptedStation | None,
+    tmp: Path,
+    clock: FakeClock | None = None,
+    world: World = WORLD,
+    **options: Any,
 ) -> ConsoleApp:
     """A console over a scripted station that touches no folder of the user's."""
     app = ConsoleApp(
-        WORLD,
+        world,
         station,
         Rulebook(),
         WordRetriever(),

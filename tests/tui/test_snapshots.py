@@ -11,7 +11,7 @@ from pa_console.schema.event import EventPayload
 from pa_console.session.replay import Player
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.widgets.approval_panel import ApprovalPanel
-from tests.tui import story
+from tests.tui import crowd, living, story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, settle
 from tests.tui.story import stamped
 
@@ -34,9 +34,17 @@ SCREENS: dict[str, tuple[list[EventPayload], tuple[str, ...]]] = {
     "policies": (story.opening(), ("f6", *"each gate")),
     "help": (story.opening(), ("f1",)),
     "leaving": (story.told("executing"), ("f2", "q")),
+    "alarmed": (living.alarmed(), ()),
+    "queue": (living.alarmed(), ("escape", "5")),
+    "doubtful": (living.troubled(), ("escape", "f3")),
+    "workflow": (living.workflow(), ("escape", "f4")),
+    "halted": (living.halted(), ("escape", "f4")),
+    "stopped": (living.stopped(), ()),
 }
 LOOKED_AT = (
     *((name, size) for name in ("planning", "approval", "executing", "policies") for size in SIZES),
+    *((name, size) for name in ("alarmed", "workflow", "halted", "stopped") for size in SIZES),
+    *((name, "80x24") for name in ("queue", "doubtful")),
     *((name, "80x24") for name in ("empty", "finished", "assets", "help")),
     *((name, "120x36") for name in ("blocked", "editor", "leaving")),
 )
@@ -67,6 +75,17 @@ def test_screen(snap_compare: Compare, tmp_path: Path, name: str, size: str) -> 
     payloads, keys = SCREENS[name]
     station, clock = ScriptedStation(payloads), FakeClock()
     app = console(station, tmp_path, clock)
+    run = before(station, clock, keys)
+    assert snap_compare(app, terminal_size=SIZES[size], run_before=run)
+
+
+@pytest.mark.parametrize(("keys", "size"), [((), "80x24"), (("escape", "f3"), "120x36")])
+def test_a_thousand_assets(
+    snap_compare: Compare, tmp_path: Path, keys: tuple[str, ...], size: str
+) -> None:
+    site = crowd.world(1000, 50)
+    station, clock = ScriptedStation(crowd.opening(site)), FakeClock()
+    app = console(station, tmp_path, clock, world=site)
     run = before(station, clock, keys)
     assert snap_compare(app, terminal_size=SIZES[size], run_before=run)
 

@@ -19,8 +19,9 @@ from pa_console.tui.words import short_names, track_names
 ROLES = (
     "lane", "zone", "zone-label", "wall", "frame", "label", "gate-covered", "gate-uncovered",
     "gate-unknown", "label-uncovered", "label-unknown", "route", "uav", "ugv", "robot", "down",
-    "stale", "suspect", "crowd", "camera", "camera-failed", "camera-unknown", "track-unknown",
-    "track-authorized", "track-unauthorized", "track-hostile", "track-stale", "legend",
+    "stale", "suspect", "crowd", "crowd-down", "camera", "camera-failed", "camera-unknown",
+    "track-unknown", "track-authorized", "track-unauthorized", "track-hostile", "track-stale",
+    "legend",
 )  # fmt: skip
 
 CROWD_CELLS = (6, 2)

@@ -59,4 +59,4 @@ def crowd_token(assets: Sequence[AssetTelemetry], look: Reliance) -> Token:
         return f"×{len(assets)}", "crowd"
     doubtful = all(a.status != "failed" and look.report(a) != "fresh" for a in down)
     sign = "?" if doubtful else term("asset", "failed").glyph
-    return f"×{len(assets)}{sign}{len(down)}", "stale" if doubtful else "down"
+    return f"×{len(assets)}{sign}{len(down)}", "stale" if doubtful else "crowd-down"

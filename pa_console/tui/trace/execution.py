@@ -1,10 +1,14 @@
 """Steps 6 to 8 of a mission's trace as sections: decision, commands, verification, report."""
 
-from pa_console.session.mission_trace import CommandTrace, MissionTrace
+from collections.abc import Sequence
+
+from pa_console.schema.event import DecisionMade, PlanHalted
+from pa_console.schema.finding import Verdict
+from pa_console.session.mission_trace import CommandTrace, MissionTrace, Verified
 from pa_console.tui.trace.planning import title
 from pa_console.tui.trace.rows import Row, Section, column, row, text_rows
 from pa_console.tui.vocabulary import BAD, QUIET, WARN, Term, term
-from pa_console.tui.words import duration_text
+from pa_console.tui.words import clock_text, duration_text
 
 _DECISIONS = {
     "approve": Term("✔", "approved", "$text-success"),
@@ -13,28 +17,27 @@ _DECISIONS = {
 }
 
 
-def decisions(trace: MissionTrace) -> Section:
-    """What the operator decided, the refused attempts included."""
+def decisions(made: Sequence[DecisionMade], voided: str = "") -> Section:
+    """What the operator decided, the refused attempts included, and why an approval is void."""
     rows: list[Row] = []
-    for made in trace.decisions:
-        mark = _DECISIONS[made.decision.kind]
+    for item in made:
+        mark, given = _DECISIONS[item.decision.kind], item.decision
         rows.append(
             row(
                 ["  ", (f"{mark.glyph} {mark.word}", mark.style)],
-                f" by {made.decision.by}, plan {made.attempt}",
+                f" by {given.by}, plan {item.attempt}",
             )
         )
-        given = made.decision
         if given.override_judge:
             rows.append(row("    ", ("the judge's Failure was overridden", WARN)))
         if given.acknowledged:
             rows.append(row("    ", (f"acknowledged: {', '.join(given.acknowledged)}", WARN)))
         if given.reason:
             rows.append(row("    reason: ", given.reason))
-        if not made.accepted:
-            rows.append(row("    ", (f"not accepted: {made.detail}", BAD)))
-    if trace.voided:
-        rows.append(row("  ", (f"plan void: {trace.voided}", BAD)))
+        if not item.accepted:
+            rows.append(row("    ", (f"not accepted: {item.detail}", BAD)))
+    if voided:
+        rows.append(row("  ", (f"plan void: {voided}", BAD)))
     return Section("decision", title("Decision"), tuple(rows))
 
 
@@ -43,12 +46,13 @@ def command_state(command: CommandTrace) -> Term:
     return term("reply", command.replies[-1].status if command.replies else "sent")
 
 
-def commands(trace: MissionTrace) -> Section:
-    """Step 7: every dispatched command with its state and the device's words."""
+def commands(given: Sequence[CommandTrace]) -> Section:
+    """Step 7: every dispatched command with its state, its resends and the device's words."""
     rows: list[Row] = []
-    for sent in trace.commands.values():
+    for sent in given:
         mark, command = command_state(sent), sent.command
         said = sent.replies[-1].detail if sent.replies else ""
+        again = f"sent again {sent.resent}× " if sent.resent else ""
         rows.append(
             row(
                 [
@@ -58,20 +62,29 @@ def commands(trace: MissionTrace) -> Section:
                 ],
                 (command.verb, "$text-primary"),
                 f" {command.target or ''} ",
+                (again, WARN),
                 (said, QUIET),
             )
         )
-    done = sum(command_state(sent).word == "done" for sent in trace.commands.values())
-    return Section(
-        "commands", title("Commands", note=f"{done} of {len(trace.commands)} done"), tuple(rows)
-    )
+    done = sum(command_state(sent).word == "done" for sent in given)
+    return Section("commands", title("Commands", note=f"{done} of {len(given)} done"), tuple(rows))
 
 
-def verification(trace: MissionTrace) -> Section:
-    """Step 7: what telemetry showed, and the judge's verdict on the outcome."""
+def halt(given: PlanHalted) -> Section:
+    """Step 7: why the running plan was stopped, and what each asset was told to be safe."""
+    rows = [row("  ✘ ", (reason, BAD)) for reason in given.reasons]
+    rows += [row("  safe state: ", item) for item in given.safe_state]
+    if not given.safe_state:
+        rows.append(row("  safe state: ", ("nothing was under way", QUIET)))
+    mark = Term("■", "HALTED", BAD)
+    return Section(f"halt-{given.attempt}", title(f"Plan {given.attempt}", mark), tuple(rows))
+
+
+def verification(given: Verified, number: int) -> Section:
+    """Step 7: what telemetry showed, as of when, and beside it the judge's verdict on it."""
     rows: list[Row] = []
-    given = trace.verification
-    for item in given.actions if given else ():
+    told = given.verification
+    for item in told.actions:
         mark = term("outcome", item.outcome)
         rows.append(
             row(
@@ -85,25 +98,33 @@ def verification(trace: MissionTrace) -> Section:
                 (item.reason, QUIET),
             )
         )
-    if given and given.gates_lost:
-        rows.append(row("  ", (f"gates lost: {', '.join(given.gates_lost)}", BAD)))
-    if given and given.reason:
-        rows.append(row("  ", given.reason))
-    judged = trace.outcome_verdict
-    if judged is not None:
-        mark = term("verdict", judged.verdict)
-        rows.append(
-            row(["  judge: ", (f"{mark.glyph} {mark.word}  ", mark.style)], judged.feedback)
-        )
-    elif trace.outcome_error:
-        rows.append(row("  judge: ", (trace.outcome_error, WARN)))
-    mark = term("outcome", given.outcome) if given else None
-    return Section("verification", title("Verification", mark), tuple(rows))
+    if told.gates_lost:
+        rows.append(row("  ", (f"gates lost: {', '.join(told.gates_lost)}", BAD)))
+    if told.gates_unknown:
+        rows.append(row("  ", (f"? cover unknown: {', '.join(told.gates_unknown)}", WARN)))
+    if told.reason:
+        rows.append(row("  ", told.reason))
+    if given.judged:
+        rows.append(_outcome_verdict(given.verdict, given.error))
+    note = f"as of {clock_text(told.as_of_s)}" if told.as_of_s else ""
+    head = title("Verification", term("outcome", told.outcome), note)
+    return Section(f"verification-{number}", head, tuple(rows))
+
+
+def outcome_verdict(verdict: Verdict | None, error: str) -> Section:
+    """The judge's verdict on an outcome of which telemetry said nothing."""
+    return Section("judged", title("Outcome, judged"), (_outcome_verdict(verdict, error),))
+
+
+def _outcome_verdict(verdict: Verdict | None, error: str) -> Row:
+    mark = term("verdict", verdict.verdict if verdict else "none")
+    said = verdict.feedback if verdict else error
+    return row(["  judge: ", (f"{mark.glyph} {mark.word}  ", mark.style)], said)
 
 
 def report(trace: MissionTrace) -> Section:
-    """Step 8: the brief report."""
-    return Section("report", title("Report"), text_rows(trace.report))
+    """Step 8: the brief after-action report (WF-09)."""
+    return Section("report", title("After-action report"), text_rows(trace.report))
 
 
 def outcome(trace: MissionTrace) -> Section:
@@ -135,9 +156,10 @@ def timings(trace: MissionTrace) -> Section:
     rows = [
         row(
             ["  ", column(name, 20, QUIET), f"{duration_text(seconds):>7} "],
-            ("━" * round(14 * seconds / longest), "$text-primary"),
+            ("━" * round(14 * (seconds / longest)), "$text-primary"),
         )
         for name, seconds in stages
     ]
     note = f"end to end {duration_text(given.end_to_end_s)}, plans tried: {given.attempts}"
+    note += f", halted: {given.halts}" if given.halts else ""
     return Section("timings", title("Timings", note=note), tuple(rows), collapsed=True)

@@ -7,10 +7,11 @@ from textual.content import Content
 from pa_console.schema.finding import Finding
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.rule import PRIORITIES, Rule
+from pa_console.schema.telemetry import Digest, Selection
 from pa_console.session.mission_trace import Attempt, MissionTrace
 from pa_console.tui.trace.rows import Row, Section, column, row, text_rows
 from pa_console.tui.vocabulary import BAD, NOTE, QUIET, Term, term
-from pa_console.tui.words import duration_text
+from pa_console.tui.words import count, duration_text
 
 Rules = Mapping[str, Rule]
 _MOST_URGENT_FIRST = {priority: rank for rank, priority in enumerate(PRIORITIES)}
@@ -40,11 +41,8 @@ def retrieved_rules(trace: MissionTrace, rules: Rules) -> Section:
     return Section("rules", title("Rules retrieved", note=note), tuple(rows))
 
 
-def digest(trace: MissionTrace) -> Section:
+def digest(given: Digest) -> Section:
     """Step 3: the picture as the models were given it."""
-    given = trace.digest
-    if given is None:
-        return Section("digest", title("Picture"), ())
     cover = "  ".join(f"{gate}×{count}" for gate, count in given.covered.items())
     free = [f"{kind}: {', '.join(names) or 'none'}" for kind, names in given.free.items()]
     sole = [f"{asset} for {gate}" for gate, asset in given.sole_cover.items()]
@@ -54,6 +52,7 @@ def digest(trace: MissionTrace) -> Section:
         ("free", "; ".join(free), ""),
         ("sole cover", ", ".join(sole), ""),
         ("down", ", ".join(given.down), BAD),
+        *(("unknown", line, "$text-warning") for line in given.unknown),
         ("low", ", ".join(given.low_battery), "$text-warning"),
         ("weak link", ", ".join(given.degraded_comms), "$text-warning"),
         *(("track", line, "$text-warning") for line in given.tracks),
@@ -64,6 +63,26 @@ def digest(trace: MissionTrace) -> Section:
     ]
     lost = term("gate", "uncovered") if given.uncovered else None
     return Section("digest", title("Picture", lost), tuple(rows))
+
+
+def selection(given: Selection) -> Section:
+    """Step 3: the part of the picture that the prompt speaks of, and why; the rest as numbers."""
+    rows: list[Row] = []
+    for kind, chosen in (
+        ("gates", given.gates), ("tracks", given.tracks), ("assets", given.assets)
+    ):  # fmt: skip
+        for name, why in chosen.items():
+            rows.append(
+                row(["  ", column(kind[:-1], 6, QUIET), column(name, 11, "bold")], (why, QUIET))
+            )
+    left = [count(number, kind[:-1]) for kind, number in given.left_out.items() if number]
+    rows.append(row("  ", (f"left out: {', '.join(left) or 'nothing'}", NOTE)))
+    picked = (count(len(chosen), kind) for kind, chosen in (
+        ("gate", given.gates), ("track", given.tracks), ("asset", given.assets)
+    ))  # fmt: skip
+    note = f"{', '.join(picked)}; left out {', '.join(left) or 'nothing'}"
+    head = title("Shown to the model", note=note)
+    return Section("selection", head, tuple(rows), collapsed=True)
 
 
 def prompt(attempt: Attempt) -> Section:

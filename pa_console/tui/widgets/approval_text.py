@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from pa_console.schema.event import ApprovalRequested
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.trace.rows import Row, row
-from pa_console.tui.vocabulary import BAD, GOOD, QUIET, WARN, term
+from pa_console.tui.vocabulary import BAD, GOOD, NOTE, QUIET, WARN, term
 from pa_console.tui.words import action_sentence
 
 
@@ -14,12 +14,15 @@ def approval_rows(trace: MissionTrace) -> Iterator[Row]:
     request = trace.approval
     if request is None:
         return
-    attempt = trace.attempts[request.attempt - 1] if trace.attempts else None
+    attempt = trace.find(request.attempt)
     refused = trace.decisions[-1] if trace.decisions and not trace.decisions[-1].accepted else None
     if refused is not None:
         yield row("✘ ", (f"not accepted: {refused.detail}", BAD))
     yield row(
-        "", (f"{trace.mission.id} plan {request.attempt}", "bold"), (": if you approve,", QUIET)
+        "",
+        (f"{trace.mission.id} plan {request.attempt}", "bold"),
+        (f" {attempt.phase}" if attempt and attempt.phase else "", NOTE),
+        (": if you approve,", QUIET),
     )
     picture = attempt.rehearsal.before if attempt and attempt.rehearsal else None
     for number, action in enumerate(request.plan.actions, start=1):
@@ -34,7 +37,7 @@ def approval_rows(trace: MissionTrace) -> Iterator[Row]:
 
 
 def _judge(trace: MissionTrace, request: ApprovalRequested) -> Row:
-    attempt = trace.attempts[request.attempt - 1] if trace.attempts else None
+    attempt = trace.find(request.attempt)
     if attempt is None or not attempt.judged:
         return row(("? ", WARN), ("Judge: not asked", f"bold {WARN}"))
     given = attempt.verdict

@@ -84,7 +84,8 @@ class AssetPane(Vertical):
         count = self.query_one(AssetTable).count
         title = "Assets and tracks"
         if count.problems:
-            title += f"  ▲ {count.problems} of {count.total} need an eye"
+            verb = "needs" if count.problems == 1 else "need"
+            title += f"  ▲ {count.problems} of {count.total} {verb} an eye"
         if self._text:
             title += f"  filter “{self._text}”: {count.shown} of {count.total}, Esc clears"
         self.border_title = title.replace("[", r"\[")

@@ -102,8 +102,8 @@ class TracePane(Vertical):
             self._views = {}
             body.anchor()
         self._trace = trace
-        head = row("", (NO_MISSION, "$quiet")) if trace is None else row("", headline(trace))
-        self.query_one("#trace-head", Sheet).show((head,))
+        head = headline(trace) if trace is not None else [row("", (NO_MISSION, "$quiet"))]
+        self.query_one("#trace-head", Sheet).show(tuple(head))
         self._show_progress()
         parts = sections(trace, self._rules) if trace else []
         self._replace(parts, body)

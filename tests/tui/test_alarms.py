@@ -1,0 +1,217 @@
+"""Alarms and the queue: always in sight, acknowledged and reordered from the keyboard."""
+
+from pathlib import Path
+
+import pytest
+from textual.widgets import Input
+
+from pa_console.schema import event as ev
+from pa_console.session.fold import SessionState
+from pa_console.tui.actions import ACTIONS, Situation
+from pa_console.tui.widgets.alarm_bar import AlarmBar
+from pa_console.tui.widgets.alarm_pane import AlarmPane
+from pa_console.tui.widgets.alarm_rows import summary
+from pa_console.tui.widgets.event_list import EventList
+from tests.tui import living, story
+from tests.tui.scripted import ScriptedStation, console, settle
+from tests.tui.story import stamped
+from tests.tui.test_mission import shown, told
+
+SIZE = (120, 36)
+SMALL = (80, 24)
+QUEUE_KEYS = ("u", "d", "z", "x")
+
+
+def state(payloads: list[ev.EventPayload]) -> SessionState:
+    result = SessionState()
+    for event in stamped(payloads):
+        result.apply(event)
+    return result
+
+
+@pytest.mark.parametrize("width", [60, 80, 120])
+def test_the_count_the_worst_alarm_and_the_queue_are_always_named(width: int) -> None:
+    text = summary(state(living.alarmed()), width).plain
+    for words in ("■ 3 alarms, 2 NEW", "EMERGENCY", "queue 2"):
+        assert words in text
+    assert len(text) <= width
+    assert "fog" in text
+
+
+def test_without_alarms_the_bar_says_so() -> None:
+    text = summary(state(story.opening()), 80).plain
+    assert "no alarm" in text
+    assert "clear" in text
+
+
+async def test_acknowledge_takes_the_worst_new_alarm_then_the_next(tmp_path: Path) -> None:
+    station = ScriptedStation(living.alarmed())
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("escape", "k")
+        await settle(pilot, station)
+        await pilot.press("k")
+        await settle(pilot, station)
+        assert station.acknowledged == [living.HOSTILE.id, living.UNKNOWN.id]
+        await pilot.press("k")
+        assert len(station.acknowledged) == 2
+        assert "NEW" not in str(app.screen.query_one(AlarmBar).render())
+
+
+async def test_a_new_emergency_does_not_take_the_pointer_from_the_operator(tmp_path: Path) -> None:
+    station = ScriptedStation([*living.troubled()[:-2], ev.AlarmAcknowledged(alarm_id="x")])
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("escape", "j")
+        before = app.screen.query_one(AlarmPane).cursor
+        station.emit(ev.AlarmRaised(alarm=living.HOSTILE), mission=None)
+        await settle(pilot, station)
+        assert app.screen.query_one(AlarmPane).cursor == before
+        await pilot.press("k")
+        assert station.acknowledged == [before.removeprefix("alarm:")]
+
+
+async def test_an_unseen_pointer_never_decides_what_is_acknowledged(tmp_path: Path) -> None:
+    station = ScriptedStation(living.alarmed())
+    app = console(station, tmp_path)
+    async with app.run_test(size=SMALL) as pilot:
+        await settle(pilot, station)
+        await pilot.press("escape", "j", "j", "f2", "k")
+        assert station.acknowledged == [living.HOSTILE.id]
+
+
+async def test_queue_keys_reach_the_mission_at_the_pointer(tmp_path: Path) -> None:
+    station = ScriptedStation(living.alarmed())
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("escape", "o", "o", "u", "z", "o", "d", "x")
+        assert station.moved == [("M-005", -1), ("M-004", 1)]
+        assert (station.deferred, station.withdrawn) == (["M-005"], ["M-004"])
+
+
+@pytest.mark.parametrize("size", [SIZE, SMALL])
+async def test_the_first_key_only_shows_what_it_would_be_about(
+    tmp_path: Path, size: tuple[int, int]
+) -> None:
+    station = ScriptedStation(living.alarmed())
+    app = console(station, tmp_path)
+    async with app.run_test(size=size, notifications=True) as pilot:
+        await settle(pilot, station)
+        await pilot.press("escape", "x")
+        await settle(pilot)
+        assert station.withdrawn == []
+        assert told(app, "M-004") == 1
+        assert app.screen.query_one(AlarmPane).region.area
+        await pilot.press("x")
+        assert station.withdrawn == ["M-004"]
+
+
+async def test_a_refusal_is_told(tmp_path: Path) -> None:
+    station = ScriptedStation(living.alarmed())
+    station.refuse = "M-004 does not wait"
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE, notifications=True) as pilot:
+        await settle(pilot, station)
+        await pilot.press("escape", "o", "z")
+        await settle(pilot)
+        assert told(app, "does not wait") == 1
+
+
+async def test_every_waiting_mission_has_place_priority_and_reason(tmp_path: Path) -> None:
+    station = ScriptedStation(living.alarmed())
+    app = console(station, tmp_path)
+    async with app.run_test(size=SMALL) as pilot:
+        await settle(pilot, station)
+        await pilot.press("escape", "5")
+        await settle(pilot)
+        text = shown(app, "#alarms")
+        for words in ("1. M-004", "■ EMERGENCY", "WF-04: a confirmed threat", "2. M-005", "WF-05"):
+            assert words in text
+
+
+def test_queue_keys_are_legal_only_with_a_queue_and_never_in_a_replay() -> None:
+    actions = [action for action in ACTIONS if action.keys in QUEUE_KEYS]
+    assert len(actions) == len(QUEUE_KEYS)
+    for action in actions:
+        assert action.refusal(Situation())
+        assert action.refusal(Situation(queue=1, replay=True))
+        assert action.refusal(Situation(queue=1, readonly=True))
+        assert not action.refusal(Situation(queue=1))
+
+
+def test_the_key_that_approves_is_no_key_of_the_console() -> None:
+    keys = {key for action in ACTIONS for key in action.keys.split(",")}
+    assert not keys & {"a", "r", "m"}
+
+
+async def test_stop_is_one_key_wherever_one_is(tmp_path: Path) -> None:
+    station = ScriptedStation(living.alarmed())
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        for count, key in enumerate(("i", "f10", "q", "f6", "f1", "f", "5"), start=1):
+            await pilot.press("escape", key)
+            await pilot.pause()
+            await pilot.press("f9")
+            await settle(pilot, station)
+            assert station.stopped == count
+            await pilot.press("escape")
+            await pilot.pause()
+
+
+async def test_a_stop_shows_who_has_confirmed_until_a_mission_starts(tmp_path: Path) -> None:
+    station = ScriptedStation(living.stopped())
+    app = console(station, tmp_path)
+    async with app.run_test(size=SMALL) as pilot:
+        await settle(pilot, station)
+        bar = app.screen.query_one(AlarmBar)
+        text = str(bar.render())
+        assert "ALL STOPPED" in text
+        assert "7 hold, 1 not confirmed" in text
+        assert bar.has_class("-stopped")
+        station.emit(*story.planning()[:2])
+        await settle(pilot, station)
+        assert "ALL STOPPED" not in str(bar.render())
+
+
+async def test_what_a_scenario_does_is_not_given_away(tmp_path: Path) -> None:
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        spoof = {"incident": {"kind": "spoof", "asset": "Ugv_T01", "frame": "Base"}}
+        for source in ("scenario", "operator"):
+            given = ev.IncidentHappened.model_validate({**spoof, "source": source})
+            station.emit(given, mission=None)
+            await settle(pilot, station)
+            told_now = app.screen.query_one(EventList).text
+            assert ("forged" in told_now) == (source == "operator")
+
+
+async def test_the_alarm_under_the_pointer_can_be_followed_on_the_map(tmp_path: Path) -> None:
+    station = ScriptedStation(living.alarmed())
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("escape", "t")
+        await settle(pilot)
+        assert "▸■‼4" in shown(app, "#map") or "following Track_04" in str(
+            app.screen.query_one("#map").border_title
+        )
+        await pilot.press("t")
+        assert "following" not in str(app.screen.query_one("#map").border_title)
+
+
+async def test_typing_a_mission_types_and_does_not_acknowledge(tmp_path: Path) -> None:
+    station = ScriptedStation(living.alarmed())
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press(*"kxz")
+        assert app.screen.query_one("#mission-input", Input).value == "kxz"
+        assert station.acknowledged == []
+        await pilot.press("f12")
+        assert station.acknowledged == [living.HOSTILE.id]
