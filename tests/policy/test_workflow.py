@@ -82,6 +82,13 @@ def test_one_that_leaves_is_over_at_whatever_phase() -> None:
         assert story.then(5.0)[-1] == Move("ended", outcome="left")
 
 
+def test_one_that_heeds_the_warning_has_left() -> None:
+    story = Story(observed=True, identity="unauthorized")
+    story.then(warned=True, status="stopped")
+    assert story.then(3.0, status="leaving") == []
+    assert story.then(5.0)[-1] == Move("ended", outcome="left")
+
+
 def test_one_that_is_no_longer_detected_is_not_said_to_have_left() -> None:
     story = Story()
     assert story.run is not None
@@ -213,3 +220,5 @@ def test_a_workflow_only_goes_on_tells_every_phase_once_and_ends_with_an_outcome
     ended = [move for move in told if move.what == "ended"]
     assert (story.run.current is None) == bool(ended)
     assert all(move.outcome == story.run.outcome for move in ended)
+    unjustified = story.facts.get("blocked", False) and story.facts["intent"] != "hostile"
+    assert unjustified or not ended or story.run.outcome
