@@ -121,7 +121,7 @@ def _cover(
         return Cause(
             "cover", "coverage_unknown", "high" if silent else "medium", gate, gate,
             text=f"nobody knows whether {gate} is covered: {why or 'its guard is not heard'}",
-            command=f"The cover of {gate} is unknown. Send one asset there.",
+            command=f"Nobody knows whether {gate} has a guard: fill the gap at {gate}.",
             settle_s=world.stale_s,
         )  # fmt: skip
     away = [picture.assets[name] for name in guards if name in picture.assets]
@@ -131,7 +131,7 @@ def _cover(
     return Cause(
         "cover", "coverage_lost", "high", gate, gate,
         text=f"{gate} is not covered" + (f": {', '.join(lost)}" if lost else ""),
-        command=f"{gate} has lost its cover{f', {lost[0]}' if lost else ''}. Send one asset there.",
+        command=f"{lost[0] if lost else f'{gate} has no guard'}: fill the gap at {gate}.",
         settle_s=1.0 if lost else world.coverage_grace_s / 2,
         linger_s=2.0,
     )  # fmt: skip

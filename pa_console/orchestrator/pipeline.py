@@ -140,13 +140,14 @@ class MissionRun:
                     return
                 continue
             tries[phase] = tries.get(phase, 0) + 1
-            following = self._course.task
+            following = self._course.task or (self.mission if self._unanswered else None)
             stuck = self._course.phase == phase and tries[phase] >= MAX_TRIES
             if following is None or stuck:
                 self._conclude()
                 return
             task, verification = following, self._verifications[-1]
             reasons = (verification.reason,) if verification.outcome == "fail" else ()
+            reasons = (*reasons, *self._unanswered)
 
     def _stop_short(self, phase: str, halted: Sequence[str]) -> None:
         """Say what a mission comes to whose next plan was not approved."""
@@ -163,9 +164,10 @@ class MissionRun:
         if self._course.entered:
             reasons = [self._course.summary, *reasons[-1:]]
         open_rules = [f"{f.rule_id}: {f.message}" for f in self._monitor.finish() if f.blocking]
-        reasons += open_rules
+        reasons += [*open_rules, *self._unanswered]
         passed = all(outcome == "pass" for outcome in outcomes) and self._course.over
-        self._status = "verified" if passed and not open_rules else "unverified"
+        passed = passed and not open_rules and not self._unanswered
+        self._status = "verified" if passed else "unverified"
         self._reason = "; ".join(reasons)
 
     async def _until_approved(self, reasons: Sequence[str]) -> Payloads:
@@ -234,8 +236,20 @@ class MissionRun:
         with self._feed.follow() as steps:
             async for _ in steps:
                 waiting = (phase and course.phase == phase) or not course.settled
+                waiting = waiting or bool(self._unanswered)
                 if not waiting or sim.time_s >= end_s:
                     return
+
+    @property
+    def _unanswered(self) -> tuple[str, ...]:
+        """The alarm that the mission answers while it is open still; a workflow is the answer."""
+        if self._course.entered:
+            return ()
+        return tuple(
+            f"alarm {alarm.id} is still open: {alarm.text}"
+            for alarm in self._open_alarms()
+            if alarm.id == self.mission.alarm
+        )
 
     def _now(self) -> Moment:
         return moment(self._services.sim.picture(), self._services.sim.world, ())

@@ -198,6 +198,8 @@ class Station:
                 self._feed.publish(self._sim.tick, replies)
                 for incident in self._sim.take_incidents():
                     self._happened(incident, "scenario")
+                for text in self._sim.take_skipped():
+                    self._emit(ev.Noticed(level="warning", subject="scenario", text=text))
                 for payload in self._stops.step((self._sim.tick, replies)):
                     self._emit(payload)
                 if self._sim.tick % every == 0:

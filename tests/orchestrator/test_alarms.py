@@ -180,7 +180,7 @@ def test_a_failed_sole_cover_gives_one_response_that_names_it() -> None:
         "coverage_lost": (
             "high",
             "WestGate",
-            "WestGate has lost its cover, Drone_T01 has failed. Send one asset there.",
+            "Drone_T01 has failed: fill the gap at WestGate.",
         ),
     }
     cleared = play(book, every(10, start=40))
@@ -199,7 +199,7 @@ def test_a_hand_over_within_half_the_grace_raises_nothing() -> None:
     changes = play(book, [*every(3), *every(8, start=4, WestGate=away), *every(9, start=13)])
     assert changes == []
     [alarm] = raised(play(book, every(30, start=30, WestGate=away)))
-    assert alarm.command == "WestGate has lost its cover. Send one asset there."
+    assert alarm.command == "WestGate has no guard: fill the gap at WestGate."
 
 
 def test_a_silent_guard_leaves_its_gate_unknown() -> None:
