@@ -54,7 +54,7 @@ def what_ifs(world: World) -> Iterator[WhatIf]:
 def _visitors(world: World, gate: str) -> Iterator[WhatIf]:
     """What may come to a gate, or happen there."""
     yield (
-        f"What if: unknown vehicle at {gate} that goes on when warned",
+        f"What if: defiant vehicle at {gate}, goes on when warned",
         inc.SpawnTrack(gate=gate, when_warned="go_on"),
     )
     yield (

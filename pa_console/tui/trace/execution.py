@@ -77,7 +77,8 @@ def halt(given: PlanHalted) -> Section:
     if not given.safe_state:
         rows.append(row("  safe state: ", ("nothing was under way", QUIET)))
     mark = Term("■", "HALTED", BAD)
-    return Section(f"halt-{given.attempt}", title(f"Plan {given.attempt}", mark), tuple(rows))
+    head = title(f"Why plan {given.attempt} was stopped", mark)
+    return Section(f"halt-{given.attempt}", head, tuple(rows))
 
 
 def verification(given: Verified, number: int) -> Section:

@@ -64,14 +64,19 @@ def answering(missions: Mapping[str, MissionTrace]) -> dict[str, MissionTrace]:
 def summary(state: SessionState, width: int) -> Content:
     """Return one line: a stop, the alarms and the worst of them, the queue, weather, scenario.
 
-    Where room is short the scenario goes first, then the end of the alarm's text.
+    Where room is short the scenario goes first, then the end of the alarm's text, then the
+    weather; a stop, the number of alarms and the worst one's priority always stay.
     """
     kept = [part for part in (_queue(state.queue), _weather(state)) if part is not None]
     ends = [*kept, *_scenario(state)]
-    line = Content.assemble(*_stop(state.stop), *_alarms(state.alarms))
-    needed = min(line.cell_length, width * 11 // 20)
-    if _length(ends) > width - needed:
+    head = Content.assemble(*_stop(state.stop), *_alarms(state.alarms))
+    worst = _worst(state.alarms)
+    line = Content.assemble(head, worst.alarm.text) if worst else head
+    wanted = max(head.cell_length, min(line.cell_length, width * 11 // 20))
+    if _length(ends) > width - wanted:
         ends = kept
+    while ends and _length(ends) > width - head.cell_length:
+        ends.pop()
     line = line.truncate(max(width - _length(ends), 1), ellipsis=True)
     return Content.assemble(line, *(part for end in ends for part in ("  ", end)))
 
@@ -81,12 +86,12 @@ def _length(parts: Sequence[Content]) -> int:
 
 
 def _alarms(alarms: Sequence[OpenAlarm]) -> Iterator[Part]:
-    if not alarms:
+    worst = _worst(alarms)
+    if worst is None:
         mark = term("alarm", "none")
         yield (f"{mark.glyph} {mark.word}", mark.style)
         return
     fresh = sum(not item.acknowledged for item in alarms)
-    worst = next((item for item in alarms if not item.acknowledged), alarms[0])
     mark = term("alarm", worst.alarm.priority)
     plural = "s" if len(alarms) > 1 else ""
     new = f", {fresh} NEW" if fresh else ""
@@ -94,7 +99,12 @@ def _alarms(alarms: Sequence[OpenAlarm]) -> Iterator[Part]:
     tag = f" {mark.glyph} {len(alarms)} alarm{plural}{new} "
     yield (tag, f"bold $background on {_FILL[mark.style]}" if fresh else style)
     yield (f" {mark.word} ", style)
-    yield worst.alarm.text
+
+
+def _worst(alarms: Sequence[OpenAlarm]) -> OpenAlarm | None:
+    """Return the worst alarm that nobody has seen, else the worst."""
+    fresh = (item for item in alarms if not item.acknowledged)
+    return next(fresh, alarms[0] if alarms else None)
 
 
 def _stop(stop: Stop | None) -> Iterator[Part]:

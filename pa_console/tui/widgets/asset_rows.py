@@ -55,12 +55,12 @@ ASSETS = Layout(
 )  # fmt: skip
 _TRACKS = Layout(
     "track",
-    (("track", 10), ("gate", 10), ("dist", 5), ("ident.", 9), ("intent", 9), ("age", 5)),
+    (("track", 11), ("gate", 10), ("dist", 5), ("ident.", 9), ("intent", 9), ("age", 5)),
     ("gate",),
 )
 _WIDE_TRACKS = Layout(
     "track",
-    (("track", 10), ("gate", 11), ("dist", 5), ("identity", 14), ("intent", 9), ("age", 5)),
+    (("track", 12), ("gate", 11), ("dist", 5), ("identity", 14), ("intent", 9), ("age", 5)),
     (),
 )
 _WIDE = 74
