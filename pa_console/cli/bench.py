@@ -24,6 +24,7 @@ from pa_console.evaluation.pipeline_bench import bench_pipeline
 from pa_console.evaluation.scale import SIZES, ScaleRow, measure
 from pa_console.evaluation.true_outcome import RunResult
 from pa_console.evaluation.twin import repeated_hashes
+from pa_console.llm.cache import cache_folder
 from pa_console.llm.catalog import find_model
 from pa_console.llm.engine import Engine
 from pa_console.orchestrator.compose import Site, load_site, open_scenario, open_world
@@ -109,7 +110,9 @@ def degradation(
         raise ValueError(
             f"--only {only!r} matches no row; rows: {', '.join(c.name for c in CONDITIONS)}"
         )
-    engine = MemoEngine(Engine(find_model(model)))
+    local = find_model(model)
+    memory = cache_folder() / f"answers-{local.sha256[:16]}.jsonl"
+    engine = MemoEngine(Engine(local), memory)
     rows = asyncio.run(_degrade(site, engine, [c.name for c in chosen], runs))
     if json:
         print_json(rows)

@@ -104,7 +104,13 @@ async def run_condition(
         sim = Checkpoint(world, seed, situation(world, condition, seed))
         watch = TruthWatch(world)
         station = open_station(
-            site, engine.engine(), SteppedClock(), sim=sim, keep_engine=True, respond=True
+            site,
+            engine.engine(),
+            SteppedClock(),
+            sim=sim,
+            keep_engine=True,
+            respond=True,
+            judge_outcomes=False,
         )
 
         def sink(

@@ -1,12 +1,25 @@
 """An engine that asks the model once for every distinct prompt, for benchmarks of many runs."""
 
+import hashlib
 import re
 from collections.abc import AsyncGenerator
 from contextlib import aclosing
+from pathlib import Path
 from typing import cast
 
 from pa_console.llm.engine import Completed, Engine, OnState, Request
+from pa_console.schema.base import StrictModel
 from pa_console.schema.event import Role
+from pa_console.schema.finding import Usage
+
+
+class _Remembered(StrictModel):
+    """One line of the memory file."""
+
+    key: str
+    text: str
+    usage: Usage
+
 
 _METRES = re.compile(r"\b\d+ m\b")
 
@@ -18,9 +31,14 @@ class MemoEngine:
     number of metres count as equal: the first one's answer stands for all of them.
     """
 
-    def __init__(self, engine: Engine) -> None:
-        self._engine = engine
-        self._known: dict[tuple[str, str, str, str], Completed] = {}
+    def __init__(self, engine: Engine, memory: Path | None = None) -> None:
+        """Answers are kept in the file `memory` too, so that a run that was cut off goes on."""
+        self._engine, self._memory = engine, memory
+        self._known: dict[str, Completed] = {}
+        if memory is not None and memory.exists():
+            for line in memory.read_text(encoding="utf-8").splitlines():
+                entry = _Remembered.model_validate_json(line)
+                self._known[entry.key] = Completed(entry.text, entry.usage, "stop")
         self.asked = 0
         self.reused = 0
         self.model, self.sampler = engine.model, engine.sampler
@@ -52,7 +70,8 @@ class MemoEngine:
     async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
         """Give the answer to `request` in pieces, then one Completed; raises EngineError."""
         user = _METRES.sub("# m", request.user)
-        key = (request.role, request.system, user, _METRES.sub("# m", request.grammar))
+        words = "\x00".join((request.role, request.system, user, request.grammar))
+        key = hashlib.sha256(words.encode()).hexdigest()
         known = self._known.get(key)
         if known is not None:
             self.reused += 1
@@ -63,5 +82,12 @@ class MemoEngine:
         async with aclosing(self._engine.generate(request)) as items:
             async for item in items:
                 if isinstance(item, Completed) and item.finish == "stop":
-                    self._known[key] = item
+                    self._remember(key, item)
                 yield item
+
+    def _remember(self, key: str, answer: Completed) -> None:
+        self._known[key] = answer
+        if self._memory is not None:
+            line = _Remembered(key=key, text=answer.text, usage=answer.usage).model_dump_json()
+            with self._memory.open("a", encoding="utf-8") as file:
+                file.write(line + "\n")

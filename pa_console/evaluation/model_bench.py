@@ -57,7 +57,9 @@ async def bench_model(
     `sink_for` gives, for a mission and its session id, what is told of every event.
     """
     for case in missions.missions:
-        station = open_station(site, engine, SteppedClock(), seed=seed, keep_engine=True)
+        station = open_station(
+            site, engine, SteppedClock(), seed=seed, keep_engine=True, workflows=False
+        )
         traces = await run_missions(
             station,
             [case.command],

@@ -31,9 +31,9 @@ def plan_grammar(
 ) -> str:
     """Return the grammar of a plan; with no asset up, the only plan is one without actions.
 
-    Only `agents` are addressed, only `frames` named and only `verbs` given, by default all. Whether an agent was used
-    is a bit of llguidance's rule parameter, 64 of them (its limit and MAX_ACTIONS); raises
-    ValueError when more assets are up.
+    Only `agents` are addressed, only `frames` named and only `verbs` given, by default all.
+    Whether an agent was used is a bit of llguidance's rule parameter, 64 of them (its limit and
+    MAX_ACTIONS); raises ValueError when more assets are up.
     """
     up: dict[str, AssetKind] = {
         name: spec.kind

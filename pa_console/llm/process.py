@@ -106,7 +106,8 @@ class Worker:
     def strike(self) -> None:
         """Kill the process without waiting for its end.
 
-        Signal the process itself: Popen.kill could reap it, which is the event loop's part."""
+        Signal the process itself: Popen.kill could reap it, which is the event loop's part.
+        """
         if self._child.returncode is None:
             with suppress(ProcessLookupError):
                 os.kill(self.pid, signal.SIGKILL)

@@ -113,7 +113,10 @@ def _track(track: Track) -> Cause | None:
 def _cover(
     picture: Picture, world: World, gate: str, cover: GateCover, guards: tuple[str, ...]
 ) -> Cause:
-    """Return why a gate needs an asset; a hand-over may take half the grace time (WF-03)."""
+    """Return why a gate needs an asset; a hand-over may take half the grace time (WF-03).
+
+    With its guard known to be lost, no hand-over is going on: every second counts.
+    """
     if cover.unknown:
         unsure = [picture.assets[name] for name in cover.unsure if name in picture.assets]
         why = ", ".join(filter(None, (silence(picture, asset) for asset in unsure)))
@@ -129,7 +132,7 @@ def _cover(
         silence(picture, asset) or f"{asset.id} has failed" for asset in away if not asset.available
     ]
     return Cause(
-        "cover", "coverage_lost", "high", gate, gate,
+        "cover", "coverage_lost", "emergency" if lost else "high", gate, gate,
         text=f"{gate} is not covered" + (f": {', '.join(lost)}" if lost else ""),
         command=f"{lost[0] if lost else f'{gate} has no guard'}: fill the gap at {gate}.",
         settle_s=1.0 if lost else world.coverage_grace_s / 2,

@@ -205,7 +205,7 @@ class MissionRun:
 
     async def _carry_out(self, approved: Candidate, task: Mission) -> Payloads:
         """Step 7 and 8 for one plan: execute, see what comes of it, judge the outcome."""
-        plan = approved.examination.plan
+        plan, phase = approved.examination.plan, self._course.phase
         self.moving = True
         try:
             async for payload in self.execution.run(approved.examination, approved.attempt):
@@ -216,12 +216,13 @@ class MissionRun:
                 return
             self._verifications.append(verification)
             if self._services.workflows:
-                phase = self._course.phase
                 for move in self._course.join(plan, self._now()):
                     yield self._note(move)
                 await self._watch_outcome(phase)
         finally:
             self.moving = False
+        if not self._services.judge_outcomes:
+            return
         async for payload in self.execution.judge_outcome(
             approved.examination, task, self._planning.selection
         ):

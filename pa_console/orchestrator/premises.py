@@ -40,9 +40,10 @@ class Premises:
     def _lost_agents(self, picture: Picture, open_agents: Sequence[str]) -> Iterator[str]:
         for agent in open_agents:
             asset = picture.assets.get(agent)
-            if asset is None or asset.available or not self.before.assets[agent].available:
+            if asset is None or not self.before.assets[agent].available:
                 continue
-            yield f"{agent} {why_unavailable(asset, picture)} on its way"
+            if why := why_lost(asset, picture):
+                yield f"{agent} {why} on its way"
 
     def _lost_gates(self, picture: Picture) -> Iterator[str]:
         """Yield the gates that are without known cover for longer than was rehearsed and allowed.
@@ -54,11 +55,11 @@ class Premises:
             if cover.covered or not was.covered:
                 continue
             rehearsed = self.timeline.gates[gate].longest_gap_s if self.timeline else 0.0
-            allowed = max(self.world.stale_s, rehearsed + self.world.stale_s)
+            allowed = rehearsed + self.world.link_lost_s
             gone = [
                 name
                 for name in was.by
-                if name not in self.plan.agents and not picture.assets[name].available
+                if name not in self.plan.agents and why_lost(picture.assets[name], picture)
             ]
             if gone or cover.uncovered_s > allowed:
                 by = f": {', '.join(gone)} cannot be counted on" if gone else ""
@@ -105,12 +106,17 @@ def safe_state(
     return device_commands(Plan(reason="safe state", actions=tuple(actions)), prefix)
 
 
-def why_unavailable(asset: AssetTelemetry, picture: Picture) -> str:
-    """Return in words why `asset` cannot be counted on."""
+def why_lost(asset: AssetTelemetry, picture: Picture) -> str:
+    """Return in words why `asset` is lost to the plan, empty when it is not.
+
+    A report that is merely late is none: a lossy link would halt every plan.
+    """
     if asset.status == "failed":
         return "failed"
     if asset.battery_pct <= 0.0:
         return "has an empty battery"
     if asset.integrity == "suspect":
         return "sends suspect telemetry"
-    return f"has been silent for {picture.time_s - asset.stamp_s:.0f} s"
+    if asset.comms == "lost":
+        return f"has been silent for {picture.time_s - asset.stamp_s:.0f} s"
+    return ""

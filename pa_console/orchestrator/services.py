@@ -21,7 +21,8 @@ Payloads = AsyncIterator[EventPayload]
 class Services:
     """The simulation, the policy and the two roles of the LLM; `repairs` bounds step 6's loop.
 
-    Without `workflows` a mission is one plan.
+    Without `workflows` a mission is one plan; without `judge_outcomes` telemetry alone says what
+    became of it.
     """
 
     sim: Checkpoint
@@ -33,6 +34,7 @@ class Services:
     repairs: int = 2
     top_k: int = 3
     workflows: bool = True
+    judge_outcomes: bool = True
 
 
 @dataclass

@@ -177,6 +177,8 @@ def _seen(action: Action, evidence: _Evidence, asset: AssetTelemetry) -> _Seen:
     """Judge one action by telemetry alone; the asset's report is fresh and sound."""
     where = asset.at or "between frames"
     stamp_s = asset.stamp_s
+    if asset.status == "failed":
+        return _Seen("fail", f"it has failed, {where}", stamp_s)
     match action.verb:
         case "hold":
             still = asset.speed_mps < STILL_MPS
