@@ -34,7 +34,7 @@ class RunResult(StrictModel):
 
 
 Claim = tuple[Verification, Picture | None]
-"""A verification, and the truth when its plan was begun."""
+"""A verification, and the station's picture when its plan was begun."""
 
 
 @dataclass
@@ -44,6 +44,7 @@ class TruthWatch:
     world: World
     _truth: dict[int, Picture] = field(default_factory=dict[int, Picture])
     _claims: list[Claim] = field(default_factory=list[Claim])
+    _picture: Picture | None = None
     _start: Picture | None = None
     _halts: int = 0
     _gap: dict[str, float] = field(default_factory=dict[str, float])
@@ -56,13 +57,14 @@ class TruthWatch:
     def see(self, event: ev.Event, sim: Checkpoint) -> None:
         """Take in an event, and the truth as it is now when the event is telemetry."""
         match event.data:
-            case ev.TelemetryReceived():
+            case ev.TelemetryReceived(picture=picture):
+                self._picture = picture
                 self._follow(sim.truth())
             case ev.MissionVerified(verification=verification):
-                self._claims.append((verification, self._start or self._last))
+                self._claims.append((verification, self._start or self._picture))
                 self._start = None
             case ev.CommandSent(command=command):
-                self._start = self._start or self._last
+                self._start = self._start or self._picture
                 if command.verb not in ("hold", "report"):
                     self._ordered.add(command.agent)
             case ev.PlanHalted():

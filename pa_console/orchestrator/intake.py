@@ -31,7 +31,7 @@ class Intake:
         self._book, self._queue = AlarmBook(world), MissionQueue()
         self._session, self._respond = session, respond
         self._count = 0
-        self._told: tuple[QueueEntry, ...] = ()
+        self._told: tuple[tuple[str, str, bool], ...] = ()
 
     def __len__(self) -> int:
         return len(self._queue.entries)
@@ -126,10 +126,11 @@ class Intake:
         return waiting
 
     def changes(self) -> Iterable[ev.QueueChanged]:
-        """Yield the queue as it stands when that was not told yet."""
+        """Yield the queue when its order, a priority or a deferral is not what was told last."""
         entries = self._queue.entries
-        if entries != self._told:
-            self._told = entries
+        order = tuple((entry.mission.id, entry.priority, entry.deferred) for entry in entries)
+        if order != self._told:
+            self._told = order
             yield ev.QueueChanged(entries=entries)
 
     def _mission_for(self, alarm: Alarm) -> tuple[ev.EventPayload, str]:

@@ -108,10 +108,14 @@ class MissionRun:
             tuple(order.agent for order in self.execution.orders),
         )
         for finding in self._monitor.observe(now):
-            if finding.blocking:
+            if finding.blocking and not self._about_gates(finding.rule_id):
                 self.execution.breaches.append(f"{finding.rule_id}: {finding.message}")
         for move in self._course.observe(now):
             yield self._note(move)
+
+    def _about_gates(self, rule_id: str) -> bool:
+        """Whether a rule's orderings are all about gates: premises and alarms see to those."""
+        return all(order.each == "gate" for order in self._services.rulebook.get(rule_id).order)
 
     async def _plan_after_plan(self) -> Payloads:
         """Steps 2 to 8, once for every plan that the mission takes."""

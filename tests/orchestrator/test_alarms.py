@@ -178,7 +178,7 @@ def test_a_failed_sole_cover_gives_one_response_that_names_it() -> None:
     assert {a.kind: (a.priority, a.subject, a.command) for a in alarms} == {
         "asset_failed": ("high", "Drone_T01", ""),
         "coverage_lost": (
-            "high",
+            "emergency",
             "WestGate",
             "Drone_T01 has failed: fill the gap at WestGate.",
         ),
