@@ -3,6 +3,7 @@
 import asyncio
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -18,11 +19,17 @@ from pa_console.cli.output import (
     out,
     print_json,
 )
-from pa_console.evaluation.degradation import CONDITIONS, Row, run_condition, summarise
+from pa_console.evaluation.degradation import (
+    CONDITIONS,
+    Condition,
+    Row,
+    RunFile,
+    run_condition,
+    summarise,
+)
 from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.evaluation.pipeline_bench import bench_pipeline
 from pa_console.evaluation.scale import SIZES, ScaleRow, measure
-from pa_console.evaluation.true_outcome import RunResult
 from pa_console.evaluation.twin import repeated_hashes
 from pa_console.llm.cache import cache_folder
 from pa_console.llm.catalog import find_model
@@ -101,6 +108,10 @@ def degradation(
     model: ModelOption = None,
     runs: Annotated[int, typer.Option(min=1, help="Seeded runs of each row.")] = 200,
     only: Annotated[str, typer.Option(help="Only the rows whose name contains this.")] = "",
+    results: Annotated[
+        Path | None,
+        typer.Option("--out", help="Keep every run's result in this file, and go on from there."),
+    ] = None,
     json: JsonOption = False,
 ) -> None:
     """Worsen radio and sensors and let assets fail; compare what is claimed with the truth."""
@@ -113,7 +124,7 @@ def degradation(
     local = find_model(model)
     memory = cache_folder() / f"answers-{local.sha256[:16]}.jsonl"
     engine = MemoEngine(Engine(local), memory)
-    rows = asyncio.run(_degrade(site, engine, [c.name for c in chosen], runs))
+    rows = asyncio.run(_degrade(site, engine, chosen, RunFile(results), runs))
     if json:
         print_json(rows)
         return
@@ -141,18 +152,20 @@ def degradation(
     out.print(f"the model was asked {engine.asked} times and reused {engine.reused} times")
 
 
-async def _degrade(site: Site, engine: MemoEngine, names: list[str], runs: int) -> list[Row]:
+async def _degrade(
+    site: Site, engine: MemoEngine, chosen: list[Condition], kept: RunFile, runs: int
+) -> list[Row]:
     rows: list[Row] = []
     with Progress(console=errors, transient=True) as progress:
-        for condition in CONDITIONS:
-            if condition.name not in names:
-                continue
-            task = progress.add_task(condition.name, total=runs)
-            results: list[RunResult] = []
-            async for result in run_condition(site, engine, condition, range(runs)):
-                results.append(result)
+        for condition in chosen:
+            done = kept.results(condition.name)
+            task = progress.add_task(condition.name, total=runs, completed=len(done))
+            missing = [seed for seed in range(runs) if seed not in done]
+            async for seed, result in run_condition(site, engine, condition, missing):
+                done[seed] = result
+                kept.add(condition.name, seed, result)
                 progress.advance(task)
-            rows.append(summarise(condition, results))
+            rows.append(summarise(condition, [done[seed] for seed in range(runs)]))
     await engine.close()
     return rows
 

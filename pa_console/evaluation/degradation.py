@@ -2,7 +2,10 @@
 
 import random
 from collections.abc import AsyncIterator, Sequence
+from pathlib import Path
 from statistics import median
+
+from pydantic import ValidationError
 
 from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.evaluation.true_outcome import RunResult, TruthWatch
@@ -18,7 +21,6 @@ from pa_console.session.fold import SessionState
 from pa_console.sim.checkpoint import Checkpoint
 
 DURATION_S = 150.0
-OVERRIDE = "benchmark: what the safeguards allow is carried out"
 
 
 class Condition(StrictModel):
@@ -97,8 +99,11 @@ def situation(world: World, condition: Condition, seed: int) -> Scenario:
 
 async def run_condition(
     site: Site, engine: MemoEngine, condition: Condition, seeds: Sequence[int]
-) -> AsyncIterator[RunResult]:
-    """Yield the result of one run a seed: alarms start missions, plans are approved if allowed."""
+) -> AsyncIterator[tuple[int, RunResult]]:
+    """Yield (seed, result) of one run a seed: alarms start missions, checks alone decide on plans.
+
+    The judge is left out: a standing approval would override its objections.
+    """
     world = worsened(site.world, condition)
     for seed in seeds:
         sim = Checkpoint(world, seed, situation(world, condition, seed))
@@ -110,7 +115,7 @@ async def run_condition(
             sim=sim,
             keep_engine=True,
             respond=True,
-            judge_outcomes=False,
+            judging=False,
         )
 
         def sink(
@@ -118,10 +123,47 @@ async def run_condition(
         ) -> None:
             watch.see(event, sim)
 
-        await run_missions(
-            station, [], standing_approver("auto", OVERRIDE), sink, duration_s=DURATION_S
-        )
-        yield watch.result()
+        await run_missions(station, [], standing_approver("auto"), sink, duration_s=DURATION_S)
+        yield seed, watch.result()
+
+
+class _Run(StrictModel):
+    """One line of a results file."""
+
+    condition: str
+    seed: int
+    result: RunResult
+
+
+class RunFile:
+    """The results of runs as JSON lines, so that a benchmark that was cut off goes on."""
+
+    def __init__(self, path: Path | None) -> None:
+        """Read what `path` holds; raises ValueError for a line that is no result."""
+        self._path = path
+        self._runs: list[_Run] = []
+        if path is not None and path.exists():
+            lines = path.read_text(encoding="utf-8").splitlines()
+            for number, line in enumerate(lines, start=1):
+                try:
+                    self._runs.append(_Run.model_validate_json(line))
+                except ValidationError as error:
+                    raise ValueError(
+                        f"{path}:{number}: this line is no result of this benchmark; "
+                        "give another file, or remove it"
+                    ) from error
+
+    def results(self, condition: str) -> dict[int, RunResult]:
+        """Return the results of `condition` by seed."""
+        return {run.seed: run.result for run in self._runs if run.condition == condition}
+
+    def add(self, condition: str, seed: int, result: RunResult) -> None:
+        """Keep one more result."""
+        run = _Run(condition=condition, seed=seed, result=result)
+        self._runs.append(run)
+        if self._path is not None:
+            with self._path.open("a", encoding="utf-8") as file:
+                file.write(run.model_dump_json() + "\n")
 
 
 def summarise(condition: Condition, results: Sequence[RunResult]) -> Row:

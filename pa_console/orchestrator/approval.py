@@ -15,10 +15,15 @@ def request_approval(  # noqa: PLR0917 - one plan and what was said of it
     findings: Sequence[Finding],
     verdict: Verdict | None,
     judge_error: str,
+    *,
+    judging: bool = True,
 ) -> ApprovalRequested:
-    """Say what nobody may override, what must be acknowledged, and whether the judge objects."""
+    """Say what nobody may override, what must be acknowledged, and whether the judge objects.
+
+    With `judging`, a plan without a verdict is on hold.
+    """
     blocked = [f"{finding.rule_id}: {finding.message}" for finding in findings if finding.blocking]
-    if not blocked and verdict is None:
+    if not blocked and judging and verdict is None:
         blocked.append(f"judge: {judge_error or 'no verdict'}; the plan is on hold")
     return ApprovalRequested(
         request_id=request_id,

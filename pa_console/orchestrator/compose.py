@@ -87,7 +87,7 @@ def open_station(
     scenario: LoadedScenario | None = None,
     respond: bool = False,
     workflows: bool = True,
-    judge_outcomes: bool = True,
+    judging: bool = True,
     sim: Checkpoint | None = None,
 ) -> Station:
     """Return a station on `site` whose planner and judge are two roles on `engine`.
@@ -106,7 +106,7 @@ def open_station(
         planner=Planner(engine),
         judge=Judge(engine),
         workflows=workflows,
-        judge_outcomes=judge_outcomes,
+        judging=judging,
     )
     grammar = plan_grammar(site.world, sim.picture(), tuple(site.world.assets)[:MAX_ACTIONS])
     started = SessionStarted(

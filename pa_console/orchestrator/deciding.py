@@ -15,10 +15,19 @@ class Deciding:
     """Asks until there is an admissible decision; `approved` is the plan to execute, if any."""
 
     def __init__(
-        self, planning: Planning, mission: Mission, decide: Decide, stopwatch: Stopwatch
+        self,
+        planning: Planning,
+        mission: Mission,
+        decide: Decide,
+        stopwatch: Stopwatch,
+        *,
+        judging: bool = True,
     ) -> None:
-        """`decide` is awaited for the operator's answer once approval was requested."""
-        self._planning, self._mission = planning, mission
+        """`decide` is awaited for the operator's answer once approval was requested.
+
+        Without `judging` no verdict is asked for (benchmarks only).
+        """
+        self._planning, self._mission, self._judging = planning, mission, judging
         self._decide, self._watch = decide, stopwatch
         self.approved: Candidate | None = None
         self.decision: Decision | None = None
@@ -45,6 +54,7 @@ class Deciding:
                 found.findings,
                 candidate.verdict,
                 candidate.judge_error,
+                judging=self._judging,
             )
             yield request
             decision = self.decision = None

@@ -53,7 +53,9 @@ class MissionRun:
         self._watch = Stopwatch()
         self._monitor = Monitor(services.rulebook, services.sim.world)
         self._planning = Planning(services, mission, self._watch, self._monitor)
-        self._deciding = Deciding(self._planning, mission, decide, self._watch)
+        self._deciding = Deciding(
+            self._planning, mission, decide, self._watch, judging=services.judging
+        )
         self._course = Course(services.rulebook, mission)
         self.execution = Execution(services, mission, self._watch, feed)
         self.moving = False
@@ -225,7 +227,7 @@ class MissionRun:
                 await self._watch_outcome(phase)
         finally:
             self.moving = False
-        if not self._services.judge_outcomes:
+        if not self._services.judging:
             return
         async for payload in self.execution.judge_outcome(
             approved.examination, task, self._planning.selection

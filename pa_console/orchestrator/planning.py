@@ -114,7 +114,7 @@ class Planning:
     async def judge(self) -> Payloads:
         """Step 6: the JudgeLLM's verdict on `best`; a blocked plan needs none."""
         candidate = self.best
-        if candidate is None or candidate.examination.blocked:
+        if candidate is None or candidate.examination.blocked or not self._services.judging:
             return
         rehearsal = candidate.examination.rehearsal
         if self._digest is None or rehearsal is None:

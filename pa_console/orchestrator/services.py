@@ -21,8 +21,8 @@ Payloads = AsyncIterator[EventPayload]
 class Services:
     """The simulation, the policy and the two roles of the LLM; `repairs` bounds step 6's loop.
 
-    Without `workflows` a mission is one plan; without `judge_outcomes` telemetry alone says what
-    became of it.
+    Without `workflows` a mission is one plan; without `judging` the checks alone decide on
+    plans and telemetry alone on outcomes (benchmarks only).
     """
 
     sim: Checkpoint
@@ -34,7 +34,7 @@ class Services:
     repairs: int = 2
     top_k: int = 3
     workflows: bool = True
-    judge_outcomes: bool = True
+    judging: bool = True
 
 
 @dataclass
