@@ -1,8 +1,6 @@
 """`pa-console bench`: what the parts cost, and how missions fare when things get worse."""
 
 import asyncio
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +8,7 @@ import typer
 from rich.progress import Progress
 from rich.table import Table
 
+from pa_console.cli import bench_scale
 from pa_console.cli.output import (
     JsonOption,
     ModelOption,
@@ -29,7 +28,6 @@ from pa_console.evaluation.degradation import (
 )
 from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.evaluation.pipeline_bench import bench_pipeline
-from pa_console.evaluation.scale import SIZES, ScaleRow, measure
 from pa_console.evaluation.twin import repeated_hashes
 from pa_console.llm.cache import cache_folder
 from pa_console.llm.catalog import find_model
@@ -38,6 +36,7 @@ from pa_console.orchestrator.compose import Site, load_site, open_scenario, open
 from pa_console.sim.scenario_file import list_scenarios
 
 app = typer.Typer(help="Time retrieval, checks, rehearsal, fork and simulation; more below.")
+app.command("scale")(bench_scale.scale)
 
 
 @app.callback(invoke_without_command=True)
@@ -168,33 +167,3 @@ async def _degrade(
             rows.append(summarise(condition, [done[seed] for seed in range(runs)]))
     await engine.close()
     return rows
-
-
-@app.command()
-def scale(
-    rules: RulesOption = "checkpoint",
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the generated worlds.")] = 0,
-    json: JsonOption = False,
-) -> None:
-    """Measure teams of 10, 100 and 1,000 assets in generated worlds."""
-    site = load_site("checkpoint", rules)
-    rows: list[ScaleRow] = []
-    with errors.status("measuring") as status:
-        for gates, assets in SIZES:
-            status.update(f"measuring {assets} assets, {gates} gates")
-            with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-                rows.append(pool.submit(_measured, gates, assets, rules, seed).result())
-    del site
-    if json:
-        print_json(rows)
-        return
-    table = Table(
-        "assets", "gates", "start s", "x real time idle", "x real time moving", "rehearsal ms",
-        "checks ms", "steps 2-4 ms", "prompt chars", "map ms", "table ms", "memory MB",
-    )  # fmt: skip
-    out.print(table)
-
-
-def _measured(gates: int, assets: int, rules: str, seed: int) -> ScaleRow:
-    """Measure one size in a process of its own, so that its memory is its own."""
-    return measure(gates, assets, load_site("checkpoint", rules).rulebook, seed)[0]

@@ -5,9 +5,11 @@ import resource
 from datetime import UTC, datetime
 from statistics import median
 from time import perf_counter
+from typing import NamedTuple
 
+from pa_console.llm.engine import LOAD_LIMIT_S, WARM_GRAMMAR, Completed, Engine, Request
 from pa_console.llm.grammar import plan_grammar
-from pa_console.llm.prompts import planner_prompt
+from pa_console.llm.prompts import Prompt, planner_prompt
 from pa_console.orchestrator.digest import digest_picture
 from pa_console.orchestrator.safeguards import examine
 from pa_console.orchestrator.selection import select
@@ -18,6 +20,7 @@ from pa_console.schema.command import DeviceCommand
 from pa_console.schema.incident import SpawnTrack
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Action, Plan
+from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.world_generator import generate_world
@@ -49,8 +52,17 @@ class ScaleRow(StrictModel):
     memory_mb: float
 
 
-def measure(gates: int, assets: int, rulebook: Rulebook, seed: int = 0) -> tuple[ScaleRow, str]:
-    """Measure one size in this process; return the row and the planner's whole prompt."""
+class Measured(NamedTuple):
+    """A row, and what it was measured on."""
+
+    row: ScaleRow
+    prompt: Prompt
+    world: World
+    picture: Picture
+
+
+def measure(gates: int, assets: int, rulebook: Rulebook, seed: int = 0) -> Measured:
+    """Measure one size in this process, whose peak memory counts as the size's own."""
     world = generate_world(gates, assets, seed)
     started = perf_counter()
     sim = Checkpoint(world, seed)
@@ -75,11 +87,11 @@ def measure(gates: int, assets: int, rulebook: Rulebook, seed: int = 0) -> tuple
         rehearsed_s=rehearsal.timeline.duration_s if rehearsal is not None else 0.0,
         checks_ms=1000 * median(f.checks_s for f in found),
         select_ms=select_ms,
-        prompt_characters=len(prompt),
+        prompt_characters=len(prompt.system) + len(prompt.user),
         grammar_characters=len(grammar),
         memory_mb=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
     )
-    return row, prompt
+    return Measured(row, prompt, world, sim.picture())
 
 
 def _mission(gate: str) -> Mission:
@@ -100,7 +112,7 @@ def _plan(sim: Checkpoint, world: World, gate: str) -> Plan:
 
 def _prompt(
     sim: Checkpoint, world: World, rulebook: Rulebook, mission: Mission
-) -> tuple[float, str, str]:
+) -> tuple[float, Prompt, str]:
     """Return the milliseconds of steps 2 to 4 without the model, the prompt and the grammar."""
     retriever = Retriever(rulebook.rules)
     started = perf_counter()
@@ -109,9 +121,9 @@ def _prompt(
     selection = select(picture, world, mission, rules)
     digest = digest_picture(picture, world, selection)
     prompt = planner_prompt(world, digest, rules, mission)
-    agents = None if selection is None else tuple(selection.assets)
-    grammar = plan_grammar(world, picture, agents)
-    return 1000 * (perf_counter() - started), f"{prompt.system}\n{prompt.user}", grammar
+    chosen = (None, None) if selection is None else (selection.assets, selection.frames)
+    grammar = plan_grammar(world, picture, *chosen)
+    return 1000 * (perf_counter() - started), prompt, grammar
 
 
 def _speed_moving(sim: Checkpoint, world: World) -> float:
@@ -136,3 +148,12 @@ def _speed(sim: Checkpoint) -> float:
 def _run(sim: Checkpoint, seconds: float) -> None:
     for _ in range(round(seconds / sim.world.dt_s)):
         sim.step()
+
+
+async def count_tokens(engine: Engine, prompt: Prompt) -> int:
+    """Return how many tokens the engine's model reads `prompt` as; raises EngineError."""
+    request = Request("planner", prompt.system, prompt.user, WARM_GRAMMAR, 1, LOAD_LIMIT_S)
+    async for item in engine.generate(request):
+        if isinstance(item, Completed):
+            return item.usage.prompt_tokens
+    return 0
