@@ -21,14 +21,14 @@ class _Remembered(StrictModel):
     usage: Usage
 
 
-_METRES = re.compile(r"\b\d+ m\b")
+_MEASURED = re.compile(r"\b\d+ (m|s|%)(?=\W|$)")
 
 
 class MemoEngine:
     """Gives the model's own answer again when a prompt comes again.
 
     Decoding is greedy, so an equal prompt has an equal answer. Prompts that differ only in a
-    number of metres count as equal: the first one's answer stands for all of them.
+    number of metres, seconds or percent count as equal: the first answer stands for all of them.
     """
 
     def __init__(self, engine: Engine, memory: Path | None = None) -> None:
@@ -69,7 +69,7 @@ class MemoEngine:
 
     async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
         """Give the answer to `request` in pieces, then one Completed; raises EngineError."""
-        user = _METRES.sub("# m", request.user)
+        user = _MEASURED.sub(r"# \1", request.user)
         words = "\x00".join((request.role, request.system, user, request.grammar))
         key = hashlib.sha256(words.encode()).hexdigest()
         known = self._known.get(key)

@@ -63,14 +63,6 @@ class AlarmBook:
         alarms = [entry.alarm for entry in self._watched.values() if entry.alarm is not None]
         return tuple(sorted(alarms, key=_open_order))
 
-    @property
-    def held_back(self) -> int:
-        """How many settled causes are not raised because many of their kind are open."""
-        return sum(
-            entry.alarm is None and entry.cause.raises and _settled(entry)
-            for entry in self._watched.values()
-        )
-
     def acknowledge(self, alarm_id: str, by: str) -> AlarmAcknowledged:
         """Note that `by` has seen an open alarm; raises ValueError when it is not open."""
         known = [alarm.id for alarm in self.open]

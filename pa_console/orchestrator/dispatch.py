@@ -98,12 +98,6 @@ class Dispatch:
                 due.append((entry.command, entry.times))
         return due
 
-    def cancel(self, agent: str, tick: int, reason: str) -> Iterator[CommandReply]:
-        """Give up on the open command of `agent`, if there is one; yield how it ended."""
-        for entry in list(self._open.values()):
-            if entry.command.agent == agent:
-                yield self._note(_failed(entry, tick, f"halted: {reason}"))
-
     def _seconds(self, since: int, tick: int) -> float:
         return (tick - since) * self._dt_s
 

@@ -4,6 +4,7 @@ A mission may take several plans: one for each phase of a workflow, and another 
 premise of the running plan breaks. Each is planned, checked, judged and approved on its own.
 """
 
+import asyncio
 from collections.abc import Callable, Iterator, Sequence
 from time import perf_counter
 
@@ -211,30 +212,40 @@ class MissionRun:
 
     async def _carry_out(self, approved: Candidate, task: Mission) -> Payloads:
         """Step 7 and 8 for one plan: execute, see what comes of it, judge the outcome."""
-        plan, phase = approved.examination.plan, self._course.phase
+        phase = self._course.phase
         self.moving = True
         try:
-            async for payload in self.execution.run(approved.examination, approved.attempt):
+            async for payload in self._execute(approved, task):
                 yield payload
-            verification = self.execution.verification
-            self._facts.executed(plan, task, verification, self.execution.halted)
-            if verification is None:
+            if self.execution.verification is None:
                 return
-            self._verifications.append(verification)
             if self._services.workflows:
-                for move in self._course.join(plan, self._now()):
+                for move in self._course.join(approved.examination.plan, self._now()):
                     yield self._note(move)
                 await self._watch_outcome(phase)
         finally:
             self.moving = False
-        if not self._services.judging:
-            return
-        async for payload in self.execution.judge_outcome(
-            approved.examination, task, self._planning.selection
-        ):
-            if isinstance(payload, ev.OutcomeJudged):
-                self._facts.judged(payload.verdict)
-            yield payload
+        if self._services.judging:
+            async for payload in self.execution.judge_outcome(
+                approved.examination, task, self._planning.selection
+            ):
+                if isinstance(payload, ev.OutcomeJudged):
+                    self._facts.judged(payload.verdict)
+                yield payload
+
+    async def _execute(self, approved: Candidate, task: Mission) -> Payloads:
+        """Execute a plan and note for the report what became of it, also when it is cut short."""
+        plan = approved.examination.plan
+        try:
+            async for payload in self.execution.run(approved.examination, approved.attempt):
+                yield payload
+        except asyncio.CancelledError:
+            self._facts.executed(plan, task, None, ("interrupted before its end",))
+            raise
+        verification = self.execution.verification
+        self._facts.executed(plan, task, verification, self.execution.halted)
+        if verification is not None:
+            self._verifications.append(verification)
 
     async def _watch_outcome(self, phase: str) -> None:
         """Let the world go on until `phase` is over and its outcome known, at most WATCH_S."""
