@@ -288,7 +288,6 @@ def test_a_thousand_silent_assets_do_not_flood_the_operator() -> None:
     picture = scene(10.0)
     alarms = raised(book.look(picture.model_copy(update={"assets": picture.assets | crowd})))
     assert len(alarms) == MOST_MINOR
-    assert book.held_back == 1000 - MOST_MINOR
 
 
 changes_of_an_asset = st.sampled_from(

@@ -93,15 +93,6 @@ def test_an_acknowledged_command_gets_its_full_time() -> None:
     assert end.detail == f"{TIMED_OUT}: not done within 20 s"
 
 
-def test_a_halted_command_ends_with_the_reason_and_later_answers_are_ignored() -> None:
-    dispatch = Dispatch(COMMANDS, tick=0, dt_s=DT_S, limit_s=LIMIT_S)
-    [end] = list(dispatch.cancel("Drone_T01", 7, "a premise broke"))
-    assert (end.status, end.detail) == ("failed", "halted: a premise broke")
-    assert dispatch.open_agents == ("Drone_T02", "Drone_T03")
-    assert list(dispatch.advance(8, [reply("done", 8)])) == []
-    assert list(dispatch.cancel("Drone_T01", 9, "again")) == []
-
-
 def test_half_the_messages_lost_still_end_most_commands_by_their_devices_word() -> None:
     rng, done = random.Random(5), 0
     for _ in range(200):
