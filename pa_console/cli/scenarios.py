@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 from rich.table import Table
 
 from pa_console.cli.output import JsonOption, WorldOption, out, print_json
@@ -25,7 +26,7 @@ def list_(world: WorldOption = "checkpoint", json: JsonOption = False) -> None:
         return
     table = Table("Name", "What happens", box=None, pad_edge=False)
     for name, title in found:
-        table.add_row(name, title)
+        table.add_row(escape(name), escape(title))
     out.print(table)
 
 
@@ -41,7 +42,8 @@ def show(
     if json:
         print_json(scenario)
         return
-    out.print(f"{scenario.title} ({scenario.duration_s:g} s)\n{scenario.about.strip()}\n")
+    head = f"{scenario.title} ({scenario.duration_s:g} s)\n{scenario.about.strip()}\n"
+    out.print(head, markup=False)
     for event in scenario.events:
         when = f"{event.at_s:g} s" if event.at_s is not None else _condition(event.when)
         delay = f" + {event.delay_s:g} s" if event.delay_s else ""
@@ -60,7 +62,11 @@ def check(
     """Check a scenario file against a world; errors name line and field."""
     found, path = open_world(world)
     scenario = open_scenario(found, path, str(file)).scenario
-    out.print(f"{file}: ok, {len(scenario.events)} events, {len(scenario.random)} random kinds")
+    out.print(
+        f"{file}: ok, {len(scenario.events)} events, {len(scenario.random)} random kinds",
+        markup=False,
+        soft_wrap=True,
+    )
 
 
 def _condition(condition: Condition | None) -> str:
