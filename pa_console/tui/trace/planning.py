@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from textual.content import Content
 
 from pa_console.schema.finding import Finding
-from pa_console.schema.rehearsal import Rehearsal
+from pa_console.schema.rehearsal import GateTimeline, Rehearsal
 from pa_console.schema.rule import PRIORITIES, Rule
 from pa_console.schema.telemetry import Digest, Selection
 from pa_console.session.mission_trace import Attempt, MissionTrace
@@ -14,6 +14,9 @@ from pa_console.tui.vocabulary import BAD, NOTE, QUIET, Term, term
 from pa_console.tui.words import count, duration_text
 
 Rules = Mapping[str, Rule]
+MOST_GATES = 12
+"""With more gates than this, a rehearsal lists only those that it concerns."""
+
 _MOST_URGENT_FIRST = {priority: rank for rank, priority in enumerate(PRIORITIES)}
 
 
@@ -125,7 +128,9 @@ def plan(attempt: Attempt) -> Section:
 def rehearsal(attempt: Attempt, run: Rehearsal) -> Section:
     """Step 6: what the rehearsed plan did to each gate, asset and track."""
     rows: list[Row] = []
-    for gate, line in run.timeline.gates.items():
+    gates = run.timeline.gates
+    shown = gates if len(gates) <= MOST_GATES else _concerned(attempt, run)
+    for gate, line in shown.items():
         mark = term("gate", "covered" if line.covered_after else "uncovered")
         gap = f"longest gap {line.longest_gap_s:.0f} s" if line.longest_gap_s else "no gap"
         rows.append(
@@ -134,6 +139,8 @@ def rehearsal(attempt: Attempt, run: Rehearsal) -> Section:
                 (gap, QUIET),
             )
         )
+    if len(shown) < len(gates):
+        rows.append(row("  ", (f"{len(gates) - len(shown)} more gates: covered, no gap", QUIET)))
     for asset, line in run.timeline.assets.items():
         mark = term("reply", "done" if line.finished else "failed")
         facts = [f"{line.travelled_m:.0f} m", f"battery {line.least_battery_pct:.0f} %"]
@@ -154,6 +161,17 @@ def rehearsal(attempt: Attempt, run: Rehearsal) -> Section:
     )
     took = f"{run.timeline.duration_s:.0f} s rehearsed in {duration_text(attempt.rehearsal_s)}"
     return Section(f"rehearsal-{attempt.number}", title("Rehearsal", mark, took), tuple(rows))
+
+
+def _concerned(attempt: Attempt, run: Rehearsal) -> dict[str, GateTimeline]:
+    """Return the gates that the plan goes to, and all that are not covered the whole time."""
+    actions = attempt.plan.actions if attempt.plan is not None else ()
+    named = {action.target for action in actions}
+    return {
+        gate: line
+        for gate, line in run.timeline.gates.items()
+        if gate in named or line.longest_gap_s or not line.covered_after
+    }
 
 
 def checks(attempt: Attempt, rules: Rules) -> tuple[Section, ...]:
