@@ -34,6 +34,8 @@ class ScriptedEngine:
         self.model = LocalModel("scripted", Path("/dev/null"), "0" * 64)
         self.sampler = "scripted"
         self.on_state: OnState | None = None
+        self.kills = 0
+        """How often the worker was killed."""
 
     def engine(self) -> Engine:
         """Return this stand-in where an Engine is asked for."""
@@ -52,6 +54,10 @@ class ScriptedEngine:
 
     def cancel(self) -> None:
         """Do nothing: a cancelled task stops waiting by itself."""
+
+    def kill_worker(self) -> None:
+        """Count the fault; whoever waits for an answer goes on waiting."""
+        self.kills += 1
 
     async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
         """Give the next answer of the request's role in two pieces."""

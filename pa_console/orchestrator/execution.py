@@ -108,15 +108,16 @@ class Execution:
                     )
 
     def halt(self) -> tuple[DeviceCommand, ...]:
-        """Send what brings every agent still under way to a safe state; return the commands."""
+        """End the plan; return the commands that bring whoever is under way to a safe state.
+
+        The caller sends them.
+        """
         if self._premises is None or self._dispatch is None:
             return ()
         sim = self._services.sim
         self._halts += 1
         prefix = f"{self._mission.id}.halt{self._halts}"
         commands = safe_state(self._premises, sim.picture(), self.under_way, prefix)
-        for command in commands:
-            sim.send(command)
         self._dispatch = None
         return commands
 
@@ -153,6 +154,7 @@ class Execution:
         reasons = self.halted
         commands = self.halt()
         for command in commands:
+            sim.send(command)
             yield ev.CommandSent(command=command)
         yield ev.PlanHalted(
             attempt=attempt,

@@ -1,0 +1,63 @@
+"""Sessions with a scripted LLM, played without a screen for tests of what can be done with them."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from pa_console.orchestrator.clock import SteppedClock
+from pa_console.orchestrator.compose import LoadedScenario, Site, open_station
+from pa_console.orchestrator.headless import run_missions, standing_approver
+from pa_console.orchestrator.station import Station
+from pa_console.schema.event import Event
+from pa_console.schema.incident import Incident
+from pa_console.schema.scenario import Scenario, ScriptedEvent
+from pa_console.session.fold import SessionState
+from pa_console.session.log import LogWriter
+from tests.scripted import ScriptedEngine, plan
+
+RECON = plan(("Drone_T04", "observe WestGate"))
+IDENTIFY = plan(("Robot_T01", "identify WestGate"))
+WARN = plan(("Robot_T01", "warn WestGate"))
+
+
+def scenario(*events: tuple[float, Incident], duration_s: float = 60.0) -> Scenario:
+    """Return a scenario of incidents at times."""
+    return Scenario(
+        name="test",
+        title="test",
+        about="test",
+        duration_s=duration_s,
+        events=tuple(ScriptedEvent(at_s=at_s, do=do) for at_s, do in events),
+    )
+
+
+async def play(
+    site: Site,
+    engine: ScriptedEngine,
+    played: Scenario,
+    *,
+    seed: int = 0,
+    log: Path | None = None,
+    on_event: Callable[[Event, Station], None] = lambda _event, _station: None,
+) -> list[Event]:
+    """Play `played` to its end, alarms starting missions; return its events, write them to `log`."""
+    station = open_station(
+        site,
+        engine.engine(),
+        SteppedClock(),
+        seed=seed,
+        scenario=LoadedScenario(played, "0" * 64),
+        respond=True,
+    )
+    events: list[Event] = []
+
+    def sink(event: Event, _: SessionState) -> None:
+        events.append(event)
+        on_event(event, station)
+
+    approver = standing_approver("auto")
+    await run_missions(station, [], approver, sink, duration_s=played.duration_s)
+    if log is not None:
+        with LogWriter(log, station.session) as writer:
+            for event in events:
+                writer.append(event)
+    return events
