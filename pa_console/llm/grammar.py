@@ -92,8 +92,8 @@ def _commands(kind: AssetKind, verbs: Collection[Verb]) -> str:
 
 def _verbs(kind: AssetKind, verbs: Collection[Verb]) -> list[Verb]:
     """Return the verbs for assets of `kind`; no `verbs` means every one of the vocabulary."""
-    able = [verb for verb, spec in COMMANDS.items() if kind in spec.kinds]
-    return [verb for verb in able if not verbs or verb in verbs]
+    wanted = verbs or tuple(COMMANDS)
+    return [verb for verb, spec in COMMANDS.items() if kind in spec.kinds and verb in wanted]
 
 
 def _choice(words: Iterable[str]) -> str:
