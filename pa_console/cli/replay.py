@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from pa_console.cli.output import BAD_INPUT, JsonOption, errors, out, print_json
+from pa_console.resources import find_data
 from pa_console.schema.event import SessionStarted
 from pa_console.session.chain import LogError
 from pa_console.session.reader import verify
@@ -54,7 +55,7 @@ def _play(log: Path, world: str | None, mouse: bool) -> None:
     started = player.recording[0].data
     if not isinstance(started, SessionStarted):
         raise LogError(str(log), 1, "the log does not begin with the start of a session")
-    site = load_site(world or started.world, started.rules)
+    site = load_site(_world_of(started, world), started.rules)
     if (site.world_sha256, site.rulebook.sha256) != (started.world_sha256, started.rules_sha256):
         errors.print("note: the world or the rules have changed since this session", style="yellow")
     retriever = Retriever(site.rulebook.rules)
@@ -71,7 +72,7 @@ def _resimulate(log: Path, world: str | None, scenario: str | None, json: bool) 
     started = recording[0].data
     if not isinstance(started, SessionStarted):
         raise LogError(str(log), 1, "the log does not begin with the start of a session")
-    place, path = open_world(world or started.world)
+    place, path = open_world(_world_of(started, world))
     played = scenario or started.scenario
     situation = open_scenario(place, path, played).scenario if played else None
     with errors.status(f"running {len(recording)} events again"):
@@ -100,3 +101,13 @@ def _verify(log: Path, json: bool) -> None:
         errors.print(f"{log}:{result.first_bad_line}: {result.problem}", markup=False)
     if not result.ok:
         raise typer.Exit(BAD_INPUT)
+
+
+def _world_of(started: SessionStarted, given: str | None) -> str:
+    """Return where the session's world is; raises ValueError when it is not installed here."""
+    name = given or started.world
+    if not find_data("worlds", name, "world.yaml").is_file():
+        raise ValueError(
+            f"the world {name!r} of this session is not installed here; give its file with --world"
+        )
+    return name
