@@ -7,6 +7,7 @@ import typer
 
 from pa_console.cli.output import BAD_INPUT, JsonOption, errors, out, print_json
 from pa_console.resources import find_data
+from pa_console.schema.document import DocumentError
 from pa_console.schema.event import SessionStarted
 from pa_console.session.chain import LogError
 from pa_console.session.reader import verify
@@ -63,7 +64,10 @@ def _play(log: Path, world: str | None, mouse: bool) -> None:
 
 
 def _resimulate(log: Path, world: str | None, scenario: str | None, json: bool) -> None:
-    """Run a recorded session again in a fresh simulation and compare its telemetry."""
+    """Run a recorded session again in a fresh simulation and compare its telemetry.
+
+    A log that cannot be read to its end is compared up to there, and then raises its LogError.
+    """
     from pa_console.evaluation.twin import resimulate  # noqa: PLC0415 - only when it is asked for
     from pa_console.orchestrator.compose import open_scenario, open_world  # noqa: PLC0415
     from pa_console.session.recording import Recording  # noqa: PLC0415
@@ -74,13 +78,22 @@ def _resimulate(log: Path, world: str | None, scenario: str | None, json: bool) 
         raise LogError(str(log), 1, "the log does not begin with the start of a session")
     place, path = open_world(_world_of(started, world))
     played = scenario or started.scenario
-    situation = open_scenario(place, path, played).scenario if played else None
+    try:
+        situation = open_scenario(place, path, played).scenario if played else None
+    except DocumentError as error:
+        if scenario is not None:
+            raise
+        raise ValueError(f"{error}; give the session's own file with --scenario") from error
     with errors.status(f"running {len(recording)} events again"):
         twin = resimulate((recording[index] for index in range(len(recording))), place, situation)
     if json:
         print_json(twin)
     elif twin.equal:
-        out.print(f"{log}: {twin.pictures} pictures, all equal; SHA-256 {twin.repeated_sha256}")
+        out.print(
+            f"{log}: {twin.pictures} pictures, all equal; SHA-256 {twin.repeated_sha256}",
+            markup=False,
+            soft_wrap=True,
+        )
     else:
         errors.print(
             f"{log}: {twin.different} of {twin.pictures} pictures differ, first at "
@@ -89,6 +102,8 @@ def _resimulate(log: Path, world: str | None, scenario: str | None, json: bool) 
         )
     if not twin.equal:
         raise typer.Exit(1)
+    if recording.problem is not None:
+        raise recording.problem
 
 
 def _verify(log: Path, json: bool) -> None:

@@ -39,7 +39,7 @@ async def play(
     log: Path | None = None,
     on_event: Callable[[Event, Station], None] = lambda _event, _station: None,
 ) -> list[Event]:
-    """Play `played` to its end, alarms starting missions; return its events, write them to `log`."""
+    """Play `played` to its end; return its events and write them to `log`, if one is given."""
     station = open_station(
         site,
         engine.engine(),

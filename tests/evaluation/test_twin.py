@@ -1,6 +1,7 @@
 """A recorded session runs again to the same telemetry, and a doctored one does not."""
 
 from collections.abc import Callable
+from functools import partial
 
 import pytest
 
@@ -52,10 +53,10 @@ async def test_a_session_over_a_poor_radio_comes_out_equal(site: Site) -> None:
 @pytest.mark.parametrize(
     "act",
     [
-        lambda station: station.cancel(),
-        lambda station: station.stop_all(),
-        lambda station: station.inject(FailAsset(asset="Drone_T04")),
-        lambda station: station.inject(SetBattery(asset="Drone_T04", percent=12.0)),
+        Station.cancel,
+        Station.stop_all,
+        partial(Station.inject, incident=FailAsset(asset="Drone_T04")),
+        partial(Station.inject, incident=SetBattery(asset="Drone_T04", percent=12.0)),
     ],
     ids=["cancel", "stop", "failure", "battery"],
 )

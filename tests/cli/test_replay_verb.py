@@ -1,0 +1,131 @@
+"""`pa-console replay --resimulate`: a log whose telemetry does not come out again is told."""
+
+import asyncio
+import json
+from pathlib import Path
+
+import pytest
+
+from pa_console.orchestrator.compose import Site, load_site
+from pa_console.schema.document import Document
+from pa_console.schema.scenario import Scenario
+from tests.cli.inside import Call, Done
+from tests.evaluation.sessions import IDENTIFY, RECON, WARN, play
+from tests.scripted import ScriptedEngine
+
+SCENARIO = """\
+name: one-van
+title: A van at the West Gate
+about: for a test
+duration_s: 40
+events:
+  - {at_s: 0, do: {kind: radio, jitter_s: 0.2, loss: 0.2}}
+  - {at_s: 1, do: {kind: spawn, gate: WestGate, distance_m: 60}}
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a scenario, a recorded session of it, and a generated world."""
+    path = tmp_path_factory.mktemp("session")
+    (path / "one-van.yaml").write_text(SCENARIO, encoding="utf-8")
+    record(load_site("checkpoint", "checkpoint"), path / "session.jsonl")
+    return path
+
+
+def record(site: Site, log: Path) -> None:
+    """Play the scenario with scripted plans and write its log."""
+    played = Document("scenario", SCENARIO).parse(Scenario)
+    asyncio.run(play(site, ScriptedEngine([RECON, IDENTIFY, WARN]), played, seed=2, log=log))
+
+
+def resimulate(call: Call, folder: Path, log: Path, *words: str) -> Done:
+    return call(
+        "replay", str(log), "--resimulate", "--scenario", str(folder / "one-van.yaml"), *words
+    )
+
+
+def tampered(folder: Path, target: Path, kind: str, old: str, new: str) -> Path:
+    """Write the log with `old` replaced in the first record of `kind`."""
+    lines = (folder / "session.jsonl").read_text(encoding="utf-8").splitlines(keepends=True)
+    number = next(n for n, line in enumerate(lines) if json.loads(line)["kind"] == kind)
+    assert old in lines[number]
+    lines[number] = lines[number].replace(old, new)
+    target.write_text("".join(lines), encoding="utf-8")
+    return target
+
+
+def test_an_honest_log_comes_out_equal(call: Call, folder: Path) -> None:
+    log = folder / "session.jsonl"
+    done = resimulate(call, folder, log)
+    assert done.code == 0, done.err
+    pictures = sum('"kind":"telemetry"' in line for line in log.read_text().splitlines())
+    assert f"{pictures} pictures, all equal" in done.said
+    document = resimulate(call, folder, log, "--json").json
+    assert (document["pictures"], document["different"]) == (pictures, 0)
+    assert document["recorded_sha256"] == document["repeated_sha256"]
+
+
+def test_a_tampered_command_differs(call: Call, folder: Path, tmp_path: Path) -> None:
+    log = tampered(folder, tmp_path / "forged.jsonl", "command_sent", "WestGate", "EastGate")
+    done = resimulate(call, folder, log)
+    assert done.code == 1
+    assert done.out == ""
+    assert "pictures differ, first at tick" in done.said
+    shown = resimulate(call, folder, log, "--json")
+    assert shown.code == 1
+    assert shown.json["different"] > 0
+    assert call("replay", str(log), "--verify").code == 2
+
+
+def test_a_log_that_breaks_off_in_a_bad_line_is_not_called_equal(
+    call: Call, folder: Path, tmp_path: Path
+) -> None:
+    log = tampered(folder, tmp_path / "bad.jsonl", "command_sent", '"data"', '"date"')
+    number = next(n for n, line in enumerate(log.read_text().splitlines(), 1) if '"date"' in line)
+    done = resimulate(call, folder, log)
+    assert done.code != 0
+    assert f"{log}:{number}" in done.err
+
+
+def test_another_situation_than_the_sessions_differs(
+    call: Call, folder: Path, tmp_path: Path
+) -> None:
+    other = tmp_path / "one-van.yaml"
+    other.write_text(SCENARIO.replace("at_s: 1,", "at_s: 9,"), encoding="utf-8")
+    log = str(folder / "session.jsonl")
+    done = call("replay", log, "--resimulate", "--scenario", str(other))
+    assert done.code == 1
+    assert "differ" in done.said
+
+
+def test_the_files_of_the_session_are_asked_for_by_option(
+    call: Call, folder: Path, tmp_path: Path
+) -> None:
+    done = call("replay", str(folder / "session.jsonl"), "--resimulate")
+    assert done.code == 2
+    assert "one-van" in done.err
+    assert "--scenario" in done.err
+    world = tmp_path / "yard.yaml"
+    call("world", "generate", "--gates", "2", "--assets", "3", "-o", str(world))
+    log = tmp_path / "yard.jsonl"
+    played = Scenario(name="quiet", title="", about="", duration_s=5)
+    engine = ScriptedEngine([RECON])
+    asyncio.run(play(load_site(str(world), "checkpoint"), engine, played, log=log))
+    quiet = tmp_path / "quiet.yaml"
+    quiet.write_text(played.model_dump_json(), encoding="utf-8")
+    words = ("replay", str(log), "--resimulate", "--scenario", str(quiet))
+    missing = call(*words)
+    assert missing.code == 2
+    assert "--world" in missing.err
+    assert call(*words, "--world", str(world)).code == 0
+    assert call(*words, "--world", "checkpoint").code == 1
+
+
+def test_something_that_is_no_log_is_refused(call: Call, tmp_path: Path) -> None:
+    path = tmp_path / "notes.txt"
+    path.write_text("not a log\n", encoding="utf-8")
+    done = call("replay", str(path), "--resimulate")
+    assert done.code == 2
+    assert f"{path}:1" in done.err
+    assert call("replay", str(tmp_path / "none.jsonl"), "--resimulate").code == 2
