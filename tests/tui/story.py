@@ -10,6 +10,7 @@ from pa_console.schema.mission import ActionOutcome, Decision, Metrics, Mission,
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import AssetTimeline, GateTimeline, Rehearsal, Timeline
 from pa_console.schema.rule import RuleHit
+from pa_console.schema.telemetry import Picture
 from tests.tui.site import DIGEST, RULES, WORLD, picture, track
 
 START = datetime(2026, 3, 1, 9, 30, tzinfo=UTC)
@@ -147,7 +148,7 @@ def executing() -> list[ev.EventPayload]:
     ]  # fmt: skip
 
 
-def moving_picture() -> "ev.Picture":
+def moving_picture() -> Picture:
     """The robot under way, a gate lost, a drone down."""
     return picture(
         time_s=312.0,

@@ -1,0 +1,13 @@
+"""What all event payloads share."""
+
+from typing import ClassVar, Literal
+
+from pa_console.schema.base import StrictModel
+
+Role = Literal["planner", "judge"]
+
+
+class Payload(StrictModel):
+    """Base of all event payloads; a transient one is shown live and never logged."""
+
+    transient: ClassVar[bool] = False

@@ -1,0 +1,129 @@
+"""Events of steps 2 to 6: from a mission's words to a decision on a plan."""
+
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from pa_console.schema.event_base import Payload, Role
+from pa_console.schema.finding import Finding, Usage, Verdict
+from pa_console.schema.mission import Decision
+from pa_console.schema.plan import Plan
+from pa_console.schema.rehearsal import Rehearsal
+from pa_console.schema.rule import RuleHit
+from pa_console.schema.telemetry import Digest
+
+
+class RulesRetrieved(Payload):
+    """Step 2: pinned and top-k rules with their scores, best first."""
+
+    kind: Literal["rules_retrieved"] = "rules_retrieved"
+    method: str
+    hits: tuple[RuleHit, ...]
+    seconds: float
+
+
+class PictureDigested(Payload):
+    """Step 3: the picture as the models are given it."""
+
+    kind: Literal["picture_digested"] = "picture_digested"
+    digest: Digest
+    seconds: float
+
+
+class PromptBuilt(Payload):
+    """Step 4: the whole prompt of one role."""
+
+    kind: Literal["prompt_built"] = "prompt_built"
+    role: Role
+    attempt: int
+    system: str
+    user: str
+    seconds: float
+
+
+class TextStreamed(Payload):
+    """A piece of the model's answer, as it arrives."""
+
+    transient: ClassVar[bool] = True
+    kind: Literal["text_streamed"] = "text_streamed"
+    role: Role
+    attempt: int
+    text: str
+
+
+class PlanProposed(Payload):
+    """Step 5: the model's whole answer; `plan` is None when it could not be read."""
+
+    kind: Literal["plan_proposed"] = "plan_proposed"
+    attempt: int
+    author: Literal["planner", "operator"] = "planner"
+    text: str
+    plan: Plan | None
+    error: str = ""
+    usage: Usage = Usage()
+
+
+class PlanRehearsed(Payload):
+    """Step 6: the plan was run in a forked simulation."""
+
+    kind: Literal["plan_rehearsed"] = "plan_rehearsed"
+    attempt: int
+    rehearsal: Rehearsal
+    seconds: float
+
+
+class PlanChecked(Payload):
+    """Step 6: one finding for every rule in force."""
+
+    kind: Literal["plan_checked"] = "plan_checked"
+    attempt: int
+    findings: tuple[Finding, ...]
+    seconds: float
+
+
+class PlanJudged(Payload):
+    """Step 6: the JudgeLLM's verdict; None with an error means hold."""
+
+    kind: Literal["plan_judged"] = "plan_judged"
+    attempt: int
+    verdict: Verdict | None
+    error: str = ""
+    usage: Usage = Usage()
+
+
+class RepairRequested(Payload):
+    """Step 6: the findings go back to the planner for another attempt."""
+
+    kind: Literal["repair_requested"] = "repair_requested"
+    attempt: int
+    reasons: tuple[str, ...]
+
+
+class ApprovalRequested(Payload):
+    """Step 6: the operator's turn; the lists say what stands in the way and what is needed."""
+
+    kind: Literal["approval_requested"] = "approval_requested"
+    request_id: str = Field(default="", description="a decision may name it, see Decision")
+    attempt: int
+    plan: Plan
+    blocked_by: tuple[str, ...] = Field(default=(), description="reasons nobody may override")
+    acknowledge: tuple[str, ...] = Field(default=(), description="rule ids of warnings")
+    needs_override: bool = Field(default=False, description="the judge said Failure")
+
+
+class DecisionMade(Payload):
+    """The operator's decision; `accepted` is False when it was not admissible, with the reason."""
+
+    kind: Literal["decision_made"] = "decision_made"
+    attempt: int
+    decision: Decision
+    accepted: bool
+    detail: str = ""
+
+
+class PlanVoided(Payload):
+    """The world moved under an approved plan; it goes through the safeguards again."""
+
+    kind: Literal["plan_voided"] = "plan_voided"
+    attempt: int
+    reason: str

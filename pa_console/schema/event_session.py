@@ -1,0 +1,71 @@
+"""Events of the session as a whole: its start and end, telemetry, incidents, the model."""
+
+from typing import Literal
+
+from pa_console.schema.event_base import Payload
+from pa_console.schema.incident import Incident
+from pa_console.schema.telemetry import Picture
+
+Level = Literal["info", "warning", "alarm"]
+IncidentSource = Literal["operator", "scenario"]
+WorkerState = Literal["loading", "ready", "dead", "unavailable"]
+
+
+class SessionStarted(Payload):
+    """Pins everything needed to run the session again."""
+
+    kind: Literal["session_started"] = "session_started"
+    session: str
+    version: str
+    world: str
+    world_sha256: str
+    rules: str
+    rules_sha256: str
+    model: str
+    model_sha256: str
+    seed: int
+    scenario: str = ""
+    scenario_sha256: str = ""
+    sampler: str
+    grammar_sha256: str
+    readonly: bool = False
+    packages: dict[str, str] = {}
+
+
+class TelemetryReceived(Payload):
+    """A new common operational picture."""
+
+    kind: Literal["telemetry"] = "telemetry"
+    picture: Picture
+
+
+class IncidentHappened(Payload):
+    """Something was injected into the simulation: set-up, scenario or what-if."""
+
+    kind: Literal["incident"] = "incident"
+    incident: Incident
+    source: IncidentSource = "operator"
+
+
+class Noticed(Payload):
+    """A change worth an operator's eye: a gate lost or covered, a track seen, an asset down."""
+
+    kind: Literal["noticed"] = "noticed"
+    level: Level
+    subject: str
+    text: str
+
+
+class WorkerChanged(Payload):
+    """The LLM worker started loading, became ready, died or was restarted."""
+
+    kind: Literal["worker"] = "worker"
+    state: WorkerState
+    detail: str = ""
+
+
+class SessionEnded(Payload):
+    """The last line of a session that ended in order."""
+
+    kind: Literal["session_ended"] = "session_ended"
+    reason: str
