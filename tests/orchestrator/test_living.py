@@ -24,7 +24,7 @@ def scenario(*events: tuple[float | Condition, Incident], duration_s: float = 20
         duration_s=duration_s,
         events=tuple(
             ScriptedEvent(at_s=when, do=do)
-            if isinstance(when, float)
+            if isinstance(when, int | float)
             else ScriptedEvent(when=when, do=do)
             for when, do in events
         ),
