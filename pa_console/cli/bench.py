@@ -75,6 +75,8 @@ def twins(
     """Play every situation twice, stepped and forked on the way: telemetry must be equal."""
     found, path = open_world(world)
     names = [name for name, _ in list_scenarios(path)]
+    if not names:
+        raise ValueError(f"{path.parent}: there is no situation beside this world to be played")
     rows: list[dict[str, object]] = []
     with Progress(console=errors, transient=True) as progress:
         task = progress.add_task("situations", total=len(names) * seeds)

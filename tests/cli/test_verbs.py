@@ -3,9 +3,15 @@
 import json
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from typer.core import TyperGroup
+from typer.main import get_command
+
+from pa_console.cli.main import app
+from tests.cli.inside import Call
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 RULE = "{id: WF-99, domain: WF, priority: high, text: t, check: CHECK, message: m}"
@@ -23,7 +29,8 @@ def run(*words: str, cwd: Path = REPOSITORY) -> subprocess.CompletedProcess[str]
     ("words", "says"),
     [
         (["nonsense"], "No such command"),
-        (["mission"], "Missing argument"),
+        (["mission"], "--scenario"),
+        (["mission", "--scenario", "nowhere"], "situation-2"),
         (["mission", "hello", "--world", "nowhere"], "nowhere"),
         (["mission", "hello", "--rules", "none.yaml"], "none.yaml"),
         (["mission", "hello", "--model", "smollm"], "smollm2-135m"),
@@ -42,11 +49,20 @@ def test_bad_input_is_named_and_ends_with_2(words: list[str], says: str) -> None
     assert done.stdout == ""
 
 
-@pytest.mark.parametrize("verb", ["console", "mission", "replay", "rules", "models", "bench"])
-def test_every_verb_has_help(verb: str) -> None:
-    done = run(verb, "--help")
-    assert done.returncode == 0
-    assert "Usage" in done.stdout
+def verbs(command: object, *words: str) -> Iterator[tuple[str, ...]]:
+    """Yield the words of every verb below `command`, groups included."""
+    yield words
+    if isinstance(command, TyperGroup):
+        for name, below in command.commands.items():
+            yield from verbs(below, *words, name)
+
+
+@pytest.mark.parametrize("words", verbs(get_command(app)), ids=" ".join)
+def test_every_verb_has_help(call: Call, words: tuple[str, ...]) -> None:
+    done = call(*words, "--help")
+    assert done.code == 0
+    assert " ".join(("Usage: pa-console", *words)) in done.said
+    assert call(*words, "-h").out == done.out
 
 
 def test_the_installed_rules_are_listed_and_right() -> None:
