@@ -14,13 +14,14 @@ from pa_console.orchestrator.execution import Execution
 from pa_console.orchestrator.feed import StepFeed
 from pa_console.orchestrator.planning import Candidate, Planning
 from pa_console.orchestrator.report import ReportFacts, after_action_report
+from pa_console.orchestrator.results import Results
 from pa_console.orchestrator.services import Payloads, Services, Stopwatch
 from pa_console.policy.checks import check_mission
 from pa_console.policy.moments import moment
 from pa_console.policy.monitor import Monitor
 from pa_console.schema import event as ev
 from pa_console.schema.alarm import Alarm
-from pa_console.schema.mission import Mission, MissionStatus, Verification
+from pa_console.schema.mission import Mission, MissionStatus
 from pa_console.schema.moment import Moment
 from pa_console.schema.telemetry import Picture
 
@@ -65,7 +66,7 @@ class MissionRun:
         self._reason = ""
         alarm = next((a for a in open_alarms() if a.id == mission.alarm), None)
         self._facts = ReportFacts(mission, alarm)
-        self._verifications: list[Verification] = []
+        self._results = Results(mission, self._course, self._monitor, open_alarms)
 
     @property
     def subjects(self) -> frozenset[str]:
@@ -104,12 +105,9 @@ class MissionRun:
     def see(self, picture: Picture) -> Iterator[ev.WorkflowMoved]:
         """Take in new telemetry: orderings are monitored, workflows move on."""
         self._facts.see(picture)
-        now = moment(
-            picture,
-            self._services.sim.world,
-            self.execution.orders,
-            tuple(order.agent for order in self.execution.orders),
-        )
+        orders = self.execution.orders
+        agents = tuple(order.agent for order in orders)
+        now = moment(picture, self._services.sim.world, orders, agents)
         for finding in self._monitor.observe(now):
             if finding.blocking and not self._about_gates(finding.rule_id):
                 self.execution.breaches.append(f"{finding.rule_id}: {finding.message}")
@@ -147,14 +145,12 @@ class MissionRun:
                     return
                 continue
             tries[phase] = tries.get(phase, 0) + 1
-            following = self._course.task or (self.mission if self._unanswered else None)
+            following = self._course.task or (self.mission if self._results.unanswered else None)
             stuck = self._course.phase == phase and tries[phase] >= MAX_TRIES
             if following is None or stuck:
-                self._conclude()
+                self._status, self._reason = self._results.conclude()
                 return
-            task, verification = following, self._verifications[-1]
-            reasons = (verification.reason,) if verification.outcome == "fail" else ()
-            reasons = (*reasons, *self._unanswered)
+            task, reasons = following, self._results.lacking
 
     def _stop_short(self, phase: str, halted: Sequence[str]) -> None:
         """Say what a mission comes to whose next plan was not approved."""
@@ -163,19 +159,6 @@ class MissionRun:
         if halted and self._facts.plans:
             why = f"{'; '.join(halted)}; the next plan was {status}: {reason}"
             self._status, self._reason = "unverified", why
-
-    def _conclude(self) -> None:
-        """Say what the executed plans and the workflow come to."""
-        outcomes = [verification.outcome for verification in self._verifications]
-        reasons = [verification.reason for verification in self._verifications]
-        if self._course.entered:
-            reasons = [self._course.summary, *reasons[-1:]]
-        open_rules = [f"{f.rule_id}: {f.message}" for f in self._monitor.finish() if f.blocking]
-        reasons += [*open_rules, *self._unanswered]
-        passed = all(outcome == "pass" for outcome in outcomes) and self._course.over
-        passed = passed and not open_rules and not self._unanswered
-        self._status = "verified" if passed else "unverified"
-        self._reason = "; ".join(reasons)
 
     async def _until_approved(self, reasons: Sequence[str]) -> Payloads:
         """Steps 3 to 6: plan and decide, and again if the situation changed meanwhile."""
@@ -245,7 +228,7 @@ class MissionRun:
         verification = self.execution.verification
         self._facts.executed(plan, task, verification, self.execution.halted)
         if verification is not None:
-            self._verifications.append(verification)
+            self._results.verifications.append(verification)
 
     async def _watch_outcome(self, phase: str) -> None:
         """Let the world go on until `phase` is over and its outcome known, at most WATCH_S."""
@@ -254,20 +237,9 @@ class MissionRun:
         with self._feed.follow() as steps:
             async for _ in steps:
                 waiting = (phase and course.phase == phase) or not course.settled
-                waiting = waiting or bool(self._unanswered)
+                waiting = waiting or bool(self._results.unanswered)
                 if not waiting or sim.time_s >= end_s:
                     return
-
-    @property
-    def _unanswered(self) -> tuple[str, ...]:
-        """The alarm that the mission answers while it is open still; a workflow is the answer."""
-        if self._course.entered:
-            return ()
-        return tuple(
-            f"alarm {alarm.id} is still open: {alarm.text}"
-            for alarm in self._open_alarms()
-            if alarm.id == self.mission.alarm
-        )
 
     def _now(self) -> Moment:
         return moment(self._services.sim.picture(), self._services.sim.world, ())

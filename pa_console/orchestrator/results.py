@@ -1,0 +1,52 @@
+"""What the executed plans of a mission come to: its status, and what it still lacks (Step 7)."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from pa_console.orchestrator.course import Course
+from pa_console.policy.monitor import Monitor
+from pa_console.schema.alarm import Alarm
+from pa_console.schema.mission import Mission, MissionStatus, Verification
+
+
+@dataclass
+class Results:
+    """The verification of every plan, beside the mission's workflows, orderings and alarm."""
+
+    mission: Mission
+    course: Course
+    monitor: Monitor
+    open_alarms: Callable[[], Sequence[Alarm]]
+    verifications: list[Verification] = field(default_factory=list[Verification])
+
+    @property
+    def unanswered(self) -> tuple[str, ...]:
+        """The alarm that the mission answers while it is open still; a workflow is the answer."""
+        if self.course.entered:
+            return ()
+        return tuple(
+            f"alarm {alarm.id} is still open: {alarm.text}"
+            for alarm in self.open_alarms()
+            if alarm.id == self.mission.alarm
+        )
+
+    @property
+    def lacking(self) -> tuple[str, ...]:
+        """What the next plan has to make good: why the last one failed, the open alarm."""
+        last = self.verifications[-1]
+        failed = (last.reason,) if last.outcome == "fail" else ()
+        return (*failed, *self.unanswered)
+
+    def conclude(self) -> tuple[MissionStatus, str]:
+        """Return what the plans, the workflow, the orderings and the alarm come to, and why.
+
+        Verified takes all of them; what telemetry could not tell is not verified.
+        """
+        reasons = [verification.reason for verification in self.verifications]
+        if self.course.entered:
+            reasons = [self.course.summary, *reasons[-1:]]
+        open_rules = [f"{f.rule_id}: {f.message}" for f in self.monitor.finish() if f.blocking]
+        reasons += [*open_rules, *self.unanswered]
+        passed = all(verification.outcome == "pass" for verification in self.verifications)
+        passed = passed and self.course.over and not open_rules and not self.unanswered
+        return "verified" if passed else "unverified", "; ".join(reasons)
