@@ -7,6 +7,8 @@ from contextlib import aclosing
 from pathlib import Path
 from typing import cast
 
+from pydantic import ValidationError
+
 from pa_console.llm.engine import Completed, Engine, OnState, Request
 from pa_console.schema.base import StrictModel
 from pa_console.schema.event import Role
@@ -32,13 +34,12 @@ class MemoEngine:
     """
 
     def __init__(self, engine: Engine, memory: Path | None = None) -> None:
-        """Answers are kept in the file `memory` too, so that a run that was cut off goes on."""
+        """Answers are kept in the file `memory` too, so that a run that was cut off goes on.
+
+        Raises ValueError for a line of the file that is no answer.
+        """
         self._engine, self._memory = engine, memory
-        self._known: dict[str, Completed] = {}
-        if memory is not None and memory.exists():
-            for line in memory.read_text(encoding="utf-8").splitlines():
-                entry = _Remembered.model_validate_json(line)
-                self._known[entry.key] = Completed(entry.text, entry.usage, "stop")
+        self._known = _recall(memory) if memory is not None and memory.exists() else {}
         self.asked = 0
         self.reused = 0
         self.model, self.sampler = engine.model, engine.sampler
@@ -91,3 +92,17 @@ class MemoEngine:
             line = _Remembered(key=key, text=answer.text, usage=answer.usage).model_dump_json()
             with self._memory.open("a", encoding="utf-8") as file:
                 file.write(line + "\n")
+
+
+def _recall(memory: Path) -> dict[str, Completed]:
+    """Return the answers in `memory` by key; raises ValueError for a line that is none."""
+    known: dict[str, Completed] = {}
+    for number, line in enumerate(memory.read_text(encoding="utf-8").splitlines(), start=1):
+        try:
+            entry = _Remembered.model_validate_json(line)
+        except ValidationError as error:
+            raise ValueError(
+                f"{memory}:{number}: this line is no answer of a model; remove it, or the file"
+            ) from error
+        known[entry.key] = Completed(entry.text, entry.usage, "stop")
+    return known

@@ -63,8 +63,9 @@ class TruthWatch:
             case ev.MissionVerified(verification=verification):
                 self._claims.append((verification, self._start or self._picture))
                 self._start = None
+            case ev.DecisionMade(accepted=True):
+                self._start = self._picture
             case ev.CommandSent(command=command):
-                self._start = self._start or self._picture
                 if command.verb not in ("hold", "report"):
                     self._ordered.add(command.agent)
             case ev.PlanHalted():

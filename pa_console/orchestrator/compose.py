@@ -118,7 +118,7 @@ def open_station(
         rules_sha256=site.rulebook.sha256,
         model=engine.model.name,
         model_sha256=engine.model.sha256,
-        seed=seed,
+        seed=sim.seed,
         scenario=scenario.scenario.name if scenario is not None else "",
         scenario_sha256=scenario.sha256 if scenario is not None else "",
         sampler=engine.sampler,
