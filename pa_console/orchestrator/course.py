@@ -2,14 +2,13 @@
 
 from collections.abc import Iterator
 
+from pa_console.orchestrator.premises import ENCOUNTERS
 from pa_console.policy.rulebook import Rulebook
 from pa_console.policy.workflow import WorkflowRun
 from pa_console.schema.event import WorkflowMoved
 from pa_console.schema.mission import Mission
 from pa_console.schema.moment import Moment
 from pa_console.schema.plan import Plan, Verb
-
-ENCOUNTERS = ("observe", "identify", "warn", "block")
 
 
 class Course:

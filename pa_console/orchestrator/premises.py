@@ -11,6 +11,7 @@ from pa_console.schema.telemetry import AssetTelemetry, Picture
 from pa_console.schema.world import World
 
 ENCOUNTERS = ("observe", "identify", "warn", "block")
+"""The commands that deal with whoever is at the gate."""
 
 
 @dataclass(frozen=True)
@@ -68,15 +69,15 @@ class Premises:
 
     def _changed_tracks(self, picture: Picture, open_agents: Sequence[str]) -> Iterator[str]:
         actions = [a for a in self.plan.actions if a.agent in open_agents]
-        concerned = {a.target: a for a in actions if a.verb in ENCOUNTERS}
         for track in picture.tracks.values():
-            was, action = self.before.tracks.get(track.id), concerned.get(track.gate)
-            if action is None or (was is not None and was.intent == track.intent):
+            was = self.before.tracks.get(track.id)
+            verbs = {a.verb for a in actions if a.target == track.gate and a.verb in ENCOUNTERS}
+            if was is not None and (was.intent, was.identity) == (track.intent, track.identity):
                 continue
-            if track.intent == "hostile" and action.verb != "block":
+            if track.intent == "hostile" and verbs and "block" not in verbs:
                 yield f"{track.id} at {track.gate} is hostile now"
-            benign = action.verb == "block" and track.intent == "benign"
-            if action.verb in ("warn", "block") and (benign or track.identity == "authorized"):
+            harmless = track.identity == "authorized" and bool(verbs & {"warn", "block"})
+            if harmless or (track.intent == "benign" and "block" in verbs):
                 yield f"{track.id} at {track.gate} is {track.identity}, intent {track.intent}"
 
 

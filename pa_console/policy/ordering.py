@@ -4,7 +4,6 @@ from typing import Literal, NamedTuple
 
 from pa_console.schema.rule import Ordering
 
-Kind = Literal["before", "after", "never_while", "within", "until"]
 Stage = Literal["idle", "open", "settled", "broken"]
 
 CLOCK_S = 1e-6

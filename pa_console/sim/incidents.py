@@ -1,7 +1,6 @@
 """Applies incidents to a scene: set-up of missions, scenarios and what-if."""
 
 import math
-from collections.abc import Iterable
 from dataclasses import replace
 
 from pa_console.schema.incident import (
@@ -16,6 +15,7 @@ from pa_console.schema.incident import (
     SetComms,
     SetRadio,
     SpoofTelemetry,
+    unknown_name,
 )
 from pa_console.schema.telemetry import Task
 from pa_console.sim import obstructions, power, radio, sensing
@@ -26,6 +26,9 @@ from pa_console.sim.terrain import Terrain
 
 def apply(terrain: Terrain, scene: Scene, incident: Incident) -> None:
     """Make `incident` true in `scene`; raises ValueError naming what exists for unknown names."""
+    _, problem = unknown_name(incident, terrain.world)
+    if problem:
+        raise ValueError(problem)
     match incident:
         case FailAsset(asset=name):
             _asset(terrain, scene, name).failed = True
@@ -47,11 +50,8 @@ def apply(terrain: Terrain, scene: Scene, incident: Incident) -> None:
             drift = Drift(rate * math.cos(heading), rate * math.sin(heading), scene.tick)
             _asset(terrain, scene, name).drift = drift if rate > 0.0 else None
         case SpoofTelemetry(asset=name, frame=frame):
-            if frame is not None:
-                _known("frame", frame, terrain.world.frames)
             _asset(terrain, scene, name).spoofed = frame
         case PlaceAsset(asset=name, frame=frame):
-            _known("frame", frame, terrain.world.frames)
             place(terrain, scene, _asset(terrain, scene, name), frame)
             _carried(scene, name)
         case _:
@@ -105,13 +105,6 @@ def _carried(scene: Scene, name: str) -> None:
 
 def _asset(terrain: Terrain, scene: Scene, name: str) -> AssetState:
     """Return the asset that something happens to; the next step looks after it."""
-    _known("asset", name, scene.assets)
     asset = scene.assets[name]
     power.rouse(terrain.world, scene, asset)
     return asset
-
-
-def _known(what: str, name: str, names: Iterable[str]) -> None:
-    known = tuple(names)
-    if name not in known:
-        raise ValueError(f"there is no {what} {name!r}; known: {', '.join(known)}")

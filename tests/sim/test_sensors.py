@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pa_console.schema.base import Point
 from pa_console.schema.incident import FalseContact, SensorFault, SetWeather
 from pa_console.schema.world import AssetKind, Sensing
-from pa_console.sim import sensing
+from pa_console.sim import incidents, sensing
 from pa_console.sim.sensors import AT_FULL_RANGE, detection_chance, scan
 from pa_console.sim.state import Scene
 from pa_console.sim.terrain import Terrain
@@ -157,10 +157,10 @@ def test_a_phantom_goes_with_the_sensor_that_imagines_it() -> None:
 
 def test_faults_and_phantoms_on_unknown_names_say_what_exists() -> None:
     terrain, scene = Terrain(lookout(cameras={"Cam": {}})), scene_at()
-    with pytest.raises(ValueError, match=r"no sensor 'Nose'.*Cam.*Fox"):
-        sensing.apply(terrain, scene, SensorFault(sensor="Nose"))
+    with pytest.raises(ValueError, match=r"no sensor 'Nose'.*Fox.*Cam"):
+        incidents.apply(terrain, scene, SensorFault(sensor="Nose"))
     with pytest.raises(ValueError, match=r"no gate 'Post'.*Gate"):
-        sensing.apply(terrain, scene, FalseContact(gate="Post"))
+        incidents.apply(terrain, scene, FalseContact(gate="Post"))
 
 
 def test_a_robot_that_identifies_sees_what_is_at_its_gate_for_certain() -> None:
