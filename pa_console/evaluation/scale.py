@@ -72,7 +72,7 @@ def measure(gates: int, assets: int, rulebook: Rulebook, seed: int = 0) -> Measu
     sim.inject(SpawnTrack(gate=gate, distance_m=40.0))
     _run(sim, 3.0)
     mission = _mission(gate)
-    plan = _plan(sim, world, gate)
+    plan = _plan(sim, world, mission)
     found = [asyncio.run(examine(plan, mission, sim, rulebook)) for _ in range(REPEATS)]
     select_ms, prompt, grammar = _prompt(sim, world, rulebook, mission)
     speed_moving = _speed_moving(sim, world)
@@ -99,9 +99,13 @@ def _mission(gate: str) -> Mission:
     return Mission(id="scale", text=text, created=datetime.now(UTC), gate=gate)
 
 
-def _plan(sim: Checkpoint, world: World, gate: str) -> Plan:
-    """Return a plan for the nearest free assets: a UAV observes, a robot identifies, if any."""
-    free = digest_picture(sim.picture(), world).free
+def _plan(sim: Checkpoint, world: World, mission: Mission) -> Plan:
+    """Return a plan for the free assets that a planner is told of first, if there are any.
+
+    A UAV observes, a robot identifies; in a large world those told of first are the nearest.
+    """
+    picture, gate = sim.picture(), mission.gate
+    free = digest_picture(picture, world, select(picture, world, mission, ())).free
     actions: list[Action] = []
     if free["uav"]:
         actions.append(Action(agent=free["uav"][0], command=f"observe {gate}"))
