@@ -62,10 +62,7 @@ class Desk:
             self.queue_changed()
             self._work = background.start(self._work_on(self._run))
             await asyncio.wait([self._work])
-            if not self._gives_way:
-                self._runs.pop(mission.id, None)
-            elif not self._intake.put_back(mission):
-                self.drop(mission, "its cause is gone")
+            self._leave(self._run, interrupted=self._work.cancelled())
             self._run, self._work, self._gives_way = None, None, False
             background.start(_run(between))
 
@@ -84,14 +81,18 @@ class Desk:
         self._answer.set_result(decision)
 
     def cancel(self) -> None:
-        """Cancel the active mission; raises ValueError when none is."""
+        """Cancel the active mission, even one that was about to give way to an emergency.
+
+        Raises ValueError when none is active.
+        """
         if self._work is None:
             raise ValueError("no mission is active; one that waits is withdrawn from the queue")
+        self._gives_way = False
         self._work.cancel()
 
     def see(self, picture: Picture) -> None:
         """Let the active mission take in new telemetry, or give way to an emergency (WF-04)."""
-        if self._run is None or self._work is None:
+        if self._run is None or self._work is None or self._work.done():
             return
         mission = self._run.mission
         for move in self._run.see(picture):
@@ -109,17 +110,25 @@ class Desk:
         self._end(run, "cancelled", reason)
 
     async def _work_on(self, run: MissionRun) -> None:
-        """Emit everything a mission yields; a cancelled or broken mission ends in safety."""
+        """Emit everything a mission yields; an interrupted or broken one is brought to safety."""
         try:
             async for payload in run.payloads():
                 self._emit(payload, run.mission.id)
         except asyncio.CancelledError:
             self._to_safety(run)
-            if not self._gives_way:
-                self._end(run, "cancelled", "cancelled by the operator")
+            raise
         except Exception as error:  # a defect must neither end the session nor move an asset
             self._to_safety(run)
             self._end(run, "failed", f"internal error: {type(error).__name__}: {error}")
+
+    def _leave(self, run: MissionRun, *, interrupted: bool) -> None:
+        """Let go of a mission: it is over, gave way and waits again, or was cancelled."""
+        if interrupted and self._gives_way and self._intake.put_back(run.mission):
+            return
+        self._runs.pop(run.mission.id, None)
+        if interrupted:
+            why = "its cause is gone" if self._gives_way else "cancelled by the operator"
+            self._end(run, "cancelled", why)
 
     def _to_safety(self, run: MissionRun) -> None:
         for payload in self._stops.follow(run.execution.halt()):
