@@ -10,7 +10,7 @@ from llguidance import LLMatcher, LLTokenizer
 
 from pa_console.llm.grammar import REASON_CHARS, judge_grammar, plan_grammar
 from pa_console.llm.judge import read_verdict
-from pa_console.schema.plan import COMMANDS, Plan
+from pa_console.schema.plan import COMMANDS, Plan, Verb
 from tests.llm.site import KINDS, WORLD, picture
 
 BYTES = LLTokenizer("byte")
@@ -148,3 +148,22 @@ def test_only_the_chosen_agents_and_frames_are_writable(plan: dict[str, Any]):
         for action in plan["actions"]
     )
     assert accepts(grammar, json.dumps(plan)) is chosen
+
+
+VERBS: tuple[Verb, ...] = tuple(COMMANDS)
+
+
+@given(plans(), st.sets(st.sampled_from(VERBS), min_size=1))
+def test_only_the_verbs_of_a_phase_are_writable(plan: dict[str, Any], verbs: set[Verb]):
+    within = all(action["command"].split()[0] in verbs for action in plan["actions"])
+    assert accepts(plan_grammar(WORLD, picture(), verbs=verbs), json.dumps(plan)) is within
+
+
+def test_nobody_is_addressed_who_can_carry_out_none_of_the_verbs():
+    grammar = plan_grammar(WORLD, picture(), verbs=("observe",))
+    assert "Hawk_1" in grammar
+    assert "Mule_1" not in grammar
+    assert "Guard_1" not in grammar
+    nobody = plan_grammar(WORLD, picture(down=("Hawk_1", "Hawk_2")), verbs=("observe",))
+    assert accepts(nobody, '{"reason": "no drone is up", "actions": []}')
+    assert plan_grammar(WORLD, picture(), verbs=()) == plan_grammar(WORLD, picture())
