@@ -1,0 +1,147 @@
+"""`--scenario` of `mission` and `console`: a situation is played, its alarms start missions."""
+
+import asyncio
+from collections.abc import Callable
+from contextlib import aclosing
+from pathlib import Path
+
+import pytest
+
+from pa_console.cli import console, mission
+from pa_console.llm.catalog import LocalModel
+from pa_console.orchestrator.station import Station
+from pa_console.schema.event import SessionStarted
+from pa_console.session.reader import read_log, verify
+from tests.cli.inside import Call, Done
+from tests.scripted import ScriptedEngine, plan
+
+CALM = """\
+name: calm
+title: Nothing happens
+about: for a test
+duration_s: 5
+"""
+LOSS = """\
+name: loss
+title: The guard of the East Gate fails
+about: for a test
+duration_s: 20
+events:
+  - {at_s: 1, do: {kind: fail, asset: Ugv_T01}}
+  - {at_s: 2, do: {kind: worker}}
+"""
+FILL = plan(("Drone_T04", "move_to EastGate"))
+
+Play = Callable[..., tuple[Done, Path]]
+
+
+@pytest.fixture
+def engine(monkeypatch: pytest.MonkeyPatch) -> ScriptedEngine:
+    """Put a scripted LLM in the place of the real one."""
+    scripted = ScriptedEngine([FILL])
+
+    def find_model(_: str | None) -> LocalModel:
+        return scripted.model
+
+    def new_engine(_: LocalModel) -> ScriptedEngine:
+        return scripted
+
+    for verb in (mission, console):
+        monkeypatch.setattr(verb, "find_model", find_model)
+        monkeypatch.setattr(verb, "Engine", new_engine)
+    return scripted
+
+
+@pytest.fixture
+def play(call: Call, engine: ScriptedEngine, tmp_path: Path) -> Play:
+    """Return what runs `mission` on a scenario's text and gives its end and its log."""
+    del engine
+
+    def run(text: str, *words: str) -> tuple[Done, Path]:
+        path, log = tmp_path / "situation.yaml", tmp_path / "session.jsonl"
+        path.write_text(text, encoding="utf-8")
+        options = ("--scenario", str(path), "--approve", "auto", "--log", str(log))
+        return call("mission", *words, *options), log
+
+    return run
+
+
+def test_a_situation_without_alarms_ends_well_after_its_time(play: Play) -> None:
+    done, log = play(CALM)
+    assert done.code == 0
+    assert "no alarm needed a response" in done.said
+    assert verify(log).ok
+    events = list(read_log(log))
+    started = events[0].data
+    assert isinstance(started, SessionStarted)
+    assert started.scenario == "calm"
+    assert events[-1].tick * 0.1 >= 5.0
+
+
+def test_an_alarm_of_the_situation_becomes_a_mission(play: Play, engine: ScriptedEngine) -> None:
+    done, log = play(LOSS, "--json")
+    document = done.json
+    assert done.code == document["exit_code"] == 0
+    [found] = document["missions"]
+    assert (found["mission"]["source"], found["status"]) == ("alarm", "verified")
+    assert found["mission"]["gate"] == "EastGate"
+    assert engine.kills == 1
+    assert verify(log).ok
+
+
+def test_with_no_alarms_only_the_mission_given_is_worked_on(play: Play) -> None:
+    done, _ = play(LOSS, "Watch the East Gate.", "--no-alarms", "--json")
+    [found] = done.json["missions"]
+    assert (found["mission"]["source"], found["mission"]["text"]) == (
+        "operator", "Watch the East Gate.",
+    )  # fmt: skip
+    assert done.code in (0, 4)
+
+
+def test_a_situation_that_the_world_cannot_play_is_refused_before_a_log_is_begun(
+    play: Play,
+) -> None:
+    done, log = play(LOSS.replace("Ugv_T01", "Ugv_T99"))
+    assert (done.code, done.out) == (2, "")
+    assert "situation.yaml:6: events.0.do.asset" in done.err
+    assert not log.exists()
+
+
+@pytest.mark.usefixtures("engine")
+def test_the_console_opens_on_the_situation(
+    call: Call, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    opened: list[Station] = []
+
+    class App:
+        """A screen that is closed at once."""
+
+        def __init__(self, _world: object, station: Station, *_: object, readonly: bool) -> None:
+            assert readonly
+            opened.append(station)
+
+        def run(self, *, mouse: bool) -> None:
+            assert not mouse
+
+    path = tmp_path / "loss.yaml"
+    path.write_text(LOSS, encoding="utf-8")
+    monkeypatch.setattr("pa_console.tui.app.ConsoleApp", App)
+    monkeypatch.setattr("pa_console.session.log.default_folder", lambda: tmp_path)
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    done = call("console", "--scenario", str(path), "--seed", "7", "--readonly", "--no-mouse")
+    assert done.code == 0, done.err
+    started = asyncio.run(first_event(opened[0]))
+    assert (started.scenario, started.seed, started.readonly) == ("loss", 7, True)
+    assert len(started.scenario_sha256) == 64
+    missing = call("console", "--scenario", "nowhere")
+    assert missing.code == 2
+    assert "situation-2" in missing.err
+
+
+async def first_event(station: Station) -> SessionStarted:
+    """Return how the session of `station` starts."""
+    async with aclosing(station.run()) as events:
+        async for event in events:
+            assert isinstance(event.data, SessionStarted)
+            return event.data
+    raise AssertionError("the session had no event")
