@@ -35,16 +35,16 @@ class Course:
 
     @property
     def settled(self) -> bool:
-        """Whether every workflow that is over has an outcome."""
-        return all(run.current is not None or run.outcome for run in self._runs.values())
+        """Whether every workflow that has no phase left has come to its end."""
+        return all(run.current is not None or run.ended for run in self._runs.values())
 
     @property
     def summary(self) -> str:
         """The outcome of every workflow in words."""
         return "; ".join(
-            f"{track}: {run.outcome or f'stopped at {run.current.name}'}"
+            f"{track}: stopped at {run.current.name}"
             if run.current is not None
-            else f"{track}: {run.outcome or 'every phase done'}"
+            else f"{track}: {run.outcome or ('every phase done' if run.ended else 'no outcome')}"
             for track, run in self._runs.items()
         )
 
@@ -84,9 +84,9 @@ class Course:
                 yield from self._enter(name, now)
 
     def observe(self, now: Moment) -> Iterator[WorkflowMoved]:
-        """Move on every workflow whose phase is over at `now`."""
+        """Move on every workflow whose phase, or which itself, is over at `now`."""
         for run in self._runs.values():
-            if run.current is not None and run.advance(now):
+            if run.advance(now):
                 yield _moved(run)
 
     def _enter(self, track: str, now: Moment) -> Iterator[WorkflowMoved]:

@@ -48,5 +48,6 @@ class Results:
         open_rules = [f"{f.rule_id}: {f.message}" for f in self.monitor.finish() if f.blocking]
         reasons += [*open_rules, *self.unanswered]
         passed = all(verification.outcome == "pass" for verification in self.verifications)
-        passed = passed and self.course.over and not open_rules and not self.unanswered
+        passed = passed and self.course.over and self.course.settled
+        passed = passed and not open_rules and not self.unanswered
         return "verified" if passed else "unverified", "; ".join(reasons)

@@ -43,6 +43,7 @@ class WorkflowRun:
     position: int = 0
     skipped: tuple[str, ...] = ()
     outcome: str = ""
+    ended: bool = False
     _facts: Facts | None = field(default=None, repr=False)
     _since_s: float = field(default=0.0, repr=False)
 
@@ -86,9 +87,10 @@ class WorkflowRun:
     def advance(self, now: Moment) -> list[Move]:
         """Take in the next moment: go past every phase that is done or does not apply, then end.
 
-        The end is looked for after the phases, so that the trace says which were skipped.
+        The end is looked for after the phases, so that the trace says which were skipped; when
+        none of them holds yet, it is looked for at later moments too.
         """
-        if self.over:
+        if self.ended:
             return []
         if self.track not in now.tracks:
             return [self._end(self.workflow.gone)]
@@ -107,10 +109,10 @@ class WorkflowRun:
         for outcome, expression in self.compiled.ends:
             if self._holds(expression, now):
                 return [*moves, self._end(outcome)]
-        return [*moves, self._end("")] if self.over else moves
+        return [*moves, self._end("")] if self.over and not self.compiled.ends else moves
 
     def _end(self, outcome: str) -> Move:
-        self.position, self.outcome = len(self.phases), outcome
+        self.position, self.outcome, self.ended = len(self.phases), outcome, True
         return Move("ended", outcome=outcome)
 
     def _look(self, now: Moment) -> None:
