@@ -17,8 +17,11 @@ from pa_console.sim.terrain import Terrain
 LATE_S = 0.25
 """A report counts as late when it takes this much longer than the world's radio ever does."""
 WINDOW = 16
-TOLERATED = 1
-"""A link is degraded when more than so many of the last WINDOW reports were late or missing."""
+TOLERATED = 4
+"""A link is degraded when more than so many of the last WINDOW reports were late or missing.
+
+A quarter: one that loses now and then a report carries commands well, sent again if need be.
+"""
 _ALL = (1 << WINDOW) - 1
 
 
