@@ -22,8 +22,10 @@ class Answer:
 async def ask(engine: Engine, request: Request) -> AsyncGenerator[str | Answer]:
     """Give the answer in pieces, then one Answer; EngineError becomes its `error`.
 
-    When the model's process dies in the middle it is started again and asked once more.
+    When the model's process dies in the middle it is started again and asked once more; what was
+    given before is not given twice (decoding is greedy: it comes again).
     """
+    given = 0
     for last in (False, True):
         text = ""
         try:
@@ -31,7 +33,9 @@ async def ask(engine: Engine, request: Request) -> AsyncGenerator[str | Answer]:
                 async for item in pieces:
                     if isinstance(item, str):
                         text += item
-                        yield item
+                        if len(text) > given:
+                            yield text[given:]
+                            given = len(text)
                     else:
                         yield _answer(item, request)
             return
