@@ -160,11 +160,14 @@ def _asset(asset: AssetTelemetry, alone_at: str | None, time_s: float) -> Iterat
     if asset.task in ("returning", "charging") or not (asset.available or asset.stale):
         return
     if asset.low_battery:
-        does = "Replace it and return it to base." if alone_at else "Return it to base."
+        does = f"{name} has a low battery. Return it to base."
+        if alone_at:
+            relief = f"so {alone_at} needs a second guard: send one asset to {alone_at}."
+            does = f"{asset.id} has a low battery, {relief}"
         yield Cause(
             "battery", "low_battery", "medium" if alone_at else "low", asset.id, place,
             text=f"{name} has a low battery, {asset.battery_pct:.0f} %",
-            command=f"{name} has a low battery. {does}",
+            command=does,
             settle_s=2.0,
             raises=not asset.stale,
         )  # fmt: skip

@@ -103,7 +103,11 @@ class AlarmBook:
                 continue
             if entry.alarm is not None:
                 entry.alarm = entry.alarm.model_copy(
-                    update={"distance_m": cause.distance_m, "text": cause.text}
+                    update={
+                        "distance_m": cause.distance_m,
+                        "text": cause.text,
+                        "command": cause.command,
+                    }
                 )
             if entry.alarm is not None and cause.kind != entry.cause.kind:
                 entry.since_s = now_s

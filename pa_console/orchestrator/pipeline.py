@@ -28,7 +28,7 @@ from pa_console.schema.telemetry import Picture
 MAX_VOIDED = 2
 MAX_HALTS = 3
 MAX_TRIES = 2
-"""Plans that may be executed for one phase without bringing it to its end."""
+"""Plans that may be executed for one task without bringing it to its end."""
 
 WATCH_S = 12.0
 """How long the situation is watched after a plan for what it led to."""
@@ -143,14 +143,14 @@ class MissionRun:
                 if len(self._facts.halts) > MAX_HALTS:
                     self._status, self._reason = "unverified", f"halted: {'; '.join(reasons)}"
                     return
+                task = self._course.task or task
                 continue
-            tries[phase] = tries.get(phase, 0) + 1
-            following = self._course.task or (self.mission if self._results.unanswered else None)
-            stuck = self._course.phase == phase and tries[phase] >= MAX_TRIES
-            if following is None or stuck:
+            tries[task.text] = tries.get(task.text, 0) + 1
+            following = self._course.task or self._results.follow_up
+            if following is None or tries.get(following.text, 0) >= MAX_TRIES:
                 self._status, self._reason = self._results.conclude()
                 return
-            task, reasons = following, self._results.lacking
+            reasons, task = self._results.lacking(following, task), following
 
     def _stop_short(self, phase: str, halted: Sequence[str]) -> None:
         """Say what a mission comes to whose next plan was not approved."""
@@ -205,7 +205,7 @@ class MissionRun:
             if self._services.workflows:
                 for move in self._course.join(approved.examination.plan, self._now()):
                     yield self._note(move)
-                await self._watch_outcome(phase)
+                await self._watch_outcome(phase, task)
         finally:
             self.moving = False
         if self._services.judging:
@@ -230,14 +230,18 @@ class MissionRun:
         if verification is not None:
             self._results.verifications.append(verification)
 
-    async def _watch_outcome(self, phase: str) -> None:
-        """Let the world go on until `phase` is over and its outcome known, at most WATCH_S."""
+    async def _watch_outcome(self, phase: str, task: Mission) -> None:
+        """Let the world go on until `phase` or `task` is over and its outcome known.
+
+        At most WATCH_S simulated seconds.
+        """
         course, sim = self._course, self._services.sim
         end_s = sim.time_s + WATCH_S
         with self._feed.follow() as steps:
             async for _ in steps:
                 waiting = (phase and course.phase == phase) or not course.settled
-                waiting = waiting or bool(self._results.unanswered)
+                follow_up = self._results.follow_up
+                waiting = waiting or (follow_up is not None and follow_up.text == task.text)
                 if not waiting or sim.time_s >= end_s:
                     return
 

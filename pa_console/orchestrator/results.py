@@ -22,20 +22,32 @@ class Results:
     @property
     def unanswered(self) -> tuple[str, ...]:
         """The alarm that the mission answers while it is open still; a workflow is the answer."""
-        if self.course.entered:
-            return ()
-        return tuple(
-            f"alarm {alarm.id} is still open: {alarm.text}"
-            for alarm in self.open_alarms()
-            if alarm.id == self.mission.alarm
-        )
+        alarm = self._alarm
+        return (f"alarm {alarm.id} is still open: {alarm.text}",) if alarm is not None else ()
 
     @property
-    def lacking(self) -> tuple[str, ...]:
-        """What the next plan has to make good: why the last one failed, the open alarm."""
-        last = self.verifications[-1]
-        failed = (last.reason,) if last.outcome == "fail" else ()
-        return (*failed, *self.unanswered)
+    def follow_up(self) -> Mission | None:
+        """What the mission's alarm asks for now, in its present words; None when it is answered.
+
+        An alarm asks for one thing after the other: first a relief, then the way home (CAP-04).
+        """
+        alarm = self._alarm
+        if alarm is None or not alarm.command:
+            return None
+        return self.mission.model_copy(update={"text": alarm.command})
+
+    def lacking(self, following: Mission, last: Mission) -> tuple[str, ...]:
+        """Return what the plan for `following` has to make good of the one for `last`."""
+        verification = self.verifications[-1]
+        failed = (verification.reason,) if verification.outcome == "fail" else ()
+        return (*failed, *(self.unanswered if following.text == last.text else ()))
+
+    @property
+    def _alarm(self) -> Alarm | None:
+        """The mission's alarm while it is open and no workflow answers it."""
+        if self.course.entered:
+            return None
+        return next((a for a in self.open_alarms() if a.id == self.mission.alarm), None)
 
     def conclude(self) -> tuple[MissionStatus, str]:
         """Return what the plans, the workflow, the orderings and the alarm come to, and why.
