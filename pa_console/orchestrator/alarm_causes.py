@@ -160,7 +160,7 @@ def _asset(asset: AssetTelemetry, alone_at: str | None, time_s: float) -> Iterat
     if asset.task in ("returning", "charging") or not (asset.available or asset.stale):
         return
     if asset.low_battery:
-        does = f"{name} has a low battery. Return it to base."
+        does = f"{asset.id} has a low battery and must return to base."
         if alone_at:
             relief = f"so {alone_at} needs a second guard: send one asset to {alone_at}."
             does = f"{asset.id} has a low battery, {relief}"

@@ -219,9 +219,10 @@ def test_a_silent_guard_leaves_its_gate_unknown() -> None:
         (
             "NorthGate",
             "medium",
-            "Drone_T02 at NorthGate has a low battery. Replace it and return it to base.",
+            "Drone_T02 has a low battery, so NorthGate needs a second guard: "
+            "send one asset to NorthGate.",
         ),
-        ("spare", "low", "Drone_T04 at Checkpoint has a low battery. Return it to base."),
+        ("spare", "low", "Drone_T04 has a low battery and must return to base."),
     ],
 )
 def test_a_low_battery_asks_for_a_return_and_a_guard_for_a_replacement(
