@@ -62,4 +62,4 @@ class Results:
         passed = all(verification.outcome == "pass" for verification in self.verifications)
         passed = passed and self.course.over and self.course.settled
         passed = passed and not open_rules and not self.unanswered
-        return "verified" if passed else "unverified", "; ".join(reasons)
+        return "verified" if passed else "unverified", "; ".join(dict.fromkeys(reasons))
