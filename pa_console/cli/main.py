@@ -55,7 +55,7 @@ def _default(
 def main() -> None:
     """Run the command line; never lets a traceback reach the user."""
     try:
-        code = app(standalone_mode=False)
+        code = app(prog_name="pa-console", standalone_mode=False)
         if code == INTERRUPTED:
             raise KeyboardInterrupt
     except (DocumentError, ModelError, LogError, ValueError) as error:
