@@ -16,7 +16,6 @@ from pa_console.llm.catalog import find_model
 from pa_console.llm.engine import Engine
 from pa_console.llm.prompts import Prompt
 from pa_console.orchestrator.compose import load_site
-from pa_console.tui.map.scene import Scene
 
 MAP_SIZE = (120, 36)
 FRAMES = 20
@@ -54,6 +53,8 @@ def scale(
 
 def _measured(gates: int, assets: int, rules: str, seed: int) -> tuple[ScaleRow, float, Prompt]:
     """Measure one size in a process of its own, so that its memory is its own."""
+    from pa_console.tui.map.scene import Scene  # noqa: PLC0415 - no other verb waits for Textual
+
     found = measure(gates, assets, load_site("checkpoint", rules).rulebook, seed)
     scene = Scene(found.world)
     frames: list[float] = []
