@@ -13,7 +13,7 @@ from pa_console.orchestrator.compose import load_site
 from pa_console.orchestrator.headless import Sink
 from pa_console.resources import data_folder
 from pa_console.schema.event import Event
-from pa_console.schema.mission import MissionCase
+from pa_console.schema.mission_set import MissionCase
 from pa_console.session.fold import SessionState
 from pa_console.session.log import LogWriter, new_log_path
 

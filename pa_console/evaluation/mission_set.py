@@ -1,27 +1,35 @@
-"""Loads mission sets: commands with set-up and success conditions."""
+"""Loads mission sets: commands with set-up and success conditions, and the worlds they name."""
 
 from pathlib import Path
 
 from pa_console.schema.document import Document
 from pa_console.schema.incident import unknown_name
-from pa_console.schema.mission import MissionSet
+from pa_console.schema.mission_set import MissionSet
 from pa_console.schema.world import World
+from pa_console.sim.world_generator import generate_world
 
 
 def load_missions(path: Path, world: World) -> MissionSet:
     """Read the missions at `path` for `world`; raises DocumentError with file, line and field.
 
-    Ids must be unique, and the set-up may only name assets, frames and gates of the world.
+    Ids must be unique, and the set-up may only name assets, frames and gates of the mission's
+    own world.
     """
     document = Document.read(path)
     missions = document.parse(MissionSet)
+    worlds = {"": world}
+    for name, made in missions.worlds.items():
+        try:
+            worlds[name] = generate_world(made.gates, made.assets, made.seed)
+        except ValueError as error:
+            raise document.error(("worlds", name), str(error)) from error
     seen: set[str] = set()
     for index, case in enumerate(missions.missions):
         if case.id in seen:
             raise document.error(("missions", index, "id"), f"{case.id!r} appears twice")
         seen.add(case.id)
         for number, incident in enumerate(case.setup):
-            field, remedy = unknown_name(incident, world)
+            field, remedy = unknown_name(incident, worlds[case.world])
             if field:
                 raise document.error(("missions", index, "setup", number, field), remedy)
     return missions

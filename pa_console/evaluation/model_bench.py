@@ -7,7 +7,8 @@ from pa_console.orchestrator.clock import SteppedClock
 from pa_console.orchestrator.compose import Site, open_station
 from pa_console.orchestrator.headless import Sink, run_missions, standing_approver
 from pa_console.schema.base import StrictModel
-from pa_console.schema.mission import MissionCase, MissionSet, MissionStatus
+from pa_console.schema.mission import MissionStatus
+from pa_console.schema.mission_set import MissionCase, MissionSet
 from pa_console.session.mission_trace import Attempt, MissionTrace
 
 SinkFor = Callable[[MissionCase, str], Sink]

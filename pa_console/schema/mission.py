@@ -6,7 +6,6 @@ from typing import Literal
 from pydantic import Field
 
 from pa_console.schema.base import Name, NonNegative, StrictModel
-from pa_console.schema.incident import Incident
 from pa_console.schema.plan import Plan
 
 MAX_MISSION_TEXT = 2000
@@ -85,22 +84,3 @@ class Metrics(StrictModel):
     attempts: int = 0
     plans: int = Field(default=0, description="plans executed; more than one in a workflow")
     halts: int = Field(default=0, description="plans halted because a premise broke")
-
-
-class MissionCase(StrictModel):
-    """One entry of a mission set: a command, its set-up and its success conditions."""
-
-    id: str
-    category: str
-    command: str = Field(min_length=1, max_length=MAX_MISSION_TEXT)
-    setup: tuple[Incident, ...] = ()
-    success: tuple[str, ...] = Field(default=(), description="CEL over the finished run")
-    expect: Literal["execute", "refuse", "either"] = "either"
-
-
-class MissionSet(StrictModel):
-    """A file of missions for one world."""
-
-    name: str
-    source: str = ""
-    missions: tuple[MissionCase, ...] = Field(min_length=1)

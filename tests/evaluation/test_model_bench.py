@@ -2,7 +2,7 @@
 
 from pa_console.evaluation.model_bench import BenchRow, bench_model, total
 from pa_console.orchestrator.compose import load_site
-from pa_console.schema.mission import MissionCase, MissionSet
+from pa_console.schema.mission_set import MissionCase, MissionSet
 from tests.scripted import FAILURE, SUCCESS, ScriptedEngine, plan
 
 SITE = load_site("checkpoint", "checkpoint")

@@ -20,7 +20,7 @@ from pa_console.schema.incident import (
     SetWeather,
     SpawnTrack,
 )
-from pa_console.schema.mission import MissionSet
+from pa_console.schema.mission_set import MissionSet
 from pa_console.schema.telemetry import Track
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint

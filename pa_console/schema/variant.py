@@ -1,0 +1,25 @@
+"""Which parts of the pipeline take part: the whole of it, or an ablation for an evaluation."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from pa_console.schema.base import StrictModel
+
+PromptStyle = Literal["console", "paper"]
+
+
+class Variant(StrictModel):
+    """The parts of the pipeline that are in use; the defaults are the console's own pipeline."""
+
+    name: str = "full"
+    retrieval: bool = Field(default=True, description="the best rules for the words are retrieved")
+    method: str = Field(default="", description="retrieval method; empty: the default one")
+    pinned: bool = Field(default=True, description="every Critical rule is in the prompt")
+    checks: bool = Field(default=True, description="rules and premises are enforced")
+    rehearsal: bool = Field(default=True, description="the plan is run in a forecast first")
+    judging: bool = Field(default=True, description="the JudgeLLM is asked before and after")
+    repairs: int = Field(default=2, ge=0, description="how often a broken plan may be mended")
+    grammar: bool = Field(default=True, description="decoding is constrained to executable plans")
+    prompt: PromptStyle = "console"
+    workflows: bool = Field(default=True, description="a mission may take several plans (WF-01)")
