@@ -1,0 +1,91 @@
+"""The output folder of an evaluation: `runs.jsonl`, a line a run, and what was asked for."""
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from pa_console.evaluation.record import RunRecord
+
+RUNS, ABOUT, LOGS = "runs.jsonl", "run.json", "logs"
+
+
+def read_runs(folder: Path) -> list[RunRecord]:
+    """Return every run of `folder`, oldest first; an empty list when there is none yet.
+
+    A last line that was cut off in the middle is left out: the run comes again. Raises
+    ValueError naming file and line for any other line that is no run.
+    """
+    path = folder / RUNS
+    if not path.exists():
+        return []
+    data = path.read_bytes()
+    lines = data.split(b"\n")
+    records: list[RunRecord] = []
+    for number, line in enumerate(lines, start=1):
+        if not line.strip() or (number == len(lines) and not data.endswith(b"\n")):
+            continue
+        try:
+            records.append(RunRecord.model_validate_json(line))
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            field = ".".join(map(str, first["loc"]))
+            problem = f"{field}: {first['msg']}" if field else first["msg"]
+            raise ValueError(
+                f"{path}:{number}: this line is no run of an evaluation ({problem}); "
+                "remove it, or give another folder"
+            ) from error
+    return records
+
+
+def read_about(folder: Path) -> dict[str, Any]:
+    """Return what the evaluation in `folder` was asked for, {} when nothing says so."""
+    path = folder / ABOUT
+    try:
+        about = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return {}
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise ValueError(f"{path}: not a JSON document ({error}); remove it") from error
+    return dict(about) if isinstance(about, dict) else {}
+
+
+class Results:
+    """Adds runs to a folder; those that it holds already are known by their id."""
+
+    def __init__(self, folder: Path) -> None:
+        """Open `folder`, made when it is missing; raises ValueError for a line that is no run."""
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / LOGS).mkdir(exist_ok=True)
+        self.folder = folder
+        self.records = read_runs(folder)
+        self._mend()
+
+    @property
+    def done(self) -> frozenset[str]:
+        """Ids of the runs that need not be made again."""
+        return frozenset(record.run for record in self.records)
+
+    def add(self, record: RunRecord) -> None:
+        """Write one more run, on the disk before this returns."""
+        self.records.append(record)
+        with (self.folder / RUNS).open("ab") as file:
+            file.write(record.model_dump_json().encode() + b"\n")
+            file.flush()
+            os.fsync(file.fileno())
+
+    def describe(self, about: dict[str, Any]) -> None:
+        """Write what was asked for, replacing what stood there."""
+        partial = self.folder / f".{ABOUT}"
+        partial.write_text(json.dumps(about, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        partial.replace(self.folder / ABOUT)
+
+    def _mend(self) -> None:
+        """Cut a last line off that was not written to its end."""
+        path = self.folder / RUNS
+        if path.exists():
+            data = path.read_bytes()
+            if data and not data.endswith(b"\n"):
+                path.write_bytes(data[: data.rfind(b"\n") + 1])
