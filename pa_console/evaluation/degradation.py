@@ -16,6 +16,7 @@ from pa_console.schema.base import NonNegative, StrictModel
 from pa_console.schema.event import Event
 from pa_console.schema.incident import FailAsset, SpawnTrack
 from pa_console.schema.scenario import Scenario, ScriptedEvent
+from pa_console.schema.variant import Variant
 from pa_console.schema.world import World
 from pa_console.session.fold import SessionState
 from pa_console.sim.checkpoint import Checkpoint
@@ -115,7 +116,7 @@ async def run_condition(
             sim=sim,
             keep_engine=True,
             respond=True,
-            judging=False,
+            variant=Variant(name="without-judge", judging=False),
         )
 
         def sink(

@@ -9,6 +9,7 @@ from pa_console.orchestrator.headless import Sink, run_missions, standing_approv
 from pa_console.schema.base import StrictModel
 from pa_console.schema.mission import MissionStatus
 from pa_console.schema.mission_set import MissionCase, MissionSet
+from pa_console.schema.variant import Variant
 from pa_console.session.mission_trace import Attempt, MissionTrace
 
 SinkFor = Callable[[MissionCase, str], Sink]
@@ -59,7 +60,12 @@ async def bench_model(
     """
     for case in missions.missions:
         station = open_station(
-            site, engine, SteppedClock(), seed=seed, keep_engine=True, workflows=False
+            site,
+            engine,
+            SteppedClock(),
+            seed=seed,
+            keep_engine=True,
+            variant=Variant(workflows=False),
         )
         traces = await run_missions(
             station,

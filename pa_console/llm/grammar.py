@@ -17,6 +17,9 @@ FEEDBACK_CHARS = 240
 TEXT = r"[ !#-\[\]-~]"
 """Printable ASCII without the quote and the backslash: nothing to escape in JSON."""
 
+ANY_TEXT = r"start: /(?s:.)*/" + "\n"
+"""The grammar of whatever a model cares to write (evaluations only)."""
+
 _AGENT = '{{"agent": "{}", "command": "'
 _OPINION = '{{"id": "{}", "verdict": "'
 _END = '"}'

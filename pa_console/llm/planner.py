@@ -2,6 +2,7 @@
 
 from collections.abc import AsyncGenerator
 from dataclasses import dataclass, field
+from json import JSONDecoder
 
 from pydantic import ValidationError
 
@@ -53,9 +54,17 @@ class Planner:
 
 
 def read_plan(text: str) -> tuple[Plan | None, str]:
-    """Return the plan that `text` holds, or None and the first thing wrong with it."""
+    """Return the plan that `text` holds, or None and the first thing wrong with it.
+
+    Words around the JSON object, or a fence, do not matter: without a grammar models write them.
+    """
+    begin = text.find("{")
     try:
-        return Plan.model_validate_json(text), ""
+        _, end = JSONDecoder().raw_decode(text, max(begin, 0))
+    except ValueError:
+        end = len(text)
+    try:
+        return Plan.model_validate_json(text[max(begin, 0) : end]), ""
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(map(str, first["loc"]))

@@ -15,12 +15,13 @@ from pa_console.llm.planner import Planner
 from pa_console.orchestrator.clock import Clock
 from pa_console.orchestrator.services import Services
 from pa_console.orchestrator.station import Station
-from pa_console.policy.retriever import Retriever
+from pa_console.policy.retriever import DEFAULT_METHOD, Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import find_data
 from pa_console.schema.event import SessionStarted
 from pa_console.schema.plan import MAX_ACTIONS
 from pa_console.schema.scenario import Scenario
+from pa_console.schema.variant import Variant
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.scenario_file import load_scenario, scenario_path
@@ -86,27 +87,26 @@ def open_station(
     keep_engine: bool = False,
     scenario: LoadedScenario | None = None,
     respond: bool = False,
-    workflows: bool = True,
-    judging: bool = True,
+    variant: Variant | None = None,
     sim: Checkpoint | None = None,
 ) -> Station:
     """Return a station on `site` whose planner and judge are two roles on `engine`.
 
     The engine is closed with the session unless `keep_engine`. With `respond`, alarms become
-    missions by themselves; without `workflows`, every mission is one plan. A `sim` of the
-    caller's own is used instead of a new one: a benchmark can then compare with the truth.
+    missions by themselves. An evaluation may give a `variant` of the pipeline, and a `sim` of its
+    own: it can then compare with the truth.
     """
     if sim is None:
         sim = Checkpoint(site.world, seed, scenario.scenario if scenario is not None else None)
+    variant = variant or Variant()
     services = Services(
         sim=sim,
         rulebook=site.rulebook,
-        retriever=Retriever(site.rulebook.rules),
+        retriever=Retriever(site.rulebook.rules, variant.method or DEFAULT_METHOD),
         engine=engine,
         planner=Planner(engine),
         judge=Judge(engine),
-        workflows=workflows,
-        judging=judging,
+        variant=variant,
     )
     grammar = plan_grammar(site.world, sim.picture(), tuple(site.world.assets)[:MAX_ACTIONS])
     started = SessionStarted(
@@ -123,6 +123,7 @@ def open_station(
         scenario_sha256=scenario.sha256 if scenario is not None else "",
         sampler=engine.sampler,
         grammar_sha256=hashlib.sha256(grammar.encode()).hexdigest(),
+        variant=variant,
         readonly=readonly,
         packages={name: version(name) for name in PINNED_PACKAGES},
     )

@@ -136,7 +136,7 @@ class Execution:
                 continue
             seen = picture
             self.halted = tuple(_gave_up(dispatch))
-            if not dispatch.finished:
+            if not dispatch.finished and self._services.variant.checks:
                 broken = premises.broken(picture, dispatch.open_agents)
                 self.halted = (*self.halted, *broken, *dict.fromkeys(self.breaches))
             if self.halted:

@@ -21,6 +21,7 @@ from pa_console.policy.moments import moment
 from pa_console.policy.monitor import Monitor
 from pa_console.schema import event as ev
 from pa_console.schema.alarm import Alarm
+from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission, MissionStatus
 from pa_console.schema.moment import Moment
 from pa_console.schema.telemetry import Picture
@@ -56,7 +57,7 @@ class MissionRun:
         self._monitor = Monitor(services.rulebook, services.sim.world)
         self._planning = Planning(services, mission, self._watch, self._monitor)
         self._deciding = Deciding(
-            self._planning, mission, decide, self._watch, judging=services.judging
+            self._planning, mission, decide, self._watch, judging=services.variant.judging
         )
         self._course = Course(services.rulebook, mission)
         self.execution = Execution(services, mission, self._watch, feed)
@@ -81,7 +82,7 @@ class MissionRun:
         if refused is not None:
             yield refused
         else:
-            if self._services.workflows:
+            if self._services.variant.workflows:
                 for move in self._course.begin(self._now()):
                     yield self._note(move)
             async for payload in self._plan_after_plan():
@@ -109,14 +110,18 @@ class MissionRun:
         agents = tuple(order.agent for order in orders)
         now = moment(picture, self._services.sim.world, orders, agents)
         for finding in self._monitor.observe(now):
-            if finding.blocking and not self._about_gates(finding.rule_id):
+            if self._halting(finding):
                 self.execution.breaches.append(f"{finding.rule_id}: {finding.message}")
         for move in self._course.observe(now):
             yield self._note(move)
 
-    def _about_gates(self, rule_id: str) -> bool:
-        """Whether a rule's orderings are all about gates: premises and alarms see to those."""
-        return all(order.each == "gate" for order in self._services.rulebook.get(rule_id).order)
+    def _halting(self, finding: Finding) -> bool:
+        """Whether a broken ordering halts the plan; premises and alarms see to gates."""
+        if not finding.blocking or not self._services.variant.checks:
+            return False
+        return any(
+            order.each != "gate" for order in self._services.rulebook.get(finding.rule_id).order
+        )
 
     async def _plan_after_plan(self) -> Payloads:
         """Steps 2 to 8, once for every plan that the mission takes."""
@@ -183,6 +188,8 @@ class MissionRun:
     def _refused_at_intake(self) -> ev.PlanChecked | None:
         """Decide the rules that concern the mission's words alone, before any model is asked."""
         services = self._services
+        if not services.variant.checks:
+            return None
         started = perf_counter()
         findings = check_mission(services.rulebook, self.mission, services.sim.world)
         seconds = perf_counter() - started
@@ -202,13 +209,13 @@ class MissionRun:
                 yield payload
             if self.execution.verification is None:
                 return
-            if self._services.workflows:
+            if self._services.variant.workflows:
                 for move in self._course.join(approved.examination.plan, self._now()):
                     yield self._note(move)
                 await self._watch_outcome(phase, task)
         finally:
             self.moving = False
-        if self._services.judging:
+        if self._services.variant.judging:
             async for payload in self.execution.judge_outcome(
                 approved.examination, task, self._planning.selection
             ):

@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from time import perf_counter
 
-from pa_console.llm.grammar import judge_grammar, plan_grammar
+from pa_console.llm.grammar import ANY_TEXT, judge_grammar, plan_grammar
 from pa_console.llm.judge import Judgement
+from pa_console.llm.paper_prompt import paper_prompt
 from pa_console.llm.planner import Proposal
 from pa_console.llm.prompts import judge_prompt, planner_prompt
 from pa_console.orchestrator.digest import digest_picture
@@ -69,7 +70,7 @@ class Planning:
         self.task, self._verbs = task, verbs
         started = perf_counter()
         retriever = self._services.retriever
-        self._hits = retriever.retrieve(task.text, self._services.top_k)
+        self._hits = self._retrieved(task.text)
         seconds = perf_counter() - started
         self._watch.add("retrieval_s", seconds)
         yield ev.RulesRetrieved(method=retriever.method, hits=self._hits, seconds=seconds)
@@ -81,7 +82,7 @@ class Planning:
         """
         self.best, self.error = None, ""
         seen: set[Plan] = set()
-        for last in [False] * self._services.repairs + [True]:
+        for last in [False] * self._services.variant.repairs + [True]:
             async for payload in self._ask(reasons, previous):
                 yield payload
             proposal = self._proposal
@@ -114,7 +115,7 @@ class Planning:
     async def judge(self) -> Payloads:
         """Step 6: the JudgeLLM's verdict on `best`; a blocked plan needs none."""
         candidate = self.best
-        if candidate is None or candidate.examination.blocked or not self._services.judging:
+        if candidate is None or candidate.examination.blocked or not self._services.variant.judging:
             return
         rehearsal = candidate.examination.rehearsal
         if self._digest is None or rehearsal is None:
@@ -167,9 +168,14 @@ class Planning:
         self._watch.add("picture_s", seconds)
         yield ev.PictureDigested(digest=self._digest, seconds=seconds)
         started = perf_counter()
-        prompt = planner_prompt(world, self._digest, rules, self.task, reasons, previous)
-        chosen = (None, None) if selection is None else (selection.assets, selection.frames)
-        grammar = plan_grammar(world, picture, *chosen, self._verbs)
+        if services.variant.prompt == "paper":
+            prompt = paper_prompt(world, self._digest, rules, self.task)
+        else:
+            prompt = planner_prompt(world, self._digest, rules, self.task, reasons, previous)
+        grammar = ANY_TEXT
+        if services.variant.grammar:
+            chosen = (None, None) if selection is None else (selection.assets, selection.frames)
+            grammar = plan_grammar(world, picture, *chosen, self._verbs)
         seconds = perf_counter() - started
         self._watch.add("prompt_s", seconds)
         yield ev.PromptBuilt(
@@ -192,7 +198,7 @@ class Planning:
     async def _examine(self, plan: Plan) -> Payloads:
         found = await self._safeguards(plan)
         self._latest = found
-        if found.rehearsal is not None:
+        if found.rehearsal is not None and self._services.variant.rehearsal:
             yield ev.PlanRehearsed(
                 attempt=self.attempts, rehearsal=found.rehearsal, seconds=found.rehearsal_s
             )
@@ -200,9 +206,20 @@ class Planning:
         if self.best is None or found.badness < self.best.examination.badness:
             self.best = Candidate(self.attempts, found)
 
+    def _retrieved(self, text: str) -> tuple[RuleHit, ...]:
+        """Return the rules for the prompt: pinned ones, best ones, or both, by variant."""
+        retriever, variant = self._services.retriever, self._services.variant
+        top_k = self._services.top_k if variant.retrieval else 0
+        if variant.pinned:
+            return retriever.retrieve(text, top_k)
+        best = retriever.score_all(text)[:top_k]
+        return tuple(hit.model_copy(update={"pinned": False}) for hit in best)
+
     async def _safeguards(self, plan: Plan) -> Examination:
         services = self._services
-        found = await examine(plan, self.task, services.sim, services.rulebook, self._monitor)
+        found = await examine(
+            plan, self.task, services.sim, services.rulebook, self._monitor, services.variant
+        )
         self._watch.add("checks_s", found.checks_s)
         self._watch.add("rehearsal_s", found.rehearsal_s)
         return found

@@ -12,6 +12,7 @@ from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.event import EventPayload
 from pa_console.schema.mission import Metrics
+from pa_console.schema.variant import Variant
 from pa_console.sim.checkpoint import Checkpoint
 
 Payloads = AsyncIterator[EventPayload]
@@ -19,10 +20,9 @@ Payloads = AsyncIterator[EventPayload]
 
 @dataclass(frozen=True)
 class Services:
-    """The simulation, the policy and the two roles of the LLM; `repairs` bounds step 6's loop.
+    """The simulation, the policy and the two roles of the LLM; `variant` says what takes part.
 
-    Without `workflows` a mission is one plan; without `judging` the checks alone decide on
-    plans and telemetry alone on outcomes (benchmarks only).
+    Everything does, but for ablations: they run in evaluations only, never in the console.
     """
 
     sim: Checkpoint
@@ -31,10 +31,8 @@ class Services:
     engine: Engine
     planner: Planner
     judge: Judge
-    repairs: int = 2
     top_k: int = 3
-    workflows: bool = True
-    judging: bool = True
+    variant: Variant = field(default_factory=Variant)
 
 
 @dataclass

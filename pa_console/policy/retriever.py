@@ -8,6 +8,7 @@ from rapidfuzz import fuzz
 from pa_console.schema.rule import Rule, RuleHit
 
 METHODS = ("paper",)
+DEFAULT_METHOD = "paper"
 _TOKEN = re.compile(r"\w+")
 
 

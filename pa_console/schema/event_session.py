@@ -2,9 +2,12 @@
 
 from typing import Literal
 
+from pydantic import Field
+
 from pa_console.schema.event_base import Payload
 from pa_console.schema.incident import Incident
 from pa_console.schema.telemetry import Picture
+from pa_console.schema.variant import Variant
 
 Level = Literal["info", "warning", "alarm"]
 IncidentSource = Literal["operator", "scenario"]
@@ -29,6 +32,7 @@ class SessionStarted(Payload):
     sampler: str
     grammar_sha256: str
     readonly: bool = False
+    variant: Variant = Field(default_factory=Variant)
     packages: dict[str, str] = {}
 
 

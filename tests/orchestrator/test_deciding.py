@@ -7,6 +7,7 @@ from pa_console.orchestrator.compose import open_station
 from pa_console.orchestrator.headless import run_missions, standing_approver
 from pa_console.schema import event as ev
 from pa_console.schema.mission import Decision
+from pa_console.schema.variant import Variant
 from pa_console.session.fold import SessionState
 from tests.orchestrator.conftest import MISSION, Rig
 from tests.scripted import FAILURE, ScriptedEngine, plan
@@ -18,7 +19,9 @@ UNCOVER = plan(("Drone_T01", "move_to EastGate"))
 @pytest.mark.parametrize(("answer", "status"), [(SPARE, "verified"), (UNCOVER, "refused")])
 async def test_without_judging_the_checks_alone_decide(rig: Rig, answer: str, status: str) -> None:
     engine = ScriptedEngine([answer], [FAILURE])
-    station = open_station(rig.site, engine.engine(), SteppedClock(), judging=False)
+    station = open_station(
+        rig.site, engine.engine(), SteppedClock(), variant=Variant(judging=False)
+    )
     events: list[ev.Event] = []
 
     def sink(event: ev.Event, _: SessionState) -> None:
