@@ -62,7 +62,7 @@ class ScriptedEngine:
     async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
         """Give the next answer of the request's role in two pieces."""
         self.requests.append(request)
-        answers = self._answers[request.role]
+        answers = self._answers["planner" if request.role == "planner" else "judge"]
         answer = answers.pop(0) if len(answers) > 1 else answers[0]
         if isinstance(answer, EngineError):
             raise answer

@@ -30,15 +30,16 @@ class MemoEngine:
     """Gives the model's own answer again when a prompt comes again.
 
     Decoding is greedy, so an equal prompt has an equal answer. Prompts that differ only in a
-    number of metres, seconds or percent count as equal: the first answer stands for all of them.
+    number of metres, seconds or percent count as equal, the first answer stands for all of them,
+    unless only `exact` repetitions do.
     """
 
-    def __init__(self, engine: Engine, memory: Path | None = None) -> None:
+    def __init__(self, engine: Engine, memory: Path | None = None, *, exact: bool = False) -> None:
         """Answers are kept in the file `memory` too, so that a run that was cut off goes on.
 
         Raises ValueError for a line of the file that is no answer.
         """
-        self._engine, self._memory = engine, memory
+        self._engine, self._memory, self._exact = engine, memory, exact
         self._known = _recall(memory) if memory is not None and memory.exists() else {}
         self.asked = 0
         self.reused = 0
@@ -70,7 +71,7 @@ class MemoEngine:
 
     async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
         """Give the answer to `request` in pieces, then one Completed; raises EngineError."""
-        user = _MEASURED.sub(r"# \1", request.user)
+        user = request.user if self._exact else _MEASURED.sub(r"# \1", request.user)
         words = "\x00".join((request.role, request.system, user, request.grammar))
         key = hashlib.sha256(words.encode()).hexdigest()
         known = self._known.get(key)

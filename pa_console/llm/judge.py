@@ -35,10 +35,15 @@ class Judge:
     ) -> None:
         self._engine, self._max_tokens, self._deadline_s = engine, max_tokens, deadline_s
 
-    async def judge(self, prompt: Prompt, grammar: str) -> AsyncGenerator[str | Judgement]:
-        """Give the answer to `prompt` in pieces, then one Judgement; never raises EngineError."""
+    async def judge(
+        self, prompt: Prompt, grammar: str, role: Literal["judge", "outcome"] = "judge"
+    ) -> AsyncGenerator[str | Judgement]:
+        """Give the answer to `prompt` in pieces, then one Judgement; never raises EngineError.
+
+        `role` says whose fixed part the prompt begins with: of plans, or of outcomes.
+        """
         request = Request(
-            "judge", prompt.system, prompt.user, grammar, self._max_tokens, self._deadline_s
+            role, prompt.system, prompt.user, grammar, self._max_tokens, self._deadline_s
         )
         async for item in ask(self._engine, request):
             if isinstance(item, str):

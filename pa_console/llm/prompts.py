@@ -157,7 +157,9 @@ mission was served and every gate stayed covered, else Failure.
 
 def fixed_part(role: Role, world: World) -> str:
     """Return what every prompt of `role` begins with; the engine can read it ahead."""
-    return JUDGE if role == "judge" else PLANNER + "\n" + vocabulary(world)
+    if role == "judge":
+        return JUDGE
+    return (PLANNER if role == "planner" else OUTCOME) + "\n" + vocabulary(world)
 
 
 def planner_prompt(  # noqa: PLR0917
@@ -213,7 +215,7 @@ def outcome_prompt(
         f"Plan: {_plan(plan)}",
         verification_facts(verification),
     ]
-    return Prompt(OUTCOME + "\n" + vocabulary(world), "\n".join(user))
+    return Prompt(fixed_part("outcome", world), "\n".join(user))
 
 
 def _rules(rules: Sequence[Rule]) -> str:

@@ -26,7 +26,7 @@ from pa_console.llm.protocol import (
 from pa_console.schema.base import StrictModel
 from pa_console.schema.event import Role
 
-SEQUENCES: dict[Role, int] = {"planner": 0, "judge": 1}
+SEQUENCES: dict[Role, int] = {"planner": 0, "judge": 1, "outcome": 2}
 """Each role keeps its own KV cache, so its fixed prompt is evaluated once."""
 
 

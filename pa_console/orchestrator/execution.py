@@ -101,7 +101,7 @@ class Execution:
         digest = digest_picture(sim.picture(), sim.world, selection)
         prompt = outcome_prompt(sim.world, digest, mission, approved.plan, self.verification)
         with self._watch.time("outcome_s"):
-            async for piece in self._services.judge.judge(prompt, judge_grammar([])):
+            async for piece in self._services.judge.judge(prompt, judge_grammar([]), "outcome"):
                 if not isinstance(piece, str):
                     yield ev.OutcomeJudged(
                         verdict=piece.verdict, error=piece.error, usage=piece.usage

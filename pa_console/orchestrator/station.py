@@ -20,7 +20,7 @@ from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Mission
 from pa_console.schema.world import World
 
-ROLES: tuple[ev.Role, ...] = ("planner", "judge")
+ROLES: tuple[ev.Role, ...] = ("planner", "judge", "outcome")
 READ_ONLY = "this console is read-only: commands are refused"
 
 

@@ -4,7 +4,8 @@ from typing import ClassVar, Literal
 
 from pa_console.schema.base import StrictModel
 
-Role = Literal["planner", "judge"]
+Role = Literal["planner", "judge", "outcome"]
+"""What the model is asked to be: planner, judge of a plan, judge of an outcome."""
 
 
 class Payload(StrictModel):

@@ -1,0 +1,63 @@
+"""The ablations by name: each leaves one part of the pipeline out, all else being equal."""
+
+from pa_console.schema.variant import Variant
+
+REFERENCE = "one-plan"
+"""What the ablations are compared with: the whole pipeline with one plan a mission."""
+
+_ONE_PLAN = Variant(name=REFERENCE, workflows=False)
+
+
+def _without(name: str, **changes: object) -> Variant:
+    return Variant.model_validate({**_ONE_PLAN.model_dump(), "name": name, **changes})
+
+
+ABOUT: dict[str, str] = {
+    "full": "the console's own pipeline; a workflow may take several plans",
+    REFERENCE: "the same with one plan a mission",
+    "no-retrieval": "one-plan with the Critical rules alone in the prompt",
+    "no-pinned": "one-plan with the three best rules alone in the prompt",
+    "no-rules": "one-plan without any rule in the prompt",
+    "no-safeguards": "one-plan without checks, premises and monitor; nothing blocks a plan",
+    "no-rehearsal": "one-plan, checked as if every order succeeded at once",
+    "no-judge": "one-plan without the JudgeLLM",
+    "no-repair": "one-plan; the first plan stands",
+    "no-grammar": "one-plan; the planner writes whatever it likes",
+    "paper-retrieval": "one-plan with the paper's retrieval",
+    "paper": "the paper's retrieval, prompt and judge; no checks, rehearsal, repair or grammar",
+}
+"""What each variant is, in the order of the tables."""
+
+VARIANTS: dict[str, Variant] = {
+    variant.name: variant
+    for variant in (
+        Variant(),
+        _ONE_PLAN,
+        _without("no-retrieval", retrieval=False),
+        _without("no-pinned", pinned=False),
+        _without("no-rules", retrieval=False, pinned=False),
+        _without("no-safeguards", checks=False, repairs=0),
+        _without("no-rehearsal", rehearsal=False),
+        _without("no-judge", judging=False),
+        _without("no-repair", repairs=0),
+        _without("no-grammar", grammar=False),
+        _without("paper-retrieval", method="paper"),
+        _without(
+            "paper",
+            method="paper",
+            pinned=False,
+            checks=False,
+            rehearsal=False,
+            repairs=0,
+            grammar=False,
+            prompt="paper",
+        ),
+    )
+}
+
+
+def find_variant(name: str) -> Variant:
+    """Return the variant called `name`; raises ValueError with the known names."""
+    if name not in VARIANTS:
+        raise ValueError(f"unknown variant {name!r}; known: {', '.join(VARIANTS)}")
+    return VARIANTS[name]
