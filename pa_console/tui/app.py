@@ -25,9 +25,8 @@ from pa_console.tui.ports import (
     RulebookPort,
     StationPort,
 )
-from pa_console.tui.replay import ReplayDeck
 from pa_console.tui.screens.main import MainScreen
-from pa_console.tui.session_app import FRAME_S
+from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.theme import DEFAULT_THEME, THEMES, VARIABLES
 from pa_console.tui.whatif import next_rate
 from pa_console.tui.widgets.approval_panel import ApprovalPanel
@@ -36,10 +35,7 @@ from pa_console.tui.widgets.mission_prompt import MissionPrompt
 CLOSE_WITHIN_S = 3.0
 """The console leaves after this long even when the session does not end by itself."""
 
-CLOSED = {
-    "REPLAY": "REPLAY: this is a recording, every command is refused",
-    "READ-ONLY": "READ-ONLY: every command is refused",
-}
+READ_ONLY = "READ-ONLY: every command is refused"
 
 
 class ConsoleApp(CommandingApp):
@@ -73,22 +69,27 @@ class ConsoleApp(CommandingApp):
         self._history, self._key_file = history, keymap
         self._drafts: dict[tuple[str, int], str] = {}
         self._editing: tuple[tuple[str, int], Screen[Plan | None]] | None = None
-        self._deck = ReplayDeck(player, clock) if player else None
 
     def on_mount(self) -> None:
         """Show the screen first; the session starts after the first paint."""
         for theme in THEMES:
             self.register_theme(theme)
         self.theme = DEFAULT_THEME
-        mode = "REPLAY" if self.player else "READ-ONLY" if self.readonly else "LIVE"
-        closed = CLOSED.get(mode, "")
-        history = History(None if closed else self._history or history_file())
-        rules = {rule.id: rule for rule in self.rulebook.rules}
-        self.main = MainScreen(
-            self.world, rules, history, closed=closed, mode=mode, clock=self.clock
-        )
-        self.push_screen(self.main)
+        self.show_first()
         self.call_after_refresh(self._start)
+
+    def show_first(self) -> None:
+        """Show the screen that the console begins with."""
+        rules = {rule.id: rule for rule in self.rulebook.rules}
+        if self.player is not None:
+            self.main = RecordingScreen(self.world, rules, self.player, self.clock)
+        else:
+            mode, closed = ("READ-ONLY", READ_ONLY) if self.readonly else ("LIVE", "")
+            history = History(None if closed else self._history or history_file())
+            self.main = MainScreen(
+                self.world, rules, history, closed=closed, mode=mode, clock=self.clock
+            )
+        self.push_screen(self.main)
 
     def get_theme_variable_defaults(self) -> dict[str, str]:
         """Return the console's own colour variables for themes without them."""
@@ -103,9 +104,6 @@ class ConsoleApp(CommandingApp):
             self.set_keymap(load_keymap(self._key_file or keymap_file()))
         except DocumentError as error:
             self.tell(str(error), "Your keys were not used", bad=True)
-        if self._deck is not None:
-            self.set_interval(FRAME_S, self._play_on)
-            self._show_replay()
         self.start_session()
 
     # Commands to the station
@@ -154,45 +152,33 @@ class ConsoleApp(CommandingApp):
 
     def set_rate(self, rate: float) -> None:
         """Set the speed of the simulation or of the replay."""
-        if self._deck is not None:
-            self._deck.rate = self.rate = rate
-            self._show_replay()
+        if self.recording is not None:
+            self.recording.set_rate(rate)
         elif self.station is not None and not self.readonly:
             self.station.rate = self.rate = rate
         self.changed(frozenset(("status",)))
 
     def action_change_rate(self, factor: float) -> None:
         """Go faster or slower."""
-        self.set_rate(next_rate(self.rate, factor, slow=self._deck is not None))
+        now = self.recording.rate if self.recording is not None else self.rate
+        self.set_rate(next_rate(now, factor, slow=self.recording is not None))
 
-    # The replay
-
-    def _play_on(self) -> None:
-        if self._deck is not None and self._deck.play_on():
-            self._show_replay()
-
-    def _show_replay(self) -> None:
-        if self._deck is not None and self.main is not None:
-            self.main.show_replay(self._deck.line())
-            self.changed(self._deck.views)
+    # A recording
 
     def action_play_pause(self) -> None:
         """Play or pause."""
-        if self._deck is not None:
-            self._deck.play_pause()
-            self._show_replay()
+        if self.recording is not None:
+            self.recording.play_pause()
 
     def action_step(self, by: int) -> None:
         """One event forward or back."""
-        if self._deck is not None:
-            self._deck.step(by)
-            self._show_replay()
+        if self.recording is not None:
+            self.recording.step(by)
 
     def action_next_mission(self) -> None:
         """On to where the next mission begins."""
-        if self._deck is not None:
-            self._deck.next_mission()
-            self._show_replay()
+        if self.recording is not None:
+            self.recording.next_mission()
 
     # Leaving
 

@@ -49,44 +49,44 @@ class BrowsingApp(SessionApp):
 
     def action_view(self, view: str) -> None:
         """Go to a pane."""
-        if self.main is not None:
-            self.main.focus_view(view)
+        if self.shown is not None:
+            self.shown.focus_view(view)
 
     def action_to_approval(self) -> None:
         """Go to the plan that waits."""
-        if self.main is not None:
-            self.main.to_approval()
+        if self.shown is not None:
+            self.shown.to_approval()
 
     def action_to_prompt(self) -> None:
         """Go to the mission field."""
-        if self.main is not None:
-            self.main.query_one(MissionPrompt).take_cursor()
+        if self.shown is not None:
+            self.shown.query_one(MissionPrompt).take_cursor()
 
     def action_leave(self) -> None:
         """Leave a field."""
-        if self.main is not None and self.screen is self.main:
-            self.main.leave_field()
+        if self.shown is not None and self.screen is self.shown:
+            self.shown.leave_field()
 
     def action_select_mission(self, by: int) -> None:
         """Show the trace of the mission before or after."""
-        if self.main is not None:
-            self.main.select(self.state, by)
+        if self.shown is not None:
+            self.shown.select(self.shown_state, by)
 
     def action_next_alarm(self) -> None:
         """Put the pointer on the next alarm."""
-        if self.main is not None:
-            self.main.show_alarms().next_alarm()
+        if self.shown is not None:
+            self.shown.show_alarms().next_alarm()
 
     def action_next_queued(self) -> None:
         """Put the pointer on the next waiting mission."""
-        if self.main is not None:
-            self.main.show_alarms().next_mission()
+        if self.shown is not None:
+            self.shown.show_alarms().next_mission()
 
     def action_follow(self) -> None:
         """Follow what the alarm at the pointer is about; the same again follows nothing."""
-        if self.main is None:
+        if self.shown is None:
             return
-        view, subject = self.main.query_one(MapView), self.main.query_one(AlarmPane).subject
+        view, subject = self.shown.query_one(MapView), self.shown.query_one(AlarmPane).subject
         if not subject or subject == view.followed:
             view.follow("")
         else:
@@ -94,9 +94,9 @@ class BrowsingApp(SessionApp):
 
     def follow(self, name: str) -> None:
         """Keep something in view on the map, and go to the map."""
-        if self.main is not None:
-            if self.main.query_one(MapView).follow(name):
-                self.main.go_to("map")
+        if self.shown is not None:
+            if self.shown.query_one(MapView).follow(name):
+                self.shown.go_to("map")
             else:
                 self.tell(f"where {name} is was never reported", "Follow", bad=True)
 
@@ -109,25 +109,25 @@ class BrowsingApp(SessionApp):
 
     def action_zoom(self, factor: float) -> None:
         """Zoom the map."""
-        if self.main is not None:
-            self.main.query_one(MapView).zoom_by(factor)
+        if self.shown is not None:
+            self.shown.query_one(MapView).zoom_by(factor)
 
     def action_pan(self, right: int, up: int) -> None:
         """Move the map's view."""
-        if self.main is not None:
-            self.main.query_one(MapView).pan(right, up)
+        if self.shown is not None:
+            self.shown.query_one(MapView).pan(right, up)
 
     def action_filter(self) -> None:
         """Type a filter for assets, tracks and cameras."""
-        if self.main is not None:
-            self.main.go_to("assets")
-            self.main.query_one(AssetPane).ask()
+        if self.shown is not None:
+            self.shown.go_to("assets")
+            self.shown.query_one(AssetPane).ask()
 
     def action_problems(self) -> None:
         """Show only what needs an eye, or everything."""
-        if self.main is not None:
-            self.main.go_to("assets")
-            self.main.query_one(AssetPane).toggle_problems()
+        if self.shown is not None:
+            self.shown.go_to("assets")
+            self.shown.query_one(AssetPane).toggle_problems()
 
     def action_help(self) -> None:
         """Show the help page."""
@@ -143,14 +143,15 @@ class BrowsingApp(SessionApp):
 
     def action_copy_trace(self) -> None:
         """Copy the shown trace."""
-        trace = self.main.selected(self.state) if self.main else None
+        trace = self.shown.selected(self.shown_state) if self.shown else None
         if trace is not None:
             rules = {rule.id: rule for rule in self.rulebook.rules}
+            rules = self.recording.rules if self.recording else rules
             self._copy("trace", f"{trace.mission.id}-trace.txt", trace_text(trace, rules))
 
     def action_copy_plan(self) -> None:
         """Copy the shown plan."""
-        trace = self.main.selected(self.state) if self.main else None
+        trace = self.shown.selected(self.shown_state) if self.shown else None
         if trace is not None:
             self._copy("plan", f"{trace.mission.id}-plan.json", plan_text(trace))
 

@@ -1,5 +1,8 @@
 """Which panes an event concerns, so that the others are left alone."""
 
+FRAME_S = 0.12
+"""Least wall time between two repaints: about eight a second, whatever the event rate."""
+
 ALL_VIEWS = frozenset(("status", "map", "assets", "alarms", "trace", "events"))
 
 _PICTURE = frozenset(("status", "map", "assets"))

@@ -18,11 +18,9 @@ from pa_console.tui.ports import (
     RulebookPort,
     StationPort,
 )
-from pa_console.tui.refresh import ALL_VIEWS, views_of
+from pa_console.tui.refresh import ALL_VIEWS, FRAME_S, views_of
 from pa_console.tui.screens.main import MainScreen
-
-FRAME_S = 0.12
-"""Least wall time between two repaints: about eight a second, whatever the event rate."""
+from pa_console.tui.screens.recording import RecordingScreen
 
 LOOK_S = 1.0
 """How often the age of the telemetry is looked at, in wall seconds."""
@@ -76,25 +74,52 @@ class SessionApp(App[None]):
         return self.player.state if self.player else self._folded
 
     @property
+    def shown(self) -> MainScreen | None:
+        """The main screen, or the recording that was opened over it."""
+        screens = reversed(self.screen_stack)
+        return next((screen for screen in screens if isinstance(screen, MainScreen)), None)
+
+    @property
+    def recording(self) -> RecordingScreen | None:
+        """The recording that is looked at, if one is."""
+        return self.shown if isinstance(self.shown, RecordingScreen) else None
+
+    @property
+    def shown_state(self) -> SessionState:
+        """The session that is looked at: the recording's, else the session's own."""
+        return self.recording.state if self.recording else self.state
+
+    @property
     def situation(self) -> Situation:
-        """What decides which actions are legal now."""
-        current, alarms = self.state.current, self.state.alarms
+        """What decides which actions are legal now; in a recording none that commands is."""
+        recorded = self.player is not None or self.recording is not None
+        return self._situation_of(self.shown_state, recorded)
+
+    def _situation_of(self, state: SessionState, recorded: bool) -> Situation:
+        current, alarms = state.current, state.alarms
         return Situation(
-            replay=self.player is not None,
+            replay=recorded,
             readonly=self.readonly or self.station is None,
-            mission=self.state.active is not None,
+            mission=state.active is not None,
             traced=current is not None,
             approval=current is not None and current.approval is not None,
             alarms=len(alarms),
             unseen=sum(not item.acknowledged for item in alarms),
-            queue=len(self.state.queue),
+            queue=len(state.queue),
         )
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Allow a registered action only while it is legal; it is hidden from the footer else."""
+        """Allow a registered action only while it is legal; it is hidden from the footer else.
+
+        What is urgent concerns the session itself, whatever recording is looked at.
+        """
         registered = find_action(action, parameters)
-        if registered is not None and registered.refusal(self.situation):
-            return False
+        if registered is not None:
+            now = self.situation
+            if registered.urgent:
+                now = self._situation_of(self.state, self.player is not None)
+            if registered.refusal(now):
+                return False
         return super().check_action(action, parameters)
 
     def start_session(self) -> None:
@@ -162,7 +187,9 @@ class SessionApp(App[None]):
         """Repaint what has changed since the last frame."""
         self._flush_due = False
         views, self._dirty = self._dirty, frozenset()
-        if views and self.main is not None and self.main.is_mounted:
+        if self.recording is not None:
+            self.recording.repaint()
+        if views and self.main is not None and self.main.is_mounted and self.player is None:
             silent = self.clock() - self._last_telemetry
             self.main.refresh_views(self.state, views, self.rate, silent)
         if self.situation != self._situation:
