@@ -10,7 +10,17 @@ from typing import Annotated
 import typer
 
 from pa_console import __version__
-from pa_console.cli import bench, console, mission, models, replay, rules, scenarios, world
+from pa_console.cli import (
+    bench,
+    console,
+    evaluate,
+    mission,
+    models,
+    replay,
+    rules,
+    scenarios,
+    world,
+)
 from pa_console.cli.output import BAD_INPUT, FAILED, errors
 from pa_console.llm.errors import EngineError, ModelError
 from pa_console.schema.document import DocumentError
@@ -32,6 +42,7 @@ app.command("mission")(mission.mission)
 app.command("replay")(replay.replay)
 app.add_typer(rules.app, name="rules")
 app.add_typer(models.app, name="models")
+app.add_typer(evaluate.app, name="eval")
 app.add_typer(bench.app, name="bench")
 app.add_typer(scenarios.app, name="scenarios")
 app.add_typer(world.app, name="world")

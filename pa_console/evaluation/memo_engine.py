@@ -34,12 +34,22 @@ class MemoEngine:
     unless only `exact` repetitions do.
     """
 
-    def __init__(self, engine: Engine, memory: Path | None = None, *, exact: bool = False) -> None:
+    def __init__(
+        self,
+        engine: Engine,
+        memory: Path | None = None,
+        *,
+        exact: bool = False,
+        reuse: bool = True,
+    ) -> None:
         """Answers are kept in the file `memory` too, so that a run that was cut off goes on.
+
+        Without `reuse` the model is asked every time.
 
         Raises ValueError for a line of the file that is no answer.
         """
         self._engine, self._memory, self._exact = engine, memory, exact
+        self._reuse = reuse
         self._known = _recall(memory) if memory is not None and memory.exists() else {}
         self.asked = 0
         self.reused = 0
@@ -67,14 +77,16 @@ class MemoEngine:
         self._engine.kill_worker()
 
     async def warm(self, role: Role, system: str) -> None:
-        """Do nothing: a prompt that is known needs no reading ahead."""
+        """Read the fixed prompt of `role` ahead, unless answers are reused."""
+        if not self._reuse:
+            await self._engine.warm(role, system)
 
     async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
         """Give the answer to `request` in pieces, then one Completed; raises EngineError."""
         user = request.user if self._exact else _MEASURED.sub(r"# \1", request.user)
         words = "\x00".join((request.role, request.system, user, request.grammar))
         key = hashlib.sha256(words.encode()).hexdigest()
-        known = self._known.get(key)
+        known = self._known.get(key) if self._reuse else None
         if known is not None:
             self.reused += 1
             yield known.text

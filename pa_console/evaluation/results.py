@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+import platformdirs
 from pydantic import ValidationError
 
 from pa_console.evaluation.record import RunRecord
@@ -89,3 +90,15 @@ class Results:
             data = path.read_bytes()
             if data and not data.endswith(b"\n"):
                 path.write_bytes(data[: data.rfind(b"\n") + 1])
+
+
+def evaluations_folder() -> Path:
+    """Return where evaluations are kept that were given no folder of their own."""
+    return platformdirs.user_state_path("pa-console") / "evaluations"
+
+
+def newest_evaluation() -> Path | None:
+    """Return the folder of evaluations_folder() whose runs changed last, None without any."""
+    found = evaluations_folder().glob(f"*/{RUNS}")
+    newest = max(found, key=lambda path: path.stat().st_mtime, default=None)
+    return newest.parent if newest is not None else None

@@ -1,0 +1,215 @@
+"""`pa-console eval`: mission sets against models and variants, with a report of what came of it."""
+
+import asyncio
+import tempfile
+from collections.abc import Sequence
+from contextlib import aclosing
+from datetime import datetime
+from pathlib import Path
+from time import perf_counter
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+
+from pa_console import __version__
+from pa_console.cli.eval_progress import EvalProgress
+from pa_console.cli.eval_tables import to_rich
+from pa_console.cli.output import JsonOption, RulesOption, WorldOption, errors, out, print_json
+from pa_console.evaluation.jobs import Job, load_set, mission_file, plan_jobs
+from pa_console.evaluation.machine import describe_machine
+from pa_console.evaluation.memo_engine import MemoEngine
+from pa_console.evaluation.results import (
+    Results,
+    evaluations_folder,
+    newest_evaluation,
+    read_about,
+    read_runs,
+)
+from pa_console.evaluation.runner import Runner
+from pa_console.evaluation.variants import ABOUT, find_variant
+from pa_console.llm.catalog import LocalModel, find_model
+from pa_console.llm.engine import Engine
+from pa_console.llm.threads import physical_cores
+from pa_console.orchestrator.compose import load_site
+
+app = typer.Typer(
+    help="Run mission sets against models and variants of the pipeline; more below.",
+    epilog="Variants: " + "; ".join(f"{name}: {about}" for name, about in ABOUT.items()) + ".",
+)
+FolderArgument = Annotated[
+    Path | None, typer.Argument(help="Folder of an evaluation; the newest one when left out.")
+]
+
+
+@app.callback(invoke_without_command=True)
+def evaluate(
+    context: typer.Context,
+    missions: Annotated[
+        list[str] | None,
+        typer.Option(help="A mission set: a file, or a name beside the world; repeatable."),
+    ] = None,
+    model: Annotated[
+        list[str] | None,
+        typer.Option("--model", help="A model of the catalogue, or a GGUF file; repeatable."),
+    ] = None,
+    variant: Annotated[
+        list[str] | None, typer.Option(help="A variant of the pipeline; repeatable.")
+    ] = None,
+    world: WorldOption = "checkpoint",
+    rules: RulesOption = "checkpoint",
+    repeat: Annotated[int, typer.Option(min=1, help="Simulation seeds 0, 1, ... of each run.")] = 1,
+    only: Annotated[
+        str, typer.Option(help="Only missions whose id or category contains this.")
+    ] = "",
+    output: Annotated[
+        Path | None,
+        typer.Option("--out", help="Folder of the results; one that has some is gone on with."),
+    ] = None,
+    jobs: Annotated[
+        int,
+        typer.Option(min=1, help="Models side by side, sharing the cores: times mean less then."),
+    ] = 1,
+    reuse: Annotated[
+        bool,
+        typer.Option(
+            "--reuse/--no-reuse",
+            help="Answer a prompt that comes again, word for word, from memory (decoding is "
+            "greedy); the time that was measured for it counts again.",
+        ),
+    ] = False,
+    logs: Annotated[bool, typer.Option(help="Keep the event log of every run.")] = True,
+    json: JsonOption = False,
+) -> None:
+    """Run missions, score them on the true state, write runs.jsonl, report.md and report.html."""
+    if context.invoked_subcommand is not None:
+        return
+    site = load_site(world, rules)
+    variants = [find_variant(name) for name in variant or ("full",)]
+    models = {local.name: local for local in map(find_model, model or (None,))}
+    folder = output or evaluations_folder() / f"{datetime.now():%Y%m%d-%H%M%S}"
+    files = [mission_file(name, site.world_path) for name in missions or ("paper",)]
+    with tempfile.TemporaryDirectory() as scratch:  # a wrong file leaves no folder behind
+        for file in files:
+            load_set(file, world, site.rulebook, Path(scratch))
+    results = Results(folder)
+    sets = [load_set(file, world, site.rulebook, folder / "worlds") for file in files]
+    planned = [
+        job
+        for job in plan_jobs(sets, list(models), variants, range(repeat))
+        if only.lower() in job.case.id.lower() or only.lower() in job.case.category.lower()
+    ]
+    if not planned:
+        raise ValueError(f"--only {only!r} matches no mission of {', '.join(map(str, files))}")
+    began = perf_counter()
+    try:
+        asyncio.run(_run(results, planned, models, jobs, reuse=reuse, logs=logs))
+    except KeyboardInterrupt:
+        made = len(results.done & {job.run for job in planned})
+        errors.print(
+            f"stopped: {made} of {len(planned)} runs are kept; the same command with "
+            f"--out {escape(str(folder))} goes on",
+            soft_wrap=True,
+        )
+        raise
+    finally:
+        results.describe(_about(results, sets_of(planned), perf_counter() - began, jobs, reuse))
+    _report(folder, json=json)
+
+
+@app.command()
+def report(folder: FolderArgument = None, json: JsonOption = False) -> None:
+    """Write the report of an evaluation again and print its tables."""
+    _report(_chosen(folder), json=json)
+
+
+@app.command()
+def show(folder: FolderArgument = None) -> None:
+    """Open an evaluation in the console: its runs, what failed, and the trace of each."""
+    chosen = _chosen(folder)
+    read_runs(chosen)
+    from pa_console.tui.evaluation_app import show_evaluation  # noqa: PLC0415 - Textual is slow
+
+    show_evaluation(chosen)
+
+
+def _chosen(folder: Path | None) -> Path:
+    """Return `folder`, or the newest one; raises ValueError when there is none."""
+    chosen = folder or newest_evaluation()
+    if chosen is None:
+        raise ValueError("there is no evaluation yet: run 'pa-console eval', or give a folder")
+    if not chosen.is_dir():
+        raise ValueError(f"{chosen}: there is no such folder")
+    return chosen
+
+
+async def _run(
+    results: Results,
+    planned: list[Job],
+    models: dict[str, LocalModel],
+    lanes: int,
+    *,
+    reuse: bool,
+    logs: bool,
+) -> None:
+    threads = max(1, physical_cores() // lanes)
+
+    def engine_for(name: str, lane: int) -> MemoEngine:
+        memory = results.folder / f"answers-{lane}-{models[name].sha256[:12]}.jsonl"
+        engine = Engine(models[name], threads=threads)
+        return MemoEngine(engine, memory if reuse else None, exact=True, reuse=reuse)
+
+    runner = Runner(results, engine_for, lanes=lanes, keep_logs=logs)
+    done = results.done
+    with EvalProgress(len(planned), sum(job.run in done for job in planned)) as progress:
+        async with aclosing(runner.run(planned)) as records:
+            async for record in records:
+                progress.add(record)
+
+
+def sets_of(planned: Sequence[Job]) -> list[str]:
+    """Return the names of the mission sets that `planned` takes missions from."""
+    return list(dict.fromkeys(job.mission_set for job in planned))
+
+
+def _about(
+    results: Results, sets: list[str], seconds: float, jobs: int, reuse: bool
+) -> dict[str, object]:
+    """Return what was run, for the report; what a folder said before is added to."""
+    before = read_about(results.folder)
+    records = results.records
+    return {
+        "version": __version__,
+        "machine": list(describe_machine().lines),
+        "models": list(dict.fromkeys(record.model for record in records)),
+        "variants": list(dict.fromkeys(record.variant for record in records)),
+        "mission_sets": list(dict.fromkeys([*before.get("mission_sets", []), *sets])),
+        "seeds": sorted({record.seed for record in records}),
+        "runs": len(records),
+        "seconds": round(seconds + float(before.get("seconds", 0.0)), 1),
+        "jobs": max(jobs, int(before.get("jobs", 1))),
+        "reuse": reuse or bool(before.get("reuse", False)),
+    }
+
+
+def _report(folder: Path, *, json: bool) -> None:
+    """Write both reports and print the tables, or everything as JSON."""
+    from pa_console.evaluation.report import write_report  # noqa: PLC0415 - plotting is slow
+    from pa_console.evaluation.tables import build_tables  # noqa: PLC0415
+
+    records = read_runs(folder)
+    if not records:
+        raise ValueError(f"{folder}: there is no run here yet; pa-console eval makes some")
+    tables = build_tables(records)
+    with errors.status("drawing the report"):
+        write_report(folder, records, read_about(folder))
+    if json:
+        print_json({"folder": str(folder), "tables": tables, "runs": records})
+        return
+    for table in tables:
+        out.print(to_rich(table))
+        if table.note:
+            out.print(table.note, markup=False)
+        out.print()
+    for name in ("report.html", "report.md", "runs.jsonl"):
+        out.print(str(folder / name), markup=False, soft_wrap=True)
