@@ -1,7 +1,6 @@
-"""Which seconds of a run count to which latency, and which runs can be timed at all."""
+"""Which seconds of a run count to which latency."""
 
 from pa_console.evaluation.record import RunRecord
-from pa_console.evaluation.record_groups import Records
 
 DECISION_STAGES = (
     "retrieval_s", "picture_s", "prompt_s", "planning_s", "checks_s", "rehearsal_s", "judging_s",
@@ -36,8 +35,3 @@ def field_seconds(record: RunRecord) -> float:
     metrics = record.metrics
     rest = metrics.dispatch_s + metrics.execution_s + metrics.outcome_s
     return decision_seconds(record) + rest
-
-
-def timed(records: Records) -> list[RunRecord]:
-    """Return the runs whose times are their own: those that took no answer of an earlier run."""
-    return [record for record in records if record.reused == 0]
