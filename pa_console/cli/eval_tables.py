@@ -14,7 +14,7 @@ _TITLE_WORD = 9
 
 
 def to_rich(table: Table, width: int = 100) -> RichTable:
-    """Return `table` for a terminal of `width` columns; long cells wrap, between words if it can be.
+    """Return `table`, without its note, for a terminal of `width` columns; long cells wrap.
 
     Every column gets a width of its own, so that ids and intervals stay whole as long as there is
     room for all of them.
@@ -22,8 +22,6 @@ def to_rich(table: Table, width: int = 100) -> RichTable:
     shown = RichTable(
         title=Text(table.title, style="bold"),
         title_justify="left",
-        caption=Text(table.note, style="dim") if table.note else None,
-        caption_justify="left",
         box=box.SIMPLE_HEAD,
         show_edge=False,
         pad_edge=False,

@@ -6,9 +6,7 @@ from typing import TypeVar
 
 from pa_console.evaluation.published import MISSION_SET
 from pa_console.evaluation.record import RunRecord
-
-REFERENCE = "one-plan"
-"""The variant that ablations are compared with: the whole pipeline, one plan a mission."""
+from pa_console.evaluation.variants import REFERENCE
 
 Records = Sequence[RunRecord]
 Key = TypeVar("Key")

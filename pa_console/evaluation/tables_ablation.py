@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 from pa_console.evaluation.record import RunRecord
 from pa_console.evaluation.record_groups import (
-    REFERENCE,
     Records,
     ablated_models,
     grouped,
@@ -16,6 +15,7 @@ from pa_console.evaluation.table import NOTHING, Table, rate_cell
 from pa_console.evaluation.tables_judge import refusal_recall
 from pa_console.evaluation.tables_latency import decision_median
 from pa_console.evaluation.tables_success import score
+from pa_console.evaluation.variants import REFERENCE
 
 
 class Difference(NamedTuple):
@@ -95,9 +95,8 @@ def _ablation(model: str, records: Records) -> Table:
             f"All mission sets. points: strict success against '{reference}' in percentage points, "
             "on the runs with the same mission and seed; better/worse: how many of them changed. "
             "obeyed: strict success if a judge's Failure before execution were obeyed. broke a "
-            "rule: runs whose true state breaks an enforced rule. decision s: median, without runs "
-            "that took an answer of an earlier equal prompt. tokens: median of the first "
-            "answer's prompt / answer."
+            "rule: runs whose true state breaks an enforced rule. decision s: median. tokens: "
+            "median of the first answer's prompt / answer."
         ),
     )  # fmt: skip
 

@@ -8,7 +8,6 @@ from pa_console.evaluation.latency import (
     field_seconds,
     stage_name,
     stage_seconds,
-    timed,
 )
 from pa_console.evaluation.published import MODELS, published
 from pa_console.evaluation.record import RunRecord
@@ -29,19 +28,15 @@ _NOTE = (
     "the command to a judged plan, repairs included. End to end, station: wall time from the "
     "command to the verdict on the outcome; execution is simulated faster than real time. End to "
     "end, field: decision, dispatch and outcome in wall time plus execution in simulated seconds, "
-    "which is what the paper's definition (Section V-D) comes to here. Runs that took an answer of "
-    "an earlier equal prompt are left out. The paper's assets move in another simulation, on "
-    "another machine."
+    "which is what the paper's definition (Section V-D) comes to here. The paper's assets move in "
+    "another simulation, its models run on another machine."
 )
 
 
 def latency_tables(records: Records) -> list[Table]:
     """Return Fig. 4 (on the paper's missions when they were run) and the stages' latencies."""
-    runs = timed(comparable_runs(records) or main_runs(records))
-    tables = [
-        _figure_four(runs, bool(comparable_runs(records))),
-        _stages(timed(main_runs(records))),
-    ]
+    main, paper = main_runs(records), comparable_runs(records)
+    tables = [_figure_four(paper or main, bool(paper)), _stages(main)]
     return [table for table in tables if table.rows]
 
 
@@ -85,8 +80,7 @@ def _stages(records: Records) -> Table:
         rows=tuple(rows) if models else (),
         note=(
             "Seconds a run, all attempts of a stage together. The whole is the sum of all stages "
-            "in wall time; simulated execution is not part of it. Runs that took an answer of an "
-            "earlier equal prompt are left out."
+            "in wall time; simulated execution is not part of it."
         ),
     )
 
@@ -102,6 +96,6 @@ def _stage_cell(records: Records, stage: str) -> str:
 
 
 def decision_median(records: Records) -> str:
-    """Write the median decision latency of those of `records` that can be timed."""
-    found = spread([decision_seconds(record) for record in timed(records)])
+    """Write the median decision latency of `records`."""
+    found = spread([decision_seconds(record) for record in records])
     return NOTHING if found is None else seconds(found.median)

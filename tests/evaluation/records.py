@@ -87,9 +87,8 @@ def many_records() -> st.SearchStrategy[list[RunRecord]]:
 SKILL = {"smollm2-135m": 0.55, "gemma-3-270m": 0.2, "qwen2.5-coder-0.5b": 0.5}
 SKILL["qwen2.5-coder-1.5b"] = 0.72
 VARIANTS = {
-    "one-plan": 0.0, "full": 0.02, "no-retrieval": -0.04, "no-pinned": -0.06, "no-checks": -0.2,
-    "no-rehearsal": -0.08, "no-judge": 0.01, "no-repair": -0.12, "unconstrained": -0.3,
-    "paper": -0.35,
+    "one-plan": 0.0, "full": 0.02, "no-retrieval": -0.04, "no-pinned": -0.06, "no-safeguards": -0.2,
+    "no-rehearsal": -0.08, "no-judge": 0.01, "no-repair": -0.12, "no-grammar": -0.3, "paper": -0.35,
 }  # fmt: skip
 PAPER = {
     "P01": "Baseline", "P02": "Baseline", "P03": "Unknown Events", "P04": "Multi-Event",
@@ -101,8 +100,8 @@ FIELD = {f"F{n:03}": kind for n, kind in enumerate(("terse", "misspelt", "unlawf
 
 def made_record(**changes: Any) -> RunRecord:
     """A run that went well, with `changes`."""
-    return RunRecord(
-        **{
+    return RunRecord.model_validate(
+        {
             "run": "m/one-plan/paper/P02/0",
             "model": "m",
             "variant": "one-plan",
@@ -140,21 +139,18 @@ def made_evaluation(seeds: int = 3) -> list[RunRecord]:
     for model, skill in SKILL.items():
         for variant, gain in VARIANTS.items():
             if variant == "one-plan" or model == "qwen2.5-coder-0.5b":
-                for place in missions:
-                    for seed in range(seeds):
-                        found.append(_drawn(chance, model, skill + gain, variant, place, seed))
+                found += [
+                    _drawn(chance, (model, variant, place, seed), skill + gain)
+                    for place in missions
+                    for seed in range(seeds)
+                ]
     return found
 
 
 def _drawn(
-    chance: random.Random,
-    model: str,
-    skill: float,
-    variant: str,
-    place: tuple[str, str, str],
-    seed: int,
+    chance: random.Random, what: tuple[str, str, tuple[str, str, str], int], skill: float
 ) -> RunRecord:
-    mission_set, mission, category = place
+    model, variant, (mission_set, mission, category), seed = what
     strict = chance.random() < skill
     executed = strict or chance.random() < 0.6
     judged = executed and variant not in ("no-judge", "paper")
