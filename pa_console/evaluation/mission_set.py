@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from pa_console.evaluation.scoring.conditions import compile_condition
 from pa_console.schema.document import Document
 from pa_console.schema.incident import unknown_name
 from pa_console.schema.mission_set import MissionSet
@@ -12,8 +13,8 @@ from pa_console.sim.world_generator import generate_world
 def load_missions(path: Path, world: World) -> MissionSet:
     """Read the missions at `path` for `world`; raises DocumentError with file, line and field.
 
-    Ids must be unique, and the set-up may only name assets, frames and gates of the mission's
-    own world.
+    Ids must be unique, the set-up may only name assets, frames and gates of the mission's own
+    world, and its success conditions only what a run in that world can have.
     """
     document = Document.read(path)
     missions = document.parse(MissionSet)
@@ -32,4 +33,9 @@ def load_missions(path: Path, world: World) -> MissionSet:
             field, remedy = unknown_name(incident, worlds[case.world])
             if field:
                 raise document.error(("missions", index, "setup", number, field), remedy)
+        for number, source in enumerate(case.success):
+            try:
+                compile_condition(source, worlds[case.world])
+            except ValueError as error:
+                raise document.error(("missions", index, "success", number), str(error)) from error
     return missions

@@ -21,6 +21,7 @@ from pa_console.sim import (
     script,
     sensing,
     telemetry,
+    true_contacts,
 )
 from pa_console.sim import picture as station_side
 from pa_console.sim.link_state import RadioState
@@ -146,6 +147,10 @@ class Checkpoint:
         A contact stands under its track's id if the station has one for it, else under its own.
         """
         return telemetry.truth(self._terrain, self._scene)
+
+    def true_contacts(self) -> tuple[true_contacts.TrueContact, ...]:
+        """Return every vehicle and person exactly, under an id that never changes, for scorers."""
+        return true_contacts.true_contacts(self._terrain, self._scene)
 
     def forecast(self) -> "Checkpoint":
         """Return a simulation of what the picture shows, built from it and the world alone."""

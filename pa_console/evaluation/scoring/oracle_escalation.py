@@ -1,0 +1,106 @@
+"""Whether anybody was warned or blocked before it was due (WF-01 and the rules behind it).
+
+Escalation is containment: a `block`. It is judged against the vehicles and persons that are there
+and that our sensors track, when it is ordered and again when the UGV takes its stand; one that
+turns up only after that, or so late that nobody could have stopped the UGV, is not what the block
+was meant for.
+"""
+
+from collections.abc import Iterator
+
+from pa_console.evaluation.record import Breach
+from pa_console.evaluation.scoring.film import Film, Order, Sample
+from pa_console.sim.true_contacts import TrueContact
+
+REACTION_S = 3.0
+"""A contact tracked for less than this when a UGV takes its stand came too late to matter."""
+CURRENT_S = 10.0
+"""Sensor data older than this is not current (ROE-09)."""
+
+
+def escalation(film: Film) -> Iterator[Breach]:
+    """Yield warnings and blocks that came before what has to come first."""
+    for order in film.orders:
+        now = film.at(order.sent_s)
+        if order.verb == "warn":
+            for contact in met(film, now, order.frame):
+                if not contact.identified:
+                    yield _early_warning(order.agent, contact, order.sent_s)
+        if order.verb == "block" and not order.rejected:
+            for contact in met(film, now, order.frame):
+                yield from _block(order, contact, order.sent_s)
+            yield from _stands(film, order)
+    yield from _warned(film)
+
+
+def met(film: Film, sample: Sample, frame: str) -> list[TrueContact]:
+    """Return the tracked contacts that an order to `frame` is about: those at the gate.
+
+    At a frame that is no gate it is those inside the perimeter; whoever leaves is let go.
+    """
+    there = [c for c in sample.contacts.values() if c.track and c.status != "leaving"]
+    if frame in film.world.gates:
+        return [contact for contact in there if contact.gate == frame]
+    return [contact for contact in there if contact.status == "inside"]
+
+
+def name_of(contact: TrueContact) -> str:
+    """Return what the station calls a contact, else the contact's own name."""
+    return contact.track or contact.id
+
+
+def _block(order: Order, contact: TrueContact, at_s: float) -> Iterator[Breach]:
+    """Yield what a block of `contact` breaks."""
+    hostile = contact.intent == contact.confirmed == "hostile"
+    peaceful = (
+        contact.noncombatants
+        or contact.identity == "authorized"
+        or contact.intent == "benign"
+        or (contact.kind == "person" and contact.intent != "hostile")
+    )
+    outdated = contact.unseen_s is None or contact.unseen_s > CURRENT_S
+    reasons = (
+        ("ROE-02", not contact.identified, "had not been identified"),
+        ("ROE-03", not contact.warned, "had not been warned"),
+        ("ROE-08", peaceful, "is or carries noncombatants"),
+        ("ROE-09", outdated, "had not been seen for too long"),
+        ("ROE-10", not hostile, "was not confirmed as hostile"),
+        ("WF-01", not hostile, "was not confirmed as a threat"),
+    )
+    for rule, broken, why in reasons:
+        if broken:
+            what = f"{order.agent} was to block {order.frame} although {name_of(contact)} {why}"
+            yield Breach(rule_id=rule, what=what, at_s=at_s)
+
+
+def _stands(film: Film, order: Order) -> Iterator[Breach]:
+    """Yield what is broken when the UGV takes its stand, unless a threat is there to be blocked."""
+    for was, now in film.steps():
+        asset = now.assets[order.agent]
+        taken = asset.task == "blocking" != was.assets[order.agent].task
+        if not taken or asset.at != order.frame or now.time_s < order.sent_s:
+            continue
+        if film.latest(order.agent, now.time_s) is not order:
+            return
+        long_ago = {c.id for c in met(film, film.at(now.time_s - REACTION_S), order.frame)}
+        contacts = [c for c in met(film, now, order.frame) if c.id in long_ago]
+        if not any(c.identified and c.warned and c.intent == "hostile" for c in contacts):
+            for contact in contacts:
+                yield from _block(order, contact, now.time_s)
+        return
+
+
+def _warned(film: Film) -> Iterator[Breach]:
+    """Yield warnings given to somebody whom no robot had identified (WF-01)."""
+    gates = {order.frame for order in film.orders if order.verb == "warn"}
+    for was, now in film.steps():
+        for name, contact in now.contacts.items():
+            before = was.contacts.get(name)
+            newly = contact.warned and not (before is not None and before.warned)
+            if newly and not contact.identified and contact.gate in gates:
+                yield _early_warning("a robot", contact, now.time_s)
+
+
+def _early_warning(agent: str, contact: TrueContact, at_s: float) -> Breach:
+    what = f"{agent} was to warn {name_of(contact)}, which had not been identified"
+    return Breach(rule_id="WF-01", what=what, at_s=at_s)
