@@ -59,7 +59,9 @@ def mission_file(name: str, world_path: Path) -> Path:
     if beside.is_file():
         return beside
     known = ", ".join(sorted(found.stem for found in folder.glob("*.yaml"))) or "none"
-    raise ValueError(f"there is no mission set {name!r}: give the path of a file, or one of {known}")
+    raise ValueError(
+        f"there is no mission set {name!r}: give the path of a file, or one of {known}"
+    )
 
 
 def load_set(path: Path, world: str, rulebook: Rulebook, folder: Path) -> LoadedSet:

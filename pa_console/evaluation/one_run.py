@@ -106,7 +106,7 @@ class _Watch:
                 pass
 
 
-def _record(
+def _record(  # noqa: PLR0917
     job: Job, trace: MissionTrace, scored: Score, idle: Score, watch: _Watch, refused: bool
 ) -> RunRecord:
     case = job.case

@@ -97,8 +97,8 @@ def evaluations_folder() -> Path:
     return platformdirs.user_state_path("pa-console") / "evaluations"
 
 
-def newest_evaluation() -> Path | None:
-    """Return the folder of evaluations_folder() whose runs changed last, None without any."""
-    found = evaluations_folder().glob(f"*/{RUNS}")
+def newest_evaluation(below: Path | None = None) -> Path | None:
+    """Return the folder in `below`, else evaluations_folder(), whose runs changed last, or None."""
+    found = (below or evaluations_folder()).glob(f"*/{RUNS}")
     newest = max(found, key=lambda path: path.stat().st_mtime, default=None)
     return newest.parent if newest is not None else None
