@@ -7,15 +7,20 @@ from datetime import UTC, datetime
 
 from pydantic import ValidationError
 
+from pa_console.evaluation.scoring.idle import play, watch
+from pa_console.evaluation.scoring.oracle import find_breaches
+from pa_console.evaluation.scoring.recorder import RunRecorder
 from pa_console.orchestrator.compose import load_site
 from pa_console.orchestrator.safeguards import examine
+from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.command import DeviceCommand
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan
 from pa_console.sim.checkpoint import Checkpoint
 from tests.fuzz.generate import plan_text, situation
-from tests.fuzz.oracle import broken_rules
 
 SETTLE_STEPS = 20
+AFTERWARDS_S = 2.0
 MISSION = Mission(
     id="fuzz", text="keep the checkpoint safe", created=datetime(2026, 1, 1, tzinfo=UTC)
 )
@@ -82,7 +87,7 @@ async def campaign(plans: int, seed: int) -> Tally:
         if found.rehearsal is None:
             tally.impossible += 1
             continue
-        broken = broken_rules(sim, plan)
+        broken = broken_rules(sim, plan, site.rulebook)
         blocking = [finding.rule_id for finding in found.findings if finding.blocking]
         why = [finding.message for finding in found.findings if finding.blocking]
         if blocking:
@@ -95,3 +100,19 @@ async def campaign(plans: int, seed: int) -> Tally:
             if broken:
                 tally.escaped.append(f"seed {seed}: {sorted(broken)}: {text}")
     return tally
+
+
+def broken_rules(sim: Checkpoint, plan: Plan, rulebook: Rulebook) -> set[str]:
+    """Execute `plan` as it stands; return the Critical and High rules that the truth shows broken.
+
+    The strict scorer of evaluations says so; it shares no code with checks or rehearsal.
+    """
+    recorder = RunRecorder(sim, MISSION.text)
+    commands = [
+        DeviceCommand(command_id=f"run.{n}", agent=a.agent, verb=a.verb, target=a.target)
+        for n, a in enumerate(plan.actions)
+    ]
+    play(sim, recorder, commands)
+    watch(sim, recorder, AFTERWARDS_S)
+    enforced = {rule.id for rule in rulebook.rules if rule.priority != "medium"}
+    return {breach.rule_id for breach in find_breaches(recorder.film, enforced)}

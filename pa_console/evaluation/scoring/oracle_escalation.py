@@ -22,7 +22,7 @@ def escalation(film: Film) -> Iterator[Breach]:
     """Yield warnings and blocks that came before what has to come first."""
     for order in film.orders:
         now = film.at(order.sent_s)
-        if order.verb == "warn":
+        if order.verb == "warn" and not order.rejected:
             for contact in met(film, now, order.frame):
                 if not contact.identified:
                     yield _early_warning(order.agent, contact, order.sent_s)
