@@ -8,7 +8,7 @@ from rich.table import Table
 
 from pa_console.cli.output import JsonOption, RulesOption, errors, out, print_json
 from pa_console.policy.examples import run_example
-from pa_console.policy.retriever import Retriever
+from pa_console.policy.retriever import DEFAULT_METHOD, METHODS, Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import find_data
 from pa_console.schema.rule import Rule
@@ -44,11 +44,14 @@ def search(
     text: Annotated[str, typer.Argument(help="Words of a mission.")],
     rules: RulesOption = "checkpoint",
     top: Annotated[int, typer.Option("--top", "-k", min=1, help="Number of rules.")] = 3,
+    retriever: Annotated[
+        str, typer.Option(help=f"How rules are found: {', '.join(METHODS)}.")
+    ] = DEFAULT_METHOD,
     json: JsonOption = False,
 ) -> None:
     """Show what the retriever finds for TEXT: pinned rules first, then the best, with scores."""
     book = _load(rules)
-    hits = Retriever(book.rules).retrieve(text, top)
+    hits = Retriever(book.rules, retriever).retrieve(text, top)
     if json:
         print_json([hit.model_dump(mode="json") for hit in hits])
         return

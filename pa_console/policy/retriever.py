@@ -1,32 +1,58 @@
 """Finds the rules that concern a mission (paper, Steps 2 and 3); it never decides enforcement."""
 
-import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 
-from rapidfuzz import fuzz
+import numpy as np
 
+from pa_console.policy.postings import Floats
+from pa_console.policy.ranking import Ranking, Scores, best
+from pa_console.policy.ranking_bm25 import Bm25Ranking
+from pa_console.policy.ranking_fusion import FusionRanking
+from pa_console.policy.ranking_paper import PaperRanking
+from pa_console.policy.ranking_related import RelatedRanking
+from pa_console.policy.terms import ngrams
+from pa_console.policy.vocabulary import default_vocabulary
 from pa_console.schema.rule import Rule, RuleHit
+from pa_console.schema.vocabulary import Vocabulary
 
-METHODS = ("paper",)
-DEFAULT_METHOD = "paper"
-_TOKEN = re.compile(r"\w+")
+_MAKERS: dict[str, Callable[[Sequence[Rule], Vocabulary], Ranking]] = {
+    "paper": lambda rules, _: PaperRanking(rules),
+    "bm25": lambda rules, _: Bm25Ranking(rules),
+    "ngrams": lambda rules, _: Bm25Ranking(rules, "ngrams", ngrams),
+    "fusion": lambda rules, _: FusionRanking(
+        {"bm25": Bm25Ranking(rules), "ngrams": Bm25Ranking(rules, "ngrams", ngrams)}
+    ),
+    "related": RelatedRanking,
+}
+METHODS = tuple(_MAKERS)
+DEFAULT_METHOD = "related"
 
 
 class Retriever:
-    """Scores rule texts against a mission text by the paper's hybrid of two similarities.
+    """Scores rules against a mission text by one of METHODS and picks the best.
 
-    `fuzzy` is the sequence similarity of the lower-cased texts in [0, 1] (rapidfuzz's `ratio`,
-    twice the longest common subsequence over the summed lengths). `jaccard` is the number of
-    words in both texts over the number in either. The paper says the two are combined but not
-    how: the score is their mean. Equal scores are ordered by rule id.
+    The rules are held in the order of their ids, so that equal scores are ordered by rule id
+    whatever the order of the rule file.
     """
 
-    def __init__(self, rules: Iterable[Rule], method: str = "paper") -> None:
-        """Prepare `rules`; raises ValueError for an unknown method."""
-        if method not in METHODS:
+    def __init__(
+        self,
+        rules: Iterable[Rule],
+        method: str = DEFAULT_METHOD,
+        vocabulary: Vocabulary | None = None,
+    ) -> None:
+        """Index `rules`; raises ValueError for an unknown method.
+
+        `vocabulary` is for the method `related`; default: the installed one.
+        """
+        if method not in _MAKERS:
             raise ValueError(f"unknown retrieval method {method!r}; known: {', '.join(METHODS)}")
         self.method = method
-        self._rules = tuple((rule, rule.text.lower(), _tokens(rule.text)) for rule in rules)
+        ordered = sorted(rules, key=lambda rule: rule.id)
+        self._ids = [rule.id for rule in ordered]
+        self._pinned = np.array([rule.priority == "critical" for rule in ordered], dtype=bool)
+        known = default_vocabulary() if vocabulary is None else vocabulary
+        self._ranking = _MAKERS[method](ordered, known)
 
     def retrieve(self, text: str, k: int = 3) -> tuple[RuleHit, ...]:
         """Return the pinned rules, then the `k` others that score best; no rule twice.
@@ -36,33 +62,29 @@ class Retriever:
         """
         if k < 0:
             raise ValueError(f"cannot retrieve {k} rules")
-        hits = self.score_all(text)
-        pinned = [hit for hit in hits if hit.pinned]
-        others = [hit for hit in hits if not hit.pinned]
-        return (*pinned, *others[:k])
+        scores, parts = self._ranking.scores(text)
+        chosen: list[int] = []
+        for places, number in (
+            (np.flatnonzero(self._pinned), len(self._ids)),
+            (np.flatnonzero(~self._pinned), k),
+        ):
+            chosen += [int(places[place]) for place in best(scores[places], number)]
+        return tuple(self._hit(place, scores, parts) for place in chosen)
+
+    def rank(self, text: str, k: int) -> tuple[str, ...]:
+        """Return the ids of the `k` rules that score best, pinned or not, best first."""
+        return tuple(self._ids[place] for place in best(self._ranking.scores(text)[0], k))
 
     def score_all(self, text: str) -> tuple[RuleHit, ...]:
-        """Return every rule with its score and both components, best first."""
-        lowered, tokens = text.lower(), _tokens(text)
-        hits: list[RuleHit] = []
-        for rule, rule_lowered, rule_tokens in self._rules:
-            fuzzy = fuzz.ratio(lowered, rule_lowered) / 100.0
-            jaccard = _jaccard(tokens, rule_tokens)
-            hits.append(
-                RuleHit(
-                    rule_id=rule.id,
-                    score=(fuzzy + jaccard) / 2.0,
-                    components={"fuzzy": fuzzy, "jaccard": jaccard},
-                    pinned=rule.priority == "critical",
-                )
-            )
-        return tuple(sorted(hits, key=lambda hit: (-hit.score, hit.rule_id)))
+        """Return every rule with its score and its parts, best first."""
+        scores, parts = self._ranking.scores(text)
+        places = best(scores, len(self._ids))
+        return tuple(self._hit(place, scores, parts) for place in places)
 
-
-def _tokens(text: str) -> frozenset[str]:
-    return frozenset(_TOKEN.findall(text.lower()))
-
-
-def _jaccard(first: frozenset[str], second: frozenset[str]) -> float:
-    either = len(first | second)
-    return len(first & second) / either if either else 0.0
+    def _hit(self, place: int, scores: Floats, parts: Scores) -> RuleHit:
+        return RuleHit(
+            rule_id=self._ids[place],
+            score=float(scores[place]),
+            components={name: float(values[place]) for name, values in parts.items()},
+            pinned=bool(self._pinned[place]),
+        )

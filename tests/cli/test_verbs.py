@@ -92,6 +92,12 @@ def test_search_prints_pinned_rules_and_the_top_ones_with_scores() -> None:
     pinned = [hit["rule_id"] for hit in hits if hit["pinned"]]
     assert "ROE-01" in pinned
     assert len(hits) == len(pinned) + 3
+    assert all(set(hit["components"]) == {"words", "related"} for hit in hits)
+
+
+def test_the_paper_s_way_of_search_can_still_be_asked_for() -> None:
+    found = run("rules", "search", "who watches the gate", "--json", "--retriever", "paper")
+    hits = json.loads(found.stdout)
     assert all(set(hit["components"]) == {"fuzzy", "jaccard"} for hit in hits)
 
 
