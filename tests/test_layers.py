@@ -14,8 +14,11 @@ ROOT = Path(pa_console.__file__).parents[1]
 ABOVE = ("pa_console.cli", "pa_console.tui", "pa_console.__main__")
 """The front ends, which may import Textual."""
 
-WORKER = tuple(f"pa_console.llm.{name}" for name in ("worker", "runtime", "decoding", "chat"))
-"""What runs in the process that holds the model; nothing else may import the model libraries."""
+WORKER = (
+    *(f"pa_console.llm.{name}" for name in ("worker", "runtime", "decoding", "chat")),
+    *(f"pa_console.evaluation.{name}" for name in ("bench_plain", "bench_raw")),
+)
+"""What runs in processes that hold a model; nothing else may import the model libraries."""
 
 PROBE = """
 import importlib, json, sys
@@ -29,7 +32,7 @@ def core_modules() -> list[str]:
     paths = sorted((ROOT / "pa_console").rglob("*.py"))
     names = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in paths]
     modules = [name.removesuffix(".__init__") for name in names]
-    return [name for name in modules if not name.startswith((*ABOVE, *WORKER))]
+    return [name for name in modules if not name.startswith(ABOVE) and name not in WORKER]
 
 
 def imported_by(modules: list[str]) -> set[str]:
