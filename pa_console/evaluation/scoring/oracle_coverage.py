@@ -35,11 +35,9 @@ def coverage(film: Film) -> Iterator[Breach]:
 
 def _sent_away(film: Film, was: Sample, now: Sample, gate: str) -> str:
     """Return a guard that an order took away from `gate` in this step, '' if none did."""
+    leading_away = {order.command_id for order in film.orders if film.goal(order) not in {"", gate}}
     for name in was.cover[gate]:
-        asset, order = now.assets[name], film.latest(name, now.time_s)
-        if asset.status == "failed" or order is None:
-            continue
-        goal = film.goal(order)
-        if goal and goal != gate and asset.command_id == order.command_id:
+        asset = now.assets[name]
+        if asset.status != "failed" and asset.command_id in leading_away:
             return name
     return ""
