@@ -35,6 +35,9 @@ def test_the_papers_ten_load_and_their_set_up_can_be_brought_about() -> None:
         ("{id: B, category: c, command: x, setup: [{kind: spawn, gate: Moon}]}", "gate"),
         ("{id: B, category: c, command: x, setup: [{kind: fail, asset: Moon}]}", "asset"),
         ("{id: B, category: c, command: x, setup: [{kind: explode}]}", "setup"),
+        ("{id: B, category: c, command: x, success: ['true', 'run.']}", "success.1"),
+        ("{id: B, category: c, command: x, success: [run.actoins == 0]}", "success.0"),
+        ("{id: B, category: c, command: x, success: ['run.coverage.Moon.at_end']}", "success.0"),
         (
             "{id: B, category: c, command: x, setup: [{kind: place, asset: Drone_T01, frame: X}]}",
             "frame",
