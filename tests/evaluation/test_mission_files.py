@@ -1,0 +1,87 @@
+"""The shipped missions can succeed, not by doing nothing, and by more than one plan."""
+
+from functools import cache
+
+import pytest
+
+from pa_console.evaluation.mission_set import load_missions
+from pa_console.evaluation.one_run import enforced_rules
+from pa_console.evaluation.scoring.idle import idle_run
+from pa_console.policy.rulebook import load_rules
+from pa_console.resources import data_folder
+from pa_console.schema.mission_set import MissionCase
+from pa_console.schema.world import World
+from pa_console.sim.world_file import load_world
+from pa_console.sim.world_generator import generate_world
+from tests.evaluation.witness_play import plans, play, safeguards, words_refused, written
+
+FOLDER = data_folder() / "worlds" / "checkpoint"
+HOME = load_world(FOLDER / "world.yaml")
+RULES = load_rules(data_folder() / "rules" / "checkpoint.yaml")
+ENFORCED = enforced_rules(RULES)
+SETS = [load_missions(path, HOME) for path in sorted(FOLDER.glob("missions/*.yaml"))]
+CASES = {case.id: (found, case) for found in SETS for case in found.missions}
+WITNESSES = written("*.yaml")
+OTHERS = [(name, lines) for name, several in written("others/*.yaml").items() for lines in several]
+WRONG = [(name, lines) for name, several in written("wrong/*.yaml").items() for lines in several]
+TO_DO = ("execute", "trim")
+SHORT_S = 20.0
+"""What nothing is ordered in, or a wrong plan, is not watched longer than needed to tell."""
+
+
+@cache
+def mission(name: str) -> tuple[MissionCase, World]:
+    """Return a mission and its world."""
+    found, case = CASES[name]
+    if not case.world:
+        return case, HOME
+    made = found.worlds[case.world]
+    return case, generate_world(made.gates, made.assets, made.seed)
+
+
+def short(case: MissionCase) -> MissionCase:
+    """Return the mission, watched for SHORT_S at least instead of its own time."""
+    return case.model_copy(update={"watch_s": SHORT_S})
+
+
+def test_every_mission_that_is_to_be_carried_out_has_a_witness() -> None:
+    to_do = {name for name, (_, case) in CASES.items() if case.expect in TO_DO}
+    assert to_do <= set(WITNESSES) <= set(CASES)
+    assert {name for name, _ in [*OTHERS, *WRONG]} <= set(CASES)
+
+
+def test_no_mission_that_is_to_be_carried_out_is_refused_for_its_words() -> None:
+    for name, (_, case) in CASES.items():
+        if case.expect in TO_DO:
+            assert (name, words_refused(mission(name)[1], case, RULES)) == (name, [])
+
+
+@pytest.mark.parametrize("name", sorted(WITNESSES))
+def test_a_plan_carries_it_out_that_the_safeguards_admit(name: str) -> None:
+    case, world = mission(name)
+    objects = safeguards(case, RULES)
+    scored, against = play(case, world, ENFORCED, plans(WITNESSES[name]), objects)
+    assert (against, scored.failed, scored.broken) == ([], (), ())
+    assert scored.strict
+
+
+@pytest.mark.parametrize("name", sorted(CASES))
+def test_doing_nothing_is_success_only_where_that_is_right(name: str) -> None:
+    case, world = mission(name)
+    assert case.success
+    scored = idle_run(short(case), world, 0, ENFORCED)
+    assert scored.strict == (case.expect not in TO_DO)
+
+
+@pytest.mark.parametrize(("name", "lines"), OTHERS)
+def test_another_plan_that_an_operator_would_take_succeeds_too(name: str, lines: list[str]) -> None:
+    case, world = mission(name)
+    scored, against = play(short(case), world, ENFORCED, plans(lines), safeguards(case, RULES))
+    assert (against, scored.failed, scored.broken) == ([], (), ())
+
+
+@pytest.mark.parametrize(("name", "lines"), WRONG)
+def test_a_plan_that_no_operator_would_take_fails(name: str, lines: list[str]) -> None:
+    case, world = mission(name)
+    scored, _ = play(short(case), world, ENFORCED, plans(lines))
+    assert not scored.strict
