@@ -1,14 +1,12 @@
-"""`pa-console bench`: what the parts cost, and how missions fare when things get worse."""
+"""`pa-console bench`: the parts against the plain way and the limit; more benches below it."""
 
-import asyncio
-from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.progress import Progress
-from rich.table import Table
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from pa_console.cli import bench_scale
+from pa_console.cli import bench_degradation, bench_scale, bench_twins
+from pa_console.cli.bench_table import LEGEND, part_table
 from pa_console.cli.output import (
     JsonOption,
     ModelOption,
@@ -18,25 +16,18 @@ from pa_console.cli.output import (
     out,
     print_json,
 )
-from pa_console.evaluation.degradation import (
-    CONDITIONS,
-    Condition,
-    Row,
-    RunFile,
-    run_condition,
-    summarise,
-)
-from pa_console.evaluation.memo_engine import MemoEngine
-from pa_console.evaluation.pipeline_bench import bench_pipeline
-from pa_console.evaluation.twin import repeated_hashes
-from pa_console.llm.cache import cache_folder
-from pa_console.llm.catalog import find_model
-from pa_console.llm.engine import Engine
-from pa_console.orchestrator.compose import Site, load_site, open_scenario, open_world
-from pa_console.sim.scenario_file import list_scenarios
+from pa_console.evaluation.bench_compare import Bench, BenchReport, Comparison
+from pa_console.evaluation.bench_parts import PARTS, Part, choose_parts
+from pa_console.evaluation.machine import Machine, describe_machine
+from pa_console.llm.catalog import LocalModel, find_model
+from pa_console.orchestrator.compose import Site, load_site
 
-app = typer.Typer(help="Time retrieval, checks, rehearsal, fork and simulation; more below.")
+app = typer.Typer(help="Compare the parts with the plain way and the limit; more benches below.")
 app.command("scale")(bench_scale.scale)
+app.command("twins")(bench_twins.twins)
+app.command("degradation")(bench_degradation.degradation)
+
+COLUMNS = (BarColumn(20), TimeElapsedColumn(), TextColumn("{task.description}", markup=False))
 
 
 @app.callback(invoke_without_command=True)
@@ -44,128 +35,61 @@ def bench(
     context: typer.Context,
     world: WorldOption = "checkpoint",
     rules: RulesOption = "checkpoint",
-    runs: Annotated[int, typer.Option(min=1, help="Repetitions of each operation.")] = 20,
-    json: JsonOption = False,
-) -> None:
-    """Time retrieval, checks, rehearsal, fork and simulation."""
-    if context.invoked_subcommand is not None:
-        return
-    site = load_site(world, rules)
-    with errors.status("measuring") as status:
-        timings = bench_pipeline(site, runs, lambda name: status.update(f"measured: {name}"))
-    if json:
-        print_json([timing.model_dump(mode="json") for timing in timings])
-        return
-    table = Table("operation", "median ms", "longest ms", title=f"{runs} runs each")
-    for timing in timings:
-        table.add_row(
-            timing.name, f"{timing.median_s * 1000:.3f}", f"{timing.longest_s * 1000:.3f}"
-        )
-    out.print(table)
-    simulated = timings[-1]
-    out.print(f"the simulation runs at {60 / simulated.median_s:.0f} times real time")
-
-
-@app.command()
-def twins(
-    world: WorldOption = "checkpoint",
-    seeds: Annotated[int, typer.Option(min=1, help="Seeds 0, 1, ... of each situation.")] = 3,
-    json: JsonOption = False,
-) -> None:
-    """Play every situation twice, stepped and forked on the way: telemetry must be equal."""
-    found, path = open_world(world)
-    names = [name for name, _ in list_scenarios(path)]
-    if not names:
-        raise ValueError(f"{path.parent}: there is no situation beside this world to be played")
-    rows: list[dict[str, object]] = []
-    with Progress(console=errors, transient=True) as progress:
-        task = progress.add_task("situations", total=len(names) * seeds)
-        for name in names:
-            scenario = open_scenario(found, path, name).scenario
-            for seed in range(seeds):
-                one, other = repeated_hashes(found, scenario, seed)
-                rows.append({"scenario": name, "seed": seed, "sha256": one, "equal": one == other})
-                progress.advance(task)
-    if json:
-        print_json(rows)
-    else:
-        table = Table("situation", "seed", "telemetry SHA-256", "equal")
-        for row in rows:
-            table.add_row(
-                str(row["scenario"]),
-                str(row["seed"]),
-                str(row["sha256"])[:16],
-                "yes" if row["equal"] else "NO",
-            )
-        out.print(table)
-    if not all(row["equal"] for row in rows):
-        raise typer.Exit(1)
-
-
-@app.command()
-def degradation(
-    world: WorldOption = "checkpoint",
-    rules: RulesOption = "checkpoint",
     model: ModelOption = None,
-    runs: Annotated[int, typer.Option(min=1, help="Seeded runs of each row.")] = 200,
-    only: Annotated[str, typer.Option(help="Only the rows whose name contains this.")] = "",
-    results: Annotated[
-        Path | None,
-        typer.Option("--out", help="Keep every run's result in this file, and go on from there."),
+    runs: Annotated[int, typer.Option(min=1, help="Alternating runs of each comparison.")] = 5,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(help=f"Only this part; may be repeated: {', '.join(p.name for p in PARTS)}."),
     ] = None,
     json: JsonOption = False,
 ) -> None:
-    """Worsen radio and sensors and let assets fail; compare what is claimed with the truth."""
-    site = load_site(world, rules)
-    chosen = [condition for condition in CONDITIONS if only in condition.name]
-    if not chosen:
-        raise ValueError(
-            f"--only {only!r} matches no row; rows: {', '.join(c.name for c in CONDITIONS)}"
-        )
-    local = find_model(model)
-    memory = cache_folder() / f"answers-{local.sha256[:16]}.jsonl"
-    engine = MemoEngine(Engine(local), memory)
-    rows = asyncio.run(_degrade(site, engine, chosen, RunFile(results), runs))
-    if json:
-        print_json(rows)
+    """Compare every part with the plain way of doing it, or with its limit, on this machine."""
+    if context.invoked_subcommand is not None:
         return
-    table = Table(
-        "condition", "runs", "all gates within grace", "gap s", "missions", "plans", "halted",
-        "pass", "fail", "unknown", "false pass", "rules broken", "resent",
-    )  # fmt: skip
-    for row in rows:
-        table.add_row(
-            row.condition,
-            str(row.runs),
-            f"{row.covered_share:.1%}",
-            f"{row.median_longest_gap_s:.1f}",
-            *(
-                str(value)
-                for value in (
-                    row.missions, row.plans, row.halts, row.passes, row.fails, row.unknowns,
-                    row.false_passes, row.rules_broken, row.resent,
-                )
-            ),
-        )  # fmt: skip
-        for example in row.examples:
-            errors.print(f"{row.condition}: {example}", markup=False)
-    out.print(table)
-    out.print(f"the model was asked {engine.asked} times and reused {engine.reused} times")
+    parts = choose_parts(only or ())
+    site = load_site(world, rules)
+    weights = find_model(model) if any(part.needs_model for part in parts) else None
+    machine = describe_machine()
+    if not json:
+        _introduce(machine, weights, runs)
+    found = _measure(site, weights, runs, parts, show=not json)
+    if json:
+        print_json(
+            BenchReport(
+                machine=machine,
+                model=weights.name if weights is not None else "",
+                model_sha256=weights.sha256 if weights is not None else "",
+                runs=runs,
+                comparisons=tuple(found),
+            )
+        )
+    else:
+        out.print(LEGEND)
 
 
-async def _degrade(
-    site: Site, engine: MemoEngine, chosen: list[Condition], kept: RunFile, runs: int
-) -> list[Row]:
-    rows: list[Row] = []
-    with Progress(console=errors, transient=True) as progress:
-        for condition in chosen:
-            done = kept.results(condition.name)
-            task = progress.add_task(condition.name, total=runs, completed=len(done))
-            missing = [seed for seed in range(runs) if seed not in done]
-            async for seed, result in run_condition(site, engine, condition, missing):
-                done[seed] = result
-                kept.add(condition.name, seed, result)
-                progress.advance(task)
-            rows.append(summarise(condition, [done[seed] for seed in range(runs)]))
-    await engine.close()
-    return rows
+def _introduce(machine: Machine, weights: LocalModel | None, runs: int) -> None:
+    for line in machine.lines:
+        out.print(line, markup=False)
+    model = f"model {weights.name} ({weights.sha256[:12]}), " if weights is not None else ""
+    out.print(f"{model}{runs} alternating runs of each way, medians")
+
+
+def _measure(
+    site: Site, weights: LocalModel | None, runs: int, parts: tuple[Part, ...], *, show: bool
+) -> list[Comparison]:
+    """Measure `parts` with a live progress display; each table is shown as soon as it is full."""
+    found: list[Comparison] = []
+    with Progress(*COLUMNS, console=errors, transient=True) as progress:
+        task = progress.add_task("", total=len(parts))
+        for number, part in enumerate(parts):
+
+            def tell(what: str, share: float, part: Part = part, number: int = number) -> None:
+                words = f"{part.name}: {what}"
+                progress.update(task, completed=number + share, description=words)
+
+            tell("starting", 0.0)
+            measured = part.measure(Bench(site, weights, runs, tell))
+            found += measured
+            if show:
+                out.print(part_table(part, measured))
+    return found

@@ -1,6 +1,6 @@
 """Checks in CEL against plain Python, on the same rehearsed plans.
 
-A finding that differs between a shipped check and its twin is an error, before anything is measured.
+A shipped check and its twin that differ are an error, before anything is measured.
 """
 
 import asyncio

@@ -1,6 +1,6 @@
 """The parts of `pa-console bench`, by name, and the run of those that are asked for."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from rapidfuzz import process
@@ -45,12 +45,3 @@ def choose_parts(names: Sequence[str]) -> tuple[Part, ...]:
                 f"--only {name!r} is no part of the benchmark.{hint} Parts: {', '.join(known)}"
             )
     return tuple(part for part in PARTS if not names or part.name in names)
-
-
-def run_parts(bench: Bench, parts: Sequence[Part]) -> Iterator[tuple[Part, list[Comparison]]]:
-    """Yield each of `parts` with what was measured, as soon as it is.
-
-    Raises ValueError or EngineError when a part cannot be measured.
-    """
-    for part in parts:
-        yield part, part.measure(bench)

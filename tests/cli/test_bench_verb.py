@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.cli import bench
+from pa_console.cli import bench_degradation, bench_twins
 from pa_console.evaluation.degradation import Condition, RunFile
 from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.evaluation.true_outcome import RunResult
@@ -56,7 +56,7 @@ def test_twins_that_differ_end_with_1(
     def repeated_hashes(_world: World, _scenario: Scenario, _seed: int) -> tuple[str, str]:
         return next(hashes)
 
-    monkeypatch.setattr(bench, "repeated_hashes", repeated_hashes)
+    monkeypatch.setattr(bench_twins, "repeated_hashes", repeated_hashes)
     done = call("bench", "twins", "--world", str(few(tmp_path)), "--seeds", "1")
     assert done.code == 1
     rows = [line.split() for line in done.out.splitlines() if any(n in line for n in SHORT)]
@@ -98,7 +98,7 @@ def no_model(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     def find_model(_: str | None) -> LocalModel:
         return ScriptedEngine([]).model
 
-    monkeypatch.setattr(bench, "find_model", find_model)
+    monkeypatch.setattr(bench_degradation, "find_model", find_model)
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
 
 
@@ -115,7 +115,7 @@ def test_degradation_runs_only_what_its_file_lacks(
             ran.append(seed)
             yield seed, RUN
 
-    monkeypatch.setattr(bench, "run_condition", run_condition)
+    monkeypatch.setattr(bench_degradation, "run_condition", run_condition)
     path, row = tmp_path / "runs.jsonl", "link loss 0%"
     RunFile(path).add(row, 1, RUN)
     RunFile(path).add("link loss 10%", 0, RUN)
