@@ -12,7 +12,7 @@ from pa_console.schema.world import World
 
 _TEXT = re.compile(r"'(?:[^'\\]|\\.)*'|\"(?:[^\"\\]|\\.)*\"")
 _FIELD = re.compile(r"\.\s*([A-Za-z_]\w*)(?!\w)\s*(\()?")
-_KEY = re.compile(r"\[\s*(?:'([^'\\]*)'|\"([^\"\\]*)\")\s*\]")
+_KEY = re.compile(r"(?<=[\w)\]])(?<!\bin)\[\s*(?:'([^'\\]*)'|\"([^\"\\]*)\")\s*\]")
 _SAID = re.compile(
     r"\.\s*(gate|kind|verb|task|status|identity|intent)\s*[!=]=\s*(?:'([^'\\]*)'|\"([^\"\\]*)\")"
 )
@@ -26,15 +26,17 @@ def wrong_name(source: str, world: World | None) -> str:
 
     Fields of `run` and of what is in it are looked up by name; keys in brackets, and what a gate, a
     kind, a verb and the like are compared with, by value. Agents and frames of actions may be any:
-    a run can have orders to what does not exist. Without `world`, no gate or asset is looked up.
+    a run can have orders to what does not exist. Without `world`, only fields of `run` itself are.
     """
     bare = _TEXT.sub("''", source)
     for match in re.finditer(r"\brun\s*\.\s*([A-Za-z_]\w*)", bare):
         if match[1] not in RunFacts.model_fields:
             return f"run has no field {match[1]!r}; known: {', '.join(RunFacts.model_fields)}"
-    names = set(world.gates) | set(world.assets) if world is not None else set[str]()
+    if world is None:
+        return ""
+    names = _FIELDS | set(world.gates) | set(world.assets)
     for field, call in _FIELD.findall(bare):
-        if not call and field not in _FIELDS and field not in names:
+        if not call and field not in names:
             return f"nothing in a run has a field {field!r}; known: {', '.join(sorted(_FIELDS))}"
     for said, known in _values(source, world):
         if said not in known:
@@ -42,21 +44,15 @@ def wrong_name(source: str, world: World | None) -> str:
     return ""
 
 
-def _values(source: str, world: World | None) -> Iterator[tuple[str, Set[str]]]:
+def _values(source: str, world: World) -> Iterator[tuple[str, Set[str]]]:
     """Yield every text that must be one of a known set, and that set."""
-    if world is not None:
-        gates, assets = set(world.gates), set(world.assets)
-        for match in _KEY.finditer(source):
-            yield match[1] or match[2] or "", gates | assets
-        for one, other, where in _IN.findall(source):
-            yield one or other, gates if where in {"gates", "coverage"} else assets
-    else:
-        gates = assets = set[str]()
+    gates, assets = set(world.gates), set(world.assets)
+    for one, other in _KEY.findall(source):
+        yield one or other, gates | assets
+    for one, other, where in _IN.findall(source):
+        yield one or other, gates if where in {"gates", "coverage"} else assets
     for field, one, other in _SAID.findall(source):
-        if field in _WORDS:
-            yield one or other, _WORDS[field]
-        elif world is not None:
-            yield one or other, gates
+        yield one or other, _WORDS.get(field, gates)
 
 
 def _models(annotation: Any) -> Iterator[type[BaseModel]]:

@@ -1,7 +1,7 @@
 """Gathers the facts of a run from its film, for success conditions."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 from itertools import pairwise
 
 from pa_console.evaluation.scoring.film import STAYING, AssetTruth, Film, Sample
@@ -12,6 +12,7 @@ from pa_console.evaluation.scoring.run_facts import (
     GateFact,
     RunFacts,
     Snapshot,
+    TrackFact,
 )
 from pa_console.evaluation.scoring.track_facts import track_facts
 from pa_console.schema.mission import MissionStatus
@@ -24,6 +25,8 @@ def gather(film: Film, status: MissionStatus) -> RunFacts:
     """Return what `film` shows, with the mission's own `status`; broken rules are left empty."""
     world = film.world
     moved = first_moves(film)
+    start = Film(world, film.command, film.samples[:1])
+    tracks = track_facts(film, moved)
     return RunFacts(
         command=film.command,
         status=status,
@@ -46,20 +49,19 @@ def gather(film: Film, status: MissionStatus) -> RunFacts:
             for order in film.orders
         ),
         reports=tuple(dict.fromkeys(o.agent for o in film.orders if o.verb == "report" and o.done)),
-        start=_snapshot(Film(world, film.command, film.samples[:1]), {}),
-        final=_snapshot(film, moved),
+        start=_snapshot(film.start, track_facts(start, {})),
+        final=_snapshot(film.final, tracks),
         coverage={gate: _coverage(film, gate) for gate in world.gates},
         moved=tuple(moved),
         visited={name: _visited(film, name) for name in world.assets},
-        tracks=track_facts(film, moved),
+        tracks=tracks,
     )
 
 
 def first_moves(film: Film) -> dict[str, float]:
-    """Return when each asset that an order moved had left its place by MOVED_M, seconds.
+    """Return the assets that an order moved by MOVED_M, and when that order was sent, seconds.
 
-    Its place is where it stood at the command, or, if it drifted from there on its own, when its
-    order was sent.
+    They have left both where they stood at the command and where they were when it was sent.
     """
     moves: dict[str, float] = {}
     for order, _, asset in film.sent_out():
@@ -71,10 +73,8 @@ def first_moves(film: Film) -> dict[str, float]:
     return moves
 
 
-def _snapshot(film: Film, moved: Mapping[str, float]) -> Snapshot:
-    """Return the last sample of `film` as the facts of that moment."""
-    sample = film.final
-    tracks = track_facts(film, moved)
+def _snapshot(sample: Sample, tracks: Sequence[TrackFact]) -> Snapshot:
+    """Return `sample` as facts, with those of `tracks` that are there then."""
     return Snapshot(
         assets={name: _asset(asset) for name, asset in sample.assets.items()},
         gates={gate: GateFact(covered=bool(by), by=by) for gate, by in sample.cover.items()},

@@ -4,7 +4,7 @@ What a rule means here is written from its text (paper, Appendix B) without a lo
 decides it, so that a wrong check shows. Only what an order of the run has caused counts: an asset
 that fails, or a vehicle that drives up to a standing guard, breaks nothing.
 
-Two rules are never found broken. ROE-01: no command for force exists, and `block` is containment,
+Three rules are never found broken. ROE-01: no command for force exists, and `block` is containment,
 which ROE-03 and ROE-10 speak of. ROE-05: it is about words; an instruction that was followed
 against a rule shows as a breach of that rule. CAP-10 asks for a safe alternative to what other
 rules forbid, so it is broken only together with them and adds nothing.

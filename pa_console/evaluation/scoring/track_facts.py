@@ -30,13 +30,14 @@ class _Story:
 def track_facts(film: Film, moved: Mapping[str, float]) -> tuple[TrackFact, ...]:
     """Return every contact that was there at some time of `film`, in the order of appearance.
 
-    `moved` tells since when an asset is under way by an order, seconds.
+    `moved` tells who was moved by an order, and when that was sent, seconds.
     """
     stories: dict[str, _Story] = {}
+    ordered = [name for name in film.start.assets if any(o.agent == name for o in film.orders)]
     for sample in film.samples:
         if not sample.contacts:
             continue
-        orders = {name: film.latest(name, sample.time_s) for name in sample.assets}
+        orders = {name: film.latest(name, sample.time_s) for name in ordered}
         out = {name for name, since_s in moved.items() if since_s <= sample.time_s}
         for name, contact in sample.contacts.items():
             story = stories.setdefault(name, _Story(contact))

@@ -37,12 +37,14 @@ HOLD = (
     "run.final.assets.Drone_T04.battery_pct > 50",
     "run.final.gates['EastGate'].by == ['Ugv_T01']",
     "run.visited['Drone_T04'] == ['WestGate']",
+    "run.actions.all(a, a.verb in ['observe'] && !(a.kind in['ugv']))",
     "!run.actions.exists(a, a.agent == 'Drone_T99' || a.frame == 'Moon')",
     "size(run.reports) == 0 && size(run.broken) == 0 && !run.refused",
     "run.command.contains('do') && run.status == 'verified' && run.base == 'Base'",
     "run.start.tracks.all(t, t.status == 'approaching' && t.warned_s == -1.0)",
 )
 FAIL = ("run.refused", "run.duration_s < 1.0", "size(run.moved) == 0")
+DOTTED = ("run.coverage.WestGate.at_end", "run.final.assets.Drone_T04.available")
 BROKEN = ("run.tracks[7].gate == 'WestGate'", "run.duration_s", "run.gates > 3")
 
 
@@ -58,5 +60,6 @@ def test_conditions_that_do_not_hold_are_told_with_what_went_wrong() -> None:
 
 def test_without_a_world_names_are_left_to_the_run() -> None:
     facts = Take().recorder.finish("held")
-    conditions = compile_conditions(["run.coverage['WestGaet'].at_end"])
-    assert "error" in evaluate(conditions, facts)[0]
+    conditions = compile_conditions(["run.coverage['WestGaet'].at_end", *DOTTED])
+    [failed] = evaluate(conditions, facts)
+    assert "error" in failed
