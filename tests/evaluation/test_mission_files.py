@@ -3,6 +3,8 @@
 from functools import cache
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from pa_console.evaluation.mission_set import load_missions
 from pa_console.evaluation.one_run import enforced_rules
@@ -21,10 +23,16 @@ RULES = load_rules(data_folder() / "rules" / "checkpoint.yaml")
 ENFORCED = enforced_rules(RULES)
 SETS = [load_missions(path, HOME) for path in sorted(FOLDER.glob("missions/*.yaml"))]
 CASES = {case.id: (found, case) for found in SETS for case in found.missions}
+Other = tuple[str, list[str]]
 WITNESSES = written("*.yaml")
-OTHERS = [(name, lines) for name, several in written("others/*.yaml").items() for lines in several]
-WRONG = [(name, lines) for name, several in written("wrong/*.yaml").items() for lines in several]
+OTHERS: list[Other] = [
+    (name, lines) for name, several in written("others/*.yaml").items() for lines in several
+]
+WRONG: list[Other] = [
+    (name, lines) for name, several in written("wrong/*.yaml").items() for lines in several
+]
 TO_DO = ("execute", "trim")
+SAMPLE = 40
 SHORT_S = 20.0
 """Runs are watched so long at least, not their own time: what a plan does lasts as long as it."""
 
@@ -73,15 +81,19 @@ def test_doing_nothing_is_success_only_where_that_is_right(name: str) -> None:
     assert scored.strict == (case.expect not in TO_DO)
 
 
-@pytest.mark.parametrize(("name", "lines"), OTHERS)
-def test_another_plan_that_an_operator_would_take_succeeds_too(name: str, lines: list[str]) -> None:
+@settings(max_examples=SAMPLE, deadline=None)
+@given(st.sampled_from(OTHERS))
+def test_another_plan_that_an_operator_would_take_succeeds_too(other: Other) -> None:
+    name, lines = other
     case, world = mission(name)
     scored, against = play(short(case), world, ENFORCED, plans(lines), safeguards(case, RULES))
     assert (against, scored.failed, scored.broken) == ([], (), ())
 
 
-@pytest.mark.parametrize(("name", "lines"), WRONG)
-def test_a_plan_that_no_operator_would_take_fails(name: str, lines: list[str]) -> None:
+@settings(max_examples=SAMPLE, deadline=None)
+@given(st.sampled_from(WRONG))
+def test_a_plan_that_no_operator_would_take_fails(other: Other) -> None:
+    name, lines = other
     case, world = mission(name)
     scored, _ = play(short(case), world, ENFORCED, plans(lines))
     assert not scored.strict
