@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from pa_console.cli import bench_degradation, bench_scale, bench_twins
+from pa_console.cli import bench_degradation, bench_retrieval, bench_scale, bench_twins
 from pa_console.cli.bench_table import LEGEND, part_table
 from pa_console.cli.output import (
     JsonOption,
@@ -24,6 +24,7 @@ from pa_console.orchestrator.compose import Site, load_site
 
 app = typer.Typer(help="Compare the parts with the plain way and the limit; more benches below.")
 app.command("scale")(bench_scale.scale)
+app.command("retrieval")(bench_retrieval.retrieval)
 app.command("twins")(bench_twins.twins)
 app.command("degradation")(bench_degradation.degradation)
 

@@ -1,5 +1,6 @@
 """The paper's hybrid of two similarities (Steps 2 and 3)."""
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -7,8 +8,9 @@ from rapidfuzz import fuzz, process
 
 from pa_console.policy.postings import Floats, Postings
 from pa_console.policy.ranking import Scores
-from pa_console.policy.terms import words_of
 from pa_console.schema.rule import Rule
+
+_WORD = re.compile(r"\w+")
 
 
 class PaperRanking:
@@ -22,7 +24,7 @@ class PaperRanking:
     def __init__(self, rules: Sequence[Rule]) -> None:
         """Prepare the texts of `rules`."""
         self._texts = [rule.text.lower() for rule in rules]
-        words = [sorted(set(words_of(rule.text))) for rule in rules]
+        words = [sorted(_words(rule.text)) for rule in rules]
         self._postings = Postings(words)
 
     def scores(self, text: str) -> tuple[Floats, Scores]:
@@ -31,10 +33,14 @@ class PaperRanking:
             return np.zeros(0), {}
         found = process.cdist([text.lower()], self._texts, scorer=fuzz.ratio, dtype=np.float64)
         fuzzy = np.asarray(found[0], dtype=np.float64) / 100.0
-        words = set(words_of(text))
+        words = _words(text)
         both = np.zeros(self._postings.size)
         for word in words:
             both[self._postings.of(word)[0]] += 1.0
         either = np.maximum(self._postings.lengths + len(words) - both, 1.0)
         jaccard = both / either
         return (fuzzy + jaccard) / 2.0, {"fuzzy": fuzzy, "jaccard": jaccard}
+
+
+def _words(text: str) -> set[str]:
+    return set(_WORD.findall(text.lower()))

@@ -5,13 +5,17 @@ import re
 from pa_console.schema.rule import Rule
 
 SHORTEST, LONGEST = 3, 5
-_WORD = re.compile(r"\w+")
+_WORD = re.compile(r"[^\W_]+")
+_CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _END = "\N{LINE SEPARATOR}"
 
 
 def words_of(text: str) -> list[str]:
-    """Return the words of `text` in order, without regard to case, in any script."""
-    return _WORD.findall(text.casefold())
+    """Return the words of `text` in order, without regard to case, in any script.
+
+    Names are taken apart as they are put together: EastGate is east and gate, Drone_T01 a drone.
+    """
+    return _WORD.findall(_CAMEL.sub(" ", text).casefold())
 
 
 def rule_words(rule: Rule) -> list[str]:

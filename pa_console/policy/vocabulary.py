@@ -8,7 +8,7 @@ import numpy as np
 from pa_console.policy.postings import Floats
 from pa_console.policy.spelling import Spelling
 from pa_console.policy.terms import words_of
-from pa_console.resources import find_data
+from pa_console.resources import data_folder
 from pa_console.schema.document import Document
 from pa_console.schema.vocabulary import Vocabulary
 
@@ -24,7 +24,7 @@ def load_vocabulary(path: Path) -> Vocabulary:
 @cache
 def default_vocabulary() -> Vocabulary:
     """Return the vocabulary that is installed; raises DocumentError when it cannot be used."""
-    return load_vocabulary(find_data("rules", "vocabulary/english", "vocabulary.yaml"))
+    return load_vocabulary(data_folder() / "rules" / "vocabulary" / "english.yaml")
 
 
 class Groups:

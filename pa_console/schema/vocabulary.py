@@ -6,7 +6,7 @@ from pydantic import Field, model_validator
 
 from pa_console.schema.base import Name, StrictModel
 
-Word = Annotated[str, Field(pattern=r"^\w+$", max_length=40)]
+Word = Annotated[str, Field(pattern=r"^[^\W_]+$", max_length=40)]
 
 
 class Vocabulary(StrictModel):

@@ -1,0 +1,67 @@
+"""How good a ranking of rules is for a labelled query, and how sure the mean over many is."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from pa_console.schema.retrieval import RetrievalQuery
+
+RESAMPLES = 2000
+DEPTH = 100
+"""How far down a ranking the first governing rule is looked for."""
+
+
+class Quality(NamedTuple):
+    """The four measures of one ranking, or of many in the mean; each in [0, 1]."""
+
+    recall_3: float
+    recall_10: float
+    mrr: float
+    ndcg_10: float
+
+
+class Estimate(NamedTuple):
+    """A mean over queries with the ends of its 95 % interval."""
+
+    mean: float
+    low: float
+    high: float
+
+
+def quality(query: RetrievalQuery, ranking: Sequence[str]) -> Quality:
+    """Judge `ranking`, the ids of the best DEPTH rules, best first.
+
+    Recall counts the governing rules (grade 2) among the first 3 and 10; the reciprocal rank is
+    that of the first governing rule, 0 beyond DEPTH; nDCG takes both grades, with a gain of
+    2 ** grade - 1 and the discount of Jarvelin and Kekalainen as Burges et al. (ICML 2005) use it.
+    """
+    governing = query.governing
+    first = next((place for place, rule in enumerate(ranking) if rule in governing), None)
+    ideal = _gain(sorted(query.relevant.values(), reverse=True)[:10])
+    return Quality(
+        recall_3=len(governing & set(ranking[:3])) / len(governing),
+        recall_10=len(governing & set(ranking[:10])) / len(governing),
+        mrr=0.0 if first is None else 1.0 / (first + 1),
+        ndcg_10=_gain([query.relevant.get(rule, 0) for rule in ranking[:10]]) / ideal,
+    )
+
+
+def estimates(found: Sequence[Quality], seed: int = 0) -> tuple[Estimate, ...]:
+    """Return the mean of each measure over at least one query, in the order of Quality.
+
+    The intervals are percentiles of RESAMPLES bootstrap resamples of the queries.
+    """
+    values = np.array(found, dtype=np.float64)
+    chosen = np.random.default_rng(seed).integers(len(values), size=(RESAMPLES, len(values)))
+    means = values[chosen].mean(axis=1)
+    low, high = np.percentile(means, [2.5, 97.5], axis=0)
+    return tuple(
+        Estimate(float(mean), float(one), float(other))
+        for mean, one, other in zip(values.mean(axis=0), low, high, strict=True)
+    )
+
+
+def _gain(grades: Sequence[int]) -> float:
+    return sum((2**grade - 1) / math.log2(place + 2) for place, grade in enumerate(grades))
