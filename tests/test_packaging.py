@@ -43,9 +43,9 @@ def test_every_data_file_of_the_checkout_is_inside(wheel: set[str]) -> None:
             assert f"pa_console/data/{path.relative_to(ROOT).as_posix()}" in wheel
 
 
-def test_every_module_and_style_sheet_is_inside(wheel: set[str]) -> None:
+def test_every_module_style_sheet_and_template_is_inside(wheel: set[str]) -> None:
     for path in (ROOT / "pa_console").rglob("*"):
-        if path.suffix in (".py", ".tcss"):
+        if path.suffix in (".py", ".tcss", ".jinja", ".css", ".js"):
             assert path.relative_to(ROOT).as_posix() in wheel
 
 

@@ -28,6 +28,7 @@ HATCHES = ("", "//", "..", "xx", "--", "\\\\", "oo")
 class Drawn(NamedTuple):
     """A figure of a report: `name` is its file's, `alt` says in words what it shows."""
 
+    section: str
     name: str
     title: str
     alt: str
@@ -42,6 +43,7 @@ def _settings(name: str) -> Generator[None]:
     settings: dict[RcKeyType, str | float | bool] = {
         "font.family": "sans-serif",
         "font.size": 9.0,
+        "text.parse_math": False,
         "svg.fonttype": "none",
         "svg.hashsalt": name,
         "text.color": INK,
@@ -96,8 +98,8 @@ def inline(svg: bytes, drawn: Drawn) -> str:
     text = text[text.index("<svg") :]
     text = re.sub(r"\s*<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     text = re.sub(r'\s*<g id="patch_1">.*?</g>', "", text, count=1, flags=re.DOTALL)
-    used = set(re.findall(r"#([\w-]+)", text))
-    text = re.sub(r' id="([\w-]+)"', lambda m: m[0] if m[1] in used else "", text)
+    used = set(re.findall(r"#([\w.-]+)", text))
+    text = re.sub(r' id="([\w.-]+)"', lambda m: m[0] if m[1] in used else "", text)
     text = text.replace(INK, "currentColor")
     text = re.sub(r' (width|height)="[\d.]+pt"', "", text, count=2)
     return text.replace("<svg", f'<svg role="img" aria-label="{_attribute(drawn.alt)}"', 1)

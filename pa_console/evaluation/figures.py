@@ -11,6 +11,7 @@ from pa_console.evaluation.record_groups import (
     comparable_runs,
     main_runs,
 )
+from pa_console.evaluation.tables import ABLATION, JUDGE, LATENCY, SUCCESS
 
 
 def build_figures(records: Records) -> list[Drawn]:
@@ -24,30 +25,35 @@ def build_figures(records: Records) -> list[Drawn]:
     shown, beside = paper or main, bool(paper)
     figures = [
         Drawn(
+            SUCCESS,
             "figure-3",
             "Fig. 3: overall success by model",
             "Bars of hybrid and strict success by model with 95 % intervals.",
             partial(figure_three, shown, beside),
         ),
         Drawn(
+            SUCCESS,
             "table-1",
             "Table I: success by scenario category and model",
             "Bars of hybrid and of strict success by category and model with 95 % intervals.",
             partial(table_one, shown, beside),
         ),
         Drawn(
+            LATENCY,
             "figure-4",
             "Fig. 4: latency by model",
             "Bars of the mean decision and end-to-end latency by model.",
             partial(figure_four, shown, beside),
         ),
         Drawn(
+            LATENCY,
             "stages",
             "Latency by stage",
             "Stacked bars of the mean seconds of each stage by model.",
             partial(stages, main),
         ),
         Drawn(
+            JUDGE,
             "figure-5",
             "Fig. 5: the judge against the truth",
             "Bars of precision, recall and F1 of the judge by model with 95 % intervals.",
@@ -58,6 +64,7 @@ def build_figures(records: Records) -> list[Drawn]:
         runs = [record for record in records if record.model == model]
         figures.append(
             Drawn(
+                ABLATION,
                 f"ablation-{number}",
                 f"Ablation: success by variant ({model})",
                 "Dots of strict, obeyed and hybrid success by variant with 95 % intervals.",

@@ -10,7 +10,24 @@ from pa_console.evaluation.tables_judge import judge_tables
 from pa_console.evaluation.tables_latency import latency_tables
 from pa_console.evaluation.tables_success import success_tables
 
-__all__ = ["Table", "build_tables"]
+__all__ = ["Table", "build_sections", "build_tables"]
+
+SUCCESS, LATENCY, JUDGE, ABLATION, FAILURES = (
+    "Success", "Latency", "Judgements and refusals", "Ablation", "Failures and repair",
+)  # fmt: skip
+"""The sections of a report that hold tables."""
+
+
+def build_sections(records: Sequence[RunRecord]) -> dict[str, list[Table]]:
+    """Return the tables of each section of a report, sections without any left out."""
+    sections = {
+        SUCCESS: success_tables(records),
+        LATENCY: latency_tables(records),
+        JUDGE: judge_tables(records),
+        ABLATION: ablation_tables(records),
+        FAILURES: failure_tables(records),
+    }
+    return {title: tables for title, tables in sections.items() if tables}
 
 
 def build_tables(records: Sequence[RunRecord]) -> list[Table]:
@@ -18,10 +35,4 @@ def build_tables(records: Sequence[RunRecord]) -> list[Table]:
 
     Tables by model speak of the main variant (record_groups.main_variant), ablations of all.
     """
-    return [
-        *success_tables(records),
-        *latency_tables(records),
-        *judge_tables(records),
-        *ablation_tables(records),
-        *failure_tables(records),
-    ]
+    return [table for tables in build_sections(records).values() for table in tables]

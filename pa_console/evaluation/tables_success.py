@@ -59,7 +59,7 @@ def table_one(records: Records, name: Literal["hybrid", "strict"]) -> Table:
     note = CELL
     if name == "hybrid":
         columns += [f"paper: {model}" for model in MODELS]
-        note += " The paper's Table I has one run of each mission, by other models."
+        note += " The paper's values fit one run of each mission, by other models."
     else:
         note += " The paper gives no strict success by category."
     rows: list[tuple[str, ...]] = []
