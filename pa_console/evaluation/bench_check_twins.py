@@ -60,7 +60,8 @@ def _everybody_away(case: Case) -> list[str] | None:
     before = case.rehearsal.before
     up = [asset for asset in before.assets.values() if asset.available]
     posts = {name: asset.post or "" for name, asset in before.assets.items()}
-    goals = posts | {a.agent: goal for a in case.plan.actions if (goal := _goal(a, case.world))}
+    ordered = {action.agent: _goal(action, case.world) for action in case.plan.actions}
+    goals = {name: ordered.get(name) or post for name, post in posts.items()}
     hostile = any(track.intent == "hostile" for track in before.tracks.values())
     if hostile or len(up) < 2 or all(goals[name] == posts[name] for name in posts):
         return None

@@ -81,7 +81,7 @@ def make_cases(site: Site, *, moments: bool = False) -> list[Case]:
         Plan(reason="a report", actions=(Action(agent=names[-1], command="report"),)),
         Plan(
             reason="block what has come, twice",
-            actions=tuple(Action(agent=name, command=f"block {gate}") for name in blockers * 2)[:3],
+            actions=(*(Action(agent=name, command=f"block {gate}") for name in blockers[:1]),) * 2,
         ),
     ]
     mission = Mission(id="bench", text="see to the gates", created=datetime.now(UTC))

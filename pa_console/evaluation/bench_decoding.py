@@ -61,7 +61,7 @@ async def _speeds(bench: Bench) -> list[tuple[Speed, Speed]]:
     ask = MeasureSpeed(
         system=prompt.system, user=prompt.user, grammar=grammar, max_tokens=MAX_TOKENS
     )
-    bench.tell("loading and warming up", 0.0)
+    bench.tell("loading the model", 0.0)
     threads = physical_cores()
     child = await Child.start(
         RAW_MODULE,
@@ -70,8 +70,8 @@ async def _speeds(bench: Bench) -> list[tuple[Speed, Speed]]:
     try:
         rounds: list[tuple[Speed, Speed]] = []
         for run in range(-1, bench.runs):
-            if run >= 0:
-                bench.tell(f"run {run + 1} of {bench.runs}", run / bench.runs)
+            what = f"run {run + 1} of {bench.runs}" if run >= 0 else "warming up"
+            bench.tell(what, max(run, 0) / bench.runs)
             ours = await child.ask(ask, Speed)
             count = max(FEWEST_TOKENS, sum(tokens for tokens, _ in ours.steps))
             bare = await child.ask(ask.model_copy(update={"bare_tokens": count}), Speed)

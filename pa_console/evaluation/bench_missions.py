@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from time import perf_counter
 
+from pa_console.evaluation.bench_situations import bring_vehicle
 from pa_console.llm.engine import Engine
 from pa_console.llm.grammar import plan_grammar
 from pa_console.llm.judge import Judge
@@ -18,7 +19,6 @@ from pa_console.policy.monitor import Monitor
 from pa_console.policy.retriever import Retriever
 from pa_console.schema.event import PlanJudged, PlanProposed, PromptBuilt
 from pa_console.schema.finding import Usage
-from pa_console.schema.incident import SpawnTrack
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.variant import Variant
@@ -44,7 +44,7 @@ class Pair:
 
 @dataclass(frozen=True)
 class BenchMission:
-    """A mission in a checkpoint of its own, which nobody steps."""
+    """A mission in a checkpoint of its own, which nobody steps any more."""
 
     text: str
     sim: Checkpoint
@@ -59,11 +59,10 @@ def bench_missions(world: World) -> list[BenchMission]:
         "How do things stand with the team right now?",
     ]
     missions = [BenchMission(text, Checkpoint(world)) for text in texts]
-    lane = next(iter(world.lanes.values()), None)
-    if lane is not None:
-        sim = Checkpoint(world)
-        sim.inject(SpawnTrack(gate=lane.gate, distance_m=40.0))
-        text = f"There is something on the road to {lane.gate}: find out who that is."
+    sim = Checkpoint(world)
+    gate = bring_vehicle(sim)
+    if gate is not None:
+        text = f"There is something on the road to {gate}: find out who that is."
         missions.append(BenchMission(text, sim))
     return missions
 

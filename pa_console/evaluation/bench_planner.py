@@ -116,8 +116,9 @@ async def _rounds(bench: Bench) -> list[list[Round]]:
     ours = OurWay(bench.site, engine)
     plain: Child | None = None
     try:
-        bench.tell("loading and warming up", 0.0)
+        bench.tell("loading the model twice", 0.0)
         plain = await start_plain(model, threads)
+        bench.tell("warming up", 0.0)
         warm = [await ours.run(mission) for mission in missions]
         await _plainly(plain, missions[0], warm[0], WARM_TOKENS)
         rounds: list[list[Round]] = []

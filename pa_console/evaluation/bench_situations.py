@@ -1,22 +1,32 @@
 """Situations that the benchmark measures on, made from whatever world it is given."""
 
+from pa_console.orchestrator.headless import SETUP_SETTLE_S
 from pa_console.schema.incident import SetBattery, SpawnTrack
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 
-TRACK_AT_M = 30.0
+TRACK_AT_M = 40.0
 LOW_PCT = 12.0
 
 
-def busy_checkpoint(world: World, seed: int = 0) -> Checkpoint:
-    """Return a checkpoint with an asset low on battery and, given a lane, a vehicle on it."""
-    sim = Checkpoint(world, seed)
+def busy_checkpoint(world: World) -> Checkpoint:
+    """Return a checkpoint with an asset low on battery and, given a lane, a vehicle in sight."""
+    sim = Checkpoint(world)
     sim.inject(SetBattery(asset=next(iter(world.assets)), percent=LOW_PCT))
-    lane = next(iter(world.lanes.values()), None)
-    if lane is not None:
-        sim.inject(SpawnTrack(gate=lane.gate, distance_m=TRACK_AT_M))
+    bring_vehicle(sim)
     return sim
+
+
+def bring_vehicle(sim: Checkpoint) -> str | None:
+    """Let an unknown vehicle come up the first lane until sensors have seen it; return its gate."""
+    lane = next(iter(sim.world.lanes.values()), None)
+    if lane is None:
+        return None
+    sim.inject(SpawnTrack(gate=lane.gate, distance_m=TRACK_AT_M))
+    for _ in range(round(SETUP_SETTLE_S / sim.world.dt_s)):
+        sim.step()
+    return lane.gate
 
 
 def gathering(world: World) -> Plan:

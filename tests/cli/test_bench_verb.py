@@ -1,4 +1,4 @@
-"""`pa-console bench twins` and `bench degradation`: what they compare, keep and refuse."""
+"""`pa-console bench` and the benches below it: what they compare, keep and refuse."""
 
 import json
 import shutil
@@ -8,6 +8,9 @@ from pathlib import Path
 import pytest
 
 from pa_console.cli import bench_degradation, bench_twins
+from pa_console.evaluation.bench_compare import Bench, Comparison
+from pa_console.evaluation.bench_parts import Part
+from pa_console.evaluation.bench_simulation import measure_simulation
 from pa_console.evaluation.degradation import Condition, RunFile
 from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.evaluation.true_outcome import RunResult
@@ -75,6 +78,11 @@ def test_twins_of_a_world_without_situations_proves_nothing(call: Call, tmp_path
 @pytest.mark.parametrize(
     ("words", "says"),
     [
+        (["--only", "mission"], "Did you mean missions?"),
+        (["--only", "checks", "--only", "nothing"], "retrieval"),
+        (["--only", "decoding", "--model", "gpt-9"], "smollm2-135m"),
+        (["--runs", "0"], "--runs"),
+        (["--rules", "none.yaml", "--only", "checks"], "none.yaml"),
         (["degradation", "--only", "moonlight"], "link loss 30%"),
         (["degradation", "--model", "gpt-9"], "smollm2-135m"),
         (["degradation", "--runs", "0"], "--runs"),
@@ -89,6 +97,48 @@ def test_bad_input_is_told_before_anything_is_measured(
     done = call("bench", *words)
     assert (done.code, done.out) == (2, "")
     assert says in done.said
+
+
+def test_bench_without_a_fetched_model_says_how_to_fetch_it_and_measures_the_rest(
+    call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    refused = call("bench")
+    assert (refused.code, refused.out) == (2, "")
+    assert "pa-console models pull" in refused.said
+    done = call("bench", "--only", "rehearsal", "--only", "simulation", "--runs", "1", "--json")
+    assert done.code == 0, done.err
+    report = done.json
+    assert (report["model"], report["runs"]) == ("", 1)
+    assert report["machine"]["packages"]["pymunk"]
+    assert [line["part"] for line in report["comparisons"]] == ["simulation"] * 2 + [
+        "rehearsal"
+    ] * 3
+    for line in report["comparisons"]:
+        assert line["ours"]["least"] <= line["ours"]["median"] <= line["ours"]["most"]
+        assert (line["ratio"] is None) == (line["other"] is None)
+
+
+def test_bench_shows_the_machine_a_table_a_part_and_what_a_ratio_means(call: Call) -> None:
+    done = call("bench", "--only", "simulation", "--runs", "1")
+    assert done.code == 0, done.err
+    for words in ("Python 3", "1 alternating runs", "bare physics", "real time", "ratio: how many"):
+        assert words in done.said
+
+
+def test_an_interrupted_bench_has_shown_what_was_measured(
+    call: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(_bench: Bench) -> list[Comparison]:
+        raise KeyboardInterrupt
+
+    parts = [Part("simulation", "Simulation against bare physics", measure_simulation),
+             Part("rehearsal", "Rehearsal, fork and forecast", interrupted)]  # fmt: skip
+    monkeypatch.setattr("pa_console.evaluation.bench_parts.PARTS", tuple(parts))
+    done = call("bench", "--runs", "1")
+    assert done.code == 130
+    assert "interrupted" in done.err
+    assert "space.step" in done.out
 
 
 @pytest.fixture
