@@ -41,14 +41,14 @@ def comparisons(rounds: Sequence[tuple[Speed, Speed]]) -> list[Comparison]:
     chosen = [speed.decoded_rate for speed in ours]
     forced = [speed.forced_rate for speed in ours]
     kinds = (
-        ("tokens chosen one at a time", "greedy, under the grammar", chosen),
-        ("tokens forced by the grammar", "in batches, each after a chosen token", forced),
-        ("the whole answer", "chosen and forced", [speed.rate for speed in ours]),
+        ("tokens chosen one at a time", "greedy, under the grammar", chosen, ""),
+        ("tokens forced by the grammar", "in batches, each after a chosen token", forced, ""),
+        ("the whole answer", "chosen and forced", [speed.rate for speed in ours], whole),
     )
-    for name, what, figures in kinds:
+    for name, what, figures, note in kinds:
         if all(figures):
             found.append(
-                compare(PART, name, (what, figures), (ONE_BY_ONE, single), "tokens/s", whole)
+                compare(PART, name, (what, figures), (ONE_BY_ONE, single), "tokens/s", note)
             )
     return found
 
