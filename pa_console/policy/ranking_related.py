@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pa_console.policy.postings import Floats, Postings
 from pa_console.policy.ranking import Scores
@@ -18,16 +19,20 @@ RELATED = 0.8
 """What a related word counts, where the same word counts 1."""
 LENGTH = 0.4
 """How much longer rules are held back: 0 not at all, 1 in proportion to their length."""
+LEVELS = 10
+"""In how many steps it is told how near rules come to a word."""
+_ROUNDING = 1e-9
 
 
 class RelatedRanking:
     """The share of what a mission says that a rule speaks of, in the same or in other words.
 
-    Each word of the mission counts by how telling it is: the logarithm of the number of rules over
-    the number that speak of it. A rule speaks of a word by its nearest word: wholly if that is the
-    same, by the square of their likeness if it is spelt otherwise, by RELATED times how well both
-    fit a group of the vocabulary if it concerns the same thing. `words` is the part of the score
-    from spelling, `related` what the vocabulary adds. Longer rules are held back a little.
+    A rule comes as near to a word of the mission as its nearest word: 1 if that is the same, the
+    square of their likeness if it is spelt otherwise, RELATED times how well both fit a group of
+    the vocabulary if it concerns the same thing. Nearness counts by how telling it is: the
+    logarithm of the number of rules over the number that come as near. So among many rules that
+    speak of a thing, the few that use the mission's own word are found. `words` is what rules
+    score by spelling, `related` what they score by the vocabulary. Longer rules are held back.
     """
 
     def __init__(self, rules: Sequence[Rule], vocabulary: Vocabulary) -> None:
@@ -53,10 +58,12 @@ class RelatedRanking:
                 continue
             same, other = self._nearest(word)
             nearest = np.maximum(same, other)
-            telling = float(np.log1p((size - nearest.sum() + 0.5) / (nearest.sum() + 0.5)))
-            spelt += telling * same
-            related += telling * (nearest - same)
-            whole += telling
+            level = (nearest * LEVELS + _ROUNDING).astype(np.int64)
+            telling = _telling(np.bincount(level, minlength=LEVELS + 1))
+            worth = nearest * telling[level]
+            spelt += np.where(same >= other, worth, 0.0)
+            related += np.where(same >= other, 0.0, worth)
+            whole += float(telling[LEVELS])
         scale = self._held_back * max(whole, 1e-9)
         spelt, related = spelt / scale, related / scale
         return spelt + related, {"words": spelt, "related": related}
@@ -80,3 +87,10 @@ class RelatedRanking:
             places = self._postings.at(int(number))[0]
             highest[places] = np.maximum(highest[places], values[number])
         return highest
+
+
+def _telling(counts: NDArray[np.int64]) -> Floats:
+    """Return how telling each level of nearness is, given how many rules are at it; never < 0."""
+    as_near = np.cumsum(counts[::-1])[::-1]
+    rules = as_near[0]
+    return np.log1p((rules - as_near + 0.5) / (as_near + 0.5))

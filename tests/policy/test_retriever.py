@@ -130,3 +130,17 @@ def test_a_negative_number_and_an_unknown_method_are_refused() -> None:
         RETRIEVERS[DEFAULT_METHOD].retrieve("hold", -1)
     with pytest.raises(ValueError, match="known: paper, bm25"):
         Retriever(RULES, "oracle")
+
+
+def test_among_many_rules_on_a_thing_those_with_the_mission_s_own_word_come_first() -> None:
+    rules = [_rule(number, f"drones of store {number} stay clean") for number in range(10, 60)]
+    rules.append(_rule(99, "uavs of store 99 stay clean"))
+    assert Retriever(rules).rank("uavs", 1) == ("WF-99",)
+    assert Retriever(rules).rank("quadcopter", 51) == tuple(rule.id for rule in rules)
+
+
+def test_retrieval_does_not_score_worse_for_names_put_together() -> None:
+    apart, together = "drone at the east gate", "Drone_T01 at EastGate"
+    for rule in ("CAP-01", "WF-03"):
+        assert rule in RETRIEVERS[DEFAULT_METHOD].rank(apart, 10)
+        assert rule in RETRIEVERS[DEFAULT_METHOD].rank(together, 10)
