@@ -16,7 +16,7 @@ from pa_console import __version__
 from pa_console.cli.eval_progress import EvalProgress
 from pa_console.cli.eval_tables import to_rich
 from pa_console.cli.output import JsonOption, RulesOption, WorldOption, errors, out, print_json
-from pa_console.evaluation.jobs import Job, load_set, mission_file, plan_jobs
+from pa_console.evaluation.jobs import Job, LoadedSet, chosen, load_set, mission_file, plan_jobs
 from pa_console.evaluation.machine import describe_machine
 from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.evaluation.results import (
@@ -62,6 +62,9 @@ def evaluate(
     only: Annotated[
         str, typer.Option(help="Only missions whose id or category contains this.")
     ] = "",
+    every: Annotated[
+        int, typer.Option(min=1, help="Only every n-th mission of each category.")
+    ] = 1,
     output: Annotated[
         Path | None,
         typer.Option("--out", help="Folder of the results; one that has some is gone on with."),
@@ -94,11 +97,12 @@ def evaluate(
             load_set(file, world, site.rulebook, Path(scratch))
     results = Results(folder)
     sets = [load_set(file, world, site.rulebook, folder / "worlds") for file in files]
-    planned = [
-        job
-        for job in plan_jobs(sets, list(models), variants, range(repeat))
-        if only.lower() in job.case.id.lower() or only.lower() in job.case.category.lower()
+    wanted = [
+        LoadedSet(part, loaded.sites)
+        for loaded in sets
+        if (part := chosen(loaded.missions, only, every)) is not None
     ]
+    planned = plan_jobs(wanted, list(models), variants, range(repeat))
     if not planned:
         raise ValueError(f"--only {only!r} matches no mission of {', '.join(map(str, files))}")
     began = perf_counter()

@@ -1,6 +1,7 @@
 """What an evaluation has to run: missions x models x variants x seeds, and in which worlds."""
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -79,6 +80,21 @@ def load_set(path: Path, world: str, rulebook: Rulebook, folder: Path) -> Loaded
         file.write_text(world_yaml(generated), encoding="utf-8")
         sites[name] = Site(generated, file, rulebook)
     return LoadedSet(missions, sites)
+
+
+def chosen(missions: MissionSet, only: str = "", every: int = 1) -> MissionSet | None:
+    """Return the missions whose id or category contains `only`, every n-th of each category.
+
+    None when there is no such mission.
+    """
+    numbers: Counter[str] = Counter()
+    kept: list[MissionCase] = []
+    for case in missions.missions:
+        if only.lower() in case.id.lower() or only.lower() in case.category.lower():
+            if numbers[case.category] % every == 0:
+                kept.append(case)
+            numbers[case.category] += 1
+    return missions.model_copy(update={"missions": tuple(kept)}) if kept else None
 
 
 def plan_jobs(

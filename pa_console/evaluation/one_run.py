@@ -93,7 +93,7 @@ class _Watch:
         if self.recorder is not None:
             self.recorder.see(event)
         match event.data:
-            case ev.MissionReceived():
+            case ev.MissionReceived() if self.recorder is None:
                 self.recorder = RunRecorder(self._sim, self._command)
             case ev.OutcomeJudged(usage=usage):
                 self.outcome_s += usage.seconds
@@ -111,7 +111,7 @@ def _record(  # noqa: PLR0917
 ) -> RunRecord:
     case = job.case
     approved = [trace.attempt(number) for number in watch.approved]
-    opinions = [a.verdict.verdict for a in approved if a.verdict is not None]
+    opinions: list[Opinion] = [a.verdict.verdict for a in approved if a.verdict is not None]
     first, later = opinions[:1], opinions[1:]
     outcome = trace.outcome_verdict.verdict if trace.outcome_verdict is not None else None
     last = (approved or trace.attempts)[-1:] or [Attempt(0)]

@@ -1,7 +1,7 @@
 """Makes the runs of an evaluation, several side by side if asked, and keeps each as it ends."""
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncGenerator, Callable, Sequence
 from contextlib import suppress
 from itertools import groupby
 
@@ -31,7 +31,7 @@ class Runner:
         self._lanes, self._keep_logs = lanes, keep_logs
         self._idle: dict[tuple[str, str, int], Score] = {}
 
-    async def run(self, jobs: Sequence[Job]) -> AsyncIterator[RunRecord]:
+    async def run(self, jobs: Sequence[Job]) -> AsyncGenerator[RunRecord]:
         """Yield each run when it was made and written; models are taken one after the other.
 
         Raises what a run ran into; the other lanes are stopped then.
@@ -42,7 +42,7 @@ class Runner:
             async for record in self._model(model, list(of_model)):
                 yield record
 
-    async def _model(self, model: str, jobs: list[Job]) -> AsyncIterator[RunRecord]:
+    async def _model(self, model: str, jobs: list[Job]) -> AsyncGenerator[RunRecord]:
         """Yield the runs of one model, its weights loaded once a lane."""
         waiting = chunks(jobs)
         made: asyncio.Queue[RunRecord | BaseException | None] = asyncio.Queue()

@@ -17,7 +17,7 @@ _SAID = re.compile(
     r"\.\s*(gate|kind|verb|task|status|identity|intent)\s*[!=]=\s*(?:'([^'\\]*)'|\"([^\"\\]*)\")"
 )
 _IN = re.compile(
-    r"(?:'([^'\\]*)'|\"([^\"\\]*)\")\s+in\s+run\s*\.\s*(moved|reports|gates|coverage|visited)\b"
+    r"(?:'([^'\\]*)'|\"([^\"\\]*)\")\s+in\s+run\s*\.\s*(moved|reports|gates|coverage|visited)\b(?!\s*\[)"
 )
 
 
