@@ -93,7 +93,8 @@ def label_groups(ax: "Axes", labels: Sequence[str], ours: int) -> None:
     ]
     ax.set_xticks(range(len(labels)), names, fontsize=8)
     ax.tick_params(axis="x", length=0)
-    ax.set_xlim(-0.6, len(labels) - 0.4)
+    spare = max(3 - len(labels), 0) / 2
+    ax.set_xlim(-0.6 - spare, len(labels) - 0.4 + spare)
     if ours < len(labels):
         ax.axvline(ours - 0.5, color=GRID, linewidth=1, linestyle=":")
 

@@ -50,7 +50,6 @@ class Row(NamedTuple):
 
     record: RunRecord
     marks: str
-    cause: str
     decision: str
 
 
@@ -130,5 +129,4 @@ def _row(record: RunRecord, kinds: Mapping[FailureKind, tuple[int, int]]) -> Row
     names = [name for name, holds in marks.items() if holds]
     if kind is not None:
         names.append(f"k{kinds[kind][0]}")
-    cause = "" if kind is None else kind.cause
-    return Row(record, " ".join(names), cause, seconds(decision_seconds(record)))
+    return Row(record, " ".join(names), seconds(decision_seconds(record)))

@@ -33,7 +33,8 @@ _KNOWN = {"models", "variants", "mission_sets", "seeds", "runs", "seconds", "reu
 
 def facts(records: Records, about: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Return what was run, as pairs of a name and a text; `about` is the folder's run.json."""
-    variants = dict.fromkeys(record.variant for record in records)
+    names = {record.variant for record in records}
+    variants = [*(name for name in ABOUT if name in names), *sorted(names - ABOUT.keys())]
     sets = [
         f"{name} ({len({run.mission for run in runs})} missions)"
         for name, runs in by_set(records).items()
