@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
-from markupsafe import Markup
 
 from pa_console.evaluation.failure_kinds import FailureKind, failure_kind
 from pa_console.evaluation.figure_style import Drawn, inline, render
@@ -34,7 +33,7 @@ class Shown(NamedTuple):
 
     drawn: Drawn
     file: str
-    svg: Markup
+    svg: str
 
 
 class Section(NamedTuple):
@@ -102,7 +101,7 @@ def _write_figure(folder: Path, drawn: Drawn) -> Shown:
     file = f"{FIGURES}/{drawn.name}.svg"
     (folder / file).write_bytes(svg)
     (folder / FIGURES / f"{drawn.name}.png").write_bytes(png)
-    return Shown(drawn, file, Markup(inline(svg, drawn)))
+    return Shown(drawn, file, inline(svg, drawn))
 
 
 def _kinds(records: Sequence[RunRecord]) -> dict[FailureKind, tuple[int, int]]:
