@@ -63,7 +63,7 @@ def retrieval(
 
 def _quality_table(rows: list[RetrievalRow], split: Split, title: str) -> Table:
     number = next(q.queries for q in rows[0].quality if q.split == split and not q.style)
-    table = Table(box=box.SIMPLE, title=f"{split}: {number} {title}, 95 % intervals")
+    table = Table(box=box.SIMPLE, title=f"{split}: {number} {title}, in %, with 95 % intervals")
     for name in ("rules", "method", "recall@3", "recall@10", "MRR", "nDCG@10"):
         table.add_column(name, justify="left" if name == "method" else "right", no_wrap=True)
     for row in rows:
@@ -94,4 +94,4 @@ def _cost_table(rows: list[RetrievalRow]) -> Table:
 
 
 def _share(value: Estimate) -> str:
-    return f"{value.mean:.3f} {value.low:.2f}-{value.high:.2f}"
+    return f"{value.mean * 100:.1f} ({value.low * 100:.0f}-{value.high * 100:.0f})"

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pa_console.evaluation.distractors import MOST, distractors
 from pa_console.evaluation.retrieval_bench import bench_retrieval
 from pa_console.evaluation.retrieval_labels import load_queries
-from pa_console.evaluation.retrieval_measures import Quality, estimates, quality
+from pa_console.evaluation.retrieval_measures import Estimate, Quality, estimates, quality
 from pa_console.policy.retriever import METHODS
 from pa_console.resources import find_data
 from pa_console.schema.retrieval import RetrievalQuery
@@ -44,7 +44,7 @@ def test_an_interval_lies_within_the_values_and_is_the_same_every_time(values: l
     first, one, none, _ = estimates(found)
     assert first.mean == pytest.approx(sum(values) / len(values))
     assert min(values) - 1e-9 <= first.low <= first.high <= max(values) + 1e-9
-    assert (one, none) == ((1.0, 1.0, 1.0), (0.0, 0.0, 0.0))
+    assert (one, none) == (Estimate(1.0, 1.0, 1.0), Estimate(0.0, 0.0, 0.0))
     assert estimates(found) == estimates(found)
 
 
