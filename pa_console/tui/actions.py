@@ -99,6 +99,8 @@ ACTIONS: tuple[ConsoleAction, ...] = (
                   "View", "view('alarms')"),
     ConsoleAction("policies", "f6,p", "Policies", "Browse and search the rules", "View",
                   "policies", footer=True),
+    ConsoleAction("evaluation", "e", "Evaluation",
+                  "Look at an evaluation: runs, failures, tables, traces", "View", "evaluation"),
     ConsoleAction(
         "approval", "f7,g", "To approval", "Go to the plan that waits for a decision",
         "Mission", "to_approval", needs=("live", "writable", "approval"), footer=True,
@@ -200,6 +202,7 @@ def key_text(keys: str) -> str:
         "plus": "+",
         "minus": "-",
         "escape": "Esc",
+        "enter": "Enter",
         "left_square_bracket": "[",
         "right_square_bracket": "]",
         "left": "←",

@@ -59,12 +59,13 @@ class ConsoleApp(CommandingApp):
         clock: Clock = time.monotonic,
         history: Path | None = None,
         copies: Path | None = None,
+        evaluations: Path | None = None,
         keymap: Path | None = None,
     ) -> None:
         """Paths that are None are the user's own, in the platform's folders."""
         super().__init__(
             world, station, rulebook, retriever, log,
-            readonly=readonly, player=player, clock=clock, copies=copies,
+            readonly=readonly, player=player, clock=clock, copies=copies, evaluations=evaluations,
         )  # fmt: skip
         self._history, self._key_file = history, keymap
         self._drafts: dict[tuple[str, int], str] = {}

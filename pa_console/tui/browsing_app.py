@@ -36,12 +36,13 @@ class BrowsingApp(SessionApp):
         player: PlayerPort | None = None,
         clock: Clock = time.monotonic,
         copies: Path | None = None,
+        evaluations: Path | None = None,
     ) -> None:
-        """`copies` is the folder for copied texts, None the user's own."""
+        """`copies` and `evaluations` are folders, None the user's own."""
         super().__init__(
             world, station, rulebook, retriever, log, readonly=readonly, player=player, clock=clock
         )
-        self._copies = copies
+        self._copies, self._evaluations = copies, evaluations
 
     def tell(self, text: str, title: str, bad: bool = False) -> None:
         """Show a notice; its text is never read as markup."""
@@ -54,8 +55,10 @@ class BrowsingApp(SessionApp):
 
     def action_to_approval(self) -> None:
         """Go to the plan that waits."""
-        if self.shown is not None:
-            self.shown.to_approval()
+        if self.main is not None:
+            while self.screen is not self.main and not self.screen.is_modal:
+                self.pop_screen()
+            self.main.to_approval()
 
     def action_to_prompt(self) -> None:
         """Go to the mission field."""
@@ -140,6 +143,30 @@ class BrowsingApp(SessionApp):
         from pa_console.tui.screens.policies import PolicyScreen  # noqa: PLC0415
 
         self.push_screen(PolicyScreen(self.rulebook, self.retriever))
+
+    def action_evaluation(self) -> None:
+        """Show the newest evaluation, or ask for the folder of one."""
+        from pa_console.evaluation.results import (  # noqa: PLC0415
+            evaluations_folder,
+            newest_evaluation,
+        )
+        from pa_console.tui.screens.ask_folder import AskFolder  # noqa: PLC0415
+        from pa_console.tui.screens.evaluation import EvaluationScreen  # noqa: PLC0415
+
+        if any(isinstance(screen, EvaluationScreen) for screen in self.screen_stack):
+            return
+
+        def show(folder: Path | None) -> None:
+            if folder is not None:
+                self.push_screen(EvaluationScreen(folder, self.clock))
+
+        below = self._evaluations or evaluations_folder()
+        newest = newest_evaluation(below)
+        if newest is not None:
+            show(newest)
+        else:
+            question = f"No evaluation below {below} yet: pa-console eval makes one.\nElsewhere?"
+            self.push_screen(AskFolder(question), show)
 
     def action_copy_trace(self) -> None:
         """Copy the shown trace."""

@@ -3,7 +3,7 @@
 FRAME_S = 0.12
 """Least wall time between two repaints: about eight a second, whatever the event rate."""
 
-ALL_VIEWS = frozenset(("status", "map", "assets", "alarms", "trace", "events"))
+ALL_VIEWS: frozenset[str] = frozenset(("status", "map", "assets", "alarms", "trace", "events"))
 
 _PICTURE = frozenset(("status", "map", "assets"))
 _TRACE = frozenset(("trace",))

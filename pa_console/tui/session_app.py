@@ -67,6 +67,7 @@ class SessionApp(App[None]):
         self._flush_due = False
         self._last_telemetry = clock()
         self._situation = Situation()
+        self._waited = False
 
     @property
     def state(self) -> SessionState:
@@ -192,9 +193,19 @@ class SessionApp(App[None]):
         if views and self.main is not None and self.main.is_mounted and self.player is None:
             silent = self.clock() - self._last_telemetry
             self.main.refresh_views(self.state, views, self.rate, silent)
+        self._tell_what_waits()
         if self.situation != self._situation:
             self._situation = self.situation
             self.refresh_bindings()
+
+    def _tell_what_waits(self) -> None:
+        """Tell an operator who looks at another screen that a plan has begun to wait."""
+        current = self.state.current
+        waits = current is not None and current.approval is not None
+        away = self.main is not None and self.screen is not self.main
+        if waits and not self._waited and away and not (self.readonly or self.player):
+            self.notify("A plan waits for your decision: Esc goes back to it", title="Approval")
+        self._waited = waits
 
     def _look_for_silence(self) -> None:
         if self.clock() - self._last_telemetry > 4 * LOOK_S:

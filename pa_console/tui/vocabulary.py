@@ -33,6 +33,8 @@ TERMS: dict[str, Term] = {
     "verdict.Success": Term("✔", "Success", GOOD),
     "verdict.Failure": Term("✘", "FAILURE", BAD),
     "verdict.none": Term("?", "no verdict", WARN),
+    "score.success": Term("✔", "success", GOOD),
+    "score.failure": Term("✘", "FAILURE", BAD),
     "mission.verified": Term("✔", "verified", GOOD),
     "mission.unverified": Term("?", "not verified", WARN),
     "mission.refused": Term("✘", "refused", BAD),

@@ -78,10 +78,8 @@ class MainScreen(Screen[None]):
     def on_mount(self) -> None:
         """Start where missions are typed."""
         self.set_class(self.mode == "REPLAY", "-replay")
-        self.go_to("map")
-        if self._closed_why:
-            self.query_one("#map").focus()
-        else:
+        self.focus_view(self._view)
+        if not self._closed_why:
             self.query_one(MissionPrompt).take_cursor()
 
     def on_resize(self, event: events.Resize) -> None:

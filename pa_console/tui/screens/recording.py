@@ -9,7 +9,7 @@ from pa_console.schema.world import World
 from pa_console.session.fold import SessionState
 from pa_console.tui.history import History
 from pa_console.tui.ports import Clock, PlayerPort
-from pa_console.tui.refresh import FRAME_S
+from pa_console.tui.refresh import ALL_VIEWS, FRAME_S
 from pa_console.tui.replay import ReplayDeck
 from pa_console.tui.screens.main import MainScreen
 
@@ -19,7 +19,7 @@ CLOSED = "REPLAY: this is a recording, every command is refused"
 class RecordingScreen(MainScreen):
     """Drives its own player; over another screen, Escape and q go back there."""
 
-    BINDINGS = [Binding("escape,q", "back", "Back")]
+    BINDINGS = [Binding("escape,q", "back", "Close")]
 
     def __init__(
         self,
@@ -29,14 +29,14 @@ class RecordingScreen(MainScreen):
         clock: Clock,
         *,
         over: bool = False,
-        view: str = "",
+        view: str = "map",
     ) -> None:
         """`over` another screen one can go back; `view` is the pane that is shown at first."""
         super().__init__(world, rules, History(None), closed=CLOSED, mode="REPLAY", clock=clock)
         self.player, self.rules = player, rules
         self._deck = ReplayDeck(player, clock)
-        self._over, self._first_view = over, view
-        self._dirty: frozenset[str] = frozenset()
+        self._over, self._view = over, view
+        self._dirty: frozenset[str] = ALL_VIEWS
 
     @property
     def state(self) -> SessionState:
@@ -51,9 +51,7 @@ class RecordingScreen(MainScreen):
     def on_mount(self) -> None:
         """Show where the recording stands, and let it play when it is told to."""
         self.set_interval(FRAME_S, self._tick)
-        if self._first_view:
-            self.focus_view(self._first_view)
-        self.call_after_refresh(self._moved)
+        self.show_replay(self._deck.line())
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Offer to go back only where there is a screen to go back to."""

@@ -1,0 +1,262 @@
+"""The evaluation screen: its runs, what failed, the report's tables, and the trace of each run."""
+
+import asyncio
+import time
+from pathlib import Path
+
+from textual import events, on
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.containers import Horizontal, ScrollableContainer, Vertical, VerticalScroll
+from textual.content import Content
+from textual.screen import Screen
+from textual.widgets import Footer, Input, Select, Static
+
+from pa_console.evaluation.record import RunRecord
+from pa_console.evaluation.results import RUNS, read_runs
+from pa_console.evaluation.table import Table
+from pa_console.schema.document import DocumentError
+from pa_console.tui.evaluation_text import nothing_rows, title_text, totals_text
+from pa_console.tui.ports import Clock
+from pa_console.tui.recordings import open_run
+from pa_console.tui.run_detail import run_rows
+from pa_console.tui.run_filter import KINDS, LABELS, Kind, RunFilter, Totals
+from pa_console.tui.screens.ask_folder import AskFolder
+from pa_console.tui.screens.recording import RecordingScreen
+from pa_console.tui.table_text import tables_text
+from pa_console.tui.trace.rows import layout, row
+from pa_console.tui.vocabulary import WARN
+from pa_console.tui.widgets.run_rows import RunRows
+from pa_console.tui.widgets.sheet import Sheet
+
+LOOK_S = 1.0
+"""How often the folder is looked at for runs that were added, in wall seconds."""
+
+
+class EvaluationScreen(Screen[None]):
+    """Runs above, the run at the pointer below; follows an evaluation that is still running."""
+
+    BINDINGS = [
+        Binding("escape", "back", "Back"),
+        Binding("f", "next_kind", "Failures"),
+        Binding("slash", "search", "Search"),
+        Binding("t", "tables", "Tables"),
+        Binding("o", "other", "Other folder", show=False),
+    ]
+
+    def __init__(self, folder: Path, clock: Clock = time.monotonic, *, over: bool = True) -> None:
+        """Show the evaluation in `folder`; `over` another screen, Escape goes back there."""
+        super().__init__()
+        self._folder, self._clock, self._over = folder, clock, over
+        self._records: list[RunRecord] = []
+        self._filter = RunFilter()
+        self._stamp: tuple[int, int] | None = (-1, -1)
+        self._built: list[Table] | None = None
+        self._problem = ""
+
+    def compose(self) -> ComposeResult:
+        """Yield the title, the filters and totals, the list with its detail, and the tables."""
+        yield Static(id="evaluation-title", markup=False)
+        with Vertical(id="evaluation-runs"):
+            with Horizontal(id="evaluation-filters"):
+                yield Input(
+                    compact=True,
+                    id="evaluation-search",
+                    placeholder="filter: mission, model, variant, category, command",
+                )
+                yield Select(
+                    [(LABELS[kind], kind) for kind in KINDS],
+                    value="all",
+                    allow_blank=False,
+                    compact=True,
+                    id="evaluation-kind",
+                )
+            yield Static(id="evaluation-totals", markup=False)
+            yield Static(id="evaluation-heading", markup=False)
+            yield RunRows(id="evaluation-list")
+            with VerticalScroll(id="evaluation-detail"):
+                yield Sheet(id="evaluation-sheet")
+        with ScrollableContainer(id="evaluation-tables"):
+            yield Static(id="evaluation-text", markup=False)
+        yield Footer(show_command_palette=False, compact=True)
+
+    def on_mount(self) -> None:
+        """Read the runs, and look for more from now on."""
+        self.query_one("#evaluation-search", Input).cursor_blink = False
+        self.query_one(RunRows).focus()
+        self.set_interval(LOOK_S, self.look)
+        self._title()
+        self.look()
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Offer to go back only where there is a screen to go back to."""
+        return self._over if action == "back" else super().check_action(action, parameters)
+
+    # What is read
+
+    def look(self) -> None:
+        """Read the runs again when their file has changed."""
+        stamp = _stamp(self._folder / RUNS)
+        if stamp != self._stamp:
+            self._stamp = stamp
+            self.run_worker(self._read(self._folder), group="evaluation", exclusive=True)
+
+    async def _read(self, folder: Path) -> None:
+        self._problem = ""
+        try:
+            self._records = await asyncio.to_thread(read_runs, folder)
+        except (ValueError, OSError) as error:
+            self._problem = str(error)
+        self._built = None
+        self._show()
+        if self.has_class("-tables"):
+            await self._show_tables()
+
+    def _show(self) -> None:
+        """Show the runs that pass the filter; the pointer stays on its run."""
+        shown = self._filter.passed(self._records)
+        listing = self.query_one(RunRows)
+        listing.show(shown)
+        self._title()
+        totals = totals_text(Totals.of(shown, len(self._records)), self._problem)
+        self.query_one("#evaluation-totals", Static).update(totals)
+        self._detail()
+
+    def _title(self) -> None:
+        title = title_text(self._folder, tables=self.has_class("-tables"), width=self.size.width)
+        self.query_one("#evaluation-title", Static).update(title)
+
+    def _detail(self) -> None:
+        listing = self.query_one(RunRows)
+        self.query_one("#evaluation-heading", Static).update(listing.heading())
+        record = listing.record
+        if record is not None:
+            rows = tuple(run_rows(record))
+        elif self._records:
+            rows = (row("", ("No run passes the filter; f and / change it.", WARN)),)
+        else:
+            rows = nothing_rows(self._folder, self._problem)
+        self.query_one("#evaluation-detail").border_title = "Run" if record else ""
+        self.query_one("#evaluation-sheet", Sheet).show(rows)
+
+    async def _show_tables(self) -> None:
+        """Build the report's tables of all runs, and write them at the width there is."""
+        from pa_console.evaluation.tables import build_tables  # noqa: PLC0415 - loads numpy
+
+        if self._built is None:
+            self._built = await asyncio.to_thread(build_tables, self._records)
+        text = self.query_one("#evaluation-text", Static)
+        if self._built:
+            width = self.query_one("#evaluation-tables").scrollable_content_region.width
+            text.update(tables_text(self._built, max(40, width - 2)))
+        else:
+            text.update(Content("\n").join(layout(nothing_rows(self._folder, self._problem), 76)))
+
+    # What is asked for
+
+    @on(Input.Changed, "#evaluation-search")
+    def _search(self, event: Input.Changed) -> None:
+        event.stop()
+        self._filter = self._filter._replace(text=event.value.strip())
+        self._show()
+
+    @on(Input.Submitted, "#evaluation-search")
+    def _to_list(self, event: Input.Submitted) -> None:
+        event.stop()
+        self.query_one(RunRows).focus()
+
+    @on(Select.Changed, "#evaluation-kind")
+    def _kind(self, event: Select.Changed) -> None:
+        event.stop()
+        kind = next(kind for kind in KINDS if kind == event.value)
+        self._filter = self._filter._replace(kind=kind)
+        self._show()
+
+    @on(RunRows.Pointed)
+    def _pointed(self, event: RunRows.Pointed) -> None:
+        event.stop()
+        self._detail()
+        self.query_one("#evaluation-detail", VerticalScroll).scroll_home(animate=False)
+
+    @on(RunRows.Chosen)
+    def _chosen(self, event: RunRows.Chosen) -> None:
+        event.stop()
+        self.action_trace()
+
+    def on_resize(self, _event: events.Resize) -> None:
+        """Lay out for the new width."""
+        self._title()
+        self.call_after_refresh(self._detail)
+        if self.has_class("-tables"):
+            self.run_worker(self._show_tables(), group="evaluation-tables", exclusive=True)
+
+    def action_back(self) -> None:
+        """Leave a field, else go back to the console."""
+        if isinstance(self.focused, Input):
+            self.query_one(RunRows).focus()
+        else:
+            self.dismiss()
+
+    def action_search(self) -> None:
+        """Type words to look for."""
+        self._turn(tables=False)
+        self.query_one("#evaluation-search").focus()
+
+    def action_next_kind(self) -> None:
+        """Show the next kind of runs: failures of one sort after the other, then all again."""
+        self._turn(tables=False)
+        following: Kind = KINDS[(KINDS.index(self._filter.kind) + 1) % len(KINDS)]
+        self.query_one("#evaluation-kind", Select).value = following
+
+    def action_tables(self) -> None:
+        """Show the report's tables, or the runs again."""
+        self._turn(tables=not self.has_class("-tables"))
+
+    def _turn(self, *, tables: bool) -> None:
+        if tables == self.has_class("-tables"):
+            return
+        self.set_class(tables, "-tables")
+        self._title()
+        if tables:
+            self.query_one("#evaluation-tables").focus()
+            self.run_worker(self._show_tables(), group="evaluation-tables", exclusive=True)
+        else:
+            self.query_one(RunRows).focus()
+
+    def action_other(self) -> None:
+        """Ask for another folder and show it."""
+
+        def given(folder: Path | None) -> None:
+            if folder is not None:
+                self._folder, self._stamp, self._records = folder, (-1, -1), []
+                self._built = None
+                self._show()
+                self.look()
+
+        self.app.push_screen(AskFolder("Which evaluation? Its folder has a runs.jsonl."), given)
+
+    def action_trace(self) -> None:
+        """Open the log of the run at the pointer, at its end, with the trace in view."""
+        record = self.query_one(RunRows).record
+        if record is None:
+            return
+        try:
+            opened = open_run(record.log, self._folder)
+        except (ValueError, OSError, DocumentError) as error:
+            self.notify(str(error), title="No trace", severity="error", timeout=10, markup=False)
+            return
+        if opened.note:
+            self.notify(opened.note, title=record.mission, severity="warning", markup=False)
+        screen = RecordingScreen(
+            opened.world, opened.rules, opened.player, self._clock, over=True, view="trace"
+        )
+        self.app.push_screen(screen)
+
+
+def _stamp(path: Path) -> tuple[int, int] | None:
+    """Return size and time of the last change; None when there is no such file."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_size, status.st_mtime_ns

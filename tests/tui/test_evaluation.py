@@ -1,0 +1,391 @@
+"""The evaluation screen: filter, select, open a trace and come back, what is wrong is said."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from textual.containers import ScrollableContainer
+from textual.pilot import Pilot
+from textual.widgets import Input, Select, Static
+
+from pa_console.evaluation import tables
+from pa_console.evaluation.table import Table
+from pa_console.orchestrator.compose import Site, load_site
+from pa_console.tui.app import ConsoleApp
+from pa_console.tui.evaluation_app import EvaluationApp
+from pa_console.tui.screens.ask_folder import AskFolder
+from pa_console.tui.screens.evaluation import EvaluationScreen
+from pa_console.tui.screens.recording import RecordingScreen
+from pa_console.tui.widgets.approval_panel import ApprovalPanel
+from pa_console.tui.widgets.run_rows import RunRows
+from pa_console.tui.widgets.sheet import Sheet
+from pa_console.tui.widgets.trace_pane import TracePane
+from tests.tui import runs, story
+from tests.tui.scripted import ScriptedStation, console, settle
+
+Compare = Callable[..., bool]
+SIZE = (120, 36)
+SIZES = {"80x24": (80, 24), "120x36": (120, 36)}
+
+
+@pytest.fixture(scope="module")
+def site() -> Site:
+    """The shipped checkpoint."""
+    return load_site("checkpoint", "checkpoint")
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An evaluation of 48 runs, one of them with its log, in the user's home."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    made = runs.write(tmp_path / "evaluations" / "night", runs.records())
+    runs.write_log(made)
+    return made
+
+
+def evaluation(folder: Path, site: Site) -> EvaluationApp:
+    """The evaluation screen alone, as `pa-console eval show` opens it."""
+    app = EvaluationApp(folder, site, copies=folder / "copies", keymap=folder / "keymap.yaml")
+    app.animation_level = "none"
+    return app
+
+
+async def read(pilot: Pilot[Any]) -> EvaluationScreen:
+    """Wait until the screen has read and shown what there is."""
+    screen = next(s for s in pilot.app.screen_stack if isinstance(s, EvaluationScreen))
+    await pilot.pause()
+    workers = [w for w in pilot.app.workers if w.group.startswith("evaluation")]
+    if workers:
+        await pilot.app.workers.wait_for_complete(workers)
+    await pilot.pause()
+    return screen
+
+
+def text(screen: EvaluationScreen, part: str) -> str:
+    """What a part of the screen says."""
+    return str(screen.query_one(f"#evaluation-{part}", Static).render())
+
+
+def detail(screen: EvaluationScreen) -> str:
+    """What is said of the run at the pointer."""
+    return " ".join(str(screen.query_one(Sheet).render()).split())
+
+
+async def test_runs_are_filtered_by_failure_and_by_words(folder: Path, site: Site) -> None:
+    app = evaluation(folder, site)
+    async with app.run_test(size=SIZE) as pilot:
+        screen = await read(pilot)
+        listing = screen.query_one(RunRows)
+        assert len(listing.keys) == 48
+        every = runs.records()
+        good = sum(run.strict for run in every)
+        assert f"48 runs   strict {100 * good / 48:.1f} %" in text(screen, "totals")
+        sorts = {
+            "strict": [run.run for run in every if not run.strict],
+            "judge": [
+                run.run for run in every
+                if (run.strict and "Failure" in (run.judge_plan, run.judge_outcome))
+                or (not run.strict and "Success" in (run.judge_plan, run.judge_outcome))
+            ],
+            "rules": [run.run for run in every if run.broken],
+            "refuse": [run.run for run in every if run.expect == "refuse"],
+            "all": [run.run for run in every],
+        }  # fmt: skip
+        for kind, expected in sorts.items():
+            await pilot.press("f")
+            await pilot.pause()
+            assert screen.query_one("#evaluation-kind", Select).value == kind
+            assert listing.keys == expected
+        await pilot.press("slash", *"shot GATE 1.5b")
+        await pilot.pause()
+        assert listing.keys == [f"qwen2.5-coder-1.5b/full/paper/F32/{seed}" for seed in (0, 1)]
+        assert "2 of 48 runs" in text(screen, "totals")
+        await pilot.press("enter")
+        assert screen.focused is listing
+        screen.query_one("#evaluation-search", Input).value = "nowhere"
+        await pilot.pause()
+        assert not listing.keys
+        assert "No run passes the filter" in detail(screen)
+        assert "strict" not in text(screen, "totals")
+
+
+async def test_the_pointer_tells_everything_of_its_run(folder: Path, site: Site) -> None:
+    app = evaluation(folder, site)
+    async with app.run_test(size=SIZE) as pilot:
+        screen = await read(pilot)
+        for key in ("down", "down", "end", "home", "down", "down", "down", "down"):
+            await pilot.press(key)
+        await pilot.pause()
+        run = runs.records()[4]
+        assert not run.strict
+        assert run.judge_plan == "Failure"
+        for words in (
+            run.run, "[north] gate", "nothing but hold and report", "✘ FAILURE",
+            "run.tracks.exists", "Robot_T01 identify WestGate", "before ✘ FAILURE",
+            "after ✔ Success ≠ wrong",
+            "2 attempts", "planning 4.5 s", "execution 38.0 s simulated", "✔ pass",
+        ):  # fmt: skip
+            assert words in detail(screen)
+        await pilot.press("f", "f", "f")
+        await pilot.pause()
+        assert "✘ WF-03 NorthGate was without cover for 31 s" in detail(screen)
+
+
+async def test_enter_opens_the_trace_of_a_run_and_escape_comes_back(
+    folder: Path, site: Site
+) -> None:
+    app = evaluation(folder, site)
+    async with app.run_test(size=SIZE) as pilot:
+        screen = await read(pilot)
+        await pilot.press("down", "down", "enter")
+        await settle(pilot)
+        opened = app.screen
+        assert isinstance(opened, RecordingScreen)
+        assert story.MISSION.id in opened.query_one(TracePane).query_one(Sheet).render().plain
+        assert opened.player.finished
+        await pilot.press("left", "left", "f2", "i", "c")
+        await settle(pilot)
+        assert opened.player.index == len(story.told("finished")) - 3
+        assert app.screen is opened
+        await pilot.press("escape")
+        await settle(pilot)
+        assert app.screen is screen
+        assert screen.query_one(RunRows).cursor == runs.LOGGED
+        await pilot.press("enter")
+        await settle(pilot)
+        assert isinstance(app.screen, RecordingScreen)
+        await pilot.press("q")
+        await settle(pilot)
+        assert app.screen is screen
+
+
+async def test_a_missing_log_and_a_foreign_world_are_said(folder: Path, site: Site) -> None:
+    app = evaluation(folder, site)
+    async with app.run_test(size=SIZE) as pilot:
+        screen = await read(pilot)
+        await pilot.press("enter")
+        await pilot.pause()
+        assert app.screen is screen
+        assert "the log of this run is missing" in _last_notice(app)
+        (folder / "worlds" / "site" / "world.yaml").unlink()
+        path = folder / "logs" / f"{runs.LOGGED.replace('/', '__')}.jsonl"
+        path.write_text(path.read_text().replace('"world":"checkpoint"', '"world":"elsewhere"'))
+        await pilot.press("down", "down", "enter")
+        await pilot.pause()
+        assert "'elsewhere' is neither installed nor below" in _last_notice(app)
+        assert app.screen is screen
+
+
+def _last_notice(app: ConsoleApp) -> str:
+    return list(app._notifications)[-1].message  # pyright: ignore[reportPrivateUsage]
+
+
+async def test_runs_that_are_added_appear_and_the_pointer_stays(folder: Path, site: Site) -> None:
+    app = evaluation(folder, site)
+    async with app.run_test(size=SIZE) as pilot:
+        screen = await read(pilot)
+        listing = screen.query_one(RunRows)
+        await pilot.press("end")
+        chosen = listing.cursor
+        runs.write(folder, [runs.record(seed=9), *runs.records(seeds=3)])
+        screen.look()
+        await read(pilot)
+        assert len(listing.keys) == 73
+        assert listing.cursor == chosen
+        assert chosen in detail(screen)
+
+
+async def test_a_line_that_is_no_run_is_named(folder: Path, site: Site) -> None:
+    app = evaluation(folder, site)
+    async with app.run_test(size=SIZE) as pilot:
+        screen = await read(pilot)
+        with (folder / "runs.jsonl").open("a") as file:
+            file.write('{"run": 3}\n')
+        screen.look()
+        await read(pilot)
+        assert f"{folder / 'runs.jsonl'}:49" in text(screen, "totals").replace("\n", "")
+        assert len(screen.query_one(RunRows).keys) == 48
+
+
+async def test_an_empty_folder_says_what_to_do(tmp_path: Path, site: Site) -> None:
+    app = evaluation(tmp_path, site)
+    async with app.run_test(size=(80, 24)) as pilot:
+        screen = await read(pilot)
+        assert "pa-console eval makes some" in detail(screen)
+        await pilot.press("enter", "t")
+        await read(pilot)
+        assert "pa-console eval" in text(screen, "text")
+        other = runs.write(tmp_path / "other", runs.records())
+        await pilot.press("o")
+        await pilot.pause()
+        assert isinstance(app.screen, AskFolder)
+        await pilot.press(*"nowhere", "enter")
+        assert "there is no such folder" in str(app.screen.query_one("#ask-note", Static).render())
+        app.screen.query_one(Input).value = str(other)
+        await pilot.press("enter")
+        await read(pilot)
+        assert len(screen.query_one(RunRows).keys) == 48
+
+
+async def test_the_reports_tables_are_shown_and_scroll(folder: Path, site: Site) -> None:
+    app = evaluation(folder, site)
+    async with app.run_test(size=(80, 24)) as pilot:
+        screen = await read(pilot)
+        await pilot.press("t")
+        await read(pilot)
+        shown = text(screen, "text")
+        assert "smollm2-135m" in shown
+        assert "Wilson interval" in shown
+        pane = screen.query_one("#evaluation-tables", ScrollableContainer)
+        await pilot.press("end")
+        await pilot.pause()
+        assert pane.scroll_offset.y == pane.max_scroll_y > 0
+        await pilot.press("t")
+        assert screen.focused is screen.query_one(RunRows)
+
+
+async def test_resizing_keeps_pointer_and_filter(folder: Path, site: Site) -> None:
+    app = evaluation(folder, site)
+    async with app.run_test(size=SIZE) as pilot:
+        screen = await read(pilot)
+        assert "variant" in text(screen, "heading")
+        await pilot.press("f", "end")
+        listing = screen.query_one(RunRows)
+        before, keys = listing.cursor, list(listing.keys)
+        await pilot.resize_terminal(80, 24)
+        await read(pilot)
+        assert (listing.cursor, listing.keys) == (before, keys)
+        assert "variant" not in text(screen, "heading")
+        assert listing.scroll_offset.y <= keys.index(before) < listing.scroll_offset.y + 24
+        await pilot.resize_terminal(50, 14)
+        await read(pilot)
+        assert before in detail(screen)
+
+
+async def test_thousands_of_runs_lay_out_only_what_is_in_view(
+    tmp_path: Path, site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app = evaluation(runs.write(tmp_path, runs.records(seeds=250)), site)
+    async with app.run_test(size=SIZE) as pilot:
+        screen = await read(pilot)
+        listing = screen.query_one(RunRows)
+        assert len(listing.keys) == 6000
+        asked: set[int] = set()
+        real = listing.row
+
+        def row(index: int, width: int) -> object:
+            asked.add(index)
+            return real(index, width)
+
+        monkeypatch.setattr(listing, "row", row)
+        await pilot.press("end", "pageup", "up")
+        await pilot.pause()
+        assert listing.record is not None
+        assert listing.keys.index(listing.cursor) == 6000 - 1 - (listing.size.height - 1) - 1
+        assert len(asked) < 100
+
+
+async def test_the_console_opens_the_newest_evaluation_over_a_live_session(
+    folder: Path, tmp_path: Path
+) -> None:
+    station = ScriptedStation(story.told("executing"))
+    app = console(station, tmp_path, evaluations=folder.parent)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("f2", "e")
+        screen = await read(pilot)
+        await pilot.press("e", "down", "down", "enter")
+        await settle(pilot)
+        assert isinstance(app.screen, RecordingScreen)
+        await pilot.press("c", "f8", "left")
+        await settle(pilot)
+        assert (station.cancelled, station.stopped) == (0, 0)
+        await pilot.press("f9")
+        assert station.stopped == 1
+        await pilot.press("escape")
+        await settle(pilot)
+        assert app.screen is screen
+        await pilot.press("escape")
+        await settle(pilot)
+        assert app.screen is app.main
+        await pilot.press("c")
+        assert station.cancelled == 1
+
+
+async def test_a_plan_that_waits_meanwhile_is_told(folder: Path, tmp_path: Path) -> None:
+    station = ScriptedStation(story.told("planning"))
+    app = console(station, tmp_path, evaluations=folder.parent)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("f2", "e")
+        await read(pilot)
+        station.emit(*story.judged())
+        await settle(pilot, station)
+        assert "A plan waits" in _last_notice(app)
+        await pilot.press("f7")
+        await settle(pilot, station)
+        assert app.screen is app.main
+        assert app.screen.query_one(ApprovalPanel).has_focus_within
+
+
+async def test_without_an_evaluation_the_console_asks_for_a_folder(tmp_path: Path) -> None:
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path, evaluations=tmp_path / "none")
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("f2", "e")
+        await pilot.pause()
+        assert isinstance(app.screen, AskFolder)
+        await pilot.press("escape")
+        await pilot.pause()
+        assert app.screen is app.main
+
+
+def looked_at(*keys: str) -> Callable[[Pilot[Any]], Any]:
+    """Bring the screen into the state to be looked at."""
+
+    async def run(pilot: Pilot[Any]) -> None:
+        await read(pilot)
+        for key in keys:
+            await pilot.press(key)
+        await read(pilot)
+        for _ in range(3):  # the event list goes to its end once it knows its width
+            await settle(pilot)
+
+    return run
+
+
+LOOKS = {"runs": ("down", "down", "down"), "tables": ("t",), "trace": ("down", "down", "enter")}
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("name", LOOKS)
+def test_looks(
+    *,
+    snap_compare: Compare,
+    folder: Path,
+    site: Site,
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
+    size: str,
+) -> None:
+    def built(_: object) -> tuple[Table, ...]:
+        return runs.TABLES
+
+    monkeypatch.setattr(tables, "build_tables", built)
+    run = looked_at(*LOOKS[name])
+    assert snap_compare(evaluation(folder, site), terminal_size=SIZES[size], run_before=run)
+
+
+@pytest.mark.parametrize("name", ["empty", "bad"])
+def test_looks_without_runs(
+    snap_compare: Compare, tmp_path: Path, site: Site, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("NO_COLOR", "1")
+    monkeypatch.chdir(tmp_path)
+    if name == "bad":
+        Path("runs.jsonl").write_text('{"run": 3}\n')
+    app = evaluation(Path(), site)
+    assert snap_compare(app, terminal_size=(80, 24), run_before=looked_at())
