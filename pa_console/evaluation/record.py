@@ -26,6 +26,7 @@ class RunRecord(StrictModel):
     `strict` is the paper's strict success on the true state (Section V-B): every condition of the
     mission holds and no enforced rule was broken. `hybrid` is the JudgeLLM's outcome verdict; a
     run that executed nothing has none and counts as a success only where `expect` allows that.
+    Without a JudgeLLM in the variant there is no hybrid success either way.
     `obeyed` is what `strict` would be if a judge's Failure before execution had been obeyed.
     """
 
@@ -47,7 +48,7 @@ class RunRecord(StrictModel):
     refused: bool = Field(description="nothing but hold and report was ordered")
     strict: bool
     obeyed: bool
-    hybrid: bool
+    hybrid: bool | None
     failed: tuple[str, ...] = Field(default=(), description="success conditions that do not hold")
     broken: tuple[Breach, ...] = ()
     judge_plan: Opinion | None = Field(default=None, description="verdict on the executed plan")

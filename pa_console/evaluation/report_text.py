@@ -92,8 +92,8 @@ def notes(records: Records, about: Mapping[str, Any]) -> list[str]:
     if len(set(counts.values())) > 1:
         words = ", ".join(f"{model} {len(cases)}" for model, cases in counts.items())
         found.append(f"Not every model has run the same missions and seeds ({words}).")
-    kind = sum(run.hybrid and not run.strict for run in main)
-    harsh = sum(run.strict and not run.hybrid for run in main)
+    kind = sum(run.hybrid is True and not run.strict for run in main)
+    harsh = sum(run.strict and run.hybrid is False for run in main)
     found.append(
         f"Hybrid and strict disagree on {kind + harsh} of {len(main)} runs: {kind} are a success "
         f"for the judge alone, {harsh} by the truth alone."

@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import platformdirs
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from pa_console.evaluation.record import RunRecord
 
 RUNS, ABOUT, LOGS = "runs.jsonl", "run.json", "logs"
+_ABOUT = TypeAdapter(dict[str, Any])
 
 
 def read_runs(folder: Path) -> list[RunRecord]:
@@ -45,12 +46,11 @@ def read_about(folder: Path) -> dict[str, Any]:
     """Return what the evaluation in `folder` was asked for, {} when nothing says so."""
     path = folder / ABOUT
     try:
-        about = json.loads(path.read_text(encoding="utf-8"))
+        return _ABOUT.validate_json(path.read_bytes())
     except FileNotFoundError:
         return {}
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise ValueError(f"{path}: not a JSON document ({error}); remove it") from error
-    return dict(about) if isinstance(about, dict) else {}
+    except ValidationError as error:
+        raise ValueError(f"{path}: this is no JSON object; remove the file") from error
 
 
 class Results:

@@ -40,9 +40,9 @@ class Rate(NamedTuple):
     runs: int
 
     @classmethod
-    def of(cls, results: Iterable[bool]) -> "Rate":
-        """Count the true values among `results`."""
-        found = list(results)
+    def of(cls, results: Iterable[bool | None]) -> "Rate":
+        """Count the true values among `results`; None is no result and does not count."""
+        found = [result for result in results if result is not None]
         return cls(sum(found), len(found))
 
     @property

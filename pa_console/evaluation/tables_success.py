@@ -1,5 +1,6 @@
 """Success by category, model and mission set: the paper's Table I and Fig. 3, and any set's own."""
 
+from collections.abc import Callable
 from typing import Literal
 
 from pa_console.evaluation.published import (
@@ -29,7 +30,12 @@ DERIVED = "* not stated by the paper, but follows from numbers that it states."
 
 def score(records: Records, name: Score) -> Rate:
     """Return how many of `records` are a success by `name`."""
-    return Rate.of(bool(getattr(record, name)) for record in records)
+    fields: dict[Score, Callable[[RunRecord], bool | None]] = {
+        "hybrid": lambda record: record.hybrid,
+        "strict": lambda record: record.strict,
+        "obeyed": lambda record: record.obeyed,
+    }
+    return Rate.of(map(fields[name], records))
 
 
 def paper_cell(model: str, quantity: Quantity) -> str:

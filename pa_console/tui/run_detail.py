@@ -69,7 +69,9 @@ def _field(name: str, *body: Part) -> Row:
     return row([column(name, _LEAD, QUIET)], *body)
 
 
-def _score(good: bool) -> tuple[str, str]:
+def _score(good: bool | None) -> tuple[str, str]:
+    if good is None:
+        return "-", "dim"
     mark = term("score", "success" if good else "failure")
     return f"{mark.glyph} {mark.word}", mark.style
 

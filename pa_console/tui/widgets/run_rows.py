@@ -49,7 +49,9 @@ def run_cells(record: RunRecord) -> Cells:
     }
 
 
-def _score(good: bool) -> tuple[str, str]:
+def _score(good: bool | None) -> tuple[str, str]:
+    if good is None:
+        return "-", "dim"
     mark = term("score", "success" if good else "failure")
     return f"{mark.glyph} {mark.word}", mark.style
 
