@@ -29,6 +29,7 @@ class EventList(ScrollView):
         self._shown: deque[Notice] = deque(maxlen=NOTICES_KEPT)
         self._rows: list[Row] = []
         self._lines: list[Content] = []
+        self._laid_out = 0
         self._ending = False
         self.border_title = "Events"
 
@@ -49,8 +50,12 @@ class EventList(ScrollView):
 
     def on_resize(self, _event: events.Resize) -> None:
         """Wrap everything for the new width."""
-        self._lines = layout(self._rows, self._width())
+        self._lay_out()
         self._resized()
+
+    def _lay_out(self) -> None:
+        self._laid_out = self._width()
+        self._lines = layout(self._rows, self._laid_out)
 
     def _width(self) -> int:
         return max(20, self.scrollable_content_region.width or self.size.width)
@@ -65,7 +70,10 @@ class EventList(ScrollView):
 
     def _to_end(self) -> None:
         self._ending = False
-        self.scroll_end(animate=False, immediate=True)
+        if self._width() != self._laid_out:  # a scrollbar has come or gone
+            self._lay_out()
+            self.virtual_size = Size(self._laid_out, len(self._lines))
+        self.scroll_end(animate=False, immediate=True, force=True)
 
     def render_line(self, y: int) -> Strip:
         """Return the line at `y` of what is in view."""
