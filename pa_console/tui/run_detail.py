@@ -71,7 +71,7 @@ def _field(name: str, *body: Part) -> Row:
 
 def _score(good: bool | None) -> tuple[str, str]:
     if good is None:
-        return "-", "dim"
+        return "– no verdict", QUIET
     mark = term("score", "success" if good else "failure")
     return f"{mark.glyph} {mark.word}", mark.style
 

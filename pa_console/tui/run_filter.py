@@ -68,4 +68,5 @@ class Totals(NamedTuple):
     def of(cls, shown: Sequence[RunRecord], runs: int) -> "Totals":
         """Count the records that are shown."""
         strict = Rate.of(record.strict for record in shown)
-        return cls(len(shown), runs, strict, Rate.of(record.hybrid for record in shown))
+        hybrid = Rate.of(record.hybrid for record in shown if record.hybrid is not None)
+        return cls(len(shown), runs, strict, hybrid)

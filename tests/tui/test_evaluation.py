@@ -110,6 +110,20 @@ async def test_runs_are_filtered_by_failure_and_by_words(folder: Path, site: Sit
         assert "strict" not in text(screen, "totals")
 
 
+async def test_a_run_without_an_outcome_verdict_counts_in_no_hybrid_rate(
+    tmp_path: Path, site: Site
+) -> None:
+    given = [runs.record().model_copy(update={"hybrid": told}) for told in (True, None, None)]
+    given = [run.model_copy(update={"run": f"r{n}"}) for n, run in enumerate(given)]
+    app = evaluation(runs.write(tmp_path, given), site)
+    async with app.run_test(size=SIZE) as pilot:
+        screen = await read(pilot)
+        assert "hybrid 100.0 % (21–100)" in text(screen, "totals")
+        await pilot.press("down")
+        await pilot.pause()
+        assert "hybrid – no verdict" in detail(screen)
+
+
 async def test_the_pointer_tells_everything_of_its_run(folder: Path, site: Site) -> None:
     app = evaluation(folder, site)
     async with app.run_test(size=SIZE) as pilot:

@@ -51,7 +51,7 @@ def run_cells(record: RunRecord) -> Cells:
 
 def _score(good: bool | None) -> tuple[str, str]:
     if good is None:
-        return "-", "dim"
+        return "–", QUIET
     mark = term("score", "success" if good else "failure")
     return f"{mark.glyph} {mark.word}", mark.style
 
