@@ -15,7 +15,7 @@ from pa_console.schema.plan import COMMANDS, Action
 PAYLOADS: tuple[type[BaseModel], ...] = get_args(get_args(EventPayload)[0])
 FRAMES = ("NorthGate", "EastGate", "Checkpoint", "Base")
 TEXT = st.text(st.characters(codec="utf-8"), max_size=12)
-NUMBERS = st.integers(-1_000_000, 1_000_000)
+BIG = 1_000_000
 
 
 def actions() -> st.SearchStrategy[Action]:
@@ -85,8 +85,10 @@ def _scalars(annotation: Any, metadata: Any) -> st.SearchStrategy[Any]:
             allow_nan=False,
             allow_infinity=False,
         )
+    if annotation is int:
+        least, most = _bound(metadata, Ge, "ge", -BIG), _bound(metadata, Le, "le", BIG)
+        return st.integers(least, most)
     simple: dict[Any, st.SearchStrategy[Any]] = {
-        int: NUMBERS,
         bool: st.booleans(),
         type(None): st.none(),
         datetime: st.datetimes(datetime(2000, 1, 1), datetime(2100, 1, 1), timezones=st.just(UTC)),

@@ -70,15 +70,21 @@ def commands(given: Sequence[CommandTrace]) -> Section:
     return Section("commands", title("Commands", note=f"{done} of {len(given)} done"), tuple(rows))
 
 
-def halt(given: PlanHalted) -> Section:
-    """Step 7: why the running plan was stopped, and what each asset was told to be safe."""
+def halts(given: Sequence[PlanHalted]) -> list[Section]:
+    """Step 7: why the running plan was stopped, once for every time that it was."""
+    return [_halt(item, number) for number, item in enumerate(given)]
+
+
+def _halt(given: PlanHalted, number: int) -> Section:
+    """Tell the reasons, and what each asset was told to be safe."""
     rows = [row("  ✘ ", (reason, BAD)) for reason in given.reasons]
     rows += [row("  safe state: ", item) for item in given.safe_state]
     if not given.safe_state:
         rows.append(row("  safe state: ", ("nothing was under way", QUIET)))
     mark = Term("■", "HALTED", BAD)
     head = title(f"Why plan {given.attempt} was stopped", mark)
-    return Section(f"halt-{given.attempt}", head, tuple(rows))
+    key = f"halt-{given.attempt}" + (f".{number}" if number else "")
+    return Section(key, head, tuple(rows))
 
 
 def verification(given: Verified, number: int) -> Section:

@@ -33,7 +33,7 @@ def sections(trace: MissionTrace, rules: Rules) -> list[Section]:
     before, now = earlier(trace), latest(trace)
     result += [_folded_round(given, rules) for given in before]
     if before:
-        result += [execution.halt(item) for item in before[-1].halts]
+        result += execution.halts(before[-1].halts)
     chosen = chosen_attempt(trace, now)
     result += [_folded(a, _attempt(a, rules)) for a in now.attempts if a is not chosen]
     if chosen is not None:
@@ -71,7 +71,7 @@ def _executed(given: Round) -> list[Section]:
         result.append(execution.decisions(given.decisions, given.voided))
     if given.commands:
         result.append(execution.commands(given.commands))
-    result += [execution.halt(item) for item in given.halts]
+    result += execution.halts(given.halts)
     numbered = list(enumerate(given.verified, start=1))
     result += [execution.verification(item, number) for number, item in reversed(numbered)]
     return result
