@@ -34,7 +34,7 @@ def run_rows(record: RunRecord) -> list[Row]:
         _field("expected", *expected),
         _field("strict", strict, "   hybrid ", _score(record.hybrid), "   ended ",
                (f"{ended.glyph} {ended.word}", ended.style),
-               ("  nothing was carried out" if record.refused else "", QUIET)),
+               ("  nobody was moved" if record.refused else "", QUIET)),
     ]  # fmt: skip
     if record.reason:
         rows.append(_field("reason", record.reason))
