@@ -16,7 +16,7 @@ ABOVE = ("pa_console.cli", "pa_console.tui", "pa_console.__main__")
 
 WORKER = (
     *(f"pa_console.llm.{name}" for name in ("worker", "runtime", "decoding", "chat")),
-    *(f"pa_console.evaluation.{name}" for name in ("bench_plain", "bench_raw")),
+    *(f"pa_console.evaluation.bench.{name}" for name in ("plain", "raw")),
 )
 """What runs in processes that hold a model; nothing else may import the model libraries."""
 

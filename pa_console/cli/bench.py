@@ -16,8 +16,8 @@ from pa_console.cli.output import (
     out,
     print_json,
 )
-from pa_console.evaluation.bench_compare import Bench, BenchReport, Comparison
-from pa_console.evaluation.bench_parts import PARTS, Part, choose_parts
+from pa_console.evaluation.bench.compare import Bench, BenchReport, Comparison
+from pa_console.evaluation.bench.parts import PARTS, Part, choose_parts
 from pa_console.evaluation.machine import Machine, describe_machine
 from pa_console.llm.catalog import LocalModel, find_model
 from pa_console.orchestrator.compose import Site, load_site

@@ -8,9 +8,9 @@ from rich.progress import Progress
 from rich.table import Table
 
 from pa_console.cli.output import JsonOption, RulesOption, errors, out, print_json
-from pa_console.evaluation.retrieval_bench import RetrievalRow, bench_retrieval
-from pa_console.evaluation.retrieval_labels import load_queries
-from pa_console.evaluation.retrieval_measures import Estimate
+from pa_console.evaluation.retrieval.labels import load_queries
+from pa_console.evaluation.retrieval.measures import Estimate
+from pa_console.evaluation.retrieval.retrieval_bench import RetrievalRow, bench_retrieval
 from pa_console.policy.retriever import METHODS
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from rich.table import Table
 from rich.text import Text
 
-from pa_console.evaluation.bench_compare import Comparison, Way
-from pa_console.evaluation.bench_parts import Part
+from pa_console.evaluation.bench.compare import Comparison, Way
+from pa_console.evaluation.bench.parts import Part
 
 LEGEND = (
     "ratio: how many times better ours is, the other's time by ours or our tokens a second by the "

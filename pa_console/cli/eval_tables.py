@@ -4,7 +4,7 @@ from rich import box
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from pa_console.evaluation.table import Table
+from pa_console.evaluation.reporting.table import Table
 
 _GAP = 2
 """Characters between two columns."""

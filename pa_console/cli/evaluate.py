@@ -198,8 +198,8 @@ def _about(
 
 def _report(folder: Path, *, json: bool) -> None:
     """Write both reports and print the tables, or everything as JSON."""
-    from pa_console.evaluation.report import write_report  # noqa: PLC0415 - plotting is slow
-    from pa_console.evaluation.tables import build_tables  # noqa: PLC0415
+    from pa_console.evaluation.reporting.report import write_report  # noqa: PLC0415 - plotting is slow
+    from pa_console.evaluation.reporting.tables import build_tables  # noqa: PLC0415
 
     records = read_runs(folder)
     if not records:

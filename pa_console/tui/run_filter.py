@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Literal, NamedTuple, get_args
 
 from pa_console.evaluation.record import RunRecord
-from pa_console.evaluation.statistics import Rate
+from pa_console.evaluation.reporting.statistics import Rate
 
 Kind = Literal["all", "strict", "judge", "rules", "refuse"]
 """A kind of runs; all but the first and the last are failures."""

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from pa_console.cli import bench_degradation, bench_twins
-from pa_console.evaluation.bench_compare import Bench, Comparison
-from pa_console.evaluation.bench_parts import Part
-from pa_console.evaluation.bench_simulation import measure_simulation
+from pa_console.evaluation.bench.compare import Bench, Comparison
+from pa_console.evaluation.bench.parts import Part
+from pa_console.evaluation.bench.simulation import measure_simulation
 from pa_console.evaluation.degradation import Condition, RunFile
 from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.evaluation.true_outcome import RunResult
@@ -134,7 +134,7 @@ def test_an_interrupted_bench_has_shown_what_was_measured(
 
     parts = [Part("simulation", "Simulation against bare physics", measure_simulation),
              Part("rehearsal", "Rehearsal, fork and forecast", interrupted)]  # fmt: skip
-    monkeypatch.setattr("pa_console.evaluation.bench_parts.PARTS", tuple(parts))
+    monkeypatch.setattr("pa_console.evaluation.bench.parts.PARTS", tuple(parts))
     done = call("bench", "--runs", "1")
     assert done.code == 130
     assert "interrupted" in done.err

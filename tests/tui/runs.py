@@ -4,7 +4,7 @@ import hashlib
 from pathlib import Path
 
 from pa_console.evaluation.record import Breach, RunRecord
-from pa_console.evaluation.table import Table
+from pa_console.evaluation.reporting.table import Table
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data
 from pa_console.schema.event import SessionStarted

@@ -9,8 +9,8 @@ from textual.containers import ScrollableContainer
 from textual.pilot import Pilot
 from textual.widgets import Input, Select, Static
 
-from pa_console.evaluation import tables
-from pa_console.evaluation.table import Table
+from pa_console.evaluation.reporting import tables
+from pa_console.evaluation.reporting.table import Table
 from pa_console.orchestrator.compose import Site, load_site
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.evaluation_app import EvaluationApp

@@ -13,8 +13,8 @@ from textual.screen import Screen
 from textual.widgets import Footer, Input, Select, Static
 
 from pa_console.evaluation.record import RunRecord
+from pa_console.evaluation.reporting.table import Table
 from pa_console.evaluation.results import RUNS, read_runs
-from pa_console.evaluation.table import Table
 from pa_console.schema.document import DocumentError
 from pa_console.tui.evaluation_text import nothing_rows, title_text, totals_text
 from pa_console.tui.ports import Clock
@@ -141,7 +141,7 @@ class EvaluationScreen(Screen[None]):
 
     async def _show_tables(self) -> None:
         """Build the report's tables of all runs, and write them at the width there is."""
-        from pa_console.evaluation.tables import build_tables  # noqa: PLC0415 - loads numpy
+        from pa_console.evaluation.reporting.tables import build_tables  # noqa: PLC0415 - loads numpy
 
         if self._built is None:
             self._built = await asyncio.to_thread(build_tables, self._records)

@@ -1,0 +1,153 @@
+"""Missions of the benchmark, put into words for any world, and our way through steps 2 to 6."""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from time import perf_counter
+
+from pa_console.evaluation.bench.situations import bring_vehicle
+from pa_console.llm.engine import Engine
+from pa_console.llm.grammar import plan_grammar
+from pa_console.llm.judge import Judge
+from pa_console.llm.planner import Planner
+from pa_console.llm.prompts import Prompt, planner_prompt
+from pa_console.orchestrator.compose import Site
+from pa_console.orchestrator.digest import digest_picture
+from pa_console.orchestrator.planning import Planning
+from pa_console.orchestrator.selection import select
+from pa_console.orchestrator.services import Payloads, Services, Stopwatch
+from pa_console.policy.monitor import Monitor
+from pa_console.policy.retriever import Retriever
+from pa_console.schema.event import PlanJudged, PlanProposed, PromptBuilt
+from pa_console.schema.finding import Usage
+from pa_console.schema.mission import Mission
+from pa_console.schema.plan import Action, Plan
+from pa_console.schema.variant import Variant
+from pa_console.schema.world import World
+from pa_console.sim.checkpoint import Checkpoint
+
+
+@dataclass(frozen=True)
+class Pair:
+    """What our way made of one mission: its two prompts, what they cost, and the wall time."""
+
+    planner: PromptBuilt
+    judge: PromptBuilt
+    judged_rules: tuple[str, ...]
+    planning_s: float
+    judging_s: float
+    seconds: float
+    plan_usage: Usage
+    verdict_usage: Usage
+    usable: int
+    """How many of the two answers could be read: 0, 1 or 2."""
+
+
+@dataclass(frozen=True)
+class BenchMission:
+    """A mission in a checkpoint of its own, which nobody steps any more."""
+
+    text: str
+    sim: Checkpoint
+
+
+def bench_missions(world: World) -> list[BenchMission]:
+    """Return a few different missions for `world`; one is about a vehicle, if there is a lane."""
+    gates = world.gates
+    texts = [
+        f"We need eyes in the air over {gates[0]}, take whatever drone you can spare.",
+        f"Put one more vehicle at {gates[-1]} before the shift ends.",
+        "How do things stand with the team right now?",
+    ]
+    missions = [BenchMission(text, Checkpoint(world)) for text in texts]
+    sim = Checkpoint(world)
+    gate = bring_vehicle(sim)
+    if gate is not None:
+        text = f"There is something on the road to {gate}: find out who that is."
+        missions.append(BenchMission(text, sim))
+    return missions
+
+
+def planner_request(site: Site, mission: BenchMission) -> tuple[Prompt, str]:
+    """Return the planner's prompt for `mission` and the grammar of its answer."""
+    picture, world = mission.sim.picture(), site.world
+    hits = Retriever(site.rulebook.rules).retrieve(mission.text)
+    rules = [site.rulebook.get(hit.rule_id) for hit in hits]
+    task = _task(mission)
+    selection = select(picture, world, task, rules)
+    prompt = planner_prompt(world, digest_picture(picture, world, selection), rules, task)
+    chosen = (None, None) if selection is None else (selection.assets, selection.frames)
+    return prompt, plan_grammar(world, picture, *chosen)
+
+
+class OurWay:
+    """Retrieves, digests, plans, checks, rehearses and judges with the model of `engine`.
+
+    Nothing is repaired: one plan, one verdict. When there is no plan that the judge could be
+    asked about, the verdict is on a harmless one, so that every mission costs two calls.
+    """
+
+    def __init__(self, site: Site, engine: Engine) -> None:
+        self._site, self._engine = site, engine
+        self._retriever = Retriever(site.rulebook.rules)
+
+    async def run(self, mission: BenchMission) -> Pair:
+        """Return what became of `mission`; raises ValueError when the judge could not be asked."""
+        planning, watch = self._planning(mission)
+        started = perf_counter()
+        events = [event async for event in self._steps(planning)]
+        seconds = perf_counter() - started
+        prompts = {event.role: event for event in events if isinstance(event, PromptBuilt)}
+        proposed = next(e for e in events if isinstance(e, PlanProposed) and e.author == "planner")
+        judged = next((event for event in events if isinstance(event, PlanJudged)), None)
+        if judged is None or "judge" not in prompts:
+            raise ValueError(
+                f"{self._site.world.name}: not even a report can be judged under these rules; "
+                f"measure another world, or other parts with --only"
+            )
+        opinions = judged.verdict.rules if judged.verdict is not None else ()
+        return Pair(
+            planner=prompts["planner"],
+            judge=prompts["judge"],
+            judged_rules=tuple(opinion.rule_id for opinion in opinions),
+            planning_s=watch.seconds["planning_s"],
+            judging_s=watch.seconds["judging_s"],
+            seconds=seconds,
+            plan_usage=proposed.usage,
+            verdict_usage=judged.usage,
+            usable=(proposed.plan is not None) + (judged.verdict is not None),
+        )
+
+    def _planning(self, mission: BenchMission) -> tuple[Planning, Stopwatch]:
+        services = Services(
+            sim=mission.sim,
+            rulebook=self._site.rulebook,
+            retriever=self._retriever,
+            engine=self._engine,
+            planner=Planner(self._engine),
+            judge=Judge(self._engine),
+            variant=Variant(repairs=0, workflows=False),
+        )
+        watch = Stopwatch()
+        task = _task(mission)
+        monitor = Monitor(self._site.rulebook, self._site.world)
+        return Planning(services, task, watch, monitor), watch
+
+    async def _steps(self, planning: Planning) -> Payloads:
+        async for event in planning.retrieve(planning.task):
+            yield event
+        async for event in planning.propose():
+            yield event
+        if planning.best is None or planning.best.examination.blocked:
+            async for event in planning.take(_report(self._site.world)):
+                yield event
+        async for event in planning.judge():
+            yield event
+
+
+def _task(mission: BenchMission) -> Mission:
+    return Mission(id="bench", text=mission.text, created=datetime.now(UTC))
+
+
+def _report(world: World) -> Plan:
+    agent = next(iter(world.assets))
+    return Plan(reason="a report", actions=(Action(agent=agent, command="report"),))

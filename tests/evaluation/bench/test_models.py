@@ -1,0 +1,214 @@
+"""The parts of the benchmark that need a model: processes, and what is made of the answers."""
+
+import asyncio
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from pa_console.evaluation.bench.child import Child, LoadWeights
+from pa_console.evaluation.bench.compare import Bench, Comparison
+from pa_console.evaluation.bench.decoding import RAW_MODULE, comparisons, measure_decoding
+from pa_console.evaluation.bench.missions import OurWay, Pair, bench_missions
+from pa_console.evaluation.bench.plain_messages import (
+    PlainAnswer,
+    PlainAsk,
+    plan_schema,
+    verdict_schema,
+)
+from pa_console.evaluation.bench.planner import PLAIN_MODULE, Round, measure_missions
+from pa_console.evaluation.bench.planner import comparisons as mission_comparisons
+from pa_console.evaluation.bench.raw_messages import MeasureSpeed, Speed
+from pa_console.llm.catalog import Catalog, LocalModel
+from pa_console.llm.errors import EngineError
+from pa_console.llm.fetch import pull
+from pa_console.llm.judge import read_verdict
+from pa_console.llm.planner import read_plan
+from pa_console.orchestrator.compose import Site
+from pa_console.schema.base import StrictModel
+from tests.scripted import ScriptedEngine, plan
+
+N_CTX = 512
+
+
+@pytest.fixture(scope="module")
+def tiny() -> LocalModel:
+    """Return the smallest model of the catalogue, fetched once."""
+    catalog = Catalog.load()
+    pull(catalog.get("smollm2-135m"))
+    return catalog.locate("smollm2-135m")
+
+
+def load(path: Path) -> LoadWeights:
+    return LoadWeights(path=str(path), chat="template", n_ctx=N_CTX, threads=2)
+
+
+def alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("module", [PLAIN_MODULE, RAW_MODULE])
+async def test_a_file_that_is_no_model_is_told_in_words(module: str, tmp_path: Path) -> None:
+    path = tmp_path / "broken.gguf"
+    path.write_bytes(b"GGUF" + bytes(64))
+    with pytest.raises(EngineError, match="broken"):
+        await Child.start(module, load(path))
+
+
+async def test_the_plain_way_answers_by_its_schema_and_its_process_ends_with_it(
+    tiny: LocalModel, site: Site
+) -> None:
+    picture = bench_missions(site.world)[0].sim.picture()
+    child = await Child.start(PLAIN_MODULE, load(tiny.path))
+    try:
+        asks = [(plan_schema(site.world, picture), 20), (verdict_schema(["WF-03"]), 120)]
+        plan_, verdict = [
+            await child.ask(
+                PlainAsk(system="Answer.", user="Hold.", answer_schema=schema, max_tokens=most),
+                PlainAnswer,
+            )
+            for schema, most in asks
+        ]
+        assert '"reason"' in plan_.text
+        assert (plan_.completion_tokens, plan_.complete) == (20, False)
+        assert '"WF-03"' in verdict.text
+        assert verdict.complete == (read_verdict(verdict.text)[0] is not None)
+        with pytest.raises(EngineError, match=str(N_CTX)):
+            await child.ask(
+                PlainAsk(system="a b c " * N_CTX, user="", answer_schema="{}", max_tokens=1),
+                PlainAnswer,
+            )
+    finally:
+        await child.close()
+    assert not alive(child.pid)
+
+
+async def test_our_decoder_and_bare_llama_read_the_same_prompt(tiny: LocalModel) -> None:
+    ask = MeasureSpeed(
+        system="Count.",
+        user="Up to three.",
+        grammar='start: "one, " /[a-z]/ " and then all of the rest of them."\n',
+        max_tokens=40,
+    )
+    child = await Child.start(RAW_MODULE, load(tiny.path))
+    try:
+        rounds = [
+            (
+                await child.ask(ask, Speed),
+                await child.ask(ask.model_copy(update={"bare_tokens": 5}), Speed),
+            )
+            for _ in range(2)
+        ]
+    finally:
+        await child.close()
+    for ours, bare in rounds:
+        assert ours.prompt_tokens == bare.prompt_tokens > 0
+        assert ours.chosen < ours.written
+        assert any(tokens > 1 for tokens, _ in ours.steps)
+        assert [tokens for tokens, _ in bare.steps] == [1] * 5
+    lines = comparisons(rounds)
+    assert {line.unit for line in lines} == {"tokens/s"}
+    assert any("forced" in line.name for line in lines)
+    assert all(line.ratio is not None and line.runs == 2 for line in lines)
+
+
+async def test_a_child_that_is_asked_for_no_more_ends_in_the_middle_of_its_work(
+    tiny: LocalModel,
+) -> None:
+    child = await Child.start(PLAIN_MODULE, load(tiny.path))
+    endless = PlainAsk(
+        system="Write.", user="On.", answer_schema='{"type": "string"}', max_tokens=400
+    )
+    asking = asyncio.create_task(child.ask(endless, PlainAnswer))
+    await asyncio.sleep(0)
+    asking.cancel()
+    await child.close()
+    assert not alive(child.pid)
+    with pytest.raises(EngineError, match="ended"):
+        await child.ask(endless, PlainAnswer)
+
+
+@pytest.mark.parametrize("measure", [measure_decoding, measure_missions])
+def test_an_interrupted_part_leaves_no_process(
+    tiny: LocalModel,
+    site: Site,
+    monkeypatch: pytest.MonkeyPatch,
+    measure: Callable[[Bench], list[Comparison]],
+) -> None:
+    started: list[Child] = []
+    ask = Child.ask
+
+    async def noted(self: Child, request: StrictModel, reply: type[StrictModel]) -> StrictModel:
+        started.append(self)
+        return await ask(self, request, reply)
+
+    def interrupt(what: str, _share: float) -> None:
+        if what == "warming up":
+            assert alive(started[0].pid)
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(Child, "ask", noted)
+    with pytest.raises(KeyboardInterrupt):
+        measure(Bench(site, tiny, 1, interrupt))
+    assert not alive(started[0].pid)
+
+
+async def test_our_way_gives_both_prompts_for_every_mission(site: Site) -> None:
+    mission = bench_missions(site.world)[1]
+    agent = next(name for name, spec in site.world.assets.items() if spec.post not in mission.text)
+    engine = ScriptedEngine([plan((agent, "report"))])
+    pair = await OurWay(site, engine.engine()).run(mission)
+    assert mission.text in pair.planner.user
+    assert f"{agent} report" in pair.judge.user
+    assert pair.usable == 2
+    assert pair.seconds >= pair.planning_s + pair.judging_s
+
+
+@pytest.mark.parametrize("answer", ["no plan at all", plan(*[("Nobody", "hold")] * 2)])
+async def test_a_mission_without_a_sound_plan_still_costs_a_verdict(
+    site: Site, answer: str
+) -> None:
+    engine = ScriptedEngine([answer])
+    pair = await OurWay(site, engine.engine()).run(bench_missions(site.world)[0])
+    assert [request.role for request in engine.requests] == ["planner", "judge"]
+    assert "report" in pair.judge.user
+
+
+async def test_rounds_become_a_line_a_mission_and_one_for_each_call(site: Site) -> None:
+    missions = bench_missions(site.world)
+    text = plan(("Drone_T04", "report"))
+    ours = OurWay(site, ScriptedEngine([text]).engine())
+    pairs: list[Pair] = [await ours.run(mission) for mission in missions]
+    answers = [
+        PlainAnswer(text=words, prompt_tokens=9, completion_tokens=5, complete=True, seconds=2.0)
+        for words in (text, "cut off")
+    ]
+    rounds = [
+        [
+            Round(m.text, pair, answers[0], answers[1])
+            for m, pair in zip(missions, pairs, strict=True)
+        ]
+    ] * 3
+    lines = mission_comparisons(rounds)
+    assert len(lines) == len(missions) + 3
+    assert all(line.runs == 3 and line.ratio is not None for line in lines)
+    whole = lines[len(missions)]
+    assert whole.other is not None
+    assert whole.other.median == 4.0 * len(missions)
+    answers_in_all = 6 * len(missions)
+    assert f"plain {answers_in_all // 2} of {answers_in_all}" in whole.note
+
+
+def test_an_answer_of_the_schema_is_a_plan(site: Site) -> None:
+    picture = bench_missions(site.world)[0].sim.picture()
+    schema = json.loads(plan_schema(site.world, picture))
+    action = schema["properties"]["actions"]["items"]["properties"]
+    for command in action["command"]["enum"]:
+        text = plan((action["agent"]["enum"][0], command))
+        assert read_plan(text)[0] is not None, command
