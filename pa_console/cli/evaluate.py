@@ -211,7 +211,7 @@ def _report(folder: Path, *, json: bool) -> None:
         print_json({"folder": str(folder), "tables": tables, "runs": records})
         return
     for table in tables:
-        out.print(to_rich(table))
+        out.print(to_rich(table, out.width))
         if table.note:
             out.print(table.note, markup=False)
         out.print()
