@@ -86,9 +86,11 @@ def safe_state(
 ) -> tuple[DeviceCommand, ...]:
     """Return the commands that stop a plan: hold, or back to the gate that would stay uncovered.
 
-    An agent that covered a gate when the plan was approved goes back there when nobody else is
-    known to cover it now; every other agent under way holds where it is.
+    An agent that covered a gate when the plan was approved goes back there unless somebody who
+    stays is known to cover it now; every other agent under way holds where it is. Whoever was
+    sent away from such a gate goes back even if the picture, which is late, still shows it there.
     """
+    goals = {a.agent: _goal(a, premises.world) for a in premises.plan.actions}
     actions: list[Action] = []
     for agent in open_agents:
         asset = picture.assets[agent]
@@ -98,13 +100,17 @@ def safe_state(
             (
                 gate
                 for gate, cover in premises.before.gates.items()
-                if agent in cover.by and not picture.gates[gate].covered
+                if agent in cover.by and not set(picture.gates[gate].by).difference(open_agents)
             ),
             None,
         )
-        away = home is not None and asset.at != home
-        actions.append(Action(agent=agent, command=f"move_to {home}" if away else "hold"))
+        leaves = home is not None and (asset.at != home or goals.get(agent) not in (None, home))
+        actions.append(Action(agent=agent, command=f"move_to {home}" if leaves else "hold"))
     return device_commands(Plan(reason="safe state", actions=tuple(actions)), prefix)
+
+
+def _goal(action: Action, world: World) -> str | None:
+    return world.base if action.verb == "return_to_base" else action.target
 
 
 def why_lost(asset: AssetTelemetry, picture: Picture) -> str:

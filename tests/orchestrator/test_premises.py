@@ -209,3 +209,24 @@ def test_whoever_still_stands_at_its_gate_holds_and_whoever_is_lost_is_told_noth
     now = picture(*team(Drone_T01={"post": "WestGate"}, Drone_T02=SILENT))
     assert commands(made, bare(now, "WestGate"), "Drone_T01", "Drone_T02") == ["Drone_T01 hold"]
     assert commands(made, now) == []
+
+
+def test_whoever_is_on_its_way_goes_back_although_the_late_picture_shows_it_at_its_gate() -> None:
+    made = premises(plan(("Drone_T01", "observe EastGate"), ("Drone_T04", "observe WestGate")))
+    now = picture(*team())
+    assert commands(made, now, "Drone_T01", "Drone_T04") == [
+        "Drone_T01 move_to WestGate",
+        "Drone_T04 hold",
+    ]
+
+
+def test_a_relief_that_is_itself_under_way_elsewhere_does_not_count_as_cover() -> None:
+    made = premises(plan(("Drone_T01", "move_to EastGate"), ("Drone_T04", "move_to SouthGate")))
+    passing = team(
+        Drone_T01={"at": None, "post": "EastGate"},
+        Drone_T04={"at": "WestGate", "post": "WestGate"},
+    )
+    assert commands(made, picture(*passing), "Drone_T01", "Drone_T04") == [
+        "Drone_T01 move_to WestGate",
+        "Drone_T04 hold",
+    ]
