@@ -92,19 +92,17 @@ def evaluate(
     models = {local.name: local for local in map(find_model, model or (None,))}
     folder = output or evaluations_folder() / f"{datetime.now():%Y%m%d-%H%M%S}"
     files = [mission_file(name, site.world_path) for name in missions or ("paper",)]
-    with tempfile.TemporaryDirectory() as scratch:  # a wrong file leaves no folder behind
-        for file in files:
-            load_set(file, world, site.rulebook, Path(scratch))
+
+    def wanted(below: Path) -> list[LoadedSet]:
+        loaded = [load_set(file, world, site.rulebook, below) for file in files]
+        parts = [(chosen(one.missions, only, every), one.sites) for one in loaded]
+        return [LoadedSet(part, sites) for part, sites in parts if part is not None]
+
+    with tempfile.TemporaryDirectory() as scratch:  # wrong input leaves no folder behind
+        if not wanted(Path(scratch)):
+            raise ValueError(f"--only {only!r} matches no mission of {', '.join(map(str, files))}")
     results = Results(folder)
-    sets = [load_set(file, world, site.rulebook, folder / "worlds") for file in files]
-    wanted = [
-        LoadedSet(part, loaded.sites)
-        for loaded in sets
-        if (part := chosen(loaded.missions, only, every)) is not None
-    ]
-    planned = plan_jobs(wanted, list(models), variants, range(repeat))
-    if not planned:
-        raise ValueError(f"--only {only!r} matches no mission of {', '.join(map(str, files))}")
+    planned = plan_jobs(wanted(folder / "worlds"), list(models), variants, range(repeat))
     began = perf_counter()
     try:
         asyncio.run(_run(results, planned, models, jobs, reuse=reuse, logs=logs))

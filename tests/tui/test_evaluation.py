@@ -364,8 +364,7 @@ def looked_at(*keys: str) -> Callable[[Pilot[Any]], Any]:
         for key in keys:
             await pilot.press(key)
         await read(pilot)
-        for _ in range(3):  # the event list goes to its end once it knows its width
-            await settle(pilot)
+        await settle(pilot)
 
     return run
 

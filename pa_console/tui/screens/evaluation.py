@@ -7,7 +7,7 @@ from pathlib import Path
 from textual import events, on
 from textual.app import ComposeResult
 from textual.binding import Binding
-from textual.containers import Horizontal, ScrollableContainer, Vertical, VerticalScroll
+from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.content import Content
 from textual.screen import Screen
 from textual.widgets import Footer, Input, Select, Static
@@ -23,9 +23,9 @@ from pa_console.tui.run_detail import run_rows
 from pa_console.tui.run_filter import KINDS, LABELS, Kind, RunFilter, Totals
 from pa_console.tui.screens.ask_folder import AskFolder
 from pa_console.tui.screens.recording import RecordingScreen
-from pa_console.tui.table_text import tables_text
 from pa_console.tui.trace.rows import layout, row
 from pa_console.tui.vocabulary import WARN
+from pa_console.tui.widgets.report_tables import ReportTables
 from pa_console.tui.widgets.run_rows import RunRows
 from pa_console.tui.widgets.sheet import Sheet
 
@@ -76,8 +76,7 @@ class EvaluationScreen(Screen[None]):
             yield RunRows(id="evaluation-list")
             with VerticalScroll(id="evaluation-detail"):
                 yield Sheet(id="evaluation-sheet")
-        with ScrollableContainer(id="evaluation-tables"):
-            yield Static(id="evaluation-text", markup=False)
+        yield ReportTables(id="evaluation-tables")
         yield Footer(show_command_palette=False, compact=True)
 
     def on_mount(self) -> None:
@@ -140,17 +139,13 @@ class EvaluationScreen(Screen[None]):
         self.query_one("#evaluation-sheet", Sheet).show(rows)
 
     async def _show_tables(self) -> None:
-        """Build the report's tables of all runs, and write them at the width there is."""
+        """Build the report's tables of all runs, and show them."""
         from pa_console.evaluation.reporting.tables import build_tables  # noqa: PLC0415 - loads numpy
 
         if self._built is None:
             self._built = await asyncio.to_thread(build_tables, self._records)
-        text = self.query_one("#evaluation-text", Static)
-        if self._built:
-            width = self.query_one("#evaluation-tables").scrollable_content_region.width
-            text.update(tables_text(self._built, max(40, width - 2)))
-        else:
-            text.update(Content("\n").join(layout(nothing_rows(self._folder, self._problem), 76)))
+        nothing = Content("\n").join(layout(nothing_rows(self._folder, self._problem), 76))
+        self.query_one(ReportTables).show(self._built, nothing)
 
     # What is asked for
 
@@ -187,8 +182,6 @@ class EvaluationScreen(Screen[None]):
         """Lay out for the new width."""
         self._title()
         self.call_after_refresh(self._detail)
-        if self.has_class("-tables"):
-            self.run_worker(self._show_tables(), group="evaluation-tables", exclusive=True)
 
     def action_back(self) -> None:
         """Leave a field, else go back to the console."""

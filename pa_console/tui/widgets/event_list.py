@@ -74,6 +74,7 @@ class EventList(ScrollView):
             self._lay_out()
             self.virtual_size = Size(self._laid_out, len(self._lines))
         self.scroll_end(animate=False, immediate=True, force=True)
+        self.vertical_scrollbar.position = self.scroll_offset.y  # also when it has just come
 
     def render_line(self, y: int) -> Strip:
         """Return the line at `y` of what is in view."""
