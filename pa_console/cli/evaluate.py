@@ -1,7 +1,6 @@
 """`pa-console eval`: mission sets against models and variants, with a report of what came of it."""
 
 import asyncio
-import tempfile
 from collections.abc import Sequence
 from contextlib import aclosing
 from datetime import datetime
@@ -16,7 +15,15 @@ from pa_console import __version__
 from pa_console.cli.eval_progress import EvalProgress
 from pa_console.cli.eval_tables import to_rich
 from pa_console.cli.output import JsonOption, RulesOption, WorldOption, errors, out, print_json
-from pa_console.evaluation.jobs import Job, LoadedSet, chosen, load_set, mission_file, plan_jobs
+from pa_console.evaluation.jobs import (
+    Job,
+    LoadedSet,
+    chosen,
+    keep_worlds,
+    load_set,
+    mission_file,
+    plan_jobs,
+)
 from pa_console.evaluation.machine import describe_machine
 from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.evaluation.results import (
@@ -92,17 +99,17 @@ def evaluate(
     models = {local.name: local for local in map(find_model, model or (None,))}
     folder = output or evaluations_folder() / f"{datetime.now():%Y%m%d-%H%M%S}"
     files = [mission_file(name, site.world_path) for name in missions or ("paper",)]
-
-    def wanted(below: Path) -> list[LoadedSet]:
-        loaded = [load_set(file, world, site.rulebook, below) for file in files]
-        parts = [(chosen(one.missions, only, every), one.sites) for one in loaded]
-        return [LoadedSet(part, sites) for part, sites in parts if part is not None]
-
-    with tempfile.TemporaryDirectory() as scratch:  # wrong input leaves no folder behind
-        if not wanted(Path(scratch)):
-            raise ValueError(f"--only {only!r} matches no mission of {', '.join(map(str, files))}")
-    results = Results(folder)
-    planned = plan_jobs(wanted(folder / "worlds"), list(models), variants, range(repeat))
+    wanted = [
+        LoadedSet(part, loaded.sites)
+        for loaded in (load_set(file, world, site.rulebook, folder / "worlds") for file in files)
+        if (part := chosen(loaded.missions, only, every)) is not None
+    ]
+    if not wanted:
+        raise ValueError(f"--only {only!r} matches no mission of {', '.join(map(str, files))}")
+    planned = plan_jobs(wanted, list(models), variants, range(repeat))
+    results = Results(folder)  # only now: wrong input leaves no folder behind
+    for loaded in wanted:
+        keep_worlds(loaded)
     began = perf_counter()
     try:
         asyncio.run(_run(results, planned, models, jobs, reuse=reuse, logs=logs))

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pa_console.evaluation.mission_set import load_missions
+from pa_console.evaluation.mission_set import load_with_worlds
 from pa_console.orchestrator.compose import Site, open_world
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.mission_set import MissionCase, MissionSet
 from pa_console.schema.variant import Variant
-from pa_console.sim.world_generator import generate_world, world_yaml
+from pa_console.sim.world_generator import world_yaml
 
 MISSION_SETS = Path("missions")
 
@@ -66,20 +66,22 @@ def mission_file(name: str, world_path: Path) -> Path:
 
 
 def load_set(path: Path, world: str, rulebook: Rulebook, folder: Path) -> LoadedSet:
-    """Load the missions at `path`; generated worlds are written below `folder` for replays.
+    """Load the missions at `path`; `keep_worlds` will write generated worlds below `folder`.
 
     Raises DocumentError.
     """
     own, own_path = open_world(world)
-    missions = load_missions(path, own)
-    sites = {"": Site(own, own_path, rulebook)}
-    for name, made in missions.worlds.items():
-        generated = generate_world(made.gates, made.assets, made.seed)
-        file = folder / name / "world.yaml"
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(world_yaml(generated), encoding="utf-8")
-        sites[name] = Site(generated, file, rulebook)
-    return LoadedSet(missions, sites)
+    missions, worlds = load_with_worlds(path, own)
+    sites = {name: Site(w, folder / name / "world.yaml", rulebook) for name, w in worlds.items()}
+    return LoadedSet(missions, {**sites, "": Site(own, own_path, rulebook)})
+
+
+def keep_worlds(loaded: LoadedSet) -> None:
+    """Write every generated world to its site's file: a run's log is replayed with it."""
+    for name, site in loaded.sites.items():
+        if name:
+            site.world_path.parent.mkdir(parents=True, exist_ok=True)
+            site.world_path.write_text(world_yaml(site.world), encoding="utf-8")
 
 
 def chosen(missions: MissionSet, only: str = "", every: int = 1) -> MissionSet | None:

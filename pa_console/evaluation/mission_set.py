@@ -11,8 +11,14 @@ from pa_console.sim.world_generator import generate_world
 
 
 def load_missions(path: Path, world: World) -> MissionSet:
-    """Read the missions at `path` for `world`; raises DocumentError with file, line and field.
+    """Read the missions at `path` for `world`; raises DocumentError with file, line and field."""
+    return load_with_worlds(path, world)[0]
 
+
+def load_with_worlds(path: Path, world: World) -> tuple[MissionSet, dict[str, World]]:
+    """Read the missions at `path` for `world`, with every world that they name; "" is `world`.
+
+    Raises DocumentError with file, line and field.
     Ids must be unique, the set-up may only name assets, frames and gates of the mission's own
     world, and its success conditions only what a run in that world can have.
     """
@@ -38,4 +44,4 @@ def load_missions(path: Path, world: World) -> MissionSet:
                 compile_condition(source, worlds[case.world])
             except ValueError as error:
                 raise document.error(("missions", index, "success", number), str(error)) from error
-    return missions
+    return missions, worlds

@@ -4,8 +4,9 @@ import math
 from collections.abc import Iterator
 
 from pa_console.orchestrator.rehearsal import order_moments
+from pa_console.policy.context import goes_to
 from pa_console.policy.moments import moment
-from pa_console.schema.plan import Action, Plan
+from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import (
     AssetTimeline,
     GateTimeline,
@@ -23,7 +24,7 @@ def assume_done(before: Picture, world: World, plan: Plan) -> Rehearsal:
     For the ablation without rehearsal: nothing can happen on the way, so no gap, zone, obstacle
     or encounter is found. The duration is the longest straight way at full speed, in seconds.
     """
-    goals = {a.agent: goal for a in plan.actions if (goal := _goal(a, world)) is not None}
+    goals = {a.agent: goal for a in plan.actions if (goal := goes_to(a, world))}
     assets = {
         name: asset.model_copy(
             update={"at": goals[name], "post": goals[name], "position": _at(world, goals[name])}
@@ -77,10 +78,6 @@ def _handled(track: Track, plan: Plan) -> TrackTimeline:
         warned_s=when(track.warned or "warn" in verbs),
         blocked_s=when("block" in verbs),
     )
-
-
-def _goal(action: Action, world: World) -> str | None:
-    return world.base if action.verb == "return_to_base" else action.target
 
 
 def _at(world: World, frame: str) -> tuple[float, float]:

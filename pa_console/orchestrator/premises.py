@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from pa_console.orchestrator.rehearsal import device_commands
+from pa_console.policy.context import goes_to
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Timeline
@@ -90,7 +91,7 @@ def safe_state(
     stays is known to cover it now; every other agent under way holds where it is. Whoever was
     sent away from such a gate goes back even if the picture, which is late, still shows it there.
     """
-    goals = {a.agent: _goal(a, premises.world) for a in premises.plan.actions}
+    goals = {a.agent: goes_to(a, premises.world) for a in premises.plan.actions}
     actions: list[Action] = []
     for agent in open_agents:
         asset = picture.assets[agent]
@@ -104,13 +105,9 @@ def safe_state(
             ),
             None,
         )
-        leaves = home is not None and (asset.at != home or goals.get(agent) not in (None, home))
+        leaves = home is not None and (asset.at != home or goals.get(agent, "") not in ("", home))
         actions.append(Action(agent=agent, command=f"move_to {home}" if leaves else "hold"))
     return device_commands(Plan(reason="safe state", actions=tuple(actions)), prefix)
-
-
-def _goal(action: Action, world: World) -> str | None:
-    return world.base if action.verb == "return_to_base" else action.target
 
 
 def why_lost(asset: AssetTelemetry, picture: Picture) -> str:

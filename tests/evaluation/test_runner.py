@@ -10,8 +10,10 @@ from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.evaluation.record import RunRecord
 from pa_console.evaluation.results import Results, read_runs
 from pa_console.evaluation.runner import CHUNK, Runner, chunks
+from pa_console.evaluation.scoring.idle import SETTLE_S
 from pa_console.evaluation.variants import VARIANTS, find_variant
 from pa_console.orchestrator.compose import Site
+from pa_console.orchestrator.headless import SETUP_SETTLE_S
 from pa_console.schema.mission_set import MissionCase, MissionSet
 from pa_console.session.recording import Recording
 from tests.scripted import FAILURE, SUCCESS, ScriptedEngine, plan
@@ -131,3 +133,7 @@ def test_every_ablation_leaves_something_out() -> None:
         assert (changed == reference) == (name == reference.name)
     with pytest.raises(ValueError, match="no-judge"):
         find_variant("nonesuch")
+
+
+def test_the_idle_run_and_the_real_one_begin_at_the_same_moment() -> None:
+    assert SETTLE_S == SETUP_SETTLE_S

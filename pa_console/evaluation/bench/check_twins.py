@@ -7,6 +7,7 @@ and the timeline. The benchmark measures them against CEL; they enforce nothing.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from pa_console.policy.context import goes_to
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import COMMANDS, Action, Plan
 from pa_console.schema.rehearsal import Rehearsal
@@ -60,13 +61,13 @@ def _everybody_away(case: Case) -> list[str] | None:
     before = case.rehearsal.before
     up = [asset for asset in before.assets.values() if asset.available]
     posts = {name: asset.post or "" for name, asset in before.assets.items()}
-    ordered = {action.agent: _goal(action, case.world) for action in case.plan.actions}
+    ordered = {action.agent: goes_to(action, case.world) for action in case.plan.actions}
     goals = {name: ordered.get(name) or post for name, post in posts.items()}
     hostile = any(track.intent == "hostile" for track in before.tracks.values())
     if hostile or len(up) < 2 or all(goals[name] == posts[name] for name in posts):
         return None
     leavers = [asset for asset in up if goals[asset.id] != posts[asset.id]]
-    frames = {_goal(action, case.world) for action in case.plan.actions} - {""}
+    frames = {goes_to(action, case.world) for action in case.plan.actions} - {""}
     found: list[str] = []
     if len(leavers) == len(up):
         found.append("every available asset would leave its post")
@@ -103,7 +104,7 @@ def _low_and_sent_out(case: Case) -> list[str] | None:
         f"{action.agent} ({before[action.agent].battery_pct:.4g} %)"
         for action in low
         if action.verb not in ("hold", "report", "return_to_base")
-        and _goal(action, case.world) != case.world.base
+        and goes_to(action, case.world) != case.world.base
     ]
 
 
@@ -113,13 +114,9 @@ def _addressed_twice(case: Case) -> list[str] | None:
     return [name for name in agents if agents.count(name) > 1] if agents else None
 
 
-def _goal(action: Action, world: World) -> str:
-    return world.base if action.verb == "return_to_base" else action.target or ""
-
-
 def _met(action: Action, case: Case) -> list[Track]:
     """Return the tracks at the gate that the action leads to, or those inside."""
-    goal = _goal(action, case.world)
+    goal = goes_to(action, case.world)
     tracks = case.rehearsal.before.tracks.values()
     if goal in case.world.gates:
         return [track for track in tracks if track.gate == goal]

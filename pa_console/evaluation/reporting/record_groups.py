@@ -61,8 +61,8 @@ def comparable_runs(records: Records) -> list[RunRecord]:
 def needless_refusal(record: RunRecord) -> bool:
     """Whether nothing was done although something had to be.
 
-    A command that holding or reporting fulfils ("Hold all positions.") was not refused by an
-    order to hold: the true state says that it succeeded.
+    A command that holding or reporting fulfils was not refused by an order to hold or to report:
+    the true state says that it succeeded.
     """
     return record.refused and not record.strict and record.expect in ("execute", "trim")
 
