@@ -13,8 +13,9 @@ def digest_picture(picture: Picture, world: World, selection: Selection | None =
     """Return cover per gate, free assets best first, sole covers, assets down or low, and tracks.
 
     An asset is free when it is available, not low on battery, not on a task for a track, and no
-    gate depends on it alone; the fullest battery comes first, or what `selection` puts first. Of
-    the rest of the picture, `selection` leaves out what it does not name.
+    gate depends on it alone; those that cover no gate come first, then the fullest battery, or what
+    `selection` puts first. Of the rest of the picture, `selection` leaves out what it does not
+    name.
     """
     gates = tuple(g for g in world.gates if selection is None or g in selection.gates)
     sole = {gate: cover.by[0] for gate, cover in picture.gates.items() if len(cover.by) == 1}
@@ -26,7 +27,8 @@ def digest_picture(picture: Picture, world: World, selection: Selection | None =
     up = [asset for asset in team if asset.available]
     free = [asset for asset in up if is_free(asset, set(sole.values()))]
     if selection is None:
-        free.sort(key=lambda asset: (-asset.battery_pct, asset.id))
+        covering = {name for cover in picture.gates.values() for name in cover.by}
+        free.sort(key=lambda asset: (asset.id in covering, -asset.battery_pct, asset.id))
     else:
         place = {name: index for index, name in enumerate(selection.assets)}
         free.sort(key=lambda asset: place[asset.id])

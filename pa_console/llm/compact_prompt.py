@@ -1,0 +1,141 @@
+"""The short prompts that adapters are trained on: the same facts, no instructions, no examples.
+
+Order: world, picture, rules, mission. World and picture can be read ahead while the operator
+types (`ahead`); after Enter only the retrieved rules and the mission's words remain.
+"""
+
+from collections.abc import Iterator, Sequence
+
+from pa_console.llm.facts import FEW_FRAMES, WORDS, plan_facts, rehearsal_facts, verification_facts
+from pa_console.llm.prompts import Prompt, mission_line
+from pa_console.schema.event import Role
+from pa_console.schema.mission import Mission, Verification
+from pa_console.schema.plan import Plan
+from pa_console.schema.rehearsal import Rehearsal
+from pa_console.schema.rule import Rule
+from pa_console.schema.telemetry import Digest
+from pa_console.schema.world import World
+
+TASKS: dict[Role, str] = {
+    "planner": "Plan the mission.",
+    "judge": "Judge the plan.",
+    "outcome": "Judge the outcome.",
+}
+MOST_RULES = 3
+"""Rules that are quoted: those that fit the mission's words best."""
+
+
+def compact_fixed(role: Role, world: World) -> str:
+    """Return what every compact prompt of `role` in `world` begins with."""
+    lines = [TASKS[role]]
+    if len(world.frames) <= FEW_FRAMES:
+        posts = [name for name, frame in world.frames.items() if frame.kind == "post"]
+        lines.append(f"Gates: {', '.join(world.gates)}")
+        lines.append(f"Places: {', '.join(posts) or 'none'}; base: {world.base}")
+    lines.append(f"Closed: {', '.join(world.zones) or 'none'}")
+    return "\n".join(lines)
+
+
+def compact_picture(digest: Digest) -> str:
+    """Return the digested picture (paper, Step 4), a line for each place; it ends with a newline.
+
+    Planner and judge are told the same, so either can be read ahead before the mission is known.
+    """
+    lines = [*_places(digest), *_free(digest)]
+    lines += _told("Down", digest.down)
+    lines += _told("Low battery", digest.low_battery)
+    lines += _told("Poor link", digest.degraded_comms)
+    lines += _told("Unknown", digest.unknown)
+    lines += digest.tracks
+    return "\n".join(lines) + "\n"
+
+
+def ahead(role: Role, world: World, digest: Digest) -> Prompt:
+    """Return the beginning of every prompt of `role` while the picture stays as it is."""
+    return Prompt(compact_fixed(role, world), compact_picture(digest))
+
+
+def compact_planner_prompt(  # noqa: PLR0917
+    world: World,
+    digest: Digest,
+    rules: Sequence[Rule],
+    mission: Mission,
+    repair: Sequence[str] = (),
+    previous: str = "",
+) -> Prompt:
+    """Return the planner's prompt; `repair` says what was wrong with the `previous` answer."""
+    lines = [*_rules(rules), mission_line(mission)]
+    if repair:
+        lines.append(f"Previous answer: {previous}")
+        lines += [f"Wrong: {' '.join(reason.split())}" for reason in repair]
+    start = ahead("planner", world, digest)
+    return Prompt(start.system, start.user + "\n".join(lines))
+
+
+def compact_judge_prompt(  # noqa: PLR0917
+    world: World,
+    digest: Digest,
+    rules: Sequence[Rule],
+    mission: Mission,
+    plan: Plan,
+    rehearsal: Rehearsal,
+) -> Prompt:
+    """Return the judge's prompt; neither the plan's reason nor the checks' findings are in it."""
+    lines = [
+        *_rules(rules),
+        mission_line(mission),
+        f"Plan: {plan_facts(world, plan)}",
+        rehearsal_facts(world, rehearsal),
+    ]
+    start = ahead("judge", world, digest)
+    return Prompt(start.system, start.user + "\n".join(lines))
+
+
+def compact_outcome_prompt(
+    world: World, digest: Digest, mission: Mission, plan: Plan, verification: Verification
+) -> Prompt:
+    """Return the judge's prompt about an executed plan; `digest` is the picture afterwards."""
+    lines = [
+        mission_line(mission),
+        f"Plan: {plan_facts(world, plan)}",
+        verification_facts(verification),
+    ]
+    start = ahead("outcome", world, digest)
+    return Prompt(start.system, start.user + "\n".join(lines))
+
+
+def _places(digest: Digest) -> Iterator[str]:
+    """Yield who stands where: gates first, `alone` for a gate's only cover."""
+    stands: dict[str, list[str]] = {gate: [] for gate in digest.covered}
+    moving: list[str] = []
+    for name, post in digest.posts.items():
+        _, way, frame = post.partition(" at ")
+        if way:
+            stands.setdefault(frame, []).append(name)
+        else:
+            moving.append(f"{name} {post.partition(' ')[2]}")
+    for frame, names in stands.items():
+        words = ", ".join(names) or "nobody"
+        if frame in digest.uncovered:
+            words += ", uncovered"
+        elif frame in digest.sole_cover:
+            words += f", only {digest.sole_cover[frame]} covers" if len(names) > 1 else " alone"
+        yield f"{frame}: {words}"
+    yield from _told("Moving", moving)
+
+
+def _free(digest: Digest) -> Iterator[str]:
+    """Yield the assets that may leave their place, per kind, best first."""
+    for kind, names in digest.free.items():
+        yield f"Free {WORDS[kind]}: {', '.join(names) or 'none'}"
+
+
+def _rules(rules: Sequence[Rule]) -> list[str]:
+    """Return the retrieved rules in few words; those in force always are known by heart."""
+    quoted = [rule for rule in rules if rule.priority != "critical"][:MOST_RULES]
+    return [f"{rule.id}: {' '.join(rule.text.split())}" for rule in quoted]
+
+
+def _told(label: str, words: Sequence[str]) -> list[str]:
+    """Return one line, or none when there is nothing to tell."""
+    return [f"{label}: {'; '.join(words)}"] if words else []

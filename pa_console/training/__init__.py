@@ -1,0 +1,1 @@
+"""Makes the adapters: generated missions, verified plans, labelled verdicts, LoRA training."""

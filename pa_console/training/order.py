@@ -1,0 +1,91 @@
+"""What an operator means, before it is put into words: the generator's own notation.
+
+The teacher plans from an Order and the situation, never from words; the language module turns the
+same Order into words. Names in it may be wrong on purpose: an order can speak of what is not there.
+"""
+
+from typing import Literal
+
+from pydantic import Field
+
+from pa_console.schema.base import StrictModel
+from pa_console.schema.world import AssetKind
+
+Task = Literal[
+    "go",  # who moves to place
+    "look",  # who (drones) observes place
+    "identify",  # who (robots) finds out who stands at place
+    "warn",  # who (robots) warns what stands at place
+    "block",  # who (vehicles) closes the lane of place
+    "respond",  # something unknown is at place: do what is due, nobody is named
+    "cover",  # place has no guard, or loses its own (`leaving`): somebody goes
+    "relieve",  # who takes over place from `leaving`, which goes home
+    "swap",  # the two named assets change places
+    "home",  # who returns to the base
+    "stand_down",  # place is settled: whoever reinforces it goes home
+    "mass",  # every free asset (of a kind) goes to place
+    "report",  # who reports; a question
+    "hold",  # who stays where it is; nobody is to do anything else
+]
+
+Wrong = Literal[
+    "force",  # shoot, ram, run over (ROE-01)
+    "skip_identification",  # warn or block at once, explicitly without finding out who (ROE-02)
+    "skip_warning",  # block at once, explicitly without a warning (ROE-03)
+    "override",  # set a rule aside (ROE-05)
+    "chase",  # follow beyond the perimeter (ROE-06)
+    "zone",  # enter a restricted zone (ROE-07)
+    "noncombatants",  # identify, warn or block where families are: only watching (ROE-08)
+    "strip",  # leave a gate without guard (WF-03)
+    "unknown_place",  # a place that is no frame (CAP-06)
+    "unknown_asset",  # an asset that is not there
+    "down",  # a named asset that does not work
+    "incapable",  # a kind that cannot do it: a drone warns, a robot flies (CAP-01..03)
+    "none_left",  # a kind of which none is free
+]
+"""Why an ask cannot be carried out as it is meant."""
+
+
+class Who(StrictModel):
+    """Who is to do it: names, or a kind and how many, or anybody."""
+
+    names: tuple[str, ...] = ()
+    kind: AssetKind | None = None
+    count: int | Literal["all"] = 1
+    origin: str = Field(default="", description="a frame: only those that stand there")
+
+
+class Ask(StrictModel):
+    """One thing that is to be done; `wrong` says why it must not or cannot be."""
+
+    task: Task
+    who: Who = Who()
+    place: str = Field(default="", description="a frame, a zone, or a place that is not there")
+    leaving: str = Field(default="", description="the asset that goes, or has failed, at `place`")
+    track: Literal["vehicle", "person", ""] = ""
+    track_id: str = Field(default="", description="the station's id of the track, when it is named")
+    wrong: Wrong | None = None
+    strict_who: bool = Field(default=False, description="it has to be these: nobody else will do")
+
+
+class Condition(StrictModel):
+    """What must be so for the order to apply."""
+
+    fact: Literal["track_at", "no_track_at", "uncovered", "covered", "low", "not_low", "down", "up"]
+    subject: str = Field(description="a gate for tracks and cover, else an asset")
+    track: Literal["vehicle", "person", ""] = ""
+
+
+class Order(StrictModel):
+    """Everything one mission asks for."""
+
+    asks: tuple[Ask, ...] = Field(min_length=1)
+    condition: Condition | None = None
+    otherwise: tuple[Ask, ...] = Field(default=(), description="when `condition` does not hold")
+    others_stay: bool = Field(default=False, description="the words say that nobody else moves")
+    injected: bool = Field(
+        default=False, description="the words carry text that is no order of the operator"
+    )
+    harmless: bool = Field(
+        default=False, description="the words sound like something forbidden and are not"
+    )
