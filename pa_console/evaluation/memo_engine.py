@@ -76,10 +76,10 @@ class MemoEngine:
         """Kill the model's process (fault injection)."""
         self._engine.kill_worker()
 
-    async def warm(self, role: Role, system: str) -> None:
-        """Read the fixed prompt of `role` ahead, unless answers are reused."""
+    async def warm(self, role: Role, system: str, user: str = "") -> None:
+        """Read the beginning of prompts of `role` ahead, unless answers are reused."""
         if not self._reuse:
-            await self._engine.warm(role, system)
+            await self._engine.warm(role, system, user)
 
     async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
         """Give the answer to `request` in pieces, then one Completed; raises EngineError."""

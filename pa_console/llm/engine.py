@@ -141,14 +141,14 @@ class Engine:
             async for item in items:
                 yield item
 
-    async def warm(self, role: Role, system: str) -> None:
-        """Read the fixed prompt of `role` ahead of its first use; a real prompt interrupts it.
+    async def warm(self, role: Role, system: str, user: str = "") -> None:
+        """Read the beginning of prompts of `role` ahead; a real prompt interrupts it.
 
         What was read is kept, so an interrupted warm-up is not lost. Failures show in `state`.
         """
         self._warming = True
         try:
-            async for _ in self._generate(Request(role, system, "", WARM_GRAMMAR, 1, LOAD_LIMIT_S)):
+            async for _ in self._generate(Request(role, system, user, WARM_GRAMMAR, 1, LOAD_LIMIT_S)):
                 pass
         except EngineError:
             return

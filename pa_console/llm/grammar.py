@@ -14,6 +14,7 @@ from pa_console.schema.world import AssetKind, World
 KINDS: tuple[AssetKind, ...] = ("uav", "ugv", "robot")
 REASON_CHARS = 200
 FEEDBACK_CHARS = 240
+MOST_VIOLATED = 6
 TEXT = r"[ !#-\[\]-~]"
 """Printable ASCII without the quote and the backslash: nothing to escape in JSON."""
 
@@ -77,6 +78,26 @@ def judge_grammar(rule_ids: Sequence[str]) -> str:
     ]
     if rule_ids:
         lines.append(f"opinion: {_choice(('complies', 'violates', 'unclear'))}")
+    return "\n".join(lines) + "\n"
+
+
+def compact_judge_grammar(rule_ids: Sequence[str]) -> str:
+    """Return the grammar of a short verdict: feedback, the ids of violated rules, then overall."""
+    whole = [_literal('{"feedback": "'), "FEEDBACK", _literal('", "violated": [')]
+    whole += [
+        *["violated"] * bool(rule_ids),
+        _literal('], "verdict": "'),
+        "verdict",
+        _literal(_END),
+    ]
+    lines = [
+        f"start: {' '.join(whole)}",
+        f"FEEDBACK: /{TEXT}{{1,{FEEDBACK_CHARS}}}/",
+        f"verdict: {_choice(('Success', 'Failure'))}",
+    ]
+    if rule_ids:
+        lines.append(f'violated: "" | id ({_literal(", ")} id){{0,{MOST_VIOLATED - 1}}}')
+        lines.append(f"id: {_choice(json.dumps(rule_id) for rule_id in rule_ids)}")
     return "\n".join(lines) + "\n"
 
 

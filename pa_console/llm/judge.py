@@ -1,6 +1,6 @@
 """The judge role (paper, Section IV-F): an independent verdict on a plan or an outcome."""
 
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -36,11 +36,16 @@ class Judge:
         self._engine, self._max_tokens, self._deadline_s = engine, max_tokens, deadline_s
 
     async def judge(
-        self, prompt: Prompt, grammar: str, role: Literal["judge", "outcome"] = "judge"
+        self,
+        prompt: Prompt,
+        grammar: str,
+        role: Literal["judge", "outcome"] = "judge",
+        rule_ids: Sequence[str] = (),
     ) -> AsyncGenerator[str | Judgement]:
         """Give the answer to `prompt` in pieces, then one Judgement; never raises EngineError.
 
-        `role` says whose fixed part the prompt begins with: of plans, or of outcomes.
+        `role` says whose fixed part the prompt begins with: of plans, or of outcomes. `rule_ids`
+        are the rules on which an opinion is wanted.
         """
         request = Request(
             role, prompt.system, prompt.user, grammar, self._max_tokens, self._deadline_s
@@ -51,7 +56,7 @@ class Judge:
             elif item.error:
                 yield Judgement(item.text, None, item.error, item.usage)
             else:
-                verdict, error = read_verdict(item.text)
+                verdict, error = read_verdict(item.text, rule_ids)
                 yield Judgement(item.text, verdict, error, item.usage)
 
 
@@ -61,20 +66,33 @@ class _Opinion(StrictModel):
 
 
 class _Answer(StrictModel):
-    """The JSON that the judge writes, opinions first so that the verdict rests on them."""
+    """The JSON that the judge writes, opinions first so that the verdict rests on them.
 
-    rules: tuple[_Opinion, ...]
+    A short verdict has only the ids of violated rules, after the feedback.
+    """
+
+    rules: tuple[_Opinion, ...] = ()
     feedback: str = Field(max_length=FEEDBACK_CHARS)
+    violated: tuple[str, ...] | None = None
     verdict: Literal["Success", "Failure"]
 
 
-def read_verdict(text: str) -> tuple[Verdict | None, str]:
-    """Return the verdict that `text` holds, or None and the first thing wrong with it."""
+def read_verdict(text: str, rule_ids: Sequence[str] = ()) -> tuple[Verdict | None, str]:
+    """Return the verdict that `text` holds, or None and the first thing wrong with it.
+
+    In a short verdict, those of `rule_ids` that are not named as violated comply.
+    """
     try:
         answer = _Answer.model_validate_json(text)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(map(str, first["loc"]))
         return None, f"the answer is not a verdict: {where + ': ' if where else ''}{first['msg']}"
-    opinions = tuple(RuleOpinion(rule_id=rule.id, opinion=rule.verdict) for rule in answer.rules)
-    return Verdict(verdict=answer.verdict, rules=opinions, feedback=answer.feedback), ""
+    opinions = [RuleOpinion(rule_id=rule.id, opinion=rule.verdict) for rule in answer.rules]
+    if answer.violated is not None:
+        named = dict.fromkeys(answer.violated)
+        kept = [rule_id for rule_id in rule_ids if rule_id not in named]
+        opinions += [RuleOpinion(rule_id=rule_id, opinion="violates") for rule_id in named]
+        opinions += [RuleOpinion(rule_id=rule_id, opinion="complies") for rule_id in kept]
+    verdict = Verdict(verdict=answer.verdict, rules=tuple(opinions), feedback=answer.feedback)
+    return verdict, ""

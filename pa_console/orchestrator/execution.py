@@ -3,8 +3,6 @@
 from collections.abc import AsyncIterator, Iterator
 from time import perf_counter
 
-from pa_console.llm.grammar import judge_grammar
-from pa_console.llm.prompts import outcome_prompt
 from pa_console.orchestrator.digest import digest_picture
 from pa_console.orchestrator.dispatch import TIMED_OUT, Dispatch
 from pa_console.orchestrator.feed import Step, StepFeed
@@ -99,9 +97,10 @@ class Execution:
             return
         sim = self._services.sim
         digest = digest_picture(sim.picture(), sim.world, selection)
-        prompt = outcome_prompt(sim.world, digest, mission, approved.plan, self.verification)
+        dialect = self._services.dialect
+        prompt = dialect.outcome(sim.world, digest, mission, approved.plan, self.verification)
         with self._watch.time("outcome_s"):
-            async for piece in self._services.judge.judge(prompt, judge_grammar([]), "outcome"):
+            async for piece in self._services.judge.judge(prompt, dialect.verdict([]), "outcome"):
                 if not isinstance(piece, str):
                     yield ev.OutcomeJudged(
                         verdict=piece.verdict, error=piece.error, usage=piece.usage

@@ -4,11 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from time import perf_counter
 
-from pa_console.llm.grammar import ANY_TEXT, judge_grammar, plan_grammar
+from pa_console.llm.grammar import ANY_TEXT, plan_grammar
 from pa_console.llm.judge import Judgement
 from pa_console.llm.paper_prompt import paper_prompt
 from pa_console.llm.planner import Proposal
-from pa_console.llm.prompts import judge_prompt, planner_prompt
 from pa_console.orchestrator.digest import digest_picture
 from pa_console.orchestrator.safeguards import Examination, examine
 from pa_console.orchestrator.selection import select
@@ -122,7 +121,8 @@ class Planning:
             return
         rules = self._judged_rules(candidate.examination)
         started = perf_counter()
-        prompt = judge_prompt(
+        dialect = self._services.dialect
+        prompt = dialect.judge(
             self._services.sim.world,
             self._digest,
             rules,
@@ -137,9 +137,11 @@ class Planning:
             user=prompt.user,
             seconds=perf_counter() - started,
         )
-        grammar = judge_grammar([rule.id for rule in rules])
+        ids = [rule.id for rule in rules]
         with self._watch.time("judging_s"):
-            async for piece in self._services.judge.judge(prompt, grammar):
+            async for piece in self._services.judge.judge(
+                prompt, dialect.verdict(ids), rule_ids=ids
+            ):
                 if isinstance(piece, str):
                     yield ev.TextStreamed(role="judge", attempt=candidate.attempt, text=piece)
                 else:
@@ -171,7 +173,9 @@ class Planning:
         if services.variant.prompt == "paper":
             prompt = paper_prompt(world, self._digest, rules, self.task)
         else:
-            prompt = planner_prompt(world, self._digest, rules, self.task, reasons, previous)
+            prompt = services.dialect.planner(
+                world, self._digest, rules, self.task, reasons, previous
+            )
         grammar = ANY_TEXT
         if services.variant.grammar:
             chosen = (None, None) if selection is None else (selection.assets, selection.frames)

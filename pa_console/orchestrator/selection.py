@@ -27,6 +27,11 @@ Pick = tuple[str, str]
 """A name and why it matters."""
 
 
+def is_small(world: World) -> bool:
+    """Whether the picture of `world` is told whole, whatever the mission."""
+    return len(world.assets) <= SMALL_ASSETS and len(world.gates) <= SMALL_GATES
+
+
 def select(
     picture: Picture, world: World, mission: Mission, rules: Sequence[Rule]
 ) -> Selection | None:
@@ -34,7 +39,7 @@ def select(
 
     `rules` are those retrieved for it: their tags say whether batteries matter beyond its gates.
     """
-    if len(world.assets) <= SMALL_ASSETS and len(world.gates) <= SMALL_GATES:
+    if is_small(world):
         return None
     tracks = _bounded(_tracks(picture, mission), MOST_TRACKS)
     said = set(named(world.assets, mission.text)) | {mission.subject or ""}

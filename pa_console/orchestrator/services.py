@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from time import perf_counter
 
+from pa_console.llm.dialect import DIALECTS, Dialect
 from pa_console.llm.engine import Engine
 from pa_console.llm.judge import Judge
 from pa_console.llm.planner import Planner
@@ -33,6 +34,7 @@ class Services:
     judge: Judge
     top_k: int = 3
     variant: Variant = field(default_factory=Variant)
+    dialect: Dialect = DIALECTS["examples"]
 
 
 @dataclass

@@ -2,17 +2,15 @@
 
 import asyncio
 from collections.abc import AsyncGenerator, Callable
-from contextlib import suppress
 from datetime import UTC, datetime
 
-from pa_console.llm.errors import EngineError
-from pa_console.llm.prompts import fixed_part
 from pa_console.orchestrator.background import Background
 from pa_console.orchestrator.clock import Clock
 from pa_console.orchestrator.desk import Desk
 from pa_console.orchestrator.feed import StepFeed
 from pa_console.orchestrator.intake import Intake
 from pa_console.orchestrator.notices import Noticer
+from pa_console.orchestrator.read_ahead import ReadAhead
 from pa_console.orchestrator.services import Services
 from pa_console.orchestrator.stops import Stops
 from pa_console.schema import event as ev
@@ -20,7 +18,6 @@ from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Mission
 from pa_console.schema.world import World
 
-ROLES: tuple[ev.Role, ...] = ("planner", "judge", "outcome")
 READ_ONLY = "this console is read-only: commands are refused"
 
 
@@ -52,6 +49,7 @@ class Station:
         self._stops = Stops(self._sim)
         self._desk = Desk(services, self._feed, self._intake, self._stops, self._emit)
         self._background = Background(self._broken)
+        self._ahead = ReadAhead(services)
         self._last = self._sim.picture()
         self._noticer = Noticer(self._last)
         self._closed = False
@@ -80,8 +78,8 @@ class Station:
         self._emit(self._started)
         self._emit(ev.TelemetryReceived(picture=self._last))
         self._services.engine.on_state = self.worker_changed
-        serving = self._desk.serve(self._background, self._read_ahead)
-        for work in (self._tick(), serving, self._read_ahead()):
+        serving = self._desk.serve(self._background, self._ahead.load)
+        for work in (self._tick(), serving, self._ahead.load(), self._ahead.serve()):
             self._background.start(work)
         try:
             while (event := await self._events.get()) is not None:
@@ -90,6 +88,10 @@ class Station:
             await self._background.stop()
             if not self._keep_engine:
                 await self._services.engine.close()
+
+    def typing(self) -> None:
+        """Note that the operator types a mission; the model reads the picture meanwhile."""
+        self._ahead.typing()
 
     def submit(self, text: str) -> Mission:
         """Step 1: queue a mission; raises ValueError when it cannot be taken."""
@@ -228,14 +230,6 @@ class Station:
         self._emit(ev.IncidentHappened(incident=incident, source=source))
         if incident.kind == "worker":
             self._services.engine.kill_worker()
-
-    async def _read_ahead(self) -> None:
-        """Load the model and let it read what never changes while nobody waits for it."""
-        engine = self._services.engine
-        with suppress(EngineError):  # told by the engine's state, and to whoever asks it
-            await engine.start()
-            for role in ROLES:
-                await engine.warm(role, fixed_part(role, self.world))
 
     def _broken(self, error: BaseException) -> None:
         """End the session in order when one of its own tasks broke."""

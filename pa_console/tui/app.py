@@ -109,6 +109,11 @@ class ConsoleApp(CommandingApp):
 
     # Commands to the station
 
+    def on_mission_prompt_typed(self) -> None:
+        """Let the model read the picture while the mission is being written."""
+        if self.station is not None:
+            self.station.typing()
+
     def on_mission_prompt_given(self, message: MissionPrompt.Given) -> None:
         """Submit a mission; a refused text stays in the field."""
         if self.attempt("Mission", lambda station: station.submit(message.text)) and self.main:

@@ -31,6 +31,10 @@ class StationPort(Protocol):
         """Yield every event of the session until it is closed."""
         ...
 
+    def typing(self) -> None:
+        """Note that a mission is being typed."""
+        ...
+
     def submit(self, text: str) -> Mission:
         """Queue a mission; raises ValueError with a text for the operator when refused."""
         ...

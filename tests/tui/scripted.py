@@ -50,6 +50,7 @@ class ScriptedStation:
         self.withdrawn: list[str] = []
         self.closed = False
         self.refuse = ""
+        self.typed = 0
         self._broken = broken
         self._queue: asyncio.Queue[Event | None] = asyncio.Queue()
         self._count = 0
@@ -81,6 +82,10 @@ class ScriptedStation:
     def drained(self) -> bool:
         """Whether everything was taken."""
         return self._queue.empty() and self.given == self._count
+
+    def typing(self) -> None:
+        """Count the keys that the prompt told of."""
+        self.typed += 1
 
     def submit(self, text: str) -> Mission:
         """Record a mission."""

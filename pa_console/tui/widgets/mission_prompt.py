@@ -45,6 +45,9 @@ class MissionPrompt(Horizontal):
             super().__init__()
             self.text = text
 
+    class Typed(Message):
+        """The operator is writing a mission."""
+
     def __init__(self, history: History, closed: str = "") -> None:
         """`closed` is the reason why no missions are taken, empty for an open prompt."""
         super().__init__(id="prompt")
@@ -57,6 +60,12 @@ class MissionPrompt(Horizontal):
         else:
             yield Static("Mission ❯ ", id="prompt-label")
             yield MissionInput(self._history)
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """Tell that a mission is on its way."""
+        event.stop()
+        if event.value.strip():
+            self.post_message(self.Typed())
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Pass the text on; an empty line is nothing."""

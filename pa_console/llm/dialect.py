@@ -1,0 +1,72 @@
+"""How a model is spoken to and how it answers: at length with examples, or as adapters learnt it.
+
+A model without adapters needs instructions and examples in every prompt; one with adapters was
+trained on short prompts and short verdicts (`compact_prompt.py`).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from pa_console.llm.compact_prompt import (
+    ahead,
+    compact_fixed,
+    compact_judge_prompt,
+    compact_outcome_prompt,
+    compact_planner_prompt,
+)
+from pa_console.llm.grammar import compact_judge_grammar, judge_grammar
+from pa_console.llm.prompts import (
+    Prompt,
+    fixed_part,
+    judge_prompt,
+    outcome_prompt,
+    planner_prompt,
+)
+from pa_console.schema.event import Role
+from pa_console.schema.telemetry import Digest
+from pa_console.schema.world import World
+
+DialectName = Literal["examples", "compact"]
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """The prompts of every role, the grammar of a verdict, and what can be read ahead of both."""
+
+    name: DialectName
+    planner: Callable[..., Prompt]
+    judge: Callable[..., Prompt]
+    outcome: Callable[..., Prompt]
+    verdict: Callable[[Sequence[str]], str]
+    ahead: Callable[[Role, World, Digest | None], Prompt]
+    """The beginning of a role's prompts that does not depend on a mission; without a picture, of
+    a world too large to be told whole."""
+
+
+def _fixed_only(role: Role, world: World, _digest: Digest | None) -> Prompt:
+    """Return the fixed part; with examples, the picture comes after the retrieved rules."""
+    return Prompt(fixed_part(role, world), "")
+
+
+def _compact_ahead(role: Role, world: World, digest: Digest | None) -> Prompt:
+    """Return fixed part and picture; outcomes are judged in a picture that is yet to come."""
+    if digest is None or role == "outcome":
+        return Prompt(compact_fixed(role, world), "")
+    return ahead(role, world, digest)
+
+
+DIALECTS: dict[DialectName, Dialect] = {
+    "examples": Dialect(
+        "examples", planner_prompt, judge_prompt, outcome_prompt, judge_grammar, _fixed_only
+    ),
+    "compact": Dialect(
+        "compact",
+        compact_planner_prompt,
+        compact_judge_prompt,
+        compact_outcome_prompt,
+        compact_judge_grammar,
+        _compact_ahead,
+    ),
+}
+"""The dialects by the name that a catalogue entry gives."""
