@@ -14,8 +14,11 @@ from llguidance import LLMatcher
 from llguidance.llamacpp import lltokenizer_from_vocab
 from numpy.typing import NDArray
 
+from pa_console.llm.candidates import Candidates
 from pa_console.llm.protocol import Finish
-from pa_console.llm.runtime import InterruptedEvaluationError, Runtime
+from pa_console.llm.runtime import Runtime
+from pa_console.llm.shared_context import MOST, InterruptedEvaluationError
+from pa_console.llm.token_choice import allowed_only, forced_tokens, readable
 from pa_console.schema.finding import Usage
 
 
@@ -27,6 +30,7 @@ class Decoder:
         self._ends = frozenset(runtime.end_tokens)
         vocabulary: Any = runtime.vocabulary
         self._tokenizer = lltokenizer_from_vocab(vocabulary, eos_token=sorted(self._ends))
+        self._candidates: Candidates | None = None
 
     def answer(
         self,
@@ -41,18 +45,35 @@ class Decoder:
         Returns why it ended and what it cost. Raises ValueError when the grammar is not valid or
         prompt and answer do not fit in the context.
         """
-        room = self._runtime.n_ctx - max_tokens
-        if len(prompt) > room:
-            raise ValueError(
-                f"the prompt has {len(prompt)} tokens and at most {room} fit beside an answer of "
-                f"{max_tokens} in the model's context of {self._runtime.n_ctx}: shorten the mission"
-            )
+        self._fits(prompt, max_tokens)
         matcher = LLMatcher(self._tokenizer, grammar, log_level=0)
         if matcher.is_error():
             raise ValueError(f"the grammar is not valid: {matcher.get_error()}")
         run = _Run(self._runtime, self._tokenizer, matcher, self._ends, on_text)
         finish = run.write(sequence, prompt, max_tokens)
         return finish, run.usage(len(prompt))
+
+    def several(
+        self, sequence: int, prompt: Sequence[int], grammar: str, max_tokens: int, count: int
+    ) -> tuple[list[str], Finish, Usage]:
+        """Write `count` answers to `prompt` in one batch; returns those that are complete.
+
+        Raises ValueError as `answer` does.
+        """
+        self._fits(prompt, max_tokens)
+        if self._candidates is None:
+            room = self._runtime.n_ctx + (MOST - 1) * max_tokens
+            shared = self._runtime.shared_context(room)
+            self._candidates = Candidates(self._runtime, shared, self._tokenizer, self._ends)
+        return self._candidates.answers(sequence, prompt, grammar, max_tokens, count)
+
+    def _fits(self, prompt: Sequence[int], max_tokens: int) -> None:
+        room = self._runtime.n_ctx - max_tokens
+        if len(prompt) > room:
+            raise ValueError(
+                f"the prompt has {len(prompt)} tokens and at most {room} fit beside an answer of "
+                f"{max_tokens} in the model's context of {self._runtime.n_ctx}: shorten the mission"
+            )
 
 
 class _Run:
@@ -103,28 +124,17 @@ class _Run:
 
     def _next(self, logits: NDArray[np.float32]) -> list[int]:
         """Return the next tokens: those that are forced, or one chosen and those it forces."""
-        tokens = self._forced()
+        tokens = forced_tokens(self._matcher)
         if tokens or self._matcher.is_stopped():
             return tokens
         token = int(np.argmax(logits))
         if self._matcher.try_consume_tokens([token]) != 1:
-            mask = np.frombuffer(self._matcher.compute_bitmask(), dtype=np.uint8)
-            allowed = np.unpackbits(mask, bitorder="little")[: logits.size].astype(bool)
-            if not allowed.any():
-                raise ValueError(f"the grammar is at a dead end: {self._matcher.get_error()}")
-            token = int(np.argmax(np.where(allowed, logits, -np.inf)))
+            token = int(np.argmax(allowed_only(self._matcher, logits)))
             self._matcher.consume_token(token)
         self._sampled += 1
-        return [token, *self._forced()]
-
-    def _forced(self) -> list[int]:
-        tokens = self._matcher.compute_ff_tokens()
-        if tokens:
-            self._matcher.consume_tokens(tokens)
-        return tokens
+        return [token, *forced_tokens(self._matcher)]
 
     def _give(self, tokens: Sequence[int]) -> None:
-        data = self._tokenizer.decode_bytes([t for t in tokens if t not in self._ends])
-        text = self._utf8.decode(data)
+        text = self._utf8.decode(readable(self._tokenizer, tokens, self._ends))
         if text:
             self._on_text(text)

@@ -18,7 +18,7 @@ from pa_console.llm.errors import (
     PromptRefusedError,
 )
 from pa_console.llm.process import Worker
-from pa_console.llm.protocol import Cancel, Done, Finish, Generate, Load, Piece, Refused
+from pa_console.llm.protocol import Cancel, Done, Finish, Generate, Load, Piece, Refused, Texts
 from pa_console.llm.threads import physical_cores
 from pa_console.schema.event import Role, WorkerState
 from pa_console.schema.finding import Usage
@@ -55,6 +55,8 @@ class Request:
     grammar: str
     max_tokens: int
     deadline_s: float
+    count: int = 1
+    """So many answers are wanted, other than the most likely one; they come as `texts`."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,7 @@ class Completed:
     text: str
     usage: Usage
     finish: Finish
+    texts: tuple[str, ...] = ()
 
 
 class Engine:
@@ -148,7 +151,9 @@ class Engine:
         """
         self._warming = True
         try:
-            async for _ in self._generate(Request(role, system, user, WARM_GRAMMAR, 1, LOAD_LIMIT_S)):
+            async for _ in self._generate(
+                Request(role, system, user, WARM_GRAMMAR, 1, LOAD_LIMIT_S)
+            ):
                 pass
         except EngineError:
             return
@@ -222,10 +227,12 @@ class Engine:
                 user=request.user,
                 grammar=request.grammar,
                 max_tokens=request.max_tokens,
+                count=request.count,
             )
         )
         started = perf_counter()
         limit, text = started + request.deadline_s, ""
+        texts: tuple[str, ...] = ()
         asked: Finish | None = None
         while True:
             message = await worker.receive(limit)
@@ -233,8 +240,10 @@ class Engine:
                 case Piece(id=id_) if id_ == number:
                     text += message.text
                     yield message.text
+                case Texts(id=id_) if id_ == number:
+                    texts = message.texts
                 case Done(id=id_) if id_ == number:
-                    yield Completed(text, message.usage, asked or message.finish)
+                    yield Completed(text, message.usage, asked or message.finish, texts)
                     return
                 case Refused(id=id_) if id_ == number:
                     raise PromptRefusedError(message.error)

@@ -17,6 +17,7 @@ from pa_console.llm.protocol import (
     Piece,
     Ready,
     Refused,
+    Texts,
     encode,
 )
 from pa_console.schema.base import StrictModel
@@ -29,7 +30,7 @@ process on a two-core machine made an answer ten to twenty times slower."""
 LINE_LIMIT = 1 << 20
 EXIT_S = 2.0
 
-Answer = Piece | Done | Refused
+Answer = Piece | Texts | Done | Refused
 Signal = Literal["stop", "late", "ended"]
 
 

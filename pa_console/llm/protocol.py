@@ -32,6 +32,7 @@ class Generate(StrictModel):
     user: str
     grammar: str
     max_tokens: int
+    count: int = 1
 
 
 class Cancel(StrictModel):
@@ -64,6 +65,14 @@ class Piece(StrictModel):
     text: str
 
 
+class Texts(StrictModel):
+    """The complete answers of generation `id` when several were asked for; Done follows."""
+
+    op: Literal["texts"] = "texts"
+    id: int
+    texts: tuple[str, ...]
+
+
 class Done(StrictModel):
     """Generation `id` is over; all its text was sent."""
 
@@ -84,8 +93,8 @@ class Refused(StrictModel):
 ToWorker: TypeAdapter[Load | Generate | Cancel] = TypeAdapter(
     Annotated[Load | Generate | Cancel, Field(discriminator="op")]
 )
-FromWorker: TypeAdapter[Ready | LoadFailed | Piece | Done | Refused] = TypeAdapter(
-    Annotated[Ready | LoadFailed | Piece | Done | Refused, Field(discriminator="op")]
+FromWorker: TypeAdapter[Ready | LoadFailed | Piece | Texts | Done | Refused] = TypeAdapter(
+    Annotated[Ready | LoadFailed | Piece | Texts | Done | Refused, Field(discriminator="op")]
 )
 
 

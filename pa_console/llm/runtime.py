@@ -12,18 +12,14 @@ import llama_cpp
 import numpy as np
 from numpy.typing import NDArray
 
+from pa_console.llm.shared_context import ABORTED, InterruptedEvaluationError, SharedContext
 from pa_console.llm.threads import decoding_threads
 
 CHUNK = 64
 """Prompt tokens evaluated at once. The cache is reused in whole chunks, so that every batch has
 the same shape as in a fresh context and an answer never depends on what was asked before."""
 
-ABORTED = 2
 _api: Any = llama_cpp
-
-
-class InterruptedEvaluationError(Exception):
-    """The evaluation was stopped by the `stopped` callback."""
 
 
 @_api.llama_log_callback
@@ -48,7 +44,7 @@ class Runtime:
         if not self._model:
             raise ValueError(f"{path}: not a GGUF model that this version of llama.cpp can load")
         self.n_ctx = min(n_ctx, _api.llama_model_n_ctx_train(self._model))
-        self._stopped = stopped
+        self._stopped, self._threads = stopped, threads
         self._abort = _api.ggml_abort_callback(self._should_abort)
         parameters = _api.llama_context_default_params()
         parameters.n_ctx = self.n_ctx * sequences
@@ -148,6 +144,17 @@ class Runtime:
         for start in range(0, len(tokens), CHUNK):
             self._decode(sequence, position + start, tokens[start : start + CHUNK])
         return self._logits()
+
+    def state(self, sequence: int) -> bytes:
+        """Return what was evaluated in `sequence`, to be taken over by another context."""
+        size = _api.llama_state_seq_get_size(self._context, sequence)
+        buffer = (ctypes.c_uint8 * size)()
+        _api.llama_state_seq_get_data(self._context, buffer, size, sequence)
+        return bytes(buffer)
+
+    def shared_context(self, n_ctx: int) -> SharedContext:
+        """Return a context of the same model for several answers at once."""
+        return SharedContext(self._model, n_ctx, self.n_vocabulary, self._threads, self._stopped)
 
     def _should_abort(self, _data: object) -> bool:
         return self._stopped()

@@ -8,23 +8,31 @@ import os
 import signal
 import sys
 import threading
+from collections.abc import Callable
 from queue import SimpleQueue
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
 from pa_console.llm.protocol import (
     Cancel,
     Done,
+    Finish,
     Generate,
     Load,
     LoadFailed,
     Piece,
     Ready,
     Refused,
+    Texts,
     ToWorker,
     encode,
 )
 from pa_console.schema.base import StrictModel
 from pa_console.schema.event import Role
+from pa_console.schema.finding import Usage
+
+if TYPE_CHECKING:
+    from pa_console.llm.chat import ChatPrompt
+    from pa_console.llm.decoding import Decoder
 
 SEQUENCES: dict[Role, int] = {"planner": 0, "judge": 1, "outcome": 2}
 """Each role keeps its own KV cache, so its fixed prompt is evaluated once."""
@@ -87,17 +95,35 @@ def serve(inbox: Inbox, outbox: IO[bytes]) -> None:
             continue
         number = inbox.current = request.id
         try:
-            finish, usage = decoder.answer(
-                SEQUENCES[request.role],
-                chat.tokens(request.system, request.user),
-                request.grammar,
-                request.max_tokens,
-                lambda text, number=number: send(Piece(id=number, text=text)),
-            )
+            finish, usage = _answer(decoder, SEQUENCES[request.role], chat, request, send)
         except (ValueError, RuntimeError) as error:
             send(Refused(id=number, error=str(error)))
         else:
             send(Done(id=number, finish=finish, usage=usage))
+
+
+def _answer(
+    decoder: "Decoder",
+    sequence: int,
+    chat: "ChatPrompt",
+    request: Generate,
+    send: Callable[[StrictModel], None],
+) -> tuple[Finish, Usage]:
+    """Write one answer piece by piece, or several at once."""
+    prompt = chat.tokens(request.system, request.user)
+    if request.count == 1:
+        return decoder.answer(
+            sequence,
+            prompt,
+            request.grammar,
+            request.max_tokens,
+            lambda text: send(Piece(id=request.id, text=text)),
+        )
+    texts, finish, usage = decoder.several(
+        sequence, prompt, request.grammar, request.max_tokens, request.count
+    )
+    send(Texts(id=request.id, texts=tuple(texts)))
+    return finish, usage
 
 
 def main() -> None:

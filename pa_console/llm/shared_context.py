@@ -1,0 +1,105 @@
+"""A context for several continuations of one evaluated prompt, whose cache they share.
+
+Only the worker process imports this.
+"""
+
+import ctypes
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import llama_cpp
+import numpy as np
+from numpy.typing import NDArray
+
+MOST = 8
+"""Continuations that one context can hold."""
+CHUNK = 128
+"""Tokens of all continuations together that are evaluated at once."""
+
+ABORTED = 2
+"""What llama_decode returns when the abort callback stopped it."""
+
+_api: Any = llama_cpp
+
+Piece = tuple[int, int, Sequence[int]]
+"""Number of the continuation, position of its first new token, the new tokens."""
+
+
+class InterruptedEvaluationError(Exception):
+    """The evaluation was stopped by the `stopped` callback."""
+
+
+class SharedContext:
+    """One more context of a loaded `model`, with room for a prompt and MOST short answers."""
+
+    def __init__(
+        self, model: Any, n_ctx: int, n_vocabulary: int, threads: int, stopped: Callable[[], bool]
+    ) -> None:
+        """Raises ValueError when there is no memory for `n_ctx` tokens."""
+        self._stopped, self._n_vocabulary = stopped, n_vocabulary
+        self._abort = _api.ggml_abort_callback(self._should_abort)
+        parameters = _api.llama_context_default_params()
+        parameters.n_ctx = n_ctx
+        parameters.n_batch = parameters.n_ubatch = CHUNK
+        parameters.n_seq_max = MOST
+        parameters.kv_unified = True
+        parameters.n_threads = parameters.n_threads_batch = threads
+        parameters.swa_full = True
+        parameters.abort_callback = self._abort
+        self.context = _api.llama_init_from_model(model, parameters)
+        if not self.context:
+            raise ValueError(f"no memory for a context of {n_ctx} tokens")
+        self._memory = _api.llama_get_memory(self.context)
+        self._batch = _api.llama_batch_init(CHUNK, 0, 1)
+
+    def adopt(self, state: bytes, count: int) -> None:
+        """Begin `count` continuations of the prompt whose evaluated `state` is given."""
+        _api.llama_memory_clear(self._memory, False)
+        buffer = (ctypes.c_uint8 * len(state)).from_buffer_copy(state)
+        if not _api.llama_state_seq_set_data(self.context, buffer, len(state), 0):
+            raise ValueError("the prompt does not fit into the context for several answers")
+        for number in range(1, count):
+            _api.llama_memory_seq_cp(self._memory, 0, number, -1, -1)
+
+    def extend(self, pieces: Sequence[Piece]) -> list[NDArray[np.float32]]:
+        """Evaluate the new tokens of every piece; return the logits after each one's last token.
+
+        Raises InterruptedEvaluationError.
+        """
+        flat = [
+            (number, position + offset, token, offset == len(tokens) - 1)
+            for number, position, tokens in pieces
+            for offset, token in enumerate(tokens)
+        ]
+        rows: dict[int, NDArray[np.float32]] = {}
+        for start in range(0, len(flat), CHUNK):
+            chunk = flat[start : start + CHUNK]
+            self._decode(chunk)
+            for index, (number, _, _, last) in enumerate(chunk):
+                if last:
+                    rows[number] = self._logits(index)
+        return [rows[number] for number, _, _ in pieces]
+
+    def _should_abort(self, _data: object) -> bool:
+        return self._stopped()
+
+    def _decode(self, chunk: Sequence[tuple[int, int, int, bool]]) -> None:
+        batch = self._batch
+        batch.n_tokens = len(chunk)
+        for index, (number, position, token, last) in enumerate(chunk):
+            batch.token[index] = token
+            batch.pos[index] = position
+            batch.n_seq_id[index] = 1
+            batch.seq_id[index][0] = number
+            batch.logits[index] = last
+        if self._stopped():
+            raise InterruptedEvaluationError
+        code = _api.llama_decode(self.context, batch)
+        if code == ABORTED:
+            raise InterruptedEvaluationError
+        if code != 0:
+            raise ValueError(f"llama.cpp could not evaluate {len(chunk)} tokens (code {code})")
+
+    def _logits(self, index: int) -> NDArray[np.float32]:
+        row = _api.llama_get_logits_ith(self.context, index)
+        return np.ctypeslib.as_array(row, shape=(self._n_vocabulary,)).copy()
