@@ -17,6 +17,7 @@ class Answer:
     usage: Usage
     error: str = ""
     fatal: bool = False
+    texts: tuple[str, ...] = ()
 
 
 async def ask(engine: Engine, request: Request) -> AsyncGenerator[str | Answer]:
@@ -50,7 +51,7 @@ async def ask(engine: Engine, request: Request) -> AsyncGenerator[str | Answer]:
 def _answer(item: Completed, request: Request) -> Answer:
     match item.finish:
         case "stop":
-            return Answer(item.text, item.usage)
+            return Answer(item.text, item.usage, texts=item.texts)
         case "length":
             error = f"the answer was cut off after {request.max_tokens} tokens"
             return Answer(item.text, item.usage, error)

@@ -52,6 +52,34 @@ class Planner:
                 plan, error = read_plan(item.text)
                 yield Proposal(item.text, plan, error, usage=item.usage)
 
+    async def several(
+        self, prompt: Prompt, grammar: str, count: int
+    ) -> tuple[list[Proposal], Usage]:
+        """Return up to `count` other plans for `prompt`, all different; never raises EngineError.
+
+        The usage is of all of them together; that of each Proposal is empty.
+        """
+        request = Request(
+            "planner",
+            prompt.system,
+            prompt.user,
+            grammar,
+            self._max_tokens,
+            self._deadline_s,
+            count,
+        )
+        texts: tuple[str, ...] = ()
+        usage = Usage()
+        async for item in ask(self._engine, request):
+            if not isinstance(item, str):
+                texts, usage = item.texts, item.usage
+        plans: dict[Plan, str] = {}
+        for text in texts:
+            plan, _ = read_plan(text)
+            if plan is not None:
+                plans.setdefault(plan, text)
+        return [Proposal(text, plan) for plan, text in plans.items()], usage
+
 
 def read_plan(text: str) -> tuple[Plan | None, str]:
     """Return the plan that `text` holds, or None and the first thing wrong with it.

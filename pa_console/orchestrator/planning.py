@@ -1,24 +1,21 @@
 """Steps 2 to 6 of a mission: from its words to a plan that was checked, rehearsed and judged."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 
-from pa_console.llm.grammar import ANY_TEXT, plan_grammar
 from pa_console.llm.judge import Judgement
-from pa_console.llm.paper_prompt import paper_prompt
 from pa_console.llm.planner import Proposal
-from pa_console.orchestrator.digest import digest_picture
+from pa_console.orchestrator.question import Question, ask_for_plan
 from pa_console.orchestrator.safeguards import Examination, examine
-from pa_console.orchestrator.selection import select
 from pa_console.orchestrator.services import Payloads, Services, Stopwatch
 from pa_console.policy.monitor import Monitor
 from pa_console.schema import event as ev
-from pa_console.schema.finding import Verdict
+from pa_console.schema.finding import Usage, Verdict
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan, Verb
 from pa_console.schema.rule import Rule, RuleHit
-from pa_console.schema.telemetry import Digest, Selection
+from pa_console.schema.telemetry import Selection
 
 
 @dataclass
@@ -45,7 +42,7 @@ class Planning:
         self.task = mission
         self._verbs: Sequence[Verb] = ()
         self._hits: tuple[RuleHit, ...] = ()
-        self._digest: Digest | None = None
+        self._question: Question | None = None
         self.attempts = 0
         self.best: Candidate | None = None
         self.error = ""
@@ -59,7 +56,7 @@ class Planning:
     @property
     def selection(self) -> Selection | None:
         """The part of the picture that the last prompt spoke of; None means all of it."""
-        return self._digest.selection if self._digest is not None else None
+        return self._question.digest.selection if self._question is not None else None
 
     async def retrieve(self, task: Mission, verbs: Sequence[Verb] = ()) -> Payloads:
         """Step 2: the rules that concern the words of `task`, and the pinned ones.
@@ -93,6 +90,9 @@ class Planning:
             else:
                 async for payload in self._examine(proposal.plan):
                     yield payload
+                if self._latest.broken and not seen:
+                    async for payload in self._ask_again():
+                        yield payload
                 reasons = self._latest.broken
             repeated = proposal.plan in seen
             if not reasons or last or repeated:
@@ -117,14 +117,14 @@ class Planning:
         if candidate is None or candidate.examination.blocked or not self._services.variant.judging:
             return
         rehearsal = candidate.examination.rehearsal
-        if self._digest is None or rehearsal is None:
+        if self._question is None or rehearsal is None:
             return
         rules = self._judged_rules(candidate.examination)
         started = perf_counter()
         dialect = self._services.dialect
         prompt = dialect.judge(
             self._services.sim.world,
-            self._digest,
+            self._question.digest,
             rules,
             self.task,
             candidate.examination.plan,
@@ -160,37 +160,22 @@ class Planning:
         """Steps 3 to 5, once."""
         self.attempts += 1
         services = self._services
-        started = perf_counter()
-        picture = services.sim.picture()
-        world = services.sim.world
         rules = [services.rulebook.get(hit.rule_id) for hit in self._hits]
-        selection = select(picture, world, self.task, rules)
-        self._digest = digest_picture(picture, world, selection)
-        seconds = perf_counter() - started
-        self._watch.add("picture_s", seconds)
-        yield ev.PictureDigested(digest=self._digest, seconds=seconds)
-        started = perf_counter()
-        if services.variant.prompt == "paper":
-            prompt = paper_prompt(world, self._digest, rules, self.task)
-        else:
-            prompt = services.dialect.planner(
-                world, self._digest, rules, self.task, reasons, previous
-            )
-        grammar = ANY_TEXT
-        if services.variant.grammar:
-            chosen = (None, None) if selection is None else (selection.assets, selection.frames)
-            grammar = plan_grammar(world, picture, *chosen, self._verbs)
-        seconds = perf_counter() - started
-        self._watch.add("prompt_s", seconds)
+        self._question = asked = ask_for_plan(
+            services, self.task, rules, self._verbs, reasons, previous
+        )
+        self._watch.add("picture_s", asked.picture_s)
+        self._watch.add("prompt_s", asked.prompt_s)
+        yield ev.PictureDigested(digest=asked.digest, seconds=asked.picture_s)
         yield ev.PromptBuilt(
             role="planner",
             attempt=self.attempts,
-            system=prompt.system,
-            user=prompt.user,
-            seconds=seconds,
+            system=asked.prompt.system,
+            user=asked.prompt.user,
+            seconds=asked.prompt_s,
         )
         with self._watch.time("planning_s"):
-            async for piece in services.planner.plan(prompt, grammar):
+            async for piece in services.planner.plan(asked.prompt, asked.grammar):
                 if isinstance(piece, str):
                     yield ev.TextStreamed(role="planner", attempt=self.attempts, text=piece)
                 else:
@@ -198,6 +183,26 @@ class Planning:
                     yield _proposed(self.attempts, piece)
         if self.attempts == 1:
             self._watch.add("first_token_s", self._proposal.usage.first_token_s)
+
+    async def _ask_again(self) -> Payloads:
+        """Step 5 once more, several answers at once: the first sound one is looked for.
+
+        The model gave them in the order of how often it did. All are told, and examined until one
+        breaks no rule.
+        """
+        asked, count = self._question, self._services.variant.candidates - 1
+        if asked is None or count < 1:
+            return
+        first = self.attempts
+        with self._watch.time("planning_s"):
+            others, usage = await self._services.planner.several(asked.prompt, asked.grammar, count)
+        for proposal in others:
+            self.attempts += 1
+            given = replace(proposal, usage=usage if self.attempts == first + 1 else Usage())
+            yield _proposed(self.attempts, given, instead_of=first)
+            if self._latest.broken and proposal.plan is not None:
+                async for payload in self._examine(proposal.plan):
+                    yield payload
 
     async def _examine(self, plan: Plan) -> Payloads:
         found = await self._safeguards(plan)
@@ -240,13 +245,14 @@ class Planning:
         return [self._services.rulebook.get(rule_id) for rule_id in ids]
 
 
-def _proposed(attempt: int, proposal: Proposal) -> ev.PlanProposed:
+def _proposed(attempt: int, proposal: Proposal, instead_of: int | None = None) -> ev.PlanProposed:
     return ev.PlanProposed(
         attempt=attempt,
         text=proposal.text,
         plan=proposal.plan,
         error=proposal.error,
         usage=proposal.usage,
+        instead_of=instead_of,
     )
 
 

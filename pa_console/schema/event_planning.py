@@ -61,6 +61,9 @@ class PlanProposed(Payload):
     plan: Plan | None
     error: str = ""
     usage: Usage = Usage()
+    instead_of: int | None = Field(
+        default=None, description="the attempt whose prompt it is another answer to"
+    )
 
 
 class PlanRehearsed(Payload):

@@ -20,6 +20,10 @@ class Variant(StrictModel):
     rehearsal: bool = Field(default=True, description="the plan is run in a forecast first")
     judging: bool = Field(default=True, description="the JudgeLLM is asked before and after")
     repairs: int = Field(default=2, ge=0, description="how often a broken plan may be mended")
+    candidates: int = Field(
+        default=4, ge=1, le=8, description="plans to choose from when the first one is broken"
+    )
+    adapters: bool = Field(default=True, description="the model's trained adapters are in use")
     grammar: bool = Field(default=True, description="decoding is constrained to executable plans")
     prompt: PromptStyle = "console"
     workflows: bool = Field(default=True, description="a mission may take several plans (WF-01)")

@@ -1,0 +1,55 @@
+"""Steps 3 and 4: what the planner is asked, from the picture of the moment."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from time import perf_counter
+
+from pa_console.llm.grammar import ANY_TEXT, plan_grammar
+from pa_console.llm.paper_prompt import paper_prompt
+from pa_console.llm.prompts import Prompt
+from pa_console.orchestrator.digest import digest_picture
+from pa_console.orchestrator.selection import select
+from pa_console.orchestrator.services import Services
+from pa_console.schema.mission import Mission
+from pa_console.schema.plan import Verb
+from pa_console.schema.rule import Rule
+from pa_console.schema.telemetry import Digest
+
+
+@dataclass(frozen=True)
+class Question:
+    """A prompt for the planner and the grammar of its answer; `digest` is what it tells."""
+
+    digest: Digest
+    prompt: Prompt
+    grammar: str
+    picture_s: float
+    prompt_s: float
+
+
+def ask_for_plan(  # noqa: PLR0917
+    services: Services,
+    task: Mission,
+    rules: Sequence[Rule],
+    verbs: Sequence[Verb] = (),
+    reasons: Sequence[str] = (),
+    previous: str = "",
+) -> Question:
+    """Return the question for a plan for `task`; `reasons` are the faults of the `previous` one.
+
+    With `verbs`, no other commands can be answered.
+    """
+    started = perf_counter()
+    picture, world = services.sim.picture(), services.sim.world
+    selection = select(picture, world, task, rules)
+    digest = digest_picture(picture, world, selection)
+    digested = perf_counter()
+    if services.variant.prompt == "paper":
+        prompt = paper_prompt(world, digest, rules, task)
+    else:
+        prompt = services.dialect.planner(world, digest, rules, task, reasons, previous)
+    grammar = ANY_TEXT
+    if services.variant.grammar:
+        chosen = (None, None) if selection is None else (selection.assets, selection.frames)
+        grammar = plan_grammar(world, picture, *chosen, verbs)
+    return Question(digest, prompt, grammar, digested - started, perf_counter() - digested)
