@@ -8,14 +8,15 @@ from hypothesis import strategies as st
 
 from pa_console.evaluation.mission_set import load_missions
 from pa_console.evaluation.one_run import enforced_rules
-from pa_console.evaluation.scoring.idle import idle_run
+from pa_console.evaluation.scoring.idle import begin, idle_run
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import data_folder
 from pa_console.schema.mission_set import MissionCase
 from pa_console.schema.world import World
 from pa_console.sim.world_file import load_world
 from pa_console.sim.world_generator import generate_world
-from tests.evaluation.witness_play import plans, play, safeguards, words_refused, written
+from pa_console.training.playing import play, safeguards, words_findings
+from tests.evaluation.witness_play import plans, written
 
 FOLDER = data_folder() / "worlds" / "checkpoint"
 HOME = load_world(FOLDER / "world.yaml")
@@ -62,7 +63,7 @@ def test_every_mission_that_is_to_be_carried_out_has_a_witness() -> None:
 
 def test_what_is_to_be_carried_out_is_refused_for_its_words_in_known_cases_only() -> None:
     to_do = [name for name, (_, case) in CASES.items() if case.expect in TO_DO]
-    refused = {n for n in to_do if words_refused(mission(n)[1], CASES[n][1], RULES)}
+    refused = {n for n in to_do if words_findings(mission(n)[1], CASES[n][1], RULES)}
     assert refused == MISREAD
 
 
@@ -71,7 +72,8 @@ def test_a_plan_carries_it_out_that_the_safeguards_admit(name: str) -> None:
     case, world = mission(name)
     spoken = case.model_copy(update={"command": "as planned"}) if name in MISREAD else case
     objects = safeguards(spoken, RULES)
-    scored, against = play(short(case), world, ENFORCED, plans(WITNESSES[name]), objects)
+    todo = plans(WITNESSES[name])
+    scored, against = play(short(case), begin(case, world, 0), ENFORCED, todo, objects)
     assert (against, scored.failed, scored.broken) == ([], (), ())
     assert scored.strict
 
@@ -91,7 +93,7 @@ def test_another_plan_that_an_operator_would_take_succeeds_too(other: Other) -> 
     case, world = mission(name)
     spoken = case.model_copy(update={"command": "as planned"}) if name in MISREAD else case
     objects = safeguards(spoken, RULES)
-    scored, against = play(short(case), world, ENFORCED, plans(lines), objects)
+    scored, against = play(short(case), begin(case, world, 0), ENFORCED, plans(lines), objects)
     assert (against, scored.failed, scored.broken) == ([], (), ())
 
 
@@ -100,5 +102,5 @@ def test_another_plan_that_an_operator_would_take_succeeds_too(other: Other) -> 
 def test_a_plan_that_no_operator_would_take_fails(other: Other) -> None:
     name, lines = other
     case, world = mission(name)
-    scored, _ = play(short(case), world, ENFORCED, plans(lines))
+    scored, _ = play(short(case), begin(case, world, 0), ENFORCED, plans(lines))
     assert not scored.strict

@@ -1,0 +1,145 @@
+"""Draws names for random worlds from word banks; a part of every bank is kept from training."""
+
+import hashlib
+import random
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Literal
+
+from pa_console.schema.base import StrictModel
+from pa_console.schema.document import Document
+from pa_console.schema.world import AssetKind, World
+
+Split = Literal["train", "heldout"]
+"""Worlds to train on, or worlds whose names no training world uses."""
+
+HELD_OUT = 0.2
+"""About this part of a bank's words is held out."""
+
+_FILE = Path(__file__).parent / "language" / "names.yaml"
+_GATE_FORMS = (("{word}Gate", 86), ("{word}_Gate", 4), ("{word}Entrance", 4), ("Gate{word}", 2))
+_NUMBERED_GATES = (("Gate_{number}", 2), ("Gate{letter}", 2))
+_ASSET_FORMS = (
+    ("{word}_T{number:02d}", 80),
+    ("{word}_{number}", 6),
+    ("{word}{number}", 6),
+    ("{word}_{number:02d}", 4),
+    ("{word}_{letter}", 4),
+)
+_LETTERS = "ABCDEFGHIJKLMNOP"
+_KINDS: tuple[AssetKind, ...] = ("uav", "ugv", "robot")
+
+
+class _Always(StrictModel):
+    """Words of each bank that are never held out."""
+
+    gates: str
+    posts: str
+    bases: str
+    zones: str
+    uav: str
+    ugv: str
+    robot: str
+
+
+class _Words(StrictModel):
+    """The file of word banks: the words of each, with spaces between them."""
+
+    gates: str
+    posts: str
+    bases: str
+    zones: str
+    teams: dict[AssetKind, str]
+    always: _Always
+
+
+def bank(name: str, split: Split) -> tuple[str, ...]:
+    """Return the words of the bank gates, posts, bases, zones, uav, ugv or robot for `split`.
+
+    Raises KeyError for another name and DocumentError when the file of banks is broken.
+    """
+    return tuple(word for word in words(name) if (word in held_out(name)) == (split == "heldout"))
+
+
+@cache
+def held_out(name: str) -> frozenset[str]:
+    """Return the words of a bank that no training world uses; a word is held out by its hash."""
+    always = {word for text in _banks().always.model_dump().values() for word in text.split()}
+    return frozenset(word for word in words(name) if word not in always and _drawn(word))
+
+
+def words(name: str) -> tuple[str, ...]:
+    """Return every word of a bank; raises KeyError for an unknown one."""
+    banks = _banks()
+    every = {
+        "gates": banks.gates,
+        "posts": banks.posts,
+        "bases": banks.bases,
+        "zones": banks.zones,
+        **banks.teams,
+    }
+    return tuple(dict.fromkeys(every[name].split()))
+
+
+def frame_names(rng: random.Random, world: World, split: Split) -> dict[str, str]:
+    """Return a new name for every frame of `world`, all different whatever their case."""
+    posts = [name for name, frame in world.frames.items() if frame.kind == "post"]
+    gates = _gates(rng, len(world.gates), split)
+    taken = {gate.lower() for gate in gates}
+    base = _one(rng, "bases", split, taken)
+    named = {**dict(zip(world.gates, gates, strict=True)), world.base: base}
+    return named | {post: _one(rng, "posts", split, taken) for post in posts}
+
+
+def zone_names(
+    rng: random.Random, world: World, split: Split, frames: Mapping[str, str]
+) -> dict[str, str]:
+    """Return a new name for every zone of `world`, none of them one of the new `frames`."""
+    taken = {name.lower() for name in frames.values()}
+    return {zone: _one(rng, "zones", split, taken) for zone in world.zones}
+
+
+def asset_names(rng: random.Random, world: World, split: Split) -> dict[str, str]:
+    """Return a new name for every asset of `world`: a word for each kind, and its number."""
+    form = _weighted(rng, _ASSET_FORMS)
+    prefixes = {kind: rng.choice(bank(kind, split)) for kind in _KINDS}
+    numbers = dict.fromkeys(_KINDS, 0)
+    named: dict[str, str] = {}
+    for asset, spec in world.assets.items():
+        number = numbers[spec.kind] = numbers[spec.kind] + 1
+        letter = _LETTERS[(number - 1) % len(_LETTERS)]
+        named[asset] = form.format(word=prefixes[spec.kind], number=number, letter=letter)
+    return named if len({*named.values()}) == len(named) else asset_names(rng, world, split)
+
+
+def _gates(rng: random.Random, count: int, split: Split) -> list[str]:
+    """Return names of gates in one form; numbers and letters tell no split from the other."""
+    forms = _GATE_FORMS if split == "heldout" else (*_GATE_FORMS, *_NUMBERED_GATES)
+    form = _weighted(rng, forms)
+    chosen = rng.sample(bank("gates", split), count)
+    return [
+        form.format(word=word, number=index + 1, letter=_LETTERS[index % len(_LETTERS)])
+        for index, word in enumerate(chosen)
+    ]
+
+
+def _one(rng: random.Random, name: str, split: Split, taken: set[str]) -> str:
+    """Return a word of the bank that is not `taken` yet, and note that it is now."""
+    word = rng.choice([word for word in bank(name, split) if word.lower() not in taken])
+    taken.add(word.lower())
+    return word
+
+
+def _weighted(rng: random.Random, forms: tuple[tuple[str, int], ...]) -> str:
+    return rng.choices([form for form, _ in forms], [weight for _, weight in forms])[0]
+
+
+def _drawn(word: str) -> bool:
+    digest = hashlib.sha256(f"name/{word}".encode()).digest()
+    return int.from_bytes(digest[:4], "big") / 2**32 < HELD_OUT
+
+
+@cache
+def _banks() -> _Words:
+    return Document.read(_FILE).parse(_Words)
