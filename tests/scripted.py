@@ -28,12 +28,20 @@ def plan(*orders: tuple[str, str], reason: str = "scripted") -> str:
 class ScriptedEngine:
     """Answers the planner's and the judge's prompts from two lists; the last answer repeats."""
 
-    def __init__(self, plans: Sequence[Answer], verdicts: Sequence[Answer] = (SUCCESS,)) -> None:
+    def __init__(
+        self,
+        plans: Sequence[Answer],
+        verdicts: Sequence[Answer] = (SUCCESS,),
+        others: Sequence[str] = (),
+    ) -> None:
+        """`others` are what comes when several answers are asked for at once."""
+        self._others = others
         self._answers = {"planner": list(plans), "judge": list(verdicts)}
         self.requests: list[Request] = []
         self.model = LocalModel("scripted", Path("/dev/null"), "0" * 64)
         self.sampler = "scripted"
         self.on_state: OnState | None = None
+        self.busy = False
         self.kills = 0
         """How often the worker was killed."""
 
@@ -46,7 +54,7 @@ class ScriptedEngine:
         if self.on_state is not None:
             self.on_state("ready", "scripted")
 
-    async def warm(self, role: Role, system: str) -> None:
+    async def warm(self, role: Role, system: str, user: str = "") -> None:
         """Do nothing: there is nothing to read ahead."""
 
     async def close(self) -> None:
@@ -61,6 +69,10 @@ class ScriptedEngine:
 
     async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
         """Give the next answer of the request's role in two pieces."""
+        if request.count > 1:
+            texts = tuple(self._others)
+            yield Completed("", Usage(completion_tokens=2, seconds=0.01), "stop", texts)
+            return
         self.requests.append(request)
         answers = self._answers["planner" if request.role == "planner" else "judge"]
         answer = answers.pop(0) if len(answers) > 1 else answers[0]

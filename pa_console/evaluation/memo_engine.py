@@ -21,6 +21,7 @@ class _Remembered(StrictModel):
     key: str
     text: str
     usage: Usage
+    texts: tuple[str, ...] = ()
 
 
 _MEASURED = re.compile(r"\b\d+ (m|s|%)(?=\W|$)")
@@ -60,6 +61,11 @@ class MemoEngine:
         """Return this where an Engine is asked for."""
         return cast(Engine, self)
 
+    @property
+    def busy(self) -> bool:
+        """Whether the worker was given a prompt that is not yet answered."""
+        return self._engine.busy
+
     async def start(self) -> None:
         """Start loading the model."""
         await self._engine.start()
@@ -84,7 +90,8 @@ class MemoEngine:
     async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
         """Give the answer to `request` in pieces, then one Completed; raises EngineError."""
         user = request.user if self._exact else _MEASURED.sub(r"# \1", request.user)
-        words = "\x00".join((request.role, request.system, user, request.grammar))
+        count = str(request.count)
+        words = "\x00".join((request.role, request.system, user, request.grammar, count))
         key = hashlib.sha256(words.encode()).hexdigest()
         known = self._known.get(key) if self._reuse else None
         if known is not None:
@@ -102,7 +109,8 @@ class MemoEngine:
     def _remember(self, key: str, answer: Completed) -> None:
         self._known[key] = answer
         if self._memory is not None:
-            line = _Remembered(key=key, text=answer.text, usage=answer.usage).model_dump_json()
+            known = _Remembered(key=key, text=answer.text, usage=answer.usage, texts=answer.texts)
+            line = known.model_dump_json()
             with self._memory.open("a", encoding="utf-8") as file:
                 file.write(line + "\n")
 
@@ -117,5 +125,5 @@ def _recall(memory: Path) -> dict[str, Completed]:
             raise ValueError(
                 f"{memory}:{number}: this line is no answer of a model; remove it, or the file"
             ) from error
-        known[entry.key] = Completed(entry.text, entry.usage, "stop")
+        known[entry.key] = Completed(entry.text, entry.usage, "stop", entry.texts)
     return known

@@ -10,7 +10,7 @@ from pa_console.llm.asking import ask
 from pa_console.llm.engine import Engine, Request
 from pa_console.llm.prompts import Prompt
 from pa_console.schema.finding import Usage
-from pa_console.schema.plan import Plan
+from pa_console.schema.plan import Action, Plan
 
 MAX_TOKENS = 700
 DEADLINE_S = 60.0
@@ -55,9 +55,10 @@ class Planner:
     async def several(
         self, prompt: Prompt, grammar: str, count: int
     ) -> tuple[list[Proposal], Usage]:
-        """Return up to `count` other plans for `prompt`, all different; never raises EngineError.
+        """Return up to `count` different plans for `prompt`, those that came most often first.
 
-        The usage is of all of them together; that of each Proposal is empty.
+        The usage is of all of them together; that of each Proposal is empty. Never raises
+        EngineError.
         """
         request = Request(
             "planner",
@@ -73,12 +74,12 @@ class Planner:
         async for item in ask(self._engine, request):
             if not isinstance(item, str):
                 texts, usage = item.texts, item.usage
-        plans: dict[Plan, str] = {}
+        plans: dict[tuple[Action, ...], list[Proposal]] = {}
         for text in texts:
             plan, _ = read_plan(text)
             if plan is not None:
-                plans.setdefault(plan, text)
-        return [Proposal(text, plan) for plan, text in plans.items()], usage
+                plans.setdefault(plan.actions, []).append(Proposal(text, plan))
+        return [alike[0] for alike in sorted(plans.values(), key=len, reverse=True)], usage
 
 
 def read_plan(text: str) -> tuple[Plan | None, str]:
