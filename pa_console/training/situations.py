@@ -1,4 +1,4 @@
-"""Situations to give orders in: a settled checkpoint, what the station knows of it, its troubles."""
+"""Situations to give orders in: a settled checkpoint, and what the station knows of it."""
 
 import random
 from collections.abc import Sequence
@@ -38,6 +38,10 @@ class Situation:
     sim: Checkpoint
     picture: Picture
     digest: Digest
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Travel to another process as a recipe: it is brought about there anew, and equal."""
+        return settled, (self.world, self.seed, self.setup, self.history, self.troubles)
 
     def fork(self) -> Checkpoint:
         """Return an independent checkpoint in this situation, to carry a mission out in."""

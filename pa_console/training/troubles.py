@@ -101,7 +101,7 @@ def draw_troubles(
     """Return what is the matter in `world`, whose `picture` shows it before anything happened."""
     draft = _Draft(rng, world, picture, history)
     number = 0 if rng.random() < QUIET else _weighted(rng, dict(_NUMBERS))
-    troubles = [trouble for _ in range(number) for trouble in _happen(draft)]
+    troubles: list[Trouble] = [trouble for _ in range(number) for trouble in _happen(draft)]
     return Drawn(
         tuple(_in_order(draft)),
         History(
@@ -135,8 +135,7 @@ def _contact(draft: _Draft) -> bool:
     gate = draft.take(list(dict.fromkeys(gates)))
     if not gate:
         return False
-    drones = [name for name in draft.assets("uav", spare=True)]
-    robots = [name for name in draft.assets("robot", spare=True)]
+    drones, robots = draft.assets("uav", spare=True), draft.assets("robot", spare=True)
     there = draft.picture.gates[gate].by
     visit = draw_visit(draft.rng, gate, drones, robots, there, history=draft.history)
     draft.busy.update(visit.helpers)

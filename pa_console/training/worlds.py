@@ -116,7 +116,10 @@ def _other_team(rng: random.Random, world: World) -> World:
     posts = [name for name, frame in world.frames.items() if frame.kind != "gate"]
     where = [*world.gates, *rng.choices(posts, k=rng.randint(2, 6))]
     where += rng.sample(world.gates, rng.randint(0, 2))
-    kinds = [*_KINDS, *rng.choices(_KINDS, weights=(4, 3, 3), k=len(where) - len(_KINDS))]
+    kinds: list[AssetKind] = [
+        *_KINDS,
+        *rng.choices(_KINDS, weights=(4, 3, 3), k=len(where) - len(_KINDS)),
+    ]
     rng.shuffle(kinds)
     team = {
         f"{kind}{number}": AssetSpec(kind=kind, post=post)
