@@ -5,8 +5,9 @@ from pathlib import Path
 from pa_console.evaluation.scoring.conditions import compile_condition
 from pa_console.schema.document import Document
 from pa_console.schema.incident import unknown_name
-from pa_console.schema.mission_set import MissionSet
+from pa_console.schema.mission_set import MissionSet, WorldFile
 from pa_console.schema.world import World
+from pa_console.sim.world_file import load_world
 from pa_console.sim.world_generator import generate_world
 
 
@@ -27,7 +28,10 @@ def load_with_worlds(path: Path, world: World) -> tuple[MissionSet, dict[str, Wo
     worlds = {"": world}
     for name, made in missions.worlds.items():
         try:
-            worlds[name] = generate_world(made.gates, made.assets, made.seed)
+            if isinstance(made, WorldFile):
+                worlds[name] = load_world(path.parent / made.file)
+            else:
+                worlds[name] = generate_world(made.gates, made.assets, made.seed)
         except ValueError as error:
             raise document.error(("worlds", name), str(error)) from error
     seen: set[str] = set()

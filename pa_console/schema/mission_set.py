@@ -1,8 +1,8 @@
 """Mission sets for evaluations: commands with set-up, success conditions and their worlds."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from pa_console.schema.base import Name, Positive, StrictModel
 from pa_console.schema.incident import Incident
@@ -18,6 +18,24 @@ class GeneratedWorld(StrictModel):
     gates: int = Field(ge=1)
     assets: int = Field(ge=1)
     seed: int = 0
+
+
+class WorldFile(StrictModel):
+    """A world in a file of its own; the path is relative to the mission set's."""
+
+    file: str = Field(min_length=1)
+
+
+def _world_kind(value: object) -> str:
+    if isinstance(value, dict) and "file" in value:
+        return "file"
+    return "file" if isinstance(value, WorldFile) else "generated"
+
+
+NamedWorld = Annotated[
+    Annotated[GeneratedWorld, Tag("generated")] | Annotated[WorldFile, Tag("file")],
+    Discriminator(_world_kind),
+]
 
 
 class MissionCase(StrictModel):
@@ -41,8 +59,8 @@ class MissionSet(StrictModel):
 
     name: Name
     source: str = ""
-    worlds: dict[Name, GeneratedWorld] = Field(
-        default={}, description="generated worlds, by the name that missions give as `world`"
+    worlds: dict[Name, NamedWorld] = Field(
+        default={}, description="other worlds, by the name that missions give as `world`"
     )
     missions: tuple[MissionCase, ...] = Field(min_length=1)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from pa_console.evaluation.mission_set import load_missions
 from pa_console.resources import data_folder
+from pa_console.schema.mission_set import GeneratedWorld
 from pa_console.schema.world import AssetKind, AssetSpec, World
 from pa_console.sim.world_file import load_world
 from pa_console.sim.world_generator import generate_world
@@ -84,6 +85,7 @@ def generated_numbers(files: Iterable[Path]) -> frozenset[Numbers]:
         (made.gates, made.assets, made.seed)
         for file in files
         for made in load_missions(file, home).worlds.values()
+        if isinstance(made, GeneratedWorld)
     )
 
 

@@ -11,7 +11,7 @@ from pa_console.evaluation.one_run import enforced_rules
 from pa_console.evaluation.scoring.idle import begin, idle_run
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import data_folder
-from pa_console.schema.mission_set import MissionCase
+from pa_console.schema.mission_set import GeneratedWorld, MissionCase
 from pa_console.schema.world import World
 from pa_console.sim.world_file import load_world
 from pa_console.sim.world_generator import generate_world
@@ -47,6 +47,7 @@ def mission(name: str) -> tuple[MissionCase, World]:
     if not case.world:
         return case, HOME
     made = found.worlds[case.world]
+    assert isinstance(made, GeneratedWorld)
     return case, generate_world(made.gates, made.assets, made.seed)
 
 
