@@ -1,0 +1,44 @@
+"""Whether the condition of an order holds in a picture: what an `if` of the operator comes to."""
+
+from pa_console.schema.telemetry import Picture, Track
+from pa_console.training.order import Ask, Condition, Order
+
+
+def holds(condition: Condition, picture: Picture) -> bool:
+    """Return whether `condition` is so; nothing is so of what is not there."""
+    subject = condition.subject
+    cover, asset = picture.gates.get(subject), picture.assets.get(subject)
+    match condition.fact:
+        case "track_at":
+            return bool(tracks_at(picture, subject, condition.track))
+        case "no_track_at":
+            return not tracks_at(picture, subject, condition.track)
+        case "uncovered":
+            return cover is not None and not cover.covered
+        case "covered":
+            return cover is not None and cover.covered
+        case "low":
+            return asset is not None and asset.low_battery
+        case "not_low":
+            return asset is not None and not asset.low_battery
+        case "down":
+            return asset is not None and not asset.available
+        case "up":
+            return asset is not None and asset.available
+
+
+def due_asks(order: Order, picture: Picture) -> tuple[Ask, ...]:
+    """Return the asks that apply now; none when the order has nothing to say for this case."""
+    if order.condition is None or holds(order.condition, picture):
+        return order.asks
+    return order.otherwise
+
+
+def tracks_at(picture: Picture, place: str, kind: str = "") -> list[Track]:
+    """Return the tracks at a gate that do not leave, of `kind` if given, the most urgent first."""
+    here = [
+        track
+        for track in picture.tracks.values()
+        if track.gate == place and track.status != "leaving" and kind in ("", track.kind)
+    ]
+    return sorted(here, key=lambda t: (t.intent != "hostile", t.distance_m, t.id))

@@ -1,0 +1,162 @@
+"""Draws orders that fit a situation, in all their kinds: plain, compound, conditional, wrong."""
+
+import random
+from typing import Literal
+
+from pa_console.schema.telemetry import Digest, Picture
+from pa_console.schema.world import World
+from pa_console.training.conditions import holds
+from pa_console.training.order import Ask, Condition, Order, Task, Wrong
+from pa_console.training.order_asks import draw_ask
+from pa_console.training.order_view import View
+from pa_console.training.order_wrong import FORBIDDEN, IMPOSSIBLE, draw_wrong
+
+TASKS: dict[Task, float] = {
+    "go": 16, "look": 8, "identify": 6, "warn": 4, "block": 5, "respond": 10, "cover": 8,
+    "relieve": 8, "swap": 3, "home": 6, "stand_down": 3, "mass": 4, "report": 8, "hold": 5,
+}  # fmt: skip
+"""How often each task is asked for, of all plain asks."""
+SHARE_FORBIDDEN, SHARE_IMPOSSIBLE = 0.12, 0.10
+SHARE_CONDITIONAL, SHARE_COMPOUND = 0.12, 0.15
+SHARE_STAY, SHARE_INJECTED, SHARE_HARMLESS = 0.10, 0.06, 0.06
+_HARMLESS: tuple[Task, ...] = ("go", "look", "identify", "hold", "home", "report")
+_TRIES = 60
+TrackKind = Literal["vehicle", "person", ""]
+
+
+def sample_order(
+    rng: random.Random, world: World, picture: Picture, digest: Digest
+) -> tuple[Order, str]:
+    """Return an order for the situation and what kind it is, e.g. `go/kind` or `wrong/zone`.
+
+    Equal states of `rng` give equal orders.
+    """
+    for _ in range(_TRIES):
+        view = View(rng, world, picture, digest)
+        drawn = _draw(view)
+        if drawn is not None:
+            return drawn
+    return Order(asks=(Ask(task="report"),)), "report/anyone"
+
+
+def _draw(view: View) -> tuple[Order, str] | None:
+    """Return an order, None when the situation has nothing for what was to be drawn."""
+    share = view.rng.random()
+    asks: tuple[Ask, ...] = ()
+    if share < SHARE_FORBIDDEN + SHARE_IMPOSSIBLE:
+        wrong: Wrong = view.rng.choice(FORBIDDEN if share < SHARE_FORBIDDEN else IMPOSSIBLE)
+        ask = draw_wrong(wrong, view)
+        if ask is None:
+            return None
+        asks, kind = (ask,), f"wrong/{wrong}"
+        if view.chance(0.18) and (other := _plain(view)) is not None:
+            asks = (other, ask) if view.chance(0.5) else (ask, other)
+            kind = f"partly/{wrong}"
+        return _dressed(view, Order(asks=asks), kind, wrong=True)
+    harmless = view.chance(SHARE_HARMLESS)
+    first = draw_ask(view.rng.choice(_HARMLESS), view) if harmless else _plain(view)
+    if first is None or (harmless and _unsaid(first)):
+        return None
+    kind = f"{first.task}/{_how(first)}"
+    asks = (first,)
+    if not harmless and view.chance(SHARE_COMPOUND):
+        asks = _compound(view, first)
+        kind = f"compound/{len(asks)}" if len(asks) > 1 else kind
+    order = Order(asks=asks, harmless=harmless)
+    if not harmless and view.chance(SHARE_CONDITIONAL):
+        conditional = _conditional(view, asks)
+        if conditional is not None:
+            order, so = conditional
+            kind = f"if-{'so' if so else 'not'}/{first.task}"
+    return _dressed(view, order, f"harmless/{first.task}" if harmless else kind, wrong=False)
+
+
+def _dressed(view: View, order: Order, kind: str, *, wrong: bool) -> tuple[Order, str]:
+    """Return `order` with what may come on top of any order."""
+    update: dict[str, bool] = {}
+    calm = all(ask.task in ("hold", "report") for ask in order.asks)
+    if not wrong and not calm and order.condition is None and view.chance(SHARE_STAY):
+        update["others_stay"] = True
+    if not order.harmless and view.chance(SHARE_INJECTED):
+        update["injected"] = True
+    return order.model_copy(update=update), kind
+
+
+def _plain(view: View) -> Ask | None:
+    return draw_ask(view.weighted({task: float(weight) for task, weight in TASKS.items()}), view)
+
+
+def _compound(view: View, first: Ask) -> tuple[Ask, ...]:
+    """Return the ask with one or two others about somebody and somewhere else."""
+    asks = [first]
+    for _ in range(2 if view.chance(0.25) else 1):
+        other = _plain(view)
+        if other is not None and all(_apart(ask, other) for ask in asks):
+            asks.append(other)
+    return tuple(asks)
+
+
+def _apart(first: Ask, second: Ask) -> bool:
+    """Whether two asks can stand side by side in one order."""
+    sweeping: tuple[Task, ...] = ("mass", "hold")
+    general = [a for a in (first, second) if a.task in sweeping and not a.who.names]
+    alike = first.task == second.task and first.place == second.place
+    all_of_them = any(ask.who.count == "all" and not ask.who.names for ask in (first, second))
+    same_gate = bool(first.place) and first.place == second.place
+    return not general and not alike and not all_of_them and not same_gate
+
+
+def _conditional(view: View, asks: tuple[Ask, ...]) -> tuple[Order, bool] | None:
+    """Return the asks under a condition, and whether that is true now: in half of the cases."""
+    wanted = view.chance(0.5)
+    found = [c for _ in range(12) if (c := _condition(view, asks[0])) is not None]
+    fit = [condition for condition in found if holds(condition, view.picture) == wanted]
+    if not fit:
+        return None
+    otherwise: tuple[Ask, ...] = ()
+    if view.chance(0.5):
+        other = _plain(view)
+        otherwise = (other,) if other is not None else ()
+    return Order(asks=asks, condition=fit[0], otherwise=otherwise), wanted
+
+
+def _condition(view: View, ask: Ask) -> Condition | None:
+    """Return something that may or may not be so, about the ask's own place or asset or another."""
+    own_gate = ask.place if ask.place in view.world.gates else ""
+    gate = own_gate if own_gate and view.chance(0.6) else view.gate()
+    named = (*ask.who.names, ask.leaving)
+    own = [name for name in named if name in view.picture.assets]
+    asset = view.rng.choice(own if own and view.chance(0.6) else list(view.picture.assets))
+    fact = view.rng.choice(
+        (
+            "track_at",
+            "track_at",
+            "no_track_at",
+            "uncovered",
+            "covered",
+            "low",
+            "not_low",
+            "down",
+            "up",
+        )
+    )
+    if fact in ("track_at", "no_track_at"):
+        kinds: list[TrackKind] = ["vehicle", "vehicle", "person", ""]
+        drawn = view.rng.choice(kinds)
+        seen: TrackKind = next((t.kind for t in view.tracks if t.gate == gate), "")
+        return Condition(fact=fact, subject=gate, track=seen or drawn)
+    if fact in ("uncovered", "covered"):
+        return Condition(fact=fact, subject=gate)
+    return Condition(fact=fact, subject=asset)
+
+
+def _unsaid(ask: Ask) -> bool:
+    """Whether an ask names nobody, which wording that only sounds forbidden cannot say."""
+    open_to_all = not ask.who.names and ask.who.kind is None
+    return open_to_all and ask.task not in ("look", "identify")
+
+
+def _how(ask: Ask) -> str:
+    if ask.who.names:
+        return "named"
+    return "kind" if ask.who.kind is not None else "all" if ask.who.count == "all" else "anyone"

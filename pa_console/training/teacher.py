@@ -1,0 +1,234 @@
+"""The reference planner: an order and the situation in, plans to be verified and their aim out.
+
+It never sees words. It proposes plans in the order of preference; who uses it verifies them and
+takes the first that holds. What must be true of a run is written by teacher_success.py.
+"""
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from itertools import islice
+from typing import NamedTuple
+
+from pydantic import Field
+
+from pa_console.llm.grammar import REASON_CHARS
+from pa_console.schema.base import Positive, StrictModel
+from pa_console.schema.mission_set import Expectation
+from pa_console.schema.plan import Action, Plan, Verb
+from pa_console.schema.telemetry import Digest, Picture
+from pa_console.schema.world import World
+from pa_console.training import teacher_encounters as encounters
+from pa_console.training import teacher_moves as moves
+from pa_console.training import teacher_still as still
+from pa_console.training.asked import asked
+from pa_console.training.conditions import due_asks
+from pa_console.training.order import Ask, Order, Task
+from pa_console.training.teacher_backfill import (
+    Filled,
+    bare_gates,
+    fillings,
+    relays,
+    unseen_places,
+)
+from pa_console.training.teacher_draft import Command, Desk, Draft, goals, refusal
+from pa_console.training.teacher_objections import objection
+from pa_console.training.teacher_roster import Roster
+from pa_console.training.teacher_success import conditions
+
+MOST_PLANS = 8
+WATCH_S, FOLLOW_S = 60.0, 150.0
+"""So long a run is watched at least: for a plan, and for a workflow that goes on."""
+_OPEN = "free: "
+_TASKS: Mapping[Task, Callable[[Ask, Desk, Roster], list[Draft]]] = {
+    "go": moves.go,
+    "look": moves.look,
+    "identify": encounters.identify,
+    "warn": encounters.warn,
+    "block": encounters.block,
+    "respond": encounters.respond,
+    "cover": moves.cover,
+    "relieve": moves.relieve,
+    "swap": moves.swap,
+    "home": moves.home,
+    "stand_down": moves.stand_down,
+    "mass": moves.mass,
+    "report": still.report,
+    "hold": still.hold,
+}
+
+
+class Target(StrictModel):
+    """What is right for an order: the plan, what else would be, and what must be true of a run."""
+
+    plan: Plan
+    expect: Expectation
+    success: tuple[str, ...] = Field(description="CEL over `run`")
+    watch_s: Positive = WATCH_S
+    rule_ids: tuple[str, ...] = Field(default=(), description="rules that limit the order")
+    alternatives: tuple[Plan, ...] = Field(default=(), description="tried next, best first")
+    follow: bool = Field(default=False, description="later workflow phases belong to it")
+    otherwise: "Target | None" = Field(
+        default=None, description="right when none of the plans keeps the rules"
+    )
+
+
+class _Solution(NamedTuple):
+    """Drafts for every ask, and what is added to them."""
+
+    drafts: tuple[Draft, ...]
+    filled: Filled
+
+
+def teach(
+    order: Order, world: World, picture: Picture, digest: Digest, verbs: Collection[Verb] = ()
+) -> Target:
+    """Return the target for `order`; only `verbs` are used when some are given.
+
+    Raises ValueError when nothing can be done with these verbs.
+    """
+    roster = Roster(world, picture, digest)
+    target = _target(order, due_asks(order, picture), roster, {})
+    if not verbs:
+        return target
+    fit = [
+        p for p in (target.plan, *target.alternatives) if {a.verb for a in p.actions} <= {*verbs}
+    ]
+    if not fit:
+        raise ValueError(f"no plan of {', '.join(verbs)} serves the order")
+    update = {"plan": fit[0], "alternatives": tuple(fit[1:]), "otherwise": None}
+    return target.model_copy(update=update)
+
+
+def _target(
+    order: Order, asks: Sequence[Ask], roster: Roster, barred: Mapping[int, tuple[str, str]]
+) -> Target:
+    """Return the target when the asks with the `barred` places in order are refused."""
+    first: _Solution | None = None
+    alike: list[_Solution] = []
+    needs: dict[int, tuple[str, str]] = {}
+    for drafts in islice(_served(asks, Desk(reserved=_reserved(asks)), roster, barred), MOST_PLANS):
+        culprits = _culprits(order, drafts, roster)
+        found = list(islice(_filled(order, drafts, roster), MOST_PLANS))
+        if not found and first is None and not needs:
+            needs = culprits
+        for solution in found:
+            first = first or solution
+            if [d.done for d in solution.drafts] == [d.done for d in first.drafts]:
+                alike.append(solution)
+                needs = needs or culprits
+    if first is None:
+        return _target(order, asks, roster, {**barred, **needs})
+    plans = [_plan(order, solution, roster) for solution in alike]
+    plans = list(dict.fromkeys(plans))[:MOST_PLANS]
+    drafts = first.drafts
+    follow = any(draft.follow for draft in drafts)
+    otherwise = None
+    if needs and any(draft.done for draft in drafts):
+        otherwise = _target(order, asks, roster, {**barred, **needs})
+    return Target(
+        plan=plans[0],
+        expect=_expected(drafts),
+        success=conditions([d.ask for d in drafts if d.done and d.commands], order, roster.world),
+        watch_s=FOLLOW_S if follow else WATCH_S,
+        rule_ids=tuple(dict.fromkeys(draft.rule for draft in drafts if draft.rule)),
+        alternatives=tuple(plans[1:]),
+        follow=follow,
+        otherwise=otherwise,
+    )
+
+
+def _served(
+    asks: Sequence[Ask], desk: Desk, roster: Roster, barred: Mapping[int, tuple[str, str]]
+) -> Iterator[tuple[Draft, ...]]:
+    """Yield drafts for all asks, one after another: who serves one is taken for the next."""
+    if not asks:
+        yield ()
+        return
+    ask = asks[0]
+    problem = barred.get(0) or objection(ask, roster)
+    options = [refusal(ask, *problem)] if problem else _TASKS[ask.task](ask, desk, roster)
+    later = {number - 1: why for number, why in barred.items() if number}
+    for option in options:
+        used = desk.used | {*option.agents}
+        for rest in _served(asks[1:], Desk(used, desk.reserved), roster, later):
+            yield (option, *rest)
+
+
+def _filled(order: Order, drafts: tuple[Draft, ...], roster: Roster) -> Iterator[_Solution]:
+    """Yield `drafts` with what they need besides; nothing when that may or can not be had."""
+    reserved = _reserved([draft.ask for draft in drafts])
+    if not _culprits(order, drafts, roster, alone=True):
+        for filled in fillings(drafts, roster, reserved):
+            yield _Solution(drafts, filled)
+        if not order.others_stay and not bare_gates(drafts, roster):
+            for filled in relays(drafts, roster, reserved):
+                yield _Solution(drafts, filled)
+
+
+def _culprits(
+    order: Order, drafts: Sequence[Draft], roster: Roster, *, alone: bool = False
+) -> dict[int, tuple[str, str]]:
+    """Return by place the asks that need somebody besides, with why they would be refused.
+
+    With `alone`, only those of which the words say that nobody else may help.
+    """
+    found: dict[int, tuple[str, str]] = {}
+    bare, unseen = set(bare_gates(drafts, roster)), set(unseen_places(drafts, roster))
+    covers = {n: g for g, cover in roster.picture.gates.items() for n in cover.by}
+    for number, draft in enumerate(drafts):
+        if alone and not (order.others_stay or draft.ask.strict_who):
+            continue
+        ends = goals(draft.commands, roster.world)
+        left = [n for n, at in ends.items() if covers.get(n, at) != at]
+        gates = [covers[n] for n in left]
+        if any(gate in bare for gate in gates) or (gates and not alone):
+            name = next((n for n in left if covers[n] in bare), left[0])
+            found[number] = f"{name} alone at {covers[name]}", "WF-03"
+        elif unseen & {*ends.values()}:
+            found[number] = "no drone looks first", "WF-02"
+    return found
+
+
+def _expected(drafts: Sequence[Draft]) -> Expectation:
+    """Return what is right: all, a part, or nothing but to hold."""
+    if not any(draft.done and draft.commands for draft in drafts):
+        hold = all(draft.done and draft.ask.task == "hold" for draft in drafts)
+        return "execute" if hold else "refuse"
+    return "trim" if any(draft.undone for draft in drafts) else "execute"
+
+
+def _plan(order: Order, solution: _Solution, roster: Roster) -> Plan:
+    """Return the plan of a solution: takeovers first, then the asks in order; else one hold."""
+    commands = [*solution.filled.commands, *(c for d in solution.drafts for c in d.commands)]
+    why = [*solution.filled.why]
+    for draft in solution.drafts:
+        said = [w for w in draft.why if not (solution.filled.why and w.startswith(_OPEN))]
+        why += [f"{w} ({draft.rule})" if draft.rule and "(" not in w else w for w in said]
+    if not commands:
+        commands = _holder([draft.ask for draft in solution.drafts], roster)
+        why.append("hold")
+    return Plan(
+        reason=_reason(order, why, roster),
+        actions=tuple(Action(agent=agent, command=command) for agent, command in commands),
+    )
+
+
+def _reason(order: Order, why: Sequence[str], roster: Roster) -> str:
+    """Return the canonical reason, no longer than a grammar lets it be."""
+    words = f"asked: {asked(order, roster.world, roster.picture)}"
+    parts = list(dict.fromkeys(why)) or ["nothing is to be done"]
+    while len(parts) > 1 and len(words) + 2 + len(", ".join(parts)) > REASON_CHARS:
+        parts.pop(-2 if parts[-1] == "hold" else -1)
+    text = f"{words}; {', '.join(parts)}"
+    return text if len(text) <= REASON_CHARS else text[: text.rfind(" ", 0, REASON_CHARS)]
+
+
+def _holder(asks: Sequence[Ask], roster: Roster) -> list[Command]:
+    """Return a hold by the first asset named that is up, else the first free one, else any."""
+    named = [name for ask in asks for name in (*ask.who.names, ask.leaving) if roster.up(name)]
+    names = [*named, *roster.free(("uav", "ugv", "robot")), *roster.every()]
+    return [(name, "hold") for name in names[:1]]
+
+
+def _reserved(asks: Sequence[Ask]) -> frozenset[str]:
+    """Return everybody whom the asks name."""
+    return frozenset(name for ask in asks for name in (*ask.who.names, ask.leaving) if name)
