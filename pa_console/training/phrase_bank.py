@@ -1,0 +1,193 @@
+"""Loads the phrase banks and gives wording by key and style; part of it is never trained on."""
+
+import hashlib
+import random
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+from importlib.resources import files
+from typing import Literal, cast
+
+from pa_console.schema.document import Document
+from pa_console.training.phrase_keys import KEYS
+from pa_console.training.phrase_template import Template
+
+Style = Literal["plain", "terse", "chatty", "radio"]
+Split = Literal["train", "heldout"]
+STYLES: tuple[Style, ...] = ("plain", "terse", "chatty", "radio")
+COMMON = 3
+"""A word that so many templates use is no name when it stands alone."""
+WORD_LISTS = "names.yaml"
+"""The one file of the folder that holds no phrases but names for worlds."""
+HELD_OUT = 0.15
+"""The share of the templates of every key that training never sees."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A template of one key, with the styles that it suits and the side it is on."""
+
+    template: Template
+    styles: tuple[Style, ...]
+    split: Split
+
+    @property
+    def embeds(self) -> bool:
+        """Whether it can stand within a longer sentence: one clause that does not end by itself."""
+        return not any(mark in self.template.source for mark in ("?", "!", ". ", ": ", "; "))
+
+
+class PhraseBank:
+    """Every template by key."""
+
+    def __init__(self, entries: Mapping[str, Sequence[Entry]]) -> None:
+        """Keep `entries` by key; a key without any is one that nobody has worded."""
+        self._entries = {key: tuple(listed) for key, listed in entries.items() if listed}
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The keys that have wording."""
+        return tuple(self._entries)
+
+    def entries(self, key: str) -> tuple[Entry, ...]:
+        """Return the templates of `key`; raises KeyError naming it when there are none."""
+        if key not in self._entries:
+            raise KeyError(f"no phrase bank has the key {key!r}")
+        return self._entries[key]
+
+    @cached_property
+    def vocabulary(self) -> frozenset[str]:
+        """The words that several templates use themselves, in lower case."""
+        used = Counter(
+            word
+            for entries in self._entries.values()
+            for entry in entries
+            for word in entry.template.words
+        )
+        return frozenset(word for word, times in used.items() if times >= COMMON)
+
+    def __contains__(self, key: str) -> bool:
+        """Tell whether `key` has wording."""
+        return key in self._entries
+
+    def choose(  # noqa: PLR0917
+        self,
+        key: str,
+        style: Style,
+        split: Split,
+        rng: random.Random,
+        known: frozenset[str],
+        wanted: frozenset[str] = frozenset(),
+        embedded: bool = False,
+    ) -> Template:
+        """Return a template of `key` that needs no slot but those `known`.
+
+        It keeps to `split`, then to wording with the slots `wanted`, then to what can be
+        `embedded`, then to `style`, as long as something is left to choose from. Raises
+        KeyError when nothing fits.
+        """
+        usable = [entry for entry in self.entries(key) if entry.template.always <= known]
+        if not usable:
+            raise KeyError(
+                f"no phrase of {key!r} does with {', '.join(sorted(known)) or 'nothing'}"
+            )
+        usable = _narrowed(usable, lambda entry: entry.split == split)
+        for slot in sorted(wanted, reverse=True):
+            usable = _narrowed(usable, lambda entry, slot=slot: slot in entry.template.slots)
+        usable = _narrowed(usable, lambda entry: entry.embeds or not embedded)
+        return rng.choice(_narrowed(usable, lambda entry: style in entry.styles)).template
+
+
+def _narrowed(entries: list[Entry], wish: Callable[[Entry], bool]) -> list[Entry]:
+    """Return the entries that are as wished, or all when none is."""
+    return [entry for entry in entries if wish(entry)] or entries
+
+
+@cache
+def phrase_bank() -> PhraseBank:
+    """Return the banks that come with the package; raises DocumentError."""
+    folder = files("pa_console.training") / "language"
+    texts = {
+        part.name: part.read_text(encoding="utf-8")
+        for part in sorted(folder.iterdir(), key=lambda part: part.name)
+        if part.name.endswith(".yaml") and part.name != WORD_LISTS
+    }
+    return read_bank(texts)
+
+
+def read_bank(texts: Mapping[str, str]) -> PhraseBank:
+    """Return the bank that the YAML `texts`, by file name, make together.
+
+    Raises DocumentError that names file, line, key and template.
+    """
+    styles: dict[str, dict[str, set[Style]]] = {}
+    for name, text in texts.items():
+        document = Document(name, text)
+        for key, style, source in _listed(document):
+            styles.setdefault(key, {}).setdefault(source, set()).update(style)
+    return PhraseBank(
+        {
+            key: [
+                Entry(Template(source), tuple(s for s in STYLES if s in its), _split(key, source))
+                for source, its in sources.items()
+            ]
+            for key, sources in styles.items()
+        }
+    )
+
+
+def _listed(document: Document) -> Iterator[tuple[str, tuple[Style, ...], str]]:
+    """Yield key, styles and template of everything in `document`, checked."""
+    if not isinstance(document.value, dict):
+        raise document.error((), "a phrase bank is a mapping of keys to templates")
+    for key, value in cast("dict[object, object]", document.value).items():
+        if not isinstance(key, str) or key not in KEYS:
+            raise document.error((str(key),), "is not a known key; phrase_keys.py lists them")
+        if isinstance(value, list):
+            yield from _checked(document, key, "", cast("list[object]", value))
+            continue
+        if not isinstance(value, dict):
+            raise document.error((key,), "must be a list, or a mapping of styles to lists")
+        for style, templates in cast("dict[object, object]", value).items():
+            if style not in STYLES or not isinstance(templates, list):
+                problem = f"must be one of {', '.join(STYLES)} with a list of templates"
+                raise document.error((key, str(style)), problem)
+            yield from _checked(document, key, str(style), cast("list[object]", templates))
+
+
+def _checked(
+    document: Document, key: str, style: str, templates: list[object]
+) -> Iterator[tuple[str, tuple[Style, ...], str]]:
+    """Yield the `templates` of one key and style ("" for all); raises DocumentError."""
+    where = (key, style) if style else (key,)
+    for index, source in enumerate(templates):
+        if not isinstance(source, str) or not source.strip():
+            raise document.error((*where, index), f"{source!r} is not a text")
+        problem = _problem(key, source)
+        if problem:
+            raise document.error((*where, index), f"{source!r}: {problem}")
+        yield key, (cast("Style", style),) if style else STYLES, source
+
+
+def _problem(key: str, source: str) -> str:
+    """Return what is wrong with a template, or nothing."""
+    try:
+        template = Template(source)
+    except ValueError as error:
+        return str(error)
+    slots = KEYS[key]
+    if unknown := template.slots - slots.allowed:
+        allowed = ", ".join(sorted(slots.allowed)) or "none"
+        return f"unknown slot {', '.join(sorted(unknown))}; {key} knows: {allowed}"
+    if missing := slots.needed - template.always:
+        return f"every wording must have {{{'}, {'.join(sorted(missing))}}}"
+    if slots.either and not template.slots & slots.either:
+        return f"must have one of {', '.join(sorted(slots.either))}"
+    return ""
+
+
+def _split(key: str, source: str) -> Split:
+    """Return the side of a template: it depends on its words alone."""
+    digest = hashlib.sha256(f"{key}/{source}".encode()).digest()
+    return "heldout" if digest[0] < HELD_OUT * 256 else "train"

@@ -1,0 +1,120 @@
+"""Puts an Order into the words of an operator: style, names, noise; from the phrase banks."""
+
+import random
+from collections.abc import Sequence
+
+from pa_console.schema.base import StrictModel
+from pa_console.schema.mission import MAX_MISSION_TEXT
+from pa_console.schema.telemetry import Picture
+from pa_console.schema.world import World
+from pa_console.training.order import Ask, Order
+from pa_console.training.phrase_bank import STYLES, Split, Style, phrase_bank
+from pa_console.training.phrasing_clause import clause, condition_words
+from pa_console.training.phrasing_finish import capital, greeted, noisy, sentence
+from pa_console.training.phrasing_voice import Voice
+from pa_console.training.phrasing_who import who_words
+
+_STYLE_WEIGHTS = (4, 2.5, 2, 1.5)
+_TRIES = 20
+_RUNS_ON = 0.75
+"""How often several asks are one sentence."""
+
+
+class Phrasing(StrictModel):
+    """The words of an order, how they were meant to sound, and the noise that is in them."""
+
+    text: str
+    style: Style
+    noise: tuple[str, ...] = ()
+
+
+def phrase(
+    order: Order, world: World, picture: Picture, rng: random.Random, split: Split = "train"
+) -> Phrasing:
+    """Return `order` in words; equal states of `rng` give equal words.
+
+    Of the templates, only those of `split` are used as long as there is one that fits. Raises
+    KeyError when no template fits and ValueError when every attempt is too long for a mission.
+    """
+    for _ in range(_TRIES):
+        style = rng.choices(STYLES, _STYLE_WEIGHTS)[0]
+        voice = Voice(world, picture, phrase_bank(), rng, style, split)
+        text, noise = noisy(voice, _composed(voice, order))
+        if len(text) <= MAX_MISSION_TEXT:
+            return Phrasing(text=text, style=style, noise=noise)
+    raise ValueError(f"no wording of at most {MAX_MISSION_TEXT} characters was found: {order}")
+
+
+def _composed(voice: Voice, order: Order) -> str:
+    """Return everything the operator says, before the noise."""
+    rng = voice.rng
+    text = _body(voice, order)
+    extras = [voice.say("others_stay", {})] if order.others_stay else []
+    strict = next((ask for ask in order.asks if ask.strict_who), None)
+    if strict is not None:
+        said = who_words(voice, strict.who) if strict.who.names else _same_kind(voice, strict)
+        extras.append(voice.say("strict_who", {"who": said}))
+    rng.shuffle(extras)
+    text = sentence(text, voice.style, rng)
+    for extra in extras:
+        stop = "" if text.endswith((".", "?", "!", '"', "'")) else rng.choice((".", ";", ","))
+        follows = capital(extra) if stop in ("", ".") else extra
+        text = f"{text}{stop} {follows}{'.' if text.endswith('.') and stop == '' else ''}"
+    if order.injected:
+        return _injected(voice, text)
+    return greeted(voice, text, plain=False)
+
+
+def _same_kind(voice: Voice, ask: Ask) -> str:
+    """Return the kind that it has to be, where no names are given."""
+    return who_words(voice, ask.who.model_copy(update={"origin": ""}))
+
+
+def _body(voice: Voice, order: Order) -> str:
+    """Return the asks, under their condition if there is one."""
+    if order.condition is None:
+        return _joined(voice, order.asks, order.harmless, embedded=False)
+    slots = {
+        "if": condition_words(voice, order.condition),
+        "then": _joined(voice, order.asks, order.harmless, embedded=True),
+    }
+    if order.otherwise:
+        slots["else"] = _joined(voice, order.otherwise, harmless=False, embedded=True)
+        return voice.say("conditional.else", slots)
+    drawn = voice.rng.random()
+    if drawn < 0.3:
+        slots["else"] = voice.say("else_nothing", {})
+        return voice.say("conditional.else", slots)
+    return voice.say("conditional.nothing" if drawn < 0.65 else "conditional.then", slots)
+
+
+def _joined(voice: Voice, asks: Sequence[Ask], harmless: bool, embedded: bool) -> str:
+    """Return the words of all `asks`, in their order."""
+    if len(asks) == 1:
+        return clause(voice, asks[0], harmless, embedded)
+    if not embedded and (len(asks) > 3 or voice.rng.random() > _RUNS_ON):
+        first = harmless
+        said: list[str] = []
+        for ask in asks:
+            said.append(capital(clause(voice, ask, first)))
+            first = False
+        return ". ".join(text.rstrip(".") for text in said).replace("?.", "?")
+    said = [clause(voice, ask, harmless and not n, True) for n, ask in enumerate(asks)]
+    while len(said) > 3:
+        said[:2] = [f"{said[0]}, {said[1]}"]
+    if len(said) == 2:
+        return voice.say("joiner", {"first": said[0], "second": said[1]}, embedded=embedded)
+    slots = {"first": said[0], "second": said[1], "third": said[2]}
+    return voice.say("joiner3", slots, embedded=embedded)
+
+
+def _injected(voice: Voice, text: str) -> str:
+    """Return the order among text that is no order of the operator."""
+    rng = voice.rng
+    slots = {
+        "order": text.rstrip("."),
+        "asset": rng.choice(list(voice.world.assets)),
+        "gate": rng.choice(voice.world.gates),
+        "base": voice.world.base,
+    }
+    return sentence(voice.say("inject", slots), voice.style, rng)

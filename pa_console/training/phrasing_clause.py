@@ -1,0 +1,185 @@
+"""Puts one ask, or one condition, into a clause."""
+
+from collections.abc import Mapping
+
+from pa_console.schema.world import AssetKind
+from pa_console.training.order import Ask, Condition, Who
+from pa_console.training.phrasing_voice import Voice
+from pa_console.training.phrasing_who import named, who_words
+
+_HARMLESS = ("go", "look", "identify", "hold", "home", "report")
+_ONE_WAY: Mapping[str, str] = {
+    "cover": "cover.kind",
+    "relieve": "relieve.named",
+    "mass": "mass.kind",
+    "hold": "hold.named",
+}
+"""Tasks that are worded alike whether names or a kind are given."""
+_INCAPABLE: Mapping[tuple[AssetKind, str], str] = {
+    ("uav", "warn"): "drone_warn",
+    ("uav", "block"): "drone_block",
+    ("uav", "identify"): "drone_identify",
+    ("robot", "look"): "robot_fly",
+    ("robot", "block"): "robot_block",
+    ("ugv", "look"): "vehicle_fly",
+    ("ugv", "warn"): "vehicle_warn",
+}
+
+
+def clause(voice: Voice, ask: Ask, harmless: bool = False, embedded: bool = False) -> str:
+    """Return the words of `ask`; `harmless` picks wording that only sounds forbidden.
+
+    `embedded` asks for one clause that can stand within a longer sentence.
+    """
+    slots = _slots(voice, ask)
+    said = {"who": _is_said(ask.who), "track": bool(ask.track or ask.track_id)}
+    wanted = frozenset(slot for slot in slots if said.get(slot))
+    if ask.wrong == "override":
+        inner = clause(voice, ask.model_copy(update={"wrong": None}), embedded=True)
+        return voice.say("wrong.override", {"clause": inner}, embedded=embedded)
+    key = _wrong_key(voice, ask) if ask.wrong else ""
+    if harmless and ask.task in _HARMLESS and ask.wrong is None:
+        key = f"harmless.{ask.task}"
+        if ask.task not in ("look", "identify") and "who" not in slots:
+            slots = {**slots, "who": who_words(voice, ask.who)}
+    return voice.say(key or _key(voice, ask), slots, wanted, embedded)
+
+
+def condition_words(voice: Voice, condition: Condition) -> str:
+    """Return the clause that stands after `if`."""
+    key = f"condition.{condition.fact}"
+    slots = {"place" if condition.subject in voice.world.frames else "asset": condition.subject}
+    said = {slot: voice.name(name) for slot, name in slots.items()}
+    if condition.fact in ("track_at", "no_track_at"):
+        said["track"] = voice.say(f"noun.{condition.track or 'vehicle'}", {})
+    return voice.say(key, said)
+
+
+def _key(voice: Voice, ask: Ask) -> str:
+    """Return the bank's key for an ask that is meant as it is."""
+    if ask.task in ("swap", "stand_down"):
+        return ask.task
+    if ask.task == "respond":
+        return f"respond.{_track_kind(voice, ask)}"
+    if ask.task == "home" and len(ask.who.names) == 1 and _is_low(voice, ask.who.names[0]):
+        return "home.low" if voice.rng.random() < 0.6 else "home.named"
+    if not _is_said(ask.who):
+        return _key_for_anyone(voice, ask)
+    if ask.task in _ONE_WAY:
+        return _ONE_WAY[ask.task]
+    return f"{ask.task}.{'named' if ask.who.names else 'kind'}"
+
+
+def _key_for_anyone(voice: Voice, ask: Ask) -> str:
+    """Return the bank's key for an ask that says nothing of who does it."""
+    every = ask.who.count == "all"
+    match ask.task:
+        case "cover":
+            return "cover.failed" if ask.leaving else "cover.bare"
+        case "relieve":
+            return "relieve.low" if _is_low(voice, ask.leaving) else "relieve.anyone"
+        case "report" if ask.place:
+            return "report.place"
+        case "report":
+            return "report.all" if every else "report.general"
+        case "hold":
+            return "hold.all" if every else "hold.leave"
+        case "mass":
+            return "mass.all"
+        case "go" | "home":
+            return f"{ask.task}.kind"
+        case _:
+            return f"{ask.task}.anyone"
+
+
+def _wrong_key(voice: Voice, ask: Ask) -> str:
+    """Return the key for what must not or cannot be; nothing where the plain words say it."""
+    match ask.wrong:
+        case "force" | "chase" | "zone":
+            return f"wrong.{ask.wrong}"
+        case "skip_identification":
+            return f"wrong.skip_identification.{'block' if ask.task == 'block' else 'warn'}"
+        case "skip_warning":
+            return "wrong.skip_warning.block"
+        case "noncombatants":
+            task = ask.task if ask.task in ("identify", "warn", "block") else "identify"
+            return f"wrong.noncombatants.{task}"
+        case "strip":
+            return "wrong.strip" if ask.place else "wrong.strip.all"
+        case "unknown_place" if not ask.place:
+            return "wrong.unknown_place"
+        case "incapable":
+            kind = ask.who.kind
+            if ask.who.names and ask.who.names[0] in voice.world.assets:
+                kind = voice.world.assets[ask.who.names[0]].kind
+            case = _INCAPABLE.get((kind, ask.task)) if kind else None
+            return f"wrong.incapable.{case}" if case else ""
+        case _:
+            return ""
+
+
+def _slots(voice: Voice, ask: Ask) -> dict[str, str]:
+    """Return the words for what `ask` names."""
+    slots: dict[str, str] = {}
+    if ask.task in ("go", "home") or _is_said(ask.who):
+        everyone = ask.task == "mass" and not ask.who.names
+        who = ask.who.model_copy(update={"count": "all"}) if everyone else ask.who
+        slots["who"] = who_words(voice, who)
+    if ask.task == "swap":
+        first, second = (*ask.who.names, ask.leaving)[:2]
+        slots["a"], slots["b"] = voice.name(first), voice.name(second)
+    if ask.place:
+        slots["place"] = voice.name(ask.place)
+    if ask.leaving:
+        slots["leaving"] = named(voice, (ask.leaving,))
+    if ask.task in ("look", "identify", "warn", "block", "respond") or ask.wrong:
+        kind = _track_kind(voice, ask)
+        if ask.track or ask.task == "respond" or ask.wrong or not _is_said(ask.who):
+            slots["track"] = voice.say(f"noun.{kind}", {}) + _track_id(voice, ask)
+    if ask.task == "home":
+        slots["base"] = _base(voice)
+    if ask.wrong == "zone":
+        slots["zone"] = slots.get("place") or voice.name(next(iter(voice.world.zones), ""))
+        slots.setdefault("who", who_words(voice, ask.who))
+    if ask.wrong == "unknown_place":
+        slots["gate_word"] = _missing_gate(voice)
+        slots.setdefault("who", who_words(voice, ask.who))
+    return slots
+
+
+def _base(voice: Voice) -> str:
+    """Return what the base is called where somebody goes home."""
+    if voice.rng.random() < 0.35 and not voice.names.owners("home"):
+        return "home"
+    return voice.name(voice.world.base)
+
+
+def _missing_gate(voice: Voice) -> str:
+    """Return the word of a gate that the world does not have."""
+    words = ("north", "harbour", "cargo", "ninth", "staff", "airport", "rooftop", "customs")
+    free = [word for word in words if not voice.names.owners(f"{word} gate")]
+    return voice.rng.choice(free)
+
+
+def _track_kind(voice: Voice, ask: Ask) -> str:
+    """Return whether `ask` is about a vehicle or a person, if need be from the picture."""
+    tracks = voice.picture.tracks.values()
+    seen = next((track.kind for track in tracks if track.gate == ask.place), "vehicle")
+    return ask.track or seen
+
+
+def _track_id(voice: Voice, ask: Ask) -> str:
+    """Return the station's name of the track as it stands after the noun, if it is named."""
+    if not ask.track_id:
+        return ""
+    words = ask.track_id.replace("_", " ").lower()
+    return voice.rng.choice((f" {ask.track_id}", f" ({ask.track_id})", f" ({words})"))
+
+
+def _is_said(who: Who) -> bool:
+    return bool(who.names or who.kind or who.origin)
+
+
+def _is_low(voice: Voice, name: str) -> bool:
+    asset = voice.picture.assets.get(name)
+    return asset is not None and asset.low_battery
