@@ -1,0 +1,62 @@
+"""What a training run is: everything that decides its result, read from a YAML file."""
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
+
+from pa_console.llm.catalog import Catalog, ChatFormat
+from pa_console.llm.errors import ModelError
+from pa_console.schema.base import StrictModel
+from pa_console.schema.document import Document
+
+CONFIGS = Path(__file__).resolve().parent.parent / "configs"
+"""The configurations of the shipped adapters, one file a task."""
+
+
+class TrainConfig(StrictModel):
+    """Base, data and schedule of one run; the same config and data give the same adapter.
+
+    That holds on one machine and without `max_minutes`, which ties the schedule to the clock.
+    """
+
+    task: Literal["planner", "judge"]
+    base: str = Field(description="a model of the catalogue, or a path to a GGUF file")
+    data: str = Field(description="training samples, JSON lines")
+    validation: str | None = Field(default=None, description="samples that are never trained on")
+    rank: int = Field(default=16, ge=1, le=256)
+    alpha: float = Field(default=32.0, gt=0.0, description="the update is scaled by alpha / rank")
+    learning_rate: float = Field(default=8e-4, gt=0.0, description="after the warm-up")
+    final_rate: float = Field(default=0.05, ge=0.0, le=1.0, description="of learning_rate")
+    warmup_steps: int = Field(default=20, ge=0)
+    weight_decay: float = Field(default=0.0, ge=0.0)
+    clip: float = Field(default=1.0, gt=0.0, description="largest norm of the whole gradient")
+    packs_per_step: int = Field(default=4, ge=1, description="prefixes with their branches")
+    pack_tokens: int = Field(default=2048, ge=64, description="most tokens of one pack")
+    epochs: float = Field(default=1.0, gt=0.0, description="passes over the data")
+    steps: int | None = Field(default=None, ge=1, description="instead of epochs")
+    max_minutes: float | None = Field(default=None, gt=0.0, description="ends sooner if reached")
+    validate_every: int = Field(default=50, ge=1, description="steps")
+    validation_samples: int = Field(default=300, ge=1, description="most that are looked at")
+    checkpoint_minutes: float = Field(default=5.0, gt=0.0)
+    seed: int = 0
+    device: str = Field(default="cpu", description="cpu, cuda or cuda:N")
+    workers: int | None = Field(
+        default=None, ge=1, description="packs computed at once; by default one a core on a CPU"
+    )
+
+    @classmethod
+    def load(cls, path: Path) -> "TrainConfig":
+        """Read the file at `path`; raises DocumentError."""
+        return Document.read(path).parse(cls)
+
+
+def find_base(config: TrainConfig) -> tuple[Path, ChatFormat]:
+    """Return the base's file and its chat format; raises ModelError when it is not here."""
+    entry = Catalog.load().get(config.base)
+    path = entry.local_file
+    if path is None:
+        raise ModelError(
+            f"model {entry.name} is not on this machine: run `pa-console models pull {entry.name}`"
+        )
+    return path, entry.chat

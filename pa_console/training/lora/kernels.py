@@ -1,0 +1,134 @@
+"""The other operations of a layer, each with its own backward: no temporary that is not needed.
+
+Gradients reach activations and adapter only; the frozen weights get none.
+"""
+
+from typing import Any, cast
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+ROWS = 128
+"""Positions whose logits are held at once (49,152 float32 each would be 25 MB)."""
+
+
+def adapted(x: Tensor, weight: Tensor, a: Tensor, b: Tensor, added: Tensor | None = None) -> Tensor:
+    """Return x W' + (x A') B' (+ `added`), rows are tokens.
+
+    `a` is (ranks, inputs) and `b` (outputs, ranks), already scaled by alpha / rank; `added` is a
+    bias (outputs) or a residual (tokens, outputs).
+    """
+    return cast(Tensor, _Adapted.apply(x, weight, a, b, added))
+
+
+def normed(x: Tensor, weight: Tensor, epsilon: float) -> Tensor:
+    """Return `x` (tokens, width) over its root mean square, times `weight`."""
+    return cast(Tensor, _Normed.apply(x, weight, epsilon))
+
+
+def gated(x: Tensor) -> Tensor:
+    """Return silu(gate) * up of `x` (tokens, gate and up side by side)."""
+    return cast(Tensor, _Gated.apply(x))
+
+
+def answer_loss(x: Tensor, head: Tensor, targets: Tensor, weights: Tensor) -> Tensor:
+    """Return the weighted sum of the cross-entropies, in nats, float32.
+
+    `x` is (positions, width), `targets` and `weights` (positions).
+    """
+    return cast(Tensor, _AnswerLoss.apply(x, head, targets, weights))
+
+
+def score_answers(x: Tensor, head: Tensor, targets: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the cross-entropy of every target, and whether it is the most likely token."""
+    losses: list[Tensor] = []
+    hits: list[Tensor] = []
+    for rows, target in zip(torch.split(x, ROWS), torch.split(targets, ROWS), strict=True):
+        scores = (rows @ head.t()).float()
+        losses.append(functional.cross_entropy(scores, target, reduction="none"))
+        hits.append(scores.argmax(-1) == target)
+    return torch.cat(losses), torch.cat(hits)
+
+
+class _Adapted(torch.autograd.Function):
+    @staticmethod
+    def forward(  # noqa: PLR0917
+        ctx: Any, x: Tensor, weight: Tensor, a: Tensor, b: Tensor, added: Tensor | None
+    ) -> Tensor:
+        low = x @ a.t()
+        y = x @ weight.t() if added is None else torch.addmm(added, x, weight.t())
+        y.addmm_(low, b.t())
+        ctx.save_for_backward(x, weight, a, b, low)
+        ctx.residual = added is not None and added.dim() == 2
+        return y
+
+    @staticmethod
+    def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, ...]:
+        grad = grads[0]
+        x, weight, a, b, low = ctx.saved_tensors
+        low_grad = grad @ b
+        dx = (grad @ weight).addmm_(low_grad, a) if ctx.needs_input_grad[0] else None
+        return dx, None, low_grad.t() @ x, grad.t() @ low, grad if ctx.residual else None
+
+
+class _Normed(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, x: Tensor, weight: Tensor, epsilon: float) -> Tensor:
+        ctx.save_for_backward(x, weight)
+        ctx.epsilon = epsilon
+        return functional.rms_norm(x, (x.shape[-1],), weight, epsilon)
+
+    @staticmethod
+    def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, ...]:
+        x, weight = ctx.saved_tensors
+        values = x.float()
+        scale = (values.square().mean(-1, keepdim=True) + ctx.epsilon).rsqrt_()
+        values *= scale
+        grad = grads[0] * weight.float()
+        grad -= values * (grad * values).mean(-1, keepdim=True)
+        return grad.mul_(scale).to(x.dtype), None, None
+
+
+class _Gated(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, x: Tensor) -> Tensor:
+        gate, up = x.chunk(2, -1)
+        ctx.save_for_backward(x)
+        return functional.silu(gate).mul_(up)
+
+    @staticmethod
+    def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, ...]:
+        grad = grads[0]
+        (x,) = ctx.saved_tensors
+        gate, up = x.chunk(2, -1)
+        out = torch.empty_like(x)
+        d_gate, d_up = out.chunk(2, -1)
+        torch.mul(grad, functional.silu(gate), out=d_up)
+        d_gate.copy_(torch.ops.aten.silu_backward(grad * up, gate))
+        return (out,)
+
+
+class _AnswerLoss(torch.autograd.Function):
+    """The gradient is computed on the way forward, while the logits of some rows are at hand."""
+
+    @staticmethod
+    def forward(ctx: Any, x: Tensor, head: Tensor, targets: Tensor, weights: Tensor) -> Tensor:
+        total = torch.zeros((), dtype=torch.float32, device=x.device)
+        dx = torch.empty_like(x)
+        for start in range(0, len(x), ROWS):
+            rows = slice(start, start + ROWS)
+            target = targets[rows, None]
+            scores = (x[rows] @ head.t()).log_softmax(-1, dtype=torch.float32)
+            weight = weights[rows, None]
+            total -= (scores.gather(1, target) * weight).sum()
+            d_scores = scores.exp_()
+            d_scores.scatter_add_(1, target, torch.full_like(weight, -1.0))
+            dx[rows] = d_scores.mul_(weight).to(x.dtype) @ head
+        ctx.save_for_backward(dx)
+        return total
+
+    @staticmethod
+    def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, ...]:
+        (dx,) = ctx.saved_tensors
+        return dx * grads[0].to(dx.dtype), None, None, None

@@ -1,0 +1,230 @@
+"""The training loop: AdamW on packs, validated and saved as it goes, stopped and resumed."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import monotonic
+
+import torch
+from torch import Tensor
+
+from pa_console.llm.cache import hash_file
+from pa_console.training.lora.adapter import Adapter
+from pa_console.training.lora.base import Base, read_base
+from pa_console.training.lora.batch import Score, gradients, score
+from pa_console.training.lora.checkpoint import RunFolder, State
+from pa_console.training.lora.config import TrainConfig, find_base
+from pa_console.training.lora.schedule import Order, learning_rate
+from pa_console.training.lora.stopping import StopRequest
+from pa_console.training.lora.tokens import Pack, Tokeniser, make_packs
+from pa_console.training.lora.workers import Workers
+from pa_console.training.samples import read_samples
+
+BETAS = (0.9, 0.99)
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where the run stands after a step; validation figures are of the last validation."""
+
+    step: int
+    steps: int
+    loss: float
+    rate: float
+    tokens_per_s: float
+    minutes: float
+    validation_loss: float | None = None
+    validation_right: float | None = None
+
+
+@dataclass(frozen=True)
+class TrainResult:
+    """What a run came to; not `finished` when it was asked to stop and can be resumed."""
+
+    out: Path
+    finished: bool
+    last: Progress
+
+
+def train(
+    config: TrainConfig, out: Path, resume: bool, on_progress: Callable[[Progress], None]
+) -> TrainResult:
+    """Train an adapter into the folder `out`, or go on with the run that is there.
+
+    Ctrl-C ends the run after the step under way, saved. A resumed run keeps its own config.
+    Raises ValueError (DocumentError, ModelError) or OSError for what cannot be used.
+    """
+    folder = RunFolder(out)
+    if resume:
+        config = folder.config()
+    path, chat = find_base(config)
+    tokeniser = Tokeniser(path, chat)
+    packs = _packs(config, Path(config.data), tokeniser)
+    held_out = _held_out(config, tokeniser)
+    base = read_base(path, config.device)
+    adapter = Adapter(base.shape, config.rank, config.alpha, config.seed, config.device)
+    hashes = hash_file(path), hash_file(Path(config.data))
+    with Workers(config.device, config.workers) as workers, StopRequest() as stop:
+        run = _Run(config, base, adapter, Order(packs, config), held_out, workers, folder)
+        run.start(resume, hashes)
+        while not run.finished and not stop.asked:
+            run.step()
+            on_progress(run.progress)
+        run.save()
+    return TrainResult(out, run.finished, run.progress)
+
+
+class _Run:
+    """One run in memory."""
+
+    def __init__(  # noqa: PLR0917
+        self,
+        config: TrainConfig,
+        base: Base,
+        adapter: Adapter,
+        order: Order,
+        held_out: Sequence[Pack],
+        workers: Workers,
+        folder: RunFolder,
+    ) -> None:
+        self._config, self._base, self._adapter, self._order = config, base, adapter, order
+        self._held_out, self._workers, self._folder = held_out, workers, folder
+        self._optimiser = torch.optim.AdamW(
+            adapter.masters, lr=0.0, betas=BETAS, weight_decay=config.weight_decay, foreach=True
+        )
+        self._state = State(adapter.masters, self._optimiser.state_dict())
+        self._before = 0.0
+        self._saved = self._began = monotonic()
+        self.progress = Progress(0, order.steps, 0.0, 0.0, 0.0, 0.0)
+
+    def start(self, resume: bool, hashes: tuple[str, str]) -> None:
+        """Begin, or continue at the last checkpoint; raises ValueError when inputs changed."""
+        if not resume:
+            self._folder.begin(self._config)
+            self._state.base_sha256, self._state.data_sha256 = hashes
+            self.save()
+            return
+        state = self._folder.load()
+        if (state.base_sha256, state.data_sha256) != hashes:
+            raise ValueError(
+                f"{self._folder.path}: base or data changed since the run began: start it anew"
+            )
+        self._folder.rewind(state.step)
+        with torch.no_grad():
+            for master, saved in zip(self._adapter.masters, state.masters, strict=True):
+                master.copy_(saved)
+        self._optimiser.load_state_dict(state.optimiser)
+        self._state = replace(state, masters=self._adapter.masters)
+        self._before = state.seconds
+        self.progress = replace(self.progress, step=state.step, minutes=state.seconds / 60.0)
+
+    @property
+    def finished(self) -> bool:
+        """Whether all steps are done, or the time is up."""
+        return self._done() >= 1.0
+
+    def step(self) -> None:
+        """Do one optimiser step, and validate and save when it is time to."""
+        began = monotonic()
+        state, config = self._state, self._config
+        packs = self._order.step(state.step)
+        rate = learning_rate(config, state.step, self._done())
+        loss, norm = self._learn(packs, rate)
+        tokens = sum(pack.size for pack in packs)
+        state.step += 1
+        state.samples += sum(len(pack.branches) for pack in packs)
+        state.tokens += tokens
+        state.seconds = self._seconds()
+        seconds = monotonic() - began
+        self._folder.log(
+            {
+                "step": state.step,
+                "loss": loss,
+                "rate": rate,
+                "norm": norm,
+                "tokens": tokens,
+                "seconds": round(seconds, 3),
+                "minutes": round(state.seconds / 60.0, 3),
+            }
+        )
+        self.progress = replace(
+            self.progress,
+            step=state.step,
+            loss=loss,
+            rate=rate,
+            tokens_per_s=tokens / seconds,
+            minutes=state.seconds / 60.0,
+        )
+        if state.step % config.validate_every == 0 or self.finished:
+            self._validate()
+        if monotonic() - self._saved > 60.0 * config.checkpoint_minutes:
+            self.save()
+
+    def save(self) -> None:
+        """Write a checkpoint."""
+        self._state.optimiser = self._optimiser.state_dict()
+        self._state.seconds = self._seconds()
+        self._folder.save(self._state)
+        self._saved = monotonic()
+
+    def _learn(self, packs: Sequence[Pack], rate: float) -> tuple[float, float]:
+        """Return the loss and the gradient's norm of one update with the mean over `packs`."""
+        pairs = self._adapter.working(self._base.embedding.dtype)
+        weight = sum(pack.loss_weight for pack in packs)
+        total, loss = list[Tensor](), 0.0
+        for share, found in self._workers.map(
+            lambda pack: gradients(self._base, pairs, pack, weight), packs
+        ):
+            loss += share
+            total = total or [torch.zeros_like(x, dtype=torch.float32) for x in found]
+            for one, other in zip(total, found, strict=True):
+                one.add_(other)
+        self._adapter.set_gradients(total)
+        norm = torch.nn.utils.clip_grad_norm_(self._adapter.masters, self._config.clip)
+        for group in self._optimiser.param_groups:
+            group["lr"] = rate
+        self._optimiser.step()
+        return loss, float(norm)
+
+    def _validate(self) -> None:
+        """Add a row to the curve."""
+        pairs = self._adapter.working(self._base.embedding.dtype)
+        scores = self._workers.map(lambda pack: score(self._base, pairs, pack), self._held_out)
+        whole = sum(scores, Score())
+        state, loss, right = self._state, float("nan"), float("nan")
+        if whole.samples:
+            loss, right = whole.loss / whole.tokens, whole.right / whole.samples
+            self.progress = replace(self.progress, validation_loss=loss, validation_right=right)
+        minutes = state.seconds / 60.0
+        self._folder.add_to_curve(
+            state.step, minutes, state.samples, self.progress.loss, loss, right
+        )
+
+    def _seconds(self) -> float:
+        return self._before + monotonic() - self._began
+
+    def _done(self) -> float:
+        """Return how much of the run is done, by steps or by the clock."""
+        share = self._state.step / self._order.steps
+        minutes = self._config.max_minutes
+        return max(share, self._seconds() / (60.0 * minutes)) if minutes else share
+
+
+def _packs(config: TrainConfig, path: Path, tokeniser: Tokeniser) -> list[Pack]:
+    """Return the samples of `path` as packs; raises ValueError when there is none of the task."""
+    packs = make_packs(read_samples(path, config.task), tokeniser, config.pack_tokens)
+    if not packs:
+        raise ValueError(f"{path}: holds no sample for the {config.task}")
+    return packs
+
+
+def _held_out(config: TrainConfig, tokeniser: Tokeniser) -> list[Pack]:
+    """Return whole packs of the validation file until there are samples enough."""
+    if config.validation is None:
+        return []
+    kept: list[Pack] = []
+    for pack in _packs(config, Path(config.validation), tokeniser):
+        if sum(len(p.branches) for p in kept) >= config.validation_samples:
+            break
+        kept.append(pack)
+    return kept

@@ -1,0 +1,71 @@
+"""What kind of network a GGUF file holds, read from its metadata."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+ARCHITECTURES = ("llama", "qwen2")
+"""Those whose forward pass `model.py` knows: RMS norm, gated SiLU, rotary positions."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Sizes of one decoder; widths in numbers, not bytes."""
+
+    architecture: str
+    layers: int
+    width: int
+    hidden: int
+    heads: int
+    kv_heads: int
+    head_width: int
+    context: int
+    rope_base: float
+    norm_epsilon: float
+
+    @property
+    def q_width(self) -> int:
+        """Width of all query heads side by side."""
+        return self.heads * self.head_width
+
+    @property
+    def kv_width(self) -> int:
+        """Width of all key (or value) heads side by side."""
+        return self.kv_heads * self.head_width
+
+    @property
+    def permuted(self) -> bool:
+        """Whether the file holds the rows of q and k in pairs (x0, x1), not in halves."""
+        return self.architecture == "llama"
+
+
+def read_shape(metadata: Mapping[str, object], source: str) -> Shape:
+    """Return the shape that `metadata` tells; raises ValueError, naming `source` and the key."""
+    architecture = str(metadata.get("general.architecture", ""))
+    if architecture not in ARCHITECTURES:
+        raise ValueError(
+            f"{source}: general.architecture: {architecture!r} cannot be trained; "
+            f"use a base of {' or '.join(ARCHITECTURES)}"
+        )
+
+    def number(key: str, default: float | None = None) -> float:
+        value = metadata.get(f"{architecture}.{key}", default)
+        if not isinstance(value, (int, float)):
+            raise ValueError(f"{source}: {architecture}.{key}: not a number in the metadata")
+        return value
+
+    width, heads = int(number("embedding_length")), int(number("attention.head_count"))
+    head_width = int(number("attention.key_length", width // heads))
+    if int(number("rope.dimension_count", head_width)) != head_width:
+        raise ValueError(f"{source}: rope.dimension_count: only whole heads can be rotated")
+    return Shape(
+        architecture=architecture,
+        layers=int(number("block_count")),
+        width=width,
+        hidden=int(number("feed_forward_length")),
+        heads=heads,
+        kv_heads=int(number("attention.head_count_kv", heads)),
+        head_width=head_width,
+        context=int(number("context_length")),
+        rope_base=number("rope.freq_base", 10000.0),
+        norm_epsilon=number("attention.layer_norm_rms_epsilon"),
+    )
