@@ -14,7 +14,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pa_console.training.lora.shape import Shape, read_shape
+from pa_console.training.lora.shape import Shape, open_gguf
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,6 @@ class Base:
 
 def read_base(path: Path, device: str = "cpu", dtype: torch.dtype = torch.bfloat16) -> Base:
     """Read the GGUF file at `path`; raises ValueError when it cannot be trained, or OSError."""
-    with path.open("rb") as file:
-        if file.read(4) != b"GGUF":
-            raise ValueError(f"{path}: not a GGUF file")
     weights = _Weights(path, device, dtype)
     embedding = weights.get("token_embd")
     return Base(
@@ -77,9 +74,7 @@ class _Weights:
 
     def __init__(self, path: Path, device: str, dtype: torch.dtype) -> None:
         self._path, self._device, self._dtype = path, device, dtype
-        reader = gguf.GGUFReader(path)
-        metadata = {name: field.contents() for name, field in reader.fields.items()}
-        self.shape: Shape = read_shape(metadata, str(path))
+        reader, self.shape = open_gguf(path)
         self._stored = {tensor.name: tensor for tensor in reader.tensors}
 
     def has(self, name: str, part: str = "weight") -> bool:

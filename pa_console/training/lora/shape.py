@@ -2,6 +2,9 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
+
+import gguf
 
 ARCHITECTURES = ("llama", "qwen2")
 """Those whose forward pass `model.py` knows: RMS norm, gated SiLU, rotary positions."""
@@ -69,3 +72,13 @@ def read_shape(metadata: Mapping[str, object], source: str) -> Shape:
         rope_base=number("rope.freq_base", 10000.0),
         norm_epsilon=number("attention.layer_norm_rms_epsilon"),
     )
+
+
+def open_gguf(path: Path) -> tuple[gguf.GGUFReader, Shape]:
+    """Open the GGUF file at `path`; raises ValueError when it cannot be trained, or OSError."""
+    with path.open("rb") as file:
+        if file.read(4) != b"GGUF":
+            raise ValueError(f"{path}: not a GGUF file")
+    reader = gguf.GGUFReader(path)
+    metadata = {name: field.contents() for name, field in reader.fields.items()}
+    return reader, read_shape(metadata, str(path))

@@ -1,0 +1,102 @@
+"""Writes a trained adapter as llama.cpp reads it: a GGUF file beside the one of its base."""
+
+import hashlib
+import os
+from pathlib import Path
+
+import gguf
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from pa_console.training.lora.adapter import Adapter
+from pa_console.training.lora.base import to_pairs
+from pa_console.training.lora.checkpoint import RunFolder
+from pa_console.training.lora.config import TrainConfig, find_base
+from pa_console.training.lora.shape import Shape, open_gguf
+
+PREFIX = "pa_console.training"
+"""Begins the metadata keys that say where an adapter comes from."""
+
+
+def export_adapter(run: Path, target: Path) -> str:
+    """Write the adapter of the run in folder `run` to `target` and return its SHA-256.
+
+    Weights are float16. Raises ValueError when there is no run or its base is not here, or OSError.
+    """
+    folder = RunFolder(run)
+    config, state = folder.config(), folder.load()
+    path, _ = find_base(config)
+    shape = open_gguf(path)[1]
+    adapter = Adapter(shape, config.rank, config.alpha, config.seed, "cpu")
+    sizes = [master.shape for master in adapter.masters]
+    if sizes != [master.shape for master in state.masters]:
+        raise ValueError(f"{run}: was trained on another base than {path}")
+    adapter.masters = state.masters
+    origin = {
+        "base": config.base,
+        "base_sha256": state.base_sha256,
+        "data_sha256": state.data_sha256,
+        "steps": str(state.step),
+        "samples": str(state.samples),
+    }
+    write_adapter(target, adapter, shape, config, origin)
+    return hashlib.sha256(target.read_bytes()).hexdigest()
+
+
+def write_adapter(
+    target: Path, adapter: Adapter, shape: Shape, config: TrainConfig, origin: dict[str, str]
+) -> None:
+    """Write `adapter` to `target`; `origin` becomes metadata, beside the whole config."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    partial = target.with_name(f"{target.name}.partial")
+    writer = gguf.GGUFWriter(partial, shape.architecture)
+    writer.add_type(gguf.GGUFType.ADAPTER)
+    writer.add_string(gguf.Keys.Adapter.TYPE, "lora")
+    writer.add_float32(gguf.Keys.Adapter.LORA_ALPHA, adapter.alpha)
+    writer.add_name(f"{config.task} adapter of {config.base}")
+    writer.add_string(f"{PREFIX}.config", config.model_dump_json())
+    for key, value in origin.items():
+        writer.add_string(f"{PREFIX}.{key}", value)
+    for name, (a, b) in matrices(adapter, shape).items():
+        writer.add_tensor(f"{name}.weight.lora_a", a)
+        writer.add_tensor(f"{name}.weight.lora_b", b)
+    writer.write_header_to_file()
+    writer.write_kv_data_to_file()
+    writer.write_tensors_to_file()
+    writer.close()
+    os.replace(partial, target)
+
+
+def matrices(
+    adapter: Adapter, shape: Shape
+) -> dict[str, tuple[NDArray[np.float16], NDArray[np.float16]]]:
+    """Return A (rank, inputs) and B (outputs, rank) of every linear layer, by llama.cpp's names.
+
+    B of q and k has its rows where the base has them (`Shape.permuted`).
+    """
+    heads = {"attn_q": shape.heads, "attn_k": shape.kv_heads} if shape.permuted else {}
+    found: dict[str, tuple[NDArray[np.float16], NDArray[np.float16]]] = {}
+    per_layer = len(adapter.slots) // shape.layers
+    for number, slot in enumerate(adapter.slots):
+        a, b = adapter.masters[2 * number : 2 * number + 2]
+        each = zip(
+            slot.parts,
+            torch.split(a, adapter.rank),
+            torch.split(b, list(slot.outputs)),
+            strict=True,
+        )
+        for part, own_a, own_b in each:
+            rows = _array(own_b)
+            if part in heads:
+                rows = to_pairs(rows, heads[part])
+            found[f"blk.{number // per_layer}.{part}"] = (
+                _array(own_a).astype(np.float16),
+                rows.astype(np.float16),
+            )
+    return found
+
+
+def _array(tensor: Tensor) -> NDArray[np.float32]:
+    return tensor.detach().cpu().numpy()
