@@ -1,0 +1,162 @@
+"""Judge samples: right and wrong plans for missions, with verdicts that were found true."""
+
+import json
+import random
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from pa_console.llm.compact_prompt import ahead, compact_judge_prompt
+from pa_console.llm.grammar import MOST_VIOLATED
+from pa_console.llm.prompts import Prompt
+from pa_console.orchestrator.safeguards import Examination
+from pa_console.policy.retriever import Retriever
+from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.mission_set import MissionCase
+from pa_console.schema.rule import Rule
+from pa_console.training.corruptions import (
+    Variant,
+    right_variants,
+    unsafe_variants,
+    wrong_variants,
+)
+from pa_console.training.corruptions_words import swayed
+from pa_console.training.judge_labels import Label, label_plan
+from pa_console.training.phrase_bank import Split
+from pa_console.training.planner_data import TOP_K, Group, Proven
+from pa_console.training.playing import mission_of, words_findings
+from pa_console.training.samples import Sample, make_sample
+from pa_console.training.situations import Situation
+from pa_console.training.verify import Verified, verify
+
+SWAYED = 0.12
+"""How often the words of a mission carry text that speaks to the judge."""
+UNSAFE = 0.2
+"""How often a wrong plan is one that the safeguards are likely to block."""
+TRIES = 3
+"""Plans that are carried out for each one wanted, at most."""
+
+
+def judge_samples(  # noqa: PLR0917
+    group: Group,
+    rulebook: Rulebook,
+    retriever: Retriever,
+    rng: random.Random,
+    split: Split = "train",
+    dropped: Counter[str] | None = None,
+) -> Iterator[Sample]:
+    """Yield samples of about as many right plans as wrong ones for every mission of `group`.
+
+    Missions that their words alone refuse are left out: no plan for them is ever judged. `dropped`
+    counts why plans were not taken. Equal states of `rng` give equal samples.
+    """
+    situation = group.situation
+    picture = ahead("judge", situation.world, situation.digest).user
+    for proven in group.proven:
+        told = _told(proven, situation, rulebook, rng, split)
+        if words_findings(situation.world, told.case, rulebook):
+            continue
+        for variant, verified, label in _labelled(told, group, rulebook, rng, dropped):
+            found = verified.checked.examination
+            if found.rehearsal is None:
+                continue
+            rules = judged_rules(told.case, found, rulebook, retriever)
+            prompt = _prompt(told.case, situation, rules, found)
+            answer = answer_of(label, [rule.id for rule in rules])
+            kind = f"{told.kind.partition('/')[0]}/{variant.how}/{_word(label.right)}"
+            yield make_sample(group.name, "judge", prompt, picture, answer, kind)
+
+
+def judged_rules(
+    case: MissionCase, examination: Examination, rulebook: Rulebook, retriever: Retriever
+) -> list[Rule]:
+    """Return the rules that the console would have judged: those that apply, and broken ones."""
+    findings = {finding.rule_id: finding for finding in examination.findings}
+    ids = [
+        hit.rule_id
+        for hit in retriever.retrieve(case.command, TOP_K)
+        if hit.rule_id not in findings or findings[hit.rule_id].status != "not_applicable"
+    ]
+    ids += [f.rule_id for f in examination.findings if f.broken and f.rule_id not in ids]
+    return [rulebook.get(rule_id) for rule_id in ids]
+
+
+def answer_of(label: Label, rule_ids: Sequence[str]) -> str:
+    """Return `label` as the judge is to write it; only `rule_ids` can be named as violated."""
+    violated = [rule_id for rule_id in label.violated if rule_id in rule_ids][:MOST_VIOLATED]
+    verdict = _word(label.right)
+    return json.dumps({"feedback": label.feedback, "violated": violated, "verdict": verdict})
+
+
+def _word(right: bool) -> str:
+    return "Success" if right else "Failure"
+
+
+def _prompt(
+    case: MissionCase, situation: Situation, rules: Sequence[Rule], found: Examination
+) -> Prompt:
+    assert found.rehearsal is not None
+    return compact_judge_prompt(
+        situation.world, situation.digest, rules, mission_of(case), found.plan, found.rehearsal
+    )
+
+
+def _told(
+    proven: Proven, situation: Situation, rulebook: Rulebook, rng: random.Random, split: Split
+) -> Proven:
+    """Return the mission, now and then with words that want to sway the judge."""
+    if rng.random() >= SWAYED:
+        return proven
+    text = swayed(proven.case.command, rng, split)
+    case = proven.case.model_copy(update={"command": text})
+    if words_findings(situation.world, case, rulebook):
+        return proven
+    return replace(proven, case=case, kind=f"swayed/{proven.kind}")
+
+
+def _labelled(
+    proven: Proven,
+    group: Group,
+    rulebook: Rulebook,
+    rng: random.Random,
+    dropped: Counter[str] | None,
+) -> Iterator[tuple[Variant, Verified, Label]]:
+    """Yield plans with their labels: the proven one, another right one if any, and wrong ones."""
+    situation = group.situation
+    counts = {True: 0, False: 0}
+    wanted = {True: rng.choice((1, 2, 2)), False: 2}
+    target = Variant(proven.plan, "right", "target")
+    for right, pool in (
+        (True, [target, *right_variants(proven, situation, rng)]),
+        (False, _wrong_pool(proven, group, rng)),
+    ):
+        for variant in pool[: TRIES * wanted[right]]:
+            if counts[right] >= wanted[right]:
+                break
+            verified = _verified(proven, situation, variant, rulebook)
+            label = label_plan(proven, situation, variant.plan, verified)
+            if isinstance(label, Label):
+                counts[label.right] += 1
+                yield variant, verified, label
+            elif dropped is not None:
+                dropped[f"{variant.how}: {label.why}"] += 1
+
+
+def _wrong_pool(proven: Proven, group: Group, rng: random.Random) -> list[Variant]:
+    """Return wrong plans in the order in which they are tried, some of them unsafe ones."""
+    wrong = wrong_variants(proven, group.proven, group.situation, rng)
+    unsafe = unsafe_variants(proven, group.situation, rng)
+    pool: list[Variant] = []
+    while wrong or unsafe:
+        pick = unsafe if unsafe and (not wrong or rng.random() < UNSAFE) else wrong
+        pool.append(pick.pop(0))
+    return pool
+
+
+def _verified(
+    proven: Proven, situation: Situation, variant: Variant, rulebook: Rulebook
+) -> Verified:
+    """Carry a plan out, unless that was done for these very words."""
+    if variant.plan == proven.plan and proven.verified.checked.examination.plan == proven.plan:
+        return proven.verified
+    return verify(proven.case, situation, variant.plan, rulebook, follow=proven.target.follow)

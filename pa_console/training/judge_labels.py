@@ -1,0 +1,161 @@
+"""What the judge is to say of a plan: by the truth of its run, with the reason in short.
+
+A plan is taken only when its run and its meaning agree: one that looks right and failed by
+accident, or looks wrong and does what was asked all the same, teaches nothing.
+"""
+
+import re
+from typing import NamedTuple
+
+from pa_console.llm.grammar import FEEDBACK_CHARS, TEXT
+from pa_console.schema.finding import Finding
+from pa_console.schema.plan import Action, Plan
+from pa_console.schema.rehearsal import Rehearsal
+from pa_console.training.asked import asked
+from pa_console.training.conditions import due_asks
+from pa_console.training.corruptions import named_in
+from pa_console.training.judge_words import STILL, Difference, difference, planned
+from pa_console.training.planner_data import Proven
+from pa_console.training.situations import Situation
+from pa_console.training.verify import Verified
+
+_READABLE = re.compile(f"{TEXT}{{1,{FEEDBACK_CHARS}}}")
+
+
+class Label(NamedTuple):
+    """A verdict with its feedback and the ids of the rules that are broken."""
+
+    right: bool
+    feedback: str
+    violated: tuple[str, ...]
+
+
+class Unclear(NamedTuple):
+    """Why a plan has no label."""
+
+    why: str
+
+
+def label_plan(
+    proven: Proven, situation: Situation, plan: Plan, verified: Verified
+) -> Label | Unclear:
+    """Return what the judge is to say of `plan`, whose run is `verified`."""
+    examination = verified.checked.examination
+    findings = [finding for finding in examination.findings if finding.broken]
+    breaches = [breach.rule_id for breach in verified.score.broken]
+    violated = tuple(dict.fromkeys((*(f.rule_id for f in findings), *breaches)))
+    found = _nearest(proven, situation, plan)
+    right = verified.score.strict and not examination.blocked
+    if right:
+        why = _fits(proven, situation, plan, found)
+    elif examination.blocked:
+        why = _blocked(
+            [finding for finding in findings if finding.blocking], examination.rehearsal, situation
+        )
+    else:
+        why = _wrong(proven, situation, plan, found)
+    if not why:
+        return Unclear("looks wrong and is right" if right else "looks right and is wrong")
+    text = feedback(proven, situation, plan, why)
+    if _READABLE.fullmatch(text) is None:
+        return Unclear("too long")
+    return Label(right, text, violated)
+
+
+def feedback(proven: Proven, situation: Situation, plan: Plan, why: str) -> str:
+    """Return the canonical feedback: what was asked, what is planned, and `why` that is right."""
+    world = situation.world
+    words = asked(proven.order, world, situation.picture)
+    by_name = bool(named_in(proven.order))
+    said = f"asked: {words}; planned: {planned(plan.actions, world, by_name=by_name)}; {why}"
+    if len(said) > FEEDBACK_CHARS and by_name:
+        said = f"asked: {words}; planned: {planned(plan.actions, world, by_name=False)}; {why}"
+    return said
+
+
+def _nearest(proven: Proven, situation: Situation, plan: Plan) -> Difference:
+    """Return how `plan` differs from the right plan that is most like it."""
+    named, target = named_in(proven.order), proven.target
+    plans = [proven.plan, target.plan, *target.alternatives]
+    found = (difference(p.actions, plan.actions, named, situation.world) for p in plans)
+    return min(found, key=lambda each: each.size)
+
+
+def _fits(proven: Proven, situation: Situation, plan: Plan, found: Difference) -> str:
+    """Return why a plan with a right run is right, '' when it does not look right."""
+    rules = f" ({', '.join(proven.target.rule_ids)})" if proven.target.rule_ids else ""
+    if not _moves(proven.plan):
+        if _moves(plan):
+            return ""
+        holds = all(action.verb == "hold" for action in plan.actions)
+        if proven.target.expect == "refuse" and rules:
+            return f"refused{rules}, it fits" if holds else ""
+        return "it fits" if found.size == 0 or (holds and _nothing_due(proven)) else ""
+    asks = due_asks(proven.order, situation.picture)
+    places = {ask.place for ask in asks}
+    free = all(ask.who.kind is None for ask in asks)
+    replaced = all(
+        one.agent not in named_in(proven.order)
+        and (free or (one.target or situation.world.base) not in places)
+        for one, _ in found.others
+    )
+    if found.missing or found.extra or found.places or found.steps or not replaced:
+        return ""
+    return f"the rest is refused{rules}, it fits" if proven.target.expect == "trim" else "it fits"
+
+
+def _nothing_due(proven: Proven) -> bool:
+    """Whether the proven plan only stands for doing nothing."""
+    return [action.verb for action in proven.plan.actions] == ["hold"] and not any(
+        ask.task == "hold" and ask.who.names for ask in proven.order.asks
+    )
+
+
+def _blocked(findings: list[Finding], rehearsal: Rehearsal | None, situation: Situation) -> str:
+    """Return the first thing that the safeguards have against a plan."""
+    if rehearsal is not None:
+        grace_s = situation.world.coverage_grace_s
+        for gate, cover in rehearsal.timeline.gates.items():
+            if cover.covered_before and not cover.covered_after:
+                return f"{gate} is left uncovered (WF-03)"
+            if cover.covered_before and cover.longest_gap_s > grace_s:
+                return f"{gate} is uncovered too long (WF-03)"
+        for name, fact in rehearsal.timeline.assets.items():
+            if not fact.finished:
+                return f"{name} does not finish"
+    return f"{findings[0].rule_id} is broken" if findings else ""
+
+
+def _wrong(proven: Proven, situation: Situation, plan: Plan, found: Difference) -> str:
+    """Return why a legal plan is wrong, '' when it looks right."""
+    world, rules = situation.world, ", ".join(proven.target.rule_ids)
+    if found.size == 0:
+        return ""
+    if not _moves(proven.plan) and _moves(plan):
+        return f"must be refused ({rules})" if rules else "nothing is to move"
+    if _moves(proven.plan) and not _moves(plan):
+        return "it must be done"
+    by_name = bool(named_in(proven.order))
+    if found.places:
+        one, other = found.places[0]
+        gates = {one.target, other.target} <= set(world.gates)
+        return "another gate" if gates else "another place"
+    if found.others:
+        one, other = found.others[0]
+        same = world.assets[one.agent].kind == world.assets[other.agent].kind
+        named = one.agent in named_in(proven.order)
+        return "another asset" if same or named else "another kind of asset"
+    if found.steps:
+        one, other = found.steps[0]
+        return f"{_verb(other)} instead of {_verb(one)}"
+    if found.missing:
+        return f"{planned(found.missing[:1], world, by_name=by_name)} missing"
+    return f"{planned(found.extra[:1], world, by_name=by_name)} not asked for"
+
+
+def _moves(plan: Plan) -> bool:
+    return any(action.verb not in STILL for action in plan.actions)
+
+
+def _verb(action: Action) -> str:
+    return action.verb.replace("_", " ")
