@@ -19,6 +19,7 @@ from pa_console.cli import (
     replay,
     rules,
     scenarios,
+    train,
     world,
 )
 from pa_console.cli.output import BAD_INPUT, FAILED, errors
@@ -46,6 +47,7 @@ app.add_typer(evaluate.app, name="eval")
 app.add_typer(bench.app, name="bench")
 app.add_typer(scenarios.app, name="scenarios")
 app.add_typer(world.app, name="world")
+app.add_typer(train.app, name="train")
 
 
 @app.callback(invoke_without_command=True)

@@ -1,22 +1,33 @@
-"""Builds data sets in several processes: planner and judge samples of many groups, in order."""
+"""Makes data sets in several processes: planner and judge samples of many groups, in order."""
 
 import random
+import signal
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Literal, NamedTuple
 
 from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules
-from pa_console.training.judge_data import judge_samples
 from pa_console.training.near_duplicates import NearDuplicates
-from pa_console.training.outcome_data import outcome_samples
 from pa_console.training.planner_data import Group, Recipe, make_group, planner_samples
 from pa_console.training.samples import Sample
 from pa_console.training.worlds import Numbers, generated_numbers, shipped_missions
+
+Part = Literal["planner", "judge"]
+"""What an adapter learns from; the judge's part holds verdicts on plans and on outcomes."""
+
+
+class Job(NamedTuple):
+    """One group that is to be made, and the parts that are wanted of it."""
+
+    recipe: Recipe
+    parts: tuple[Part, ...]
 
 
 @dataclass
@@ -27,44 +38,46 @@ class Made:
     dropped: Counter[str] = field(default_factory=Counter[str])
 
 
-@dataclass(frozen=True)
-class Wish:
-    """What a data set is made of: `groups` situations with `missions` each, from `seed`."""
-
-    groups: int
-    missions: int = 8
-    seed: int = 1
-    first: int = 0
-    judge: bool = True
-    planner: bool = True
-
-
 def build(
-    wish: Wish, rules: Path, processes: int, on_group: Callable[[int, Made], None]
+    jobs: Sequence[Job], rules: Path, processes: int, on_group: Callable[[Job, Made], None]
 ) -> None:
-    """Make the groups of `wish` and give each to `on_group`, in order, as it is ready.
+    """Make the groups of `jobs` and give each to `on_group`, in order, as it is ready.
 
-    Every process loads the rule file `rules`; raises DocumentError when it is broken.
+    Every process loads the rule file `rules`; one process is this one. Whatever ends it sooner,
+    groups that were not begun are not made. Raises DocumentError when the rule file is broken and
+    OSError when a process was killed.
     """
     load_rules(rules)
     forbidden = generated_numbers(shipped_missions())
-    recipes = [
-        Recipe(number, wish.seed, wish.missions)
-        for number in range(wish.first, wish.first + wish.groups)
-    ]
-    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        jobs = ((recipe, rules, forbidden, wish) for recipe in recipes)
-        for number, made in enumerate(pool.map(_make, jobs, chunksize=1)):
-            on_group(number, made)
+    tasks = [(job, rules, forbidden) for job in jobs]
+    if processes == 1:
+        for task in tasks:
+            on_group(task[0], _make(task))
+        return
+    context = get_context("spawn")
+    with ProcessPoolExecutor(processes, context, initializer=_leave_interrupts) as pool:
+        made = pool.map(_make, tasks)
+        try:
+            for job, group in zip(jobs, made, strict=True):
+                on_group(job, group)
+        except BrokenProcessPool as error:
+            raise OSError("a process that made samples was killed: start again to go on") from error
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
-def _make(job: tuple[Recipe, Path, frozenset[Numbers], Wish]) -> Made:
-    recipe, rules, forbidden, wish = job
+def _leave_interrupts() -> None:
+    """Let Ctrl-C be the parent's alone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _make(task: tuple[Job, Path, frozenset[Numbers]]) -> Made:
+    job, rules, forbidden = task
     rulebook, retriever = _policy(rules)
-    group = make_group(recipe, rulebook, forbidden)
+    group = make_group(job.recipe, rulebook, forbidden)
     made = Made(dropped=group.dropped)
     _drop_known(group, made)
-    made.samples += _samples(group, wish, rulebook, retriever, recipe)
+    made.samples += _samples(group, job, rulebook, retriever)
     return made
 
 
@@ -75,13 +88,14 @@ def _drop_known(group: Group, made: Made) -> None:
     group.proven[:] = [p for p, keep in zip(group.proven, kept, strict=True) if keep]
 
 
-def _samples(
-    group: Group, wish: Wish, rulebook: Rulebook, retriever: Retriever, recipe: Recipe
-) -> Iterator[Sample]:
-    rng = random.Random(f"judge/{recipe.seed}/{recipe.number}")
-    if wish.planner:
+def _samples(group: Group, job: Job, rulebook: Rulebook, retriever: Retriever) -> Iterator[Sample]:
+    if "planner" in job.parts:
         yield from planner_samples(group, rulebook, retriever)
-    if wish.judge:
+    if "judge" in job.parts:
+        from pa_console.training.judge_data import judge_samples  # noqa: PLC0415
+        from pa_console.training.outcome_data import outcome_samples  # noqa: PLC0415
+
+        rng = random.Random(f"judge/{job.recipe.seed}/{job.recipe.number}")
         yield from judge_samples(group, rulebook, retriever, rng)
         yield from outcome_samples(group, rulebook, retriever, rng)
 

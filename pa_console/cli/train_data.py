@@ -1,0 +1,93 @@
+"""`pa-console train data`: fills the folder of a data set, group by group."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.markup import escape
+from rich.table import Table
+
+from pa_console.cli.output import errors, out, print_json
+from pa_console.cli.train_progress import DataProgress
+from pa_console.resources import find_data
+from pa_console.training.data_folder import REPORT, DataFolder
+from pa_console.training.data_report import fingerprint, write_report
+from pa_console.training.data_set import Job, Made, Part, build
+from pa_console.training.planner_data import Recipe
+
+MOST_REASONS = 12
+"""Reasons for drops that are printed; the report has them all."""
+
+
+def make_data(
+    folder: Path,
+    groups: int,
+    missions: int,
+    seed: int,
+    processes: int,
+    parts: tuple[Part, ...],
+    rules: str,
+    json: bool,
+) -> None:
+    """Make the groups that `folder` does not have yet, then write and print its report.
+
+    Raises DocumentError for a broken rule file, ValueError for a folder that holds something else.
+    """
+    rules_file = find_data("rules", rules, "rules.yaml")
+    generator = fingerprint(rules_file)
+    data = DataFolder(folder, generator)
+    jobs = _missing(data, [Recipe(number, seed, missions) for number in range(groups)], parts)
+    _tell_before(data, generator)
+    try:
+        with DataProgress(groups, groups - len(jobs)) as progress:
+
+            def keep(job: Job, made: Made) -> None:
+                data.add(job.recipe, job.parts, made)
+                progress.add(made)
+
+            build(jobs, rules_file, processes, keep)
+    except KeyboardInterrupt:
+        errors.print(
+            f"stopped: what is whole is kept; the same command with --out {escape(str(folder))} "
+            "goes on",
+            soft_wrap=True,
+        )
+        raise
+    finally:
+        data.mend()
+        report = write_report(folder) if data.entries else {}
+    if json:
+        print_json(report)
+        return
+    _print(folder, report)
+
+
+def _missing(data: DataFolder, recipes: Sequence[Recipe], parts: tuple[Part, ...]) -> list[Job]:
+    """Return what is still to be made, in order."""
+    jobs = (Job(recipe, data.missing(recipe, parts)) for recipe in recipes)
+    return [job for job in jobs if job.parts]
+
+
+def _tell_before(data: DataFolder, generator: str) -> None:
+    """Say what is there already, and that another version of the generator has made it."""
+    if not data.entries:
+        return
+    errors.print(f"{len(data.entries)} groups were there already")
+    if set(data.generators) != {generator}:
+        errors.print(
+            "note: rules, words or code changed since; the report tells the versions apart",
+            style="yellow",
+        )
+
+
+def _print(folder: Path, report: dict[str, Any]) -> None:
+    table = Table("samples", "train", "valid")
+    train, valid = report["samples"]["train"], report["samples"]["valid"]
+    for task in dict.fromkeys([*train, *valid]):
+        table.add_row(task, str(train.get(task, 0)), str(valid.get(task, 0)))
+    out.print(table)
+    dropped = Table("dropped", "missions or texts")
+    for why, count in list(report["dropped"].items())[:MOST_REASONS]:
+        dropped.add_row(escape(why), str(count))
+    out.print(dropped)
+    out.print(str(folder / REPORT), markup=False, soft_wrap=True)

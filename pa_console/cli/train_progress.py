@@ -1,0 +1,73 @@
+"""How far a data set or a training run is: a live bar on a terminal, some lines elsewhere."""
+
+from time import monotonic
+from types import TracebackType
+from typing import Self
+
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+from pa_console.cli.output import errors
+from pa_console.training.data_set import Made
+
+LINE_S = 60.0
+"""How often a line is written where there is no terminal, seconds."""
+
+SPEED_OVER_S = 300.0
+"""Time left is told by the speed of this long, seconds: groups differ."""
+
+
+class DataProgress:
+    """Counts groups and samples as they are made."""
+
+    def __init__(self, total: int, done: int) -> None:
+        """`done` of `total` groups were there already."""
+        self._total, self._done, self._samples = total, done, 0
+        self._began = self._told = monotonic()
+        self._progress = _bar("groups")
+        self._task = self._progress.add_task("starting", total=total, completed=done)
+
+    def __enter__(self) -> Self:
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        at: TracebackType | None,
+    ) -> None:
+        self._progress.stop()
+
+    def add(self, made: Made) -> None:
+        """Count one more group."""
+        self._done += 1
+        self._samples += len(made.samples)
+        now = monotonic()
+        rate = self._samples / max(now - self._began, 1e-6)
+        text = f"{self._samples} samples, {rate:.1f}/s"
+        self._progress.update(self._task, advance=1, description=text)
+        if not errors.is_terminal and (now - self._told > LINE_S or self._done == self._total):
+            self._told = now
+            errors.print(f"{self._done}/{self._total} groups: {text}", soft_wrap=True)
+
+
+def _bar(what: str) -> Progress:
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=24),
+        MofNCompleteColumn(),
+        TextColumn(what),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        console=errors,
+        transient=True,
+        speed_estimate_period=SPEED_OVER_S,
+    )
