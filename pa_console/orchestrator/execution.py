@@ -134,7 +134,7 @@ class Execution:
             if picture is seen:
                 continue
             seen = picture
-            self.halted = tuple(_gave_up(dispatch))
+            self.halted = tuple(gave_up(dispatch))
             if not dispatch.finished and self._services.variant.checks:
                 broken = premises.broken(picture, dispatch.open_agents)
                 self.halted = (*self.halted, *broken, *dict.fromkeys(self.breaches))
@@ -180,7 +180,7 @@ class Execution:
             yield ev.CommandResent(command_id=command.command_id, times=times)
 
 
-def _gave_up(dispatch: Dispatch) -> Iterator[str]:
+def gave_up(dispatch: Dispatch) -> Iterator[str]:
     """Yield what a device said that it cannot do; a device that says nothing is another matter."""
     for agent, reply in dispatch.final.items():
         if reply.status != "done" and not reply.detail.startswith(TIMED_OUT):

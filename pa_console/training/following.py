@@ -12,7 +12,7 @@ from pa_console.evaluation.scoring.recorder import RunRecorder
 from pa_console.orchestrator.course import Course
 from pa_console.orchestrator.digest import KINDS, digest_picture
 from pa_console.orchestrator.dispatch import Dispatch
-from pa_console.orchestrator.execution import EVIDENCE_S, MARGIN_S, SAFETY_S
+from pa_console.orchestrator.execution import EVIDENCE_S, MARGIN_S, SAFETY_S, gave_up
 from pa_console.orchestrator.pipeline import MAX_HALTS, MAX_TRIES, WATCH_S
 from pa_console.orchestrator.premises import Premises, safe_state
 from pa_console.orchestrator.rehearsal import order_moments
@@ -98,6 +98,7 @@ class Follower:
 
         def look(dispatch: Dispatch) -> bool:
             self._see(plan, dispatch)
+            halted.extend(gave_up(dispatch))
             if not dispatch.finished:
                 halted.extend(premises.broken(sim.picture(), dispatch.open_agents))
                 halted.extend(dict.fromkeys(self._breaches))
@@ -105,11 +106,12 @@ class Follower:
 
         self._breaches.clear()
         dispatch = carry_out(sim, self.recorder, plan, f"M.{number}", limit_s, look)
+        if not halted:
+            halted.extend(self._wait_for_evidence(plan, dispatch))
         if halted:
             self._to_safety(premises, dispatch, f"M.halt{number}")
             self.done.append(CarriedOut(task, plan, tuple(halted), None, sim.picture()))
             return False
-        self._wait_for_evidence(plan, dispatch)
         verification = verify_plan(plan, sim.world, premises.before, sim.picture(), dispatch.final)
         if follow:
             for _ in self._course.join(plan, moment(sim.picture(), sim.world, ())):
@@ -118,16 +120,21 @@ class Follower:
         self.done.append(CarriedOut(task, plan, (), verification, sim.picture()))
         return True
 
-    def _wait_for_evidence(self, plan: Plan, dispatch: Dispatch) -> None:
-        """Let pictures arrive until they show how the plan has ended, at most EVIDENCE_S."""
+    def _wait_for_evidence(self, plan: Plan, dispatch: Dispatch) -> tuple[str, ...]:
+        """Let pictures arrive until they show how the plan has ended, at most EVIDENCE_S.
+
+        Return what the devices said that they could not do, which halts the plan too.
+        """
         ended_s: float | None = None
         while True:
             self._step(plan, dispatch)
             if self.sim.tick % telemetry_ticks(self.sim) == 0:
+                if unable := tuple(gave_up(dispatch)):
+                    return unable
                 ended_s = self.sim.time_s if ended_s is None else ended_s
                 late = self.sim.time_s - ended_s > EVIDENCE_S
                 if late or not needs_more_evidence(plan, self.sim.picture(), ended_s):
-                    return
+                    return ()
 
     def _wait(self, phase: str) -> None:
         """Let the world go on until `phase` is over and its outcome known, at most WATCH_S."""
