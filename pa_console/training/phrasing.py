@@ -1,6 +1,7 @@
 """Puts an Order into the words of an operator: style, names, noise; from the phrase banks."""
 
 import random
+import re
 from collections.abc import Sequence
 
 from pa_console.schema.base import StrictModel
@@ -48,6 +49,8 @@ def phrase(
 def _composed(voice: Voice, order: Order) -> str:
     """Return everything the operator says, before the noise."""
     rng = voice.rng
+    if order.injected and _is_nothing(order):
+        return sentence(voice.say("inject.only", _overheard(voice)), voice.style, rng)
     text = _body(voice, order)
     extras = [voice.say("others_stay", {})] if order.others_stay else []
     strict = next((ask for ask in order.asks if ask.strict_who), None)
@@ -108,13 +111,26 @@ def _joined(voice: Voice, asks: Sequence[Ask], harmless: bool, embedded: bool) -
     return voice.say("joiner3", slots, embedded=embedded)
 
 
+def _is_nothing(order: Order) -> bool:
+    """Tell whether an order is that all stays as it is."""
+    ask = order.asks[0]
+    everybody = not ask.who.names and ask.who.kind is None
+    return len(order.asks) == 1 and ask.task == "hold" and everybody and order.condition is None
+
+
 def _injected(voice: Voice, text: str) -> str:
     """Return the order among text that is no order of the operator."""
     rng = voice.rng
-    slots = {
-        "order": text.rstrip("."),
-        "asset": rng.choice(list(voice.world.assets)),
-        "gate": rng.choice(voice.world.gates),
+    slots = {"order": text.rstrip("."), **_overheard(voice)}
+    text = voice.say("inject", slots)
+    ordered = re.escape(slots["order"])
+    return sentence(re.sub(rf"({ordered}) (?=\W)", r"\1. ", text), voice.style, rng)
+
+
+def _overheard(voice: Voice) -> dict[str, str]:
+    """Return what text that is no order may speak of."""
+    return {
+        "asset": voice.rng.choice(list(voice.world.assets)),
+        "gate": voice.rng.choice(voice.world.gates),
         "base": voice.world.base,
     }
-    return sentence(voice.say("inject", slots), voice.style, rng)
