@@ -11,11 +11,12 @@ import pytest
 import pa_console
 
 ROOT = Path(pa_console.__file__).parents[1]
-ABOVE = ("pa_console.cli", "pa_console.tui", "pa_console.__main__")
-"""The front ends, which may import Textual."""
+ABOVE = ("pa_console.cli", "pa_console.tui", "pa_console.__main__", "pa_console.training")
+"""The front ends, which may import Textual, and what only they may start."""
 
 WORKER = (
     *(f"pa_console.llm.{name}" for name in ("worker", "runtime", "decoding", "chat")),
+    *(f"pa_console.llm.{name}" for name in ("shared_context", "candidates", "token_choice")),
     *(f"pa_console.evaluation.bench.{name}" for name in ("plain", "raw")),
 )
 """What runs in processes that hold a model; nothing else may import the model libraries."""
@@ -57,6 +58,14 @@ def test_the_core_needs_neither_a_screen_nor_the_model_libraries() -> None:
 
 def test_only_the_worker_needs_the_model_libraries() -> None:
     assert imported_by(list(WORKER)) >= {"llama_cpp", "llguidance"}
+
+
+def test_the_command_line_starts_without_what_trains_and_without_a_screen() -> None:
+    command = [sys.executable, "-c", "import pa_console.cli.main, sys; print(*sys.modules)"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    started = set(done.stdout.split())
+    assert "pa_console.cli.train" in started
+    assert not started & {"pa_console.training", "torch", "gguf", "textual", "llama_cpp"}
 
 
 def test_the_probe_would_see_a_screen() -> None:

@@ -43,9 +43,9 @@ def test_every_data_file_of_the_checkout_is_inside(wheel: set[str]) -> None:
             assert f"pa_console/data/{path.relative_to(ROOT).as_posix()}" in wheel
 
 
-def test_every_module_style_sheet_and_template_is_inside(wheel: set[str]) -> None:
+def test_every_module_style_sheet_template_and_word_list_is_inside(wheel: set[str]) -> None:
     for path in (ROOT / "pa_console").rglob("*"):
-        if path.suffix in (".py", ".tcss", ".jinja", ".css", ".js"):
+        if path.suffix in (".py", ".tcss", ".jinja", ".css", ".js", ".yaml"):
             assert path.relative_to(ROOT).as_posix() in wheel
 
 
@@ -76,7 +76,8 @@ def libraries_imported() -> dict[str, Path]:
 
 def test_every_library_that_is_imported_is_asked_for() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    asked = [*project["dependencies"], *project["optional-dependencies"]["hub"]]
+    extras = project["optional-dependencies"]
+    asked = [*project["dependencies"], *extras["hub"], *extras["train"]]
     declared = {re.split(r"[^\w.-]", line)[0].lower().replace("_", "-") for line in asked}
     distributions = packages_distributions()
     for module, path in libraries_imported().items():

@@ -8,6 +8,7 @@ from pydantic import ValidationError
 
 from pa_console.schema.base import StrictModel
 from pa_console.training.data_set import Made, Part
+from pa_console.training.near_duplicates import NearReport
 from pa_console.training.planner_data import Recipe
 from pa_console.training.samples import Sample
 
@@ -25,6 +26,7 @@ class Entry(StrictModel):
     generator: str
     counts: dict[str, int]
     dropped: dict[str, int]
+    near: NearReport
     sizes: dict[str, int]
 
     @property
@@ -69,6 +71,7 @@ class DataFolder:
             generator=self._generator,
             counts=Counter(f"{sample.task} {sample.kind}" for sample in made.samples),
             dropped=+made.dropped,
+            near=made.near,
             sizes=sizes,
         )
         _append(self.path / JOURNAL, entry.model_dump_json() + "\n")

@@ -4,18 +4,20 @@ import hashlib
 import json
 import platform
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pa_console import __version__
 from pa_console.llm.cache import hash_file
 from pa_console.training.data_folder import FILES, REPORT, Entry, read_journal
+from pa_console.training.near_duplicates import NearReport
 from pa_console.training.worlds import shipped_missions, shipped_world
 
 LIBRARIES = ("common-expression-language", "numpy", "pydantic", "pymunk", "rapidfuzz", "shapely")
 """Libraries that have a say in what the generator makes."""
+Number = TypeVar("Number", int, float)
 
 
 def fingerprint(rules: Path) -> str:
@@ -59,6 +61,7 @@ def data_report(folder: Path) -> dict[str, Any]:
         "samples": _by_task(entries),
         "kinds": _by_kind(entries),
         "dropped": _sorted(_total(entry.dropped for entry in entries)),
+        "near_duplicates": _near(entries).model_dump(),
         "generators": Counter(entry.generator for entry in entries),
         "versions": {
             "pa-console": __version__,
@@ -88,6 +91,23 @@ def _by_kind(entries: Sequence[Entry]) -> dict[str, dict[str, int]]:
     return {task: _sorted(kinds[task]) for task in sorted(kinds)}
 
 
+def _near(entries: Sequence[Entry]) -> NearReport:
+    """Return how near all groups came to the test sets; each group counts once."""
+    once = list({(entry.seed, entry.number): entry.near for entry in entries}.values())
+    nearest: dict[str, float] = {}
+    for near in once:
+        for name, score in near.nearest.items():
+            nearest[name] = max(score, nearest.get(name, 0.0))
+    return once[-1].model_copy(
+        update={
+            "checked": sum(near.checked for near in once),
+            "dropped": sum(near.dropped for near in once),
+            "nearest": _sorted(nearest),
+            "histogram": dict(_total(near.histogram for near in once)),
+        }
+    )
+
+
 def _total(parts: Iterable[dict[str, int]]) -> Counter[str]:
     total = Counter[str]()
     for part in parts:
@@ -95,7 +115,8 @@ def _total(parts: Iterable[dict[str, int]]) -> Counter[str]:
     return total
 
 
-def _sorted(counts: Counter[str]) -> dict[str, int]:
+def _sorted(counts: Mapping[str, Number]) -> dict[str, Number]:
+    """Return `counts` with the greatest first."""
     return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
 
 

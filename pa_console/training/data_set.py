@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 
 from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules
-from pa_console.training.near_duplicates import NearDuplicates
+from pa_console.training.near_duplicates import NearDuplicates, NearReport
 from pa_console.training.planner_data import Group, Recipe, make_group, planner_samples
 from pa_console.training.samples import Sample
 from pa_console.training.worlds import Numbers, generated_numbers, shipped_missions
@@ -32,8 +32,12 @@ class Job(NamedTuple):
 
 @dataclass
 class Made:
-    """The samples of one group; `dropped` counts why missions or texts were not taken."""
+    """The samples of one group; `dropped` counts why missions or texts were not taken.
 
+    `near` says how near its missions came to those of the test sets.
+    """
+
+    near: NearReport
     samples: list[Sample] = field(default_factory=list[Sample])
     dropped: Counter[str] = field(default_factory=Counter[str])
 
@@ -75,17 +79,36 @@ def _make(task: tuple[Job, Path, frozenset[Numbers]]) -> Made:
     job, rules, forbidden = task
     rulebook, retriever = _policy(rules)
     group = make_group(job.recipe, rulebook, forbidden)
-    made = Made(dropped=group.dropped)
-    _drop_known(group, made)
-    made.samples += _samples(group, job, rulebook, retriever)
-    return made
+    near = drop_known(group)
+    samples = list(_samples(group, job, rulebook, retriever))
+    return Made(near, samples, group.dropped)
 
 
-def _drop_known(group: Group, made: Made) -> None:
-    """Leave out every mission that is too like one of a test set."""
-    kept = _filter().keep([proven.case.command for proven in group.proven])
-    made.dropped["near duplicate"] += kept.count(False)
+def drop_known(group: Group) -> NearReport:
+    """Leave out every mission that is too like one of a test set, and say how near all came."""
+    known = _filter()
+    before = known.report()
+    commands = [proven.case.command for proven in group.proven]
+    kept = known.keep(commands, group.situation.world)
+    group.dropped["near duplicate"] += kept.count(False)
     group.proven[:] = [p for p, keep in zip(group.proven, kept, strict=True) if keep]
+    return seen_since(before, known.report())
+
+
+def seen_since(before: NearReport, after: NearReport) -> NearReport:
+    """Return what was seen between two reports; `nearest` has only what has come nearer."""
+    return after.model_copy(
+        update={
+            "checked": after.checked - before.checked,
+            "dropped": after.dropped - before.dropped,
+            "nearest": {
+                name: score for name, score in after.nearest.items() if score > before.nearest[name]
+            },
+            "histogram": {
+                name: count - before.histogram[name] for name, count in after.histogram.items()
+            },
+        }
+    )
 
 
 def _samples(group: Group, job: Job, rulebook: Rulebook, retriever: Retriever) -> Iterator[Sample]:
@@ -96,7 +119,8 @@ def _samples(group: Group, job: Job, rulebook: Rulebook, retriever: Retriever) -
         from pa_console.training.outcome_data import outcome_samples  # noqa: PLC0415
 
         rng = random.Random(f"judge/{job.recipe.seed}/{job.recipe.number}")
-        yield from judge_samples(group, rulebook, retriever, rng)
+        split, dropped = job.recipe.split, group.dropped
+        yield from judge_samples(group, rulebook, retriever, rng, split, dropped)
         yield from outcome_samples(group, rulebook, retriever, rng)
 
 
