@@ -19,7 +19,7 @@ fourteen fifteen sixteen zero alpha bravo charlie delta echo tango low down up f
 _KEPT = frozenset(_MEANT.split())
 """Words on which the meaning turns; they are spelt as they should be."""
 _SHORT: Mapping[str, str] = {
-    "you": "u", "your": "ur", "are": "r", "please": "pls", "thanks": "thx", "and": "n", "the": "da",
+    "you": "u", "your": "ur", "are": "r", "please": "pls", "thanks": "thx", "and": "n",
     "with": "w/", "because": "cuz", "right": "rite", "okay": "k", "want": "wanna", "see": "c",
     "people": "ppl", "before": "b4", "going": "goin", "about": "abt", "back": "bk", "check": "chk",
     "message": "msg", "vehicle": "veh", "battery": "batt", "position": "pos", "need": "nd",

@@ -2,6 +2,7 @@
 
 import hashlib
 import random
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,11 +24,18 @@ WORD_LISTS = "names.yaml"
 HELD_OUT = 0.15
 """The share of the templates of every key that training never sees."""
 
+_ASKS = re.compile(
+    r"\b(deal|handle|respon\w+|attend|see to|take care|look into|sort|check|do something|react|act"
+    r"|find out|clear up|please|needs?|want|should|must)\b"
+)
+"""What makes of the words that something is there an order to do something about it."""
+
 
 @dataclass(frozen=True)
 class Entry:
-    """A template of one key, with the styles that it suits and the side it is on."""
+    """A template of `key`, with the styles that it suits and the side it is on."""
 
+    key: str
     template: Template
     styles: tuple[Style, ...]
     split: Split
@@ -35,7 +43,9 @@ class Entry:
     @property
     def embeds(self) -> bool:
         """Whether it can stand within a longer sentence: one clause that does not end by itself."""
-        return not any(mark in self.template.source for mark in ("?", "!", ". ", ": ", "; "))
+        source = self.template.source
+        ends = any(mark in source for mark in ("?", "!", ". ", ": ", "; "))
+        return not ends and (not self.key.startswith("respond.") or bool(_ASKS.search(source)))
 
 
 class PhraseBank:
@@ -129,7 +139,9 @@ def read_bank(texts: Mapping[str, str]) -> PhraseBank:
     return PhraseBank(
         {
             key: [
-                Entry(Template(source), tuple(s for s in STYLES if s in its), _split(key, source))
+                Entry(
+                    key, Template(source), tuple(s for s in STYLES if s in its), _split(key, source)
+                )
                 for source, its in sources.items()
             ]
             for key, sources in styles.items()

@@ -17,6 +17,8 @@ from pa_console.training.phrasing_who import who_words
 
 _STYLE_WEIGHTS = (4, 2.5, 2, 1.5)
 _TRIES = 20
+_STOPS = (".", ".", ".", ";", ",")
+"""What stands before a sentence that goes on about who may move."""
 _RUNS_ON = 0.75
 """How often several asks are one sentence."""
 
@@ -40,7 +42,8 @@ def phrase(
     for _ in range(_TRIES):
         style = rng.choices(STYLES, _STYLE_WEIGHTS)[0]
         voice = Voice(world, picture, phrase_bank(), rng, style, split)
-        text, noise = noisy(voice, _composed(voice, order))
+        several = len(order.asks) > 1 or order.condition is not None or order.injected
+        text, noise = noisy(voice, _composed(voice, order), marked=several)
         if len(text) <= MAX_MISSION_TEXT:
             return Phrasing(text=text, style=style, noise=noise)
     raise ValueError(f"no wording of at most {MAX_MISSION_TEXT} characters was found: {order}")
@@ -60,12 +63,13 @@ def _composed(voice: Voice, order: Order) -> str:
     rng.shuffle(extras)
     text = sentence(text, voice.style, rng)
     for extra in extras:
-        stop = "" if text.endswith((".", "?", "!", '"', "'")) else rng.choice((".", ";", ","))
+        ended = text.endswith((".", "?", "!", '"', "'"))
+        stop = "" if ended else "." if order.condition else rng.choice(_STOPS)
         follows = capital(extra) if stop in ("", ".") else extra
         text = f"{text}{stop} {follows}{'.' if text.endswith('.') and stop == '' else ''}"
     if order.injected:
         return _injected(voice, text)
-    return greeted(voice, text, plain=False)
+    return greeted(voice, text)
 
 
 def _same_kind(voice: Voice, ask: Ask) -> str:

@@ -40,11 +40,9 @@ def capital(text: str) -> str:
     return text if not first.isalpha() or not first.islower() else text[:1].upper() + text[1:]
 
 
-def greeted(voice: Voice, text: str, plain: bool) -> str:
-    """Return `text` with what the style puts around an order; `plain` leaves it without."""
+def greeted(voice: Voice, text: str) -> str:
+    """Return `text` with what its style puts around an order, more often than not nothing."""
     rng, style = voice.rng, voice.style
-    if plain:
-        return text
     if rng.random() < _OPENED[style]:
         text = _opened(voice.say(f"opener.{style}", {}), text)
     if rng.random() < _CLOSED[style]:
@@ -52,8 +50,11 @@ def greeted(voice: Voice, text: str, plain: bool) -> str:
     return text
 
 
-def noisy(voice: Voice, text: str) -> Finished:
-    """Return `text` with slips, another case or fewer marks, and which of these it has."""
+def noisy(voice: Voice, text: str, marked: bool) -> Finished:
+    """Return `text` with slips, another case or fewer marks, and which of these it has.
+
+    What is `marked` keeps its commas and stops: they tell its parts from each other.
+    """
     rng = voice.rng
     noise: list[str] = []
     drawn = rng.random()
@@ -70,7 +71,7 @@ def noisy(voice: Voice, text: str) -> Finished:
     elif drawn > (0.95 if voice.style == "radio" else 0.98):
         text = text.upper()
         noise.append("upper")
-    if rng.random() < (0.4 if "misspelt" in noise else 0.05):
+    if rng.random() < (0.4 if "misspelt" in noise else 0.05) and not marked:
         text = _without_marks(text)
         noise.append("no marks")
     return Finished(" ".join(text.split()), tuple(noise))

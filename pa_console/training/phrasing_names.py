@@ -18,6 +18,8 @@ Quebec Romeo Sierra Tango Uniform Victor Whiskey Xray Yankee Zulu
 NUMBERS = tuple(_COUNTED.split())
 _DIGITS = tuple(word.title() for word in NUMBERS[:10])
 _NATO = {word[0].lower(): word for word in _SPELT.split()}
+_RARE = 1e-3
+"""The weight that every form has at least."""
 _GENERIC: Mapping[AssetKind, tuple[str, ...]] = {
     "uav": ("drone", "uav"),
     "ugv": ("ugv", "vehicle"),
@@ -53,6 +55,9 @@ class Names:
         for name, forms in self._forms.items():
             for form in forms:
                 self._owners.setdefault(key_of(form.text), set()).add(name)
+        for name in self._forms:
+            exact = {other for other in self._owners[key_of(name)] if key_of(other) == key_of(name)}
+            self._owners[key_of(name)] = exact
 
     def owners(self, text: str) -> frozenset[str]:
         """Return the names that `text` may mean."""
@@ -75,7 +80,7 @@ class Names:
     def say(self, name: str, style: int, rng: random.Random) -> str:
         """Return one form of `name`; `style` is the column of the weights."""
         forms = self.forms(name)
-        return rng.choices(forms, [form.weights[style] for form in forms])[0].text
+        return rng.choices(forms, [form.weights[style] + _RARE for form in forms])[0].text
 
     def prefix(self, kind: AssetKind) -> str:
         """Return the team's word for `kind`, lower case, if all of it and nothing else has it."""

@@ -150,12 +150,19 @@ def with_article(text: str) -> str:
 
 
 def _agreeing(text: str, subject: str) -> str:
-    """Return `text` with the verb right after `subject` in its number."""
+    """Return `text` with the verbs beside `subject` in its number."""
     if not subject or subject not in text:
         return text
-    verbs = _PLURAL_VERBS if is_plural(subject) else _SINGULAR_VERBS
+    several = is_plural(subject)
+    verbs = _PLURAL_VERBS if several else _SINGULAR_VERBS
+    said = re.escape(subject)
 
     def chosen(match: re.Match[str]) -> str:
         return f"{subject} {verbs.get(match[1], match[1])}"
 
-    return re.sub(re.escape(subject) + r" ([a-z']+)", chosen, text)
+    text = re.sub(rf"(?<!of ){said} ([a-z']+)", chosen, text)
+    if several:
+        text = re.sub(rf"\b(how|where|what|why) is {said}", rf"\1 are {subject}", text)
+        text = re.sub(r"\b(where|while|as|until|what) it is\b", r"\1 they are", text)
+        text = re.sub(r"\bwhere it stands\b", "where they stand", text)
+    return text
