@@ -31,8 +31,10 @@ from pa_console.training.verify import Verified, verify
 
 SWAYED = 0.12
 """How often the words of a mission carry text that speaks to the judge."""
-UNSAFE = 0.2
+UNSAFE = 0.15
 """How often a wrong plan is one that the safeguards are likely to block."""
+BRIEF_S = 10.0
+"""So long the run of a plan that should be wrong is watched at least, simulated seconds."""
 TRIES = 3
 """Plans that are carried out for each one wanted, at most."""
 
@@ -156,7 +158,16 @@ def _wrong_pool(proven: Proven, group: Group, rng: random.Random) -> list[Varian
 def _verified(
     proven: Proven, situation: Situation, variant: Variant, rulebook: Rulebook
 ) -> Verified:
-    """Carry a plan out, unless that was done for these very words."""
+    """Carry a plan out, unless that was done for these very words.
+
+    What is wrong soon after the plan has ended stays wrong, so only right runs are watched in full.
+    """
+    case, follow = proven.case, proven.target.follow
     if variant.plan == proven.plan and proven.verified.checked.examination.plan == proven.plan:
         return proven.verified
-    return verify(proven.case, situation, variant.plan, rulebook, follow=proven.target.follow)
+    if variant.hope != "right":
+        brief = case.model_copy(update={"watch_s": min(BRIEF_S, case.watch_s)})
+        verified = verify(brief, situation, variant.plan, rulebook, follow=follow)
+        if not verified.score.strict or verified.checked.examination.blocked:
+            return verified
+    return verify(case, situation, variant.plan, rulebook, follow=follow)

@@ -99,6 +99,7 @@ def _fits(proven: Proven, situation: Situation, plan: Plan, found: Difference) -
         and (free or (one.target or situation.world.base) not in places)
         for one, _ in found.others
     )
+    replaced = replaced and not (found.others and any(ask.task == "mass" for ask in asks))
     if found.missing or found.extra or found.places or found.steps or not replaced:
         return ""
     return f"the rest is refused{rules}, it fits" if proven.target.expect == "trim" else "it fits"
@@ -128,29 +129,58 @@ def _blocked(findings: list[Finding], rehearsal: Rehearsal | None, situation: Si
 
 def _wrong(proven: Proven, situation: Situation, plan: Plan, found: Difference) -> str:
     """Return why a legal plan is wrong, '' when it looks right."""
-    world, rules = situation.world, ", ".join(proven.target.rule_ids)
+    rules = ", ".join(proven.target.rule_ids)
     if found.size == 0:
         return ""
     if not _moves(proven.plan) and _moves(plan):
         return f"must be refused ({rules})" if rules else "nothing is to move"
     if _moves(proven.plan) and not _moves(plan):
         return "it must be done"
-    by_name = bool(named_in(proven.order))
-    if found.places:
-        one, other = found.places[0]
-        gates = {one.target, other.target} <= set(world.gates)
-        return "another gate" if gates else "another place"
-    if found.others:
-        one, other = found.others[0]
-        same = world.assets[one.agent].kind == world.assets[other.agent].kind
-        named = one.agent in named_in(proven.order)
-        return "another asset" if same or named else "another kind of asset"
-    if found.steps:
-        one, other = found.steps[0]
-        return f"{_verb(other)} instead of {_verb(one)}"
-    if found.missing:
-        return f"{planned(found.missing[:1], world, by_name=by_name)} missing"
-    return f"{planned(found.extra[:1], world, by_name=by_name)} not asked for"
+    if _other_case(proven, situation, plan):
+        return "the other case"
+    return _told_apart(proven, situation, found)
+
+
+def _other_case(proven: Proven, situation: Situation, plan: Plan) -> bool:
+    """Whether a plan does what the order asks for when its condition is otherwise."""
+    order = proven.order
+    if order.condition is None:
+        return False
+    due = due_asks(order, situation.picture)
+    other = order.otherwise if due == order.asks else order.asks
+    wanted = {(ask.task, ask.place, ask.who.names) for ask in other}
+    if not other or any(ask.wrong for ask in other):
+        return False
+    places = {place for _, place, _ in wanted} - {ask.place for ask in due} - {""}
+    names = {name for _, _, names in wanted for name in names}
+    there = {action.target for action in plan.actions}
+    return bool(places) and places <= there and names <= set(plan.agents)
+
+
+def _told_apart(proven: Proven, situation: Situation, found: Difference) -> str:
+    """Return in words how a plan differs from the right one: the one thing, or what is missing."""
+    world, named = situation.world, named_in(proven.order)
+    kinds = [found.missing, found.extra, found.places, found.others, found.steps]
+    if sum(bool(kind) for kind in kinds) == 1:
+        if found.places:
+            one, other = found.places[0]
+            gates = {one.target, other.target} <= set(world.gates)
+            return "another gate" if gates else "another place"
+        if found.others:
+            one, other = found.others[0]
+            same = world.assets[one.agent].kind == world.assets[other.agent].kind
+            return "another asset" if same or one.agent in named else "another kind of asset"
+        if found.steps:
+            one, other = found.steps[0]
+            return f"{_verb(other)} instead of {_verb(one)}"
+    pairs = (*found.others, *found.places, *found.steps)
+    lacking = [*found.missing, *(one for one, _ in pairs)]
+    asked_for = {ask.place for ask in due_asks(proven.order, situation.picture)}
+    lacking.sort(key=lambda each: each.agent not in named and each.target not in asked_for)
+    shown = lacking or found.extra
+    alike = [action for action in shown if action.command == shown[0].command]
+    words = planned(alike, world, by_name=bool(named))
+    return f"{words} missing" if lacking else f"{words} not asked for"
 
 
 def _moves(plan: Plan) -> bool:
@@ -158,4 +188,4 @@ def _moves(plan: Plan) -> bool:
 
 
 def _verb(action: Action) -> str:
-    return action.verb.replace("_", " ")
+    return {"move_to": "go", "return_to_base": "home"}.get(action.verb, action.verb)
