@@ -26,22 +26,23 @@ def console_missions(
 ) -> list[ConsoleMission]:
     """Return the missions that `picture` would make the console begin by itself.
 
-    Words come from the alarms and the rule file's workflows, by default the installed rules.
+    Words come from the alarms and the rule file's workflows, by default the installed rules. A gate
+    without cover has two alarms: of a console that has seen its guard fail, and of one that has not.
     """
-    guards = {gate: _guards(picture, gate) for gate in picture.gates}
-    found = [
-        (cause.command, order, ())
-        for cause in causes(picture, world, guards)
-        if cause.command and (order := _answer(cause, guards)) is not None
-    ]
-    return [*found, *_phases(world, picture, rulebook or _installed())]
+    seen = {gate: cover.by for gate, cover in picture.gates.items() if cover.covered}
+    known = {gate: seen.get(gate) or _lost(picture, gate) for gate in picture.gates}
+    found: dict[str, ConsoleMission] = {}
+    for guards in (known, seen):
+        for cause in causes(picture, world, guards):
+            order = _answer(cause, guards) if cause.command else None
+            if order is not None:
+                found.setdefault(cause.command, (cause.command, order, ()))
+    return [*found.values(), *_phases(world, picture, rulebook or _installed())]
 
 
-def _guards(picture: Picture, gate: str) -> tuple[str, ...]:
-    """Return who covers the gate, or of whom that was last known."""
-    cover = picture.gates[gate]
-    lost = (a.id for a in picture.assets.values() if a.post == gate and not a.available)
-    return cover.by if cover.covered else tuple(lost)
+def _lost(picture: Picture, gate: str) -> tuple[str, ...]:
+    """Return who has covered the gate and cannot be counted on any more."""
+    return tuple(a.id for a in picture.assets.values() if a.post == gate and not a.available)
 
 
 def _answer(cause: Cause, guards: dict[str, tuple[str, ...]]) -> Order | None:

@@ -19,7 +19,10 @@ TASKS: dict[Task, float] = {
 SHARE_FORBIDDEN, SHARE_IMPOSSIBLE = 0.12, 0.10
 SHARE_CONDITIONAL, SHARE_COMPOUND = 0.12, 0.15
 SHARE_STAY, SHARE_INJECTED, SHARE_HARMLESS = 0.10, 0.06, 0.06
+"""Shares of all orders; `others_stay` only comes on top of those that are plain and move."""
 _HARMLESS: tuple[Task, ...] = ("go", "look", "identify", "hold", "home", "report")
+_REST = 1.0 - SHARE_FORBIDDEN - SHARE_IMPOSSIBLE - SHARE_HARMLESS
+"""Of all orders, those that are neither wrong nor sound so."""
 _TRIES = 60
 TrackKind = Literal["vehicle", "person", ""]
 
@@ -53,17 +56,17 @@ def _draw(view: View) -> tuple[Order, str] | None:
             asks = (other, ask) if view.chance(0.5) else (ask, other)
             kind = f"partly/{wrong}"
         return _dressed(view, Order(asks=asks), kind, wrong=True)
-    harmless = view.chance(SHARE_HARMLESS)
+    harmless = view.chance(SHARE_HARMLESS / (_REST + SHARE_HARMLESS))
     first = draw_ask(view.rng.choice(_HARMLESS), view) if harmless else _plain(view)
     if first is None or (harmless and _unsaid(first)):
         return None
     kind = f"{first.task}/{_how(first)}"
     asks = (first,)
-    if not harmless and view.chance(SHARE_COMPOUND):
+    if not harmless and view.chance(SHARE_COMPOUND / _REST):
         asks = _compound(view, first)
         kind = f"compound/{len(asks)}" if len(asks) > 1 else kind
     order = Order(asks=asks, harmless=harmless)
-    if not harmless and view.chance(SHARE_CONDITIONAL):
+    if not harmless and view.chance(SHARE_CONDITIONAL / _REST):
         conditional = _conditional(view, asks)
         if conditional is not None:
             order, so = conditional
@@ -75,7 +78,7 @@ def _dressed(view: View, order: Order, kind: str, *, wrong: bool) -> tuple[Order
     """Return `order` with what may come on top of any order."""
     update: dict[str, bool] = {}
     calm = all(ask.task in ("hold", "report") for ask in order.asks)
-    if not wrong and not calm and order.condition is None and view.chance(SHARE_STAY):
+    if not wrong and not calm and order.condition is None and view.chance(SHARE_STAY / 0.6):
         update["others_stay"] = True
     if not order.harmless and view.chance(SHARE_INJECTED):
         update["injected"] = True
@@ -83,16 +86,34 @@ def _dressed(view: View, order: Order, kind: str, *, wrong: bool) -> tuple[Order
 
 
 def _plain(view: View) -> Ask | None:
-    return draw_ask(view.weighted({task: float(weight) for task, weight in TASKS.items()}), view)
+    weights: dict[Task, float] = {
+        task: weight * _urgency(task, view) for task, weight in TASKS.items()
+    }
+    return draw_ask(view.weighted(weights), view)
+
+
+def _urgency(task: Task, view: View) -> float:
+    """Return how much more likely the task is asked for as things are."""
+    if task in ("respond", "identify", "warn", "block") and view.tracks:
+        return 2.2
+    if task == "cover" and (view.digest.uncovered or view.down):
+        return 2.5
+    return 2.0 if task in ("relieve", "home") and view.low else 1.0
 
 
 def _compound(view: View, first: Ask) -> tuple[Ask, ...]:
     """Return the ask with one or two others about somebody and somewhere else."""
     asks = [first]
-    for _ in range(2 if view.chance(0.25) else 1):
+    wanted = 3 if view.chance(0.25) else 2
+    for _ in range(8):
+        before = set(view.named)
         other = _plain(view)
         if other is not None and all(_apart(ask, other) for ask in asks):
             asks.append(other)
+        else:
+            view.named = before
+        if len(asks) == wanted:
+            break
     return tuple(asks)
 
 
@@ -142,9 +163,9 @@ def _condition(view: View, ask: Ask) -> Condition | None:
     )
     if fact in ("track_at", "no_track_at"):
         kinds: list[TrackKind] = ["vehicle", "vehicle", "person", ""]
-        drawn = view.rng.choice(kinds)
-        seen: TrackKind = next((t.kind for t in view.tracks if t.gate == gate), "")
-        return Condition(fact=fact, subject=gate, track=seen or drawn)
+        seen: list[TrackKind] = [track.kind for track in view.tracks if track.gate == gate]
+        drawn = view.rng.choice(seen or kinds)
+        return Condition(fact=fact, subject=gate, track=drawn)
     if fact in ("uncovered", "covered"):
         return Condition(fact=fact, subject=gate)
     return Condition(fact=fact, subject=asset)

@@ -112,10 +112,12 @@ def _target(
             needs = culprits
         for solution in found:
             first = first or solution
-            if [d.done for d in solution.drafts] == [d.done for d in first.drafts]:
+            if _meaning(solution) == _meaning(first):
                 alike.append(solution)
                 needs = needs or culprits
     if first is None:
+        if not needs.keys() - barred.keys():
+            needs = dict.fromkeys(range(len(asks)), ("not together", "CAP-10"))
         return _target(order, asks, roster, {**barred, **needs})
     plans = [_plan(order, solution, roster) for solution in alike]
     plans = list(dict.fromkeys(plans))[:MOST_PLANS]
@@ -134,6 +136,11 @@ def _target(
         follow=follow,
         otherwise=otherwise,
     )
+
+
+def _meaning(solution: _Solution) -> list[tuple[Ask, bool]]:
+    """Return what a solution serves of an order: equal for those that have the same aim."""
+    return [(draft.ask, draft.done) for draft in solution.drafts]
 
 
 def _served(
@@ -173,19 +180,29 @@ def _culprits(
     """
     found: dict[int, tuple[str, str]] = {}
     bare, unseen = set(bare_gates(drafts, roster)), set(unseen_places(drafts, roster))
-    covers = {n: g for g, cover in roster.picture.gates.items() for n in cover.by}
+    left = _left(goals([c for draft in drafts for c in draft.commands], roster.world), roster)
     for number, draft in enumerate(drafts):
         if alone and not (order.others_stay or draft.ask.strict_who):
             continue
         ends = goals(draft.commands, roster.world)
-        left = [n for n, at in ends.items() if covers.get(n, at) != at]
-        gates = [covers[n] for n in left]
-        if any(gate in bare for gate in gates) or (gates and not alone):
-            name = next((n for n in left if covers[n] in bare), left[0])
-            found[number] = f"{name} alone at {covers[name]}", "WF-03"
+        own = [(gate, name) for gate in left for name in left[gate] if ends.get(name, gate) != gate]
+        own = [(gate, name) for gate, name in own if gate in bare or not alone]
+        if own:
+            gate, name = own[0]
+            state = "alone" if len(left[gate]) == 1 else "needed"
+            found[number] = f"{name} {state} at {gate}", "WF-03"
         elif unseen & {*ends.values()}:
             found[number] = "no drone looks first", "WF-02"
     return found
+
+
+def _left(ends: Mapping[str, str], roster: Roster) -> dict[str, tuple[str, ...]]:
+    """Return the gates of which every guard is sent elsewhere, each with its guards."""
+    return {
+        gate: cover.by
+        for gate, cover in roster.picture.gates.items()
+        if cover.covered and all(ends.get(name, gate) != gate for name in cover.by)
+    }
 
 
 def _expected(drafts: Sequence[Draft]) -> Expectation:
@@ -205,7 +222,7 @@ def _plan(order: Order, solution: _Solution, roster: Roster) -> Plan:
         why += [f"{w} ({draft.rule})" if draft.rule and "(" not in w else w for w in said]
     if not commands:
         commands = _holder([draft.ask for draft in solution.drafts], roster)
-        why.append("hold")
+        why += ["hold"] if any(d.ask.task != "hold" for d in solution.drafts) else []
     return Plan(
         reason=_reason(order, why, roster),
         actions=tuple(Action(agent=agent, command=command) for agent, command in commands),
@@ -215,7 +232,7 @@ def _plan(order: Order, solution: _Solution, roster: Roster) -> Plan:
 def _reason(order: Order, why: Sequence[str], roster: Roster) -> str:
     """Return the canonical reason, no longer than a grammar lets it be."""
     words = f"asked: {asked(order, roster.world, roster.picture)}"
-    parts = list(dict.fromkeys(why)) or ["nothing is to be done"]
+    parts = list(dict.fromkeys(why)) or ["nothing to do"]
     while len(parts) > 1 and len(words) + 2 + len(", ".join(parts)) > REASON_CHARS:
         parts.pop(-2 if parts[-1] == "hold" else -1)
     text = f"{words}; {', '.join(parts)}"

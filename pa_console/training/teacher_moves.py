@@ -21,14 +21,14 @@ def go(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
         able, why = named(ask, desk, roster)
         commands = tuple(going(name, ask.place, world) for name in able)
         low = tuple(f"{name} has a low battery" for name in able if roster.low(name))
-        part = bool(why)
         said = (*why, *low) or (_is_free(able),)
-        return [Draft(only(ask, able), commands, said, undone=part)]
+        whole = Draft(only(ask, able), commands, said, undone=bool(why))
+        return [whole, *fewer(whole, roster)]
     return [
         Draft(
             so_many(ask, team),
             tuple(going(name, ask.place, world) for name in team),
-            (_is_free(team),),
+            (_is_free(team, short=short),),
             undone=short,
             rule="CAP-10" if short else "",
         )
@@ -51,7 +51,7 @@ def look(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
         Draft(
             so_many(ask, team),
             tuple(watching(name, ask.place, world) for name in team),
-            (f"{team[0]} is there" if team[0] in here else _is_free(team),),
+            (f"{team[0]} is there" if team[0] in here else _is_free(team, short=short),),
             undone=short,
             rule="CAP-10" if short else "",
         )
@@ -117,7 +117,8 @@ def home(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
         low = [f"{name} has a low battery" for name in able if roster.low(name)]
         commands = tuple((name, "return_to_base") for name in able)
         said = (*why, *low) or (_is_free(able),)
-        return [Draft(only(ask, able), commands, said, undone=bool(why))]
+        whole = Draft(only(ask, able), commands, said, undone=bool(why))
+        return [whole, *fewer(whole, roster)]
     low = [
         name
         for name in roster.digest.low_battery
@@ -136,7 +137,7 @@ def home(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
         Draft(
             so_many(ask, team),
             tuple((name, "return_to_base") for name in team),
-            (_is_free(team),),
+            (_is_free(team, short=short),),
             undone=short,
             rule="CAP-10" if short else "",
         )
@@ -218,6 +219,20 @@ def only(ask: Ask, names: Sequence[str]) -> Ask:
     return ask.model_copy(update={"who": ask.who.model_copy(update={"names": tuple(names)})})
 
 
+def fewer(draft: Draft, roster: Roster) -> list[Draft]:
+    """Return `draft` without one of several that a gate depends on, each in turn (WF-03)."""
+    return [
+        Draft(
+            only(draft.ask, [name for name in draft.agents if name != stays]),
+            tuple(command for command in draft.commands if command[0] != stays),
+            (*draft.why, f"{stays} alone at {gate} (WF-03) stays"),
+            undone=True,
+        )
+        for stays in draft.agents
+        if len(draft.agents) > 1 and not draft.ask.strict_who and (gate := roster.alone_at(stays))
+    ]
+
+
 def so_many(ask: Ask, team: Sequence[str]) -> Ask:
     """Return `ask` for as many assets as there are in `team`."""
     return ask.model_copy(update={"who": ask.who.model_copy(update={"count": len(team)})})
@@ -253,5 +268,5 @@ def _kinds(ask: Ask) -> tuple[AssetKind, ...]:
     return KINDS if ask.who.kind is None else (ask.who.kind,)
 
 
-def _is_free(names: Sequence[str]) -> str:
-    return f"free: {listed(names)}"
+def _is_free(names: Sequence[str], *, short: bool = False) -> str:
+    return f"only {listed(names)} free" if short else f"free: {listed(names)}"

@@ -33,7 +33,7 @@ def hold(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
         able, why = named(ask, desk, roster)
         return [_each(ask, able, "hold", why)]
     if ask.who.kind is None and ask.who.count != "all":
-        return [Draft(ask, why=("nothing is to be done",))]
+        return [Draft(ask, why=("nothing to do",))]
     pool = [
         name
         for name in roster.every()

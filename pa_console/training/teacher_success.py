@@ -100,7 +100,7 @@ def _ask(ask: Ask, world: World) -> Iterator[str]:
             yield from (f"'{name}' in run.reports" for name in ask.who.names)
             yield from _reporters(ask)
         case "hold":
-            yield from NOTHING
+            yield from (f"!('{name}' in run.moved)" for name in ask.who.names)
 
 
 def _there(ask: Ask, world: World, verb: Verb | None = None) -> Iterator[str]:

@@ -1,0 +1,97 @@
+"""Drawn orders fit their situation, are what they are called, and come in every kind."""
+
+import random
+from collections import Counter
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pa_console.training.asked import asked
+from pa_console.training.conditions import due_asks, holds
+from pa_console.training.order import Ask, Condition, Order, Who
+from pa_console.training.order_sampler import TASKS, sample_order
+from pa_console.training.situations import Situation, random_situation, settled
+from pa_console.training.worlds import random_world, shipped_world
+
+QUIET = settled(shipped_world())
+
+
+def drawn(seed: int, count: int) -> tuple[Situation, list[tuple[Order, str]]]:
+    rng = random.Random(seed)
+    situation = random_situation(rng, random_world(rng))
+    world, picture, digest = situation.world, situation.picture, situation.digest
+    return situation, [sample_order(rng, world, picture, digest) for _ in range(count)]
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 10**6))
+def test_an_order_speaks_of_what_is_there_unless_it_is_wrong_on_purpose(seed: int) -> None:
+    situation, orders = drawn(seed, 20)
+    world = situation.world
+    for order, kind in orders:
+        assert kind.count("/") == 1
+        for ask in (*order.asks, *order.otherwise):
+            named = [*ask.who.names, *([ask.leaving] if ask.leaving else [])]
+            assert all(name in world.assets for name in named) or ask.wrong == "unknown_asset"
+            known = ask.place in world.frames or not ask.place
+            assert known or (ask.wrong == "zone" and ask.place in world.zones)
+            down = (
+                [n for n in ask.who.names if not situation.picture.assets[n].available]
+                if (ask.wrong != "unknown_asset")
+                else []
+            )
+            assert not down or ask.wrong is not None
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.integers(0, 10**6))
+def test_equal_seeds_draw_equal_orders(seed: int) -> None:
+    assert drawn(seed, 5)[1] == drawn(seed, 5)[1]
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 10**6))
+def test_a_condition_is_as_its_kind_says(seed: int) -> None:
+    situation, orders = drawn(seed, 30)
+    for order, kind in orders:
+        assert (order.condition is not None) == kind.startswith("if-")
+        if order.condition is not None:
+            so = holds(order.condition, situation.picture)
+            assert so == kind.startswith("if-so/")
+            assert due_asks(order, situation.picture) == (order.asks if so else order.otherwise)
+
+
+def test_every_task_and_every_kind_of_order_is_drawn() -> None:
+    kinds: Counter[str] = Counter()
+    tasks: set[str] = set()
+    for seed in range(30):
+        for order, kind in drawn(seed, 40)[1]:
+            kinds[kind.partition("/")[0]] += 1
+            kinds["injected"] += order.injected
+            kinds["others_stay"] += order.others_stay
+            tasks |= {ask.task for ask in order.asks if ask.wrong is None}
+    assert tasks == set(TASKS)
+    for kind, least in (("wrong", 100), ("partly", 15), ("compound", 60), ("harmless", 25)):
+        assert kinds[kind] > least
+    assert min(kinds["if-so"], kinds["if-not"], kinds["injected"], kinds["others_stay"]) > 25
+
+
+def test_what_is_asked_is_said_in_canonical_words() -> None:
+    def said(*asks: Ask, **order: object) -> str:
+        made = Order.model_validate({"asks": asks, **order})
+        return asked(made, QUIET.world, QUIET.picture)
+
+    look = Ask(task="look", place="WestGate")
+    home = Ask(task="home", who=Who(names=("Robot_T01",)))
+    assert said(look, home) == "look at WestGate; Robot_T01 home"
+    assert said(home, others_stay=True) == "Robot_T01 home; others stay"
+    assert said(Ask(task="go", who=Who(kind="ugv", count=2), place="NorthGate")) == (
+        "2 vehicles to NorthGate"
+    )
+    assert said(Ask(task="go", who=Who(kind="uav"), place="Atlantis", wrong="unknown_place")) == (
+        "1 drone to unknown place"
+    )
+    some = Condition(fact="track_at", subject="EastGate", track="vehicle")
+    assert said(look, condition=some) == (
+        "if vehicle at EastGate: look at WestGate, else: nothing; now: not so"
+    )
