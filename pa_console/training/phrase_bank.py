@@ -40,7 +40,7 @@ class Entry:
     styles: tuple[Style, ...]
     split: Split
 
-    @property
+    @cached_property
     def embeds(self) -> bool:
         """Whether it can stand within a longer sentence: one clause that does not end by itself."""
         source = self.template.source

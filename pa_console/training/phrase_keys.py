@@ -92,6 +92,7 @@ noun.ugv.plural =
 noun.robot.plural =
 noun.any.plural =
 noun.vehicle =
+noun.track =
 noun.person =
 wrong.force = place track? who?
 wrong.skip_identification.warn = place track? who?

@@ -51,7 +51,7 @@ def condition_words(voice: Voice, condition: Condition) -> str:
     slots = {"place" if condition.subject in voice.world.frames else "asset": condition.subject}
     said = {slot: voice.name(name) for slot, name in slots.items()}
     if condition.fact in ("track_at", "no_track_at"):
-        said["track"] = voice.say(f"noun.{condition.track or 'vehicle'}", {})
+        said["track"] = voice.say(f"noun.{condition.track or 'track'}", {})
     return voice.say(key, said)
 
 
@@ -60,7 +60,7 @@ def _key(voice: Voice, ask: Ask) -> str:
     if ask.task in ("swap", "stand_down"):
         return ask.task
     if ask.task == "respond":
-        return f"respond.{_track_kind(voice, ask)}"
+        return f"respond.{_track_kind(voice, ask) or 'vehicle'}"
     if ask.task == "home" and len(ask.who.names) == 1 and _is_low(voice, ask.who.names[0]):
         return "home.low" if voice.rng.random() < 0.6 else "home.named"
     if not _is_said(ask.who):
@@ -135,7 +135,7 @@ def _slots(voice: Voice, ask: Ask) -> dict[str, str]:
     if ask.task in ("look", "identify", "warn", "block", "respond") or ask.wrong:
         kind = _track_kind(voice, ask)
         if ask.track or ask.task == "respond" or ask.wrong or not _is_said(ask.who):
-            slots["track"] = voice.say(f"noun.{kind}", {}) + _track_id(voice, ask)
+            slots["track"] = voice.say(f"noun.{kind or 'track'}", {}) + _track_id(voice, ask)
     if ask.task == "home":
         slots["base"] = _base(voice)
     if ask.wrong == "zone":
@@ -162,10 +162,9 @@ def _missing_gate(voice: Voice) -> str:
 
 
 def _track_kind(voice: Voice, ask: Ask) -> str:
-    """Return whether `ask` is about a vehicle or a person, if need be from the picture."""
+    """Return whether `ask` is about a vehicle or a person, if need be from the picture, or ''."""
     tracks = voice.picture.tracks.values()
-    seen = next((track.kind for track in tracks if track.gate == ask.place), "vehicle")
-    return ask.track or seen
+    return ask.track or next((track.kind for track in tracks if track.gate == ask.place), "")
 
 
 def _track_id(voice: Voice, ask: Ask) -> str:

@@ -97,7 +97,8 @@ def _closed(text: str, closer: str) -> str:
 def _uncapital(text: str) -> str:
     """Return `text` without its capital, where its first word is no name."""
     first = text.split(" ", 1)[0]
-    return text[:1].lower() + text[1:] if first[1:].islower() and first.isalpha() else text
+    word = first == "A" or (first[1:].islower() and first.isalpha())
+    return text[:1].lower() + text[1:] if word else text
 
 
 def _confusable(voice: Voice) -> set[str]:

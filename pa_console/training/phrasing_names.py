@@ -3,6 +3,7 @@
 import random
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from functools import lru_cache
 from typing import NamedTuple
 
 from pa_console.schema.world import AssetKind, World
@@ -44,13 +45,13 @@ class Names:
         """Prepare `world`; `common` are words that do not mean a gate when they stand alone."""
         self._world = world
         self._common = common
-        self._forms: dict[str, list[Form]] = {}
+        self._forms: dict[str, tuple[Form, ...]] = {}
         for name, spec in world.assets.items():
-            self._forms[name] = list(_asset_forms(name, spec.kind))
+            self._forms[name] = asset_forms(name, spec.kind)
         for name, frame in world.frames.items():
-            self._forms[name] = list(_place_forms(name, frame.kind))
+            self._forms[name] = place_forms(name, frame.kind)
         for name in world.zones:
-            self._forms.setdefault(name, list(_place_forms(name, "zone")))
+            self._forms.setdefault(name, place_forms(name, "zone"))
         self._owners: dict[str, set[str]] = {}
         for name, forms in self._forms.items():
             for form in forms:
@@ -73,7 +74,7 @@ class Names:
         if forms is None:
             forms = self._guessed(name)
         if _is_gate(parts_of(name)):
-            forms = [form for form in forms if key_of(form.text) not in self._common]
+            forms = tuple(form for form in forms if key_of(form.text) not in self._common)
         own = [form for form in forms if self._owners.get(key_of(form.text), {name}) == {name}]
         return own or [Form(name, (1.0, 1.0, 1.0, 1.0))]
 
@@ -90,19 +91,20 @@ class Names:
         word = own.pop() if len(own) == 1 else ""
         return "" if word in other or self.owners(word) or self.owners(word + "s") else word
 
-    def _guessed(self, name: str) -> list[Form]:
+    def _guessed(self, name: str) -> tuple[Form, ...]:
         """Return the forms of a name that the world does not have."""
         if not _NAME.fullmatch(name):
-            return []
+            return ()
         prefix = _asset_parts(name)[0]
         for own, spec in self._world.assets.items():
             if _asset_parts(own)[0] == prefix:
-                return list(_asset_forms(name, spec.kind))
+                return asset_forms(name, spec.kind)
         if any(part.isdigit() for part in parts_of(name)):
-            return list(_asset_forms(name, None))
-        return list(_place_forms(name, "gate" if _is_gate(parts_of(name)) else "post"))
+            return asset_forms(name, None)
+        return place_forms(name, "gate" if _is_gate(parts_of(name)) else "post")
 
 
+@lru_cache(maxsize=65_536)
 def key_of(text: str) -> str:
     """Return `text` without the article, case and marks, so that equal keys sound the same."""
     words = "".join(c if c.isalnum() else " " for c in text.lower()).split()
@@ -127,8 +129,20 @@ def _asset_parts(name: str) -> tuple[str, str, str]:
     return word, letter, next((part for part in parts if part.isdigit()), "")
 
 
+@lru_cache(maxsize=4096)
+def asset_forms(name: str, kind: AssetKind | None) -> tuple[Form, ...]:
+    """Return the forms of an asset's name; they may belong to others as well."""
+    return tuple(_asset_forms(name, kind))
+
+
+@lru_cache(maxsize=4096)
+def place_forms(name: str, kind: str) -> tuple[Form, ...]:
+    """Return the forms of a frame's or a zone's name; they may belong to others as well."""
+    return tuple(_place_forms(name, kind))
+
+
 def _asset_forms(name: str, kind: AssetKind | None) -> Iterator[Form]:
-    """Yield the forms of an asset's name; they may belong to others as well."""
+    """Yield the forms of an asset's name."""
     word, letter, digits = _asset_parts(name)
     yield Form(name, (6, 4, 3, 2))
     yield Form(f"FRAME_{name}", (0.15, 0.1, 0.05, 0.05))
@@ -183,7 +197,7 @@ def _is_gate(parts: Iterable[str]) -> bool:
 
 
 def _place_forms(name: str, kind: str) -> Iterator[Form]:
-    """Yield the forms of a frame's or a zone's name; they may belong to others as well."""
+    """Yield the forms of a frame's or a zone's name."""
     parts = parts_of(name)
     words = " ".join(parts)
     low = words.lower()

@@ -160,7 +160,7 @@ def _agreeing(text: str, subject: str) -> str:
     def chosen(match: re.Match[str]) -> str:
         return f"{subject} {verbs.get(match[1], match[1])}"
 
-    text = re.sub(rf"(?<!of ){said} ([a-z']+)", chosen, text)
+    text = re.sub(rf"(?<!of )(?<!and )(?<!or ){said} ([a-z']+)", chosen, text)
     if several:
         text = re.sub(rf"\b(how|where|what|why) is {said}", rf"\1 are {subject}", text)
         text = re.sub(r"\b(where|while|as|until|what) it is\b", r"\1 they are", text)
