@@ -8,7 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from llguidance import LLMatcher, LLTokenizer
 
-from pa_console.llm.grammar import REASON_CHARS, judge_grammar, plan_grammar
+from pa_console.llm.grammar import (
+    REASON_CHARS,
+    compact_judge_grammar,
+    judge_grammar,
+    plan_grammar,
+)
 from pa_console.llm.judge import read_verdict
 from pa_console.schema.plan import COMMANDS, Plan, Verb
 from tests.llm.site import KINDS, WORLD, picture
@@ -167,3 +172,28 @@ def test_nobody_is_addressed_who_can_carry_out_none_of_the_verbs():
     nobody = plan_grammar(WORLD, picture(down=("Hawk_1", "Hawk_2")), verbs=("observe",))
     assert accepts(nobody, '{"reason": "no drone is up", "actions": []}')
     assert plan_grammar(WORLD, picture(), verbs=()) == plan_grammar(WORLD, picture())
+
+
+@given(
+    st.lists(st.sampled_from(["ROE-01", "WF-03", "CAP-10"]), unique=True),
+    st.sampled_from(["Success", "Failure"]),
+    st.text(PLAIN, min_size=1, max_size=240),
+)
+def test_every_short_verdict_is_writable_and_says_something_of_every_rule(
+    violated: list[str], overall: str, feedback: str
+):
+    answer = {"feedback": feedback, "violated": violated, "verdict": overall}
+    rules = ["ROE-01", "WF-03", "CAP-10"]
+    assert accepts(compact_judge_grammar(rules), json.dumps(answer))
+    verdict, error = read_verdict(json.dumps(answer), rules)
+    assert verdict is not None, error
+    opinions = {rule.rule_id: rule.opinion for rule in verdict.rules}
+    assert opinions == {r: "violates" if r in violated else "complies" for r in rules}
+    assert (verdict.verdict, verdict.feedback) == (overall, feedback)
+
+
+def test_a_short_verdict_names_no_rule_that_was_not_given():
+    answer = json.dumps({"feedback": "no", "violated": ["WF-03"], "verdict": "Failure"})
+    assert accepts(compact_judge_grammar(["WF-03"]), answer)
+    assert not accepts(compact_judge_grammar(["WF-04"]), answer)
+    assert not accepts(compact_judge_grammar([]), answer)

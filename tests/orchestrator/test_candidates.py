@@ -1,0 +1,42 @@
+"""When the first plan breaks a rule, others are looked at, and all of them are in the trace."""
+
+from pa_console.orchestrator.headless import standing_approver
+from tests.orchestrator.conftest import Rig
+from tests.scripted import ScriptedEngine, plan
+
+STRIPS = plan(("Drone_T01", "move_to EastGate"))
+STRIPS_TOO = plan(("Drone_T02", "move_to EastGate"))
+SOUND = plan(("Drone_T04", "move_to EastGate"))
+REPORT = plan(("Drone_T04", "report"))
+
+
+async def test_the_first_sound_one_of_several_is_put_to_the_operator(rig: Rig) -> None:
+    others = [STRIPS_TOO, SOUND, REPORT]
+    trace = await rig.run(ScriptedEngine([STRIPS], others=others))
+    assert trace.status == "verified"
+    assert rig.state.picture is not None
+    assert rig.state.picture.assets["Drone_T04"].at == "EastGate"
+    proposed = [e.data for e in rig.events if e.data.kind == "plan_proposed"]
+    assert [p.instead_of for p in proposed] == [None, 1, 1, 1]
+    checked = [e.data.attempt for e in rig.events if e.data.kind == "plan_checked"]
+    assert checked == [1, 2, 3]
+
+
+async def test_what_the_model_says_most_often_is_looked_at_first(rig: Rig) -> None:
+    others = [REPORT, SOUND, SOUND]
+    await rig.run(ScriptedEngine([STRIPS], others=others))
+    proposed = [e.data for e in rig.events if e.data.kind == "plan_proposed"]
+    assert [p.text for p in proposed] == [STRIPS, SOUND, REPORT]
+
+
+async def test_a_sound_first_plan_asks_for_no_others(rig: Rig) -> None:
+    await rig.run(ScriptedEngine([SOUND], others=[REPORT]), approver=standing_approver("auto"))
+    assert [e.data.text for e in rig.events if e.data.kind == "plan_proposed"] == [SOUND]
+
+
+async def test_when_none_is_sound_the_faults_go_back_to_the_planner(rig: Rig) -> None:
+    await rig.run(ScriptedEngine([STRIPS, SOUND], others=[STRIPS_TOO]))
+    kinds = [
+        e.data.kind for e in rig.events if e.data.kind in ("plan_proposed", "repair_requested")
+    ]
+    assert kinds == ["plan_proposed", "plan_proposed", "repair_requested", "plan_proposed"]
