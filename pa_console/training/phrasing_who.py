@@ -21,7 +21,7 @@ def who_words(voice: Voice, who: Who) -> str:
     kind, kinds = _nouns(voice, who.kind)
     slots = {"kind": kind, "kinds": kinds}
     if who.origin:
-        origin = voice.name(who.origin).removeprefix("the ")
+        origin = voice.name(who.origin).removeprefix("the ").removeprefix("FRAME_")
         if who.count == 1:
             return voice.say("who.kind.origin", {**slots, "origin": origin})
         number = "all" if who.count == "all" else _number(voice, who.count)
