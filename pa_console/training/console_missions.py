@@ -26,8 +26,9 @@ def console_missions(
 ) -> list[ConsoleMission]:
     """Return the missions that `picture` would make the console begin by itself.
 
-    Words come from the alarms and the rule file's workflows, by default the installed rules. A gate
-    without cover has two alarms: of a console that has seen its guard fail, and of one that has not.
+    Words come from the alarms and the rule file's workflows, by default the installed rules. A
+    gate without cover has two alarms: of a console that has seen its guard fail, and of one that
+    has not.
     """
     seen = {gate: cover.by for gate, cover in picture.gates.items() if cover.covered}
     known = {gate: seen.get(gate) or _lost(picture, gate) for gate in picture.gates}

@@ -11,6 +11,7 @@ from typing import NamedTuple
 from pydantic import Field
 
 from pa_console.llm.grammar import REASON_CHARS
+from pa_console.orchestrator.premises import ENCOUNTERS
 from pa_console.schema.base import Positive, StrictModel
 from pa_console.schema.mission_set import Expectation
 from pa_console.schema.plan import Action, Plan, Verb
@@ -122,7 +123,7 @@ def _target(
     plans = [_plan(order, solution, roster) for solution in alike]
     plans = list(dict.fromkeys(plans))[:MOST_PLANS]
     drafts = first.drafts
-    follow = any(draft.follow for draft in drafts)
+    follow = _goes_on(plans[0], roster)
     otherwise = None
     if needs and any(draft.done for draft in drafts):
         otherwise = _target(order, asks, roster, {**barred, **needs})
@@ -203,6 +204,15 @@ def _left(ends: Mapping[str, str], roster: Roster) -> dict[str, tuple[str, ...]]
         for gate, cover in roster.picture.gates.items()
         if cover.covered and all(ends.get(name, gate) != gate for name in cover.by)
     }
+
+
+def _goes_on(plan: Plan, roster: Roster) -> bool:
+    """Whether the plan deals with a track whose workflow the console then goes on with (WF-01)."""
+    gates = {action.target for action in plan.actions if action.verb in ENCOUNTERS}
+    return any(
+        track.gate in gates and track.identity != "authorized" and track.status != "leaving"
+        for track in roster.picture.tracks.values()
+    )
 
 
 def _expected(drafts: Sequence[Draft]) -> Expectation:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from pa_console.orchestrator.digest import KINDS
 from pa_console.training.order import Ask
-from pa_console.training.teacher_draft import Command, Desk, Draft, goals, watching
+from pa_console.training.teacher_draft import Command, Desk, Draft, goals, going
 from pa_console.training.teacher_moves import look
 from pa_console.training.teacher_roster import Roster
 
@@ -63,7 +63,7 @@ def relays(drafts: Sequence[Draft], roster: Roster, reserved: frozenset[str]) ->
             continue
         for drone in roster.free(("uav",), busy):
             if not roster.bare({**ends, drone: gate}):
-                order = watching(drone, gate, roster.world, clear=roster.clear(drone))
+                order = going(drone, gate, roster.world)
                 yield Filled((order,), (f"{drone} fills the gap at {gate} (WF-03)",))
 
 
@@ -99,7 +99,7 @@ def _takeovers(ends: Mapping[str, str], busy: frozenset[str], roster: Roster) ->
         after = {**ends, name: gate}
         if len(roster.bare(after)) >= len(bare):
             continue
-        order = watching(name, gate, roster.world, clear=roster.clear(name))
+        order = going(name, gate, roster.world)
         why = f"{leaver} alone at {gate} (WF-03), {name} takes over"
         for rest in _takeovers(after, busy | {name}, roster):
             yield Filled((order, *rest.commands), (why, *rest.why))

@@ -25,7 +25,6 @@ class Draft(NamedTuple):
     rule: str = ""
     done: bool = True
     undone: bool = False
-    follow: bool = False
 
     @property
     def agents(self) -> tuple[str, ...]:
@@ -53,16 +52,6 @@ def refusal(ask: Ask, why: str, rule: str) -> Draft:
 def going(agent: str, place: str, world: World) -> Command:
     """Return the command that brings `agent` to `place`."""
     return agent, "return_to_base" if place == world.base else f"move_to {place}"
-
-
-def watching(agent: str, place: str, world: World, *, clear: bool = True) -> Command:
-    """Return the command that lets `agent` keep watch at `place`: drones with a good link observe.
-
-    Keeping watch is a critical task, so an asset with a poor link only goes there (CAP-05).
-    """
-    if world.assets[agent].kind == "uav" and clear:
-        return agent, f"observe {place}"
-    return going(agent, place, world)
 
 
 def goals(commands: Sequence[Command], world: World) -> Mapping[str, str]:

@@ -92,21 +92,21 @@ def _do(ask: Ask, step: Step, track: Track | None, desk: Desk, roster: Roster) -
         return _idle(ask, f"{track.id} is {state}")
     if step == "observe":
         return _watch(ask, track, desk, roster)
+    if step == "warn" and roster.strangers(ask.place):
+        step, track = "identify", roster.strangers(ask.place)[0]
     workers = _workers(ask, step, desk, roster)
     if not workers:
         kind = ask.model_copy(update={"who": Who(kind=_WORKER[step])})
-        rule = "CAP-10"
         if ask.task == "respond" and step in ("identify", "block"):
             return _watch(ask, track, desk, roster, note=none_free(kind))
-        return [refusal(ask, none_free(kind), rule)]
+        return [refusal(ask, none_free(kind), "CAP-10")]
     note = _state(track)
     if step == "identify" and roster.unseen(ask.place):
         return _with_recon(ask, workers, note, desk, roster)
     return [
-        Draft(ask, ((name, f"{step} {ask.place}"),), (f"{note}, {name} {_DOES[step]}",),
-              follow=_goes_on(step, track))
+        Draft(ask, ((name, f"{step} {ask.place}"),), (f"{note}, {name} {_DOES[step]}",))
         for name in workers[:MOST_OPTIONS]
-    ]  # fmt: skip
+    ]
 
 
 _DOES: dict[Step, str] = {"identify": "identifies", "warn": "warns", "block": "blocks"}
@@ -123,7 +123,7 @@ def _with_recon(
                 (drone, f"observe {ask.place}"), (robot, f"identify {ask.place}"),
             )  # fmt: skip
             why = f"{note}, {drone} looks first (WF-01)"
-            found.append(Draft(ask, commands, (why,), follow=ask.task != "identify"))
+            found.append(Draft(ask, commands, (why,)))
     return found or [refusal(ask, "no drone is free to look first", "WF-02")]
 
 
@@ -135,12 +135,18 @@ def _watch(
     changed = ask.model_copy(update={"place": place})
     barred = track is not None and track.noncombatants
     said = "noncombatants (ROE-08)" if barred else note or _state(track)
-    follow = track is not None and not barred and ask.task in ("respond", "warn", "block")
+    aim = changed.model_copy(update={"who": Who()})
+    if ask.task != "respond" and (barred or track is None):
+        aim = Ask(task="look", place=place)
     return [
-        Draft(changed, ((drone, f"observe {place}"),), (f"{said}, {drone} observes",),
-              undone=barred and ask.task != "respond", follow=follow)
+        Draft(
+            aim,
+            ((drone, f"observe {place}"),),
+            (f"{said}, {drone} observes",),
+            undone=barred and ask.task != "respond",
+        )
         for drone in _observers(changed, desk, roster)
-    ] or [refusal(changed, "no drone is free", "WF-02")]  # fmt: skip
+    ] or [refusal(changed, "no drone is free", "WF-02")]
 
 
 def _observers(ask: Ask, desk: Desk, roster: Roster) -> list[str]:
@@ -167,11 +173,6 @@ def _workers(ask: Ask, step: Step, desk: Desk, roster: Roster) -> list[str]:
     spare = [team[0] for team, _ in teams(sent, desk, roster, (kind,)) if roster.clear(team[0])]
     healthy = [n for n in (*here, *spare) if not roster.low(n)]
     return list(dict.fromkeys(healthy))
-
-
-def _goes_on(step: Step, track: Track | None) -> bool:
-    """Whether the workflow has more to do once `step` is done."""
-    return track is not None and step in ("identify", "warn")
 
 
 def _idle(ask: Ask, why: str) -> list[Draft]:

@@ -6,7 +6,7 @@ from itertools import islice
 from pa_console.orchestrator.digest import KINDS
 from pa_console.schema.world import AssetKind
 from pa_console.training.order import Ask
-from pa_console.training.teacher_draft import Desk, Draft, going, listed, refusal, watching
+from pa_console.training.teacher_draft import Desk, Draft, going, listed, refusal
 from pa_console.training.teacher_objections import asset_objection
 from pa_console.training.teacher_roster import Roster
 
@@ -38,7 +38,6 @@ def go(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
 
 def look(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
     """Let drones observe the place: those named, else a spare, else one that stands there."""
-    world = roster.world
     if ask.who.names:
         able, why = named(ask, desk, roster)
         commands = tuple((name, f"observe {ask.place}") for name in able)
@@ -50,7 +49,7 @@ def look(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
     return [
         Draft(
             so_many(ask, team),
-            tuple(watching(name, ask.place, world) for name in team),
+            tuple((name, f"observe {ask.place}") for name in team),
             (f"{team[0]} is there" if team[0] in here else _is_free(team, short=short),),
             undone=short,
             rule="CAP-10" if short else "",
@@ -70,7 +69,7 @@ def cover(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
     return [
         Draft(
             ask.model_copy(update={"place": place}),
-            (watching(name, place, roster.world, clear=roster.clear(name)),),
+            (going(name, place, roster.world),),
             (", ".join([*note, f"free: {name}"]),),
         )
         for name in found
@@ -90,7 +89,7 @@ def relieve(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
         Draft(
             ask.model_copy(update={"place": place}),
             (
-                watching(name, place, roster.world, clear=roster.clear(name)),
+                going(name, place, roster.world),
                 (lost, "return_to_base"),
             ),
             (f"{low}{name} takes over",),

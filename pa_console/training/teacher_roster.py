@@ -77,13 +77,14 @@ class Roster:
                 lost.append(gate)
         return tuple(lost)
 
+    def strangers(self, place: str) -> list[Track]:
+        """Return the tracks at `place` that are not identified; no warning before that (WF-01)."""
+        tracks = self.picture.tracks.values()
+        return [track for track in tracks if track.gate == place and track.identity == "unknown"]
+
     def unseen(self, place: str) -> bool:
         """Whether an unknown track at `place` waits for its first look from the air (WF-02)."""
-        return any(
-            track.identity == "unknown" and not track.observed
-            for track in self.picture.tracks.values()
-            if track.gate == place
-        )
+        return any(not track.observed for track in self.strangers(place))
 
     def track(self, place: str, kind: str, track_id: str) -> Track | None:
         """Return the track that is meant: by its id, else the most urgent one at `place`."""

@@ -39,12 +39,16 @@ def conditions(asks: Sequence[Ask], order: Order, world: World) -> tuple[str, ..
     if not order.others_stay and not all(ask.strict_who for ask in moving):
         movers.append(_TAKES_OVER)
         movers += [_at("n", ask.place, "uav") for ask in moving if ask.place in world.gates]
+    movers += [_met(ask.place) for ask in moving if ask.place in world.gates]
     allowed = " || ".join(dict.fromkeys(movers)) or "false"
     wanted += [f"run.moved.all(n, {allowed})", COVERED]
     if any(ask.task in _MEETS for ask in asks):
         wanted += _ESCALATION
     else:
-        wanted.append("run.actions.all(a, !(a.verb in ['block', 'warn', 'identify']))")
+        met = " || ".join(f"a.frame == '{ask.place}'" for ask in moving if ask.place in world.gates)
+        wanted.append(
+            f"run.actions.all(a, !(a.verb in ['block', 'warn', 'identify']) || {met or 'false'})"
+        )
     return tuple(dict.fromkeys(wanted))
 
 
@@ -62,6 +66,8 @@ def _ask(ask: Ask, world: World) -> Iterator[str]:
             known = f"{_some(place)} (t.identified_s >= 0.0 || t.noncombatants))"
             yield f"{_nobody_known(place)} || {known}"
             yield _seen(place)
+            if ask.who.names:
+                yield f"{_nobody_known(place)} || {_sent(place, ask)}"
         case "warn":
             yield (
                 f"{_nobody_known(place)} || {_some(place)} (t.warned_s >= 0.0 || t.noncombatants"
@@ -182,6 +188,14 @@ def _fed(place: str) -> str:
     return f"run.final.assets.exists(n, {_at('n', place)})"
 
 
+def _met(place: str) -> str:
+    """Return that `n` was sent to deal with a track at `place`, which workflows may do (WF-01)."""
+    return (
+        f"run.tracks.exists(t, t.gate == '{place}') && run.actions.exists(a, a.agent == n"
+        f" && a.frame == '{place}' && a.verb in ['observe', 'identify', 'warn', 'block'])"
+    )
+
+
 def _seen(place: str) -> str:
     return f"run.tracks.all(t, t.gate != '{place}' || !t.present || t.observed_s >= 0.0)"
 
@@ -192,6 +206,11 @@ def _nobody_known(place: str) -> str:
 
 def _some(place: str) -> str:
     return f"run.tracks.exists(t, t.gate == '{place}' &&"
+
+
+def _sent(place: str, ask: Ask) -> str:
+    names = ", ".join(repr(name) for name in ask.who.names)
+    return f"run.actions.exists(a, a.frame == '{place}' && a.agent in [{names}])"
 
 
 def _ordered(verb: Verb, place: str, ask: Ask) -> str:

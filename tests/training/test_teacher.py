@@ -90,7 +90,7 @@ def test_what_is_refused_moves_nobody(seed: int) -> None:
         (
             QUIET,
             Ask(task="home", who=Who(names=("Drone_T02",))),
-            ["Drone_T04 observe NorthGate", "Drone_T02 return_to_base"],
+            ["Drone_T04 move_to NorthGate", "Drone_T02 return_to_base"],
             "Drone_T02 alone at NorthGate (WF-03), Drone_T04 takes over",
         ),
         (
@@ -114,13 +114,13 @@ def test_what_is_refused_moves_nobody(seed: int) -> None:
         (
             with_(FailAsset(asset="Drone_T03")),
             Ask(task="cover", place="SouthGate", leaving="Drone_T03"),
-            ["Drone_T04 observe SouthGate"],
+            ["Drone_T04 move_to SouthGate"],
             "Drone_T03 is down, free: Drone_T04",
         ),
         (
             with_(SetBattery(asset="Drone_T02", percent=12.0)),
             Ask(task="relieve", leaving="Drone_T02", place="NorthGate"),
-            ["Drone_T04 observe NorthGate", "Drone_T02 return_to_base"],
+            ["Drone_T04 move_to NorthGate", "Drone_T02 return_to_base"],
             "Drone_T02 has a low battery, Drone_T04 takes over",
         ),
         (
