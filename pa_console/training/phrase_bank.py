@@ -4,7 +4,7 @@ import hashlib
 import random
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.resources import files
@@ -136,6 +136,7 @@ def read_bank(texts: Mapping[str, str]) -> PhraseBank:
         document = Document(name, text)
         for key, style, source in _listed(document):
             styles.setdefault(key, {}).setdefault(source, set()).update(style)
+    sides = {key: _sides(key, sources) for key, sources in styles.items()}
     return PhraseBank(
         {
             key: [
@@ -199,7 +200,14 @@ def _problem(key: str, source: str) -> str:
     return ""
 
 
-def _split(key: str, source: str) -> Split:
-    """Return the side of a template: it depends on its words alone."""
-    digest = hashlib.sha256(f"{key}/{source}".encode()).digest()
-    return "heldout" if digest[0] < HELD_OUT * 256 else "train"
+def _sides(key: str, sources: Iterable[str]) -> dict[str, Split]:
+    """Return the side of every template: by its words alone, but one at least is held out."""
+    drawn = {source: _digest(key, source) for source in sources}
+    first = min(drawn.values())
+    most = max(HELD_OUT, first) if len(drawn) > 1 / HELD_OUT else HELD_OUT
+    return {source: "heldout" if at <= most else "train" for source, at in drawn.items()}
+
+
+def _digest(key: str, source: str) -> float:
+    """Return a number from 0 to 1 that depends on the words alone."""
+    return hashlib.sha256(f"{key}/{source}".encode()).digest()[0] / 256

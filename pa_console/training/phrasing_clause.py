@@ -51,7 +51,7 @@ def condition_words(voice: Voice, condition: Condition) -> str:
     slots = {"place" if condition.subject in voice.world.frames else "asset": condition.subject}
     said = {slot: voice.name(name) for slot, name in slots.items()}
     if condition.fact in ("track_at", "no_track_at"):
-        said["track"] = voice.say(f"noun.{condition.track or 'track'}", {})
+        said["track"] = voice.noun(f"noun.{condition.track or 'track'}")
     return voice.say(key, said)
 
 
@@ -135,7 +135,7 @@ def _slots(voice: Voice, ask: Ask) -> dict[str, str]:
     if ask.task in ("look", "identify", "warn", "block", "respond") or ask.wrong:
         kind = _track_kind(voice, ask)
         if ask.track or ask.task == "respond" or ask.wrong or not _is_said(ask.who):
-            slots["track"] = voice.say(f"noun.{kind or 'track'}", {}) + _track_id(voice, ask)
+            slots["track"] = voice.noun(f"noun.{kind or 'track'}") + _track_id(voice, ask)
     if ask.task == "home":
         slots["base"] = _base(voice)
     if ask.wrong == "zone":

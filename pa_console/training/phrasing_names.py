@@ -91,6 +91,11 @@ class Names:
         word = own.pop() if len(own) == 1 else ""
         return "" if word in other or self.owners(word) or self.owners(word + "s") else word
 
+    def teams(self, but: AssetKind | None = None) -> frozenset[str]:
+        """Return the team's words for all its kinds, lower case, but for those of one kind."""
+        assets = self._world.assets.items()
+        return frozenset(_asset_parts(name)[0] for name, spec in assets if spec.kind != but)
+
     def _guessed(self, name: str) -> tuple[Form, ...]:
         """Return the forms of a name that the world does not have."""
         if not _NAME.fullmatch(name):

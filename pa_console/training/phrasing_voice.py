@@ -5,7 +5,7 @@ import re
 from collections.abc import Mapping
 
 from pa_console.schema.telemetry import Picture
-from pa_console.schema.world import World
+from pa_console.schema.world import AssetKind, World
 from pa_console.training.phrase_bank import STYLES, PhraseBank, Split, Style
 from pa_console.training.phrasing_names import Names
 
@@ -65,6 +65,8 @@ _PLURAL_VERBS = {
     "travels": "travel",
     "does not": "do not",
 }
+_NOUNS = 5
+"""How many nouns are tried until one is not also the word for another team."""
 _SINGULAR_VERBS = {"are": "is", "were": "was", "aren't": "isn't"}
 _SOUNDS_LIKE_YOU = re.compile(r"(ugv|uav|unit|unif|uniq|use|usu|one\b|once|eu)", re.IGNORECASE)
 
@@ -109,6 +111,18 @@ class Voice:
         for slot in template.slots & {"who", "leaving", "a", "b", "asset"}:
             text = _agreeing(text, slots.get(slot, ""))
         return with_article(text)
+
+    def noun(self, key: str, kind: AssetKind | None = None) -> str:
+        """Return a noun of the bank `key` that is no team's word, but for the team of `kind`."""
+        teams = self.names.teams(kind)
+        said = [self.say(key, {}) for _ in range(_NOUNS)]
+        clear = (word for word in said if teams.isdisjoint(_singular(word.lower().split())))
+        return next(clear, said[0])
+
+
+def _singular(words: list[str]) -> set[str]:
+    """Return `words` as they are and without a plural's ending."""
+    return {*words, *(word.removesuffix("s") for word in words)}
 
 
 def is_plural(noun_phrase: str) -> bool:

@@ -79,7 +79,7 @@ def _nouns(voice: Voice, kind: AssetKind | None) -> tuple[str, str]:
         if word:
             return word, plural(word)
     key = f"noun.{kind or 'any'}"
-    return voice.say(key, {}), voice.say(f"{key}.plural", {})
+    return voice.noun(key, kind), voice.noun(f"{key}.plural", kind)
 
 
 def _number(voice: Voice, number: int) -> str:

@@ -16,6 +16,7 @@ def test_every_key_is_worded_for_training_and_keys_with_much_wording_hold_some_b
     for key in bank.keys:
         sides = [entry.split for entry in bank.entries(key)]
         assert "train" in sides, key
+        assert "heldout" in sides or len(sides) < 7, key
         if len(sides) >= 60:
             assert 0.03 < sides.count("heldout") / len(sides) < 0.35, key
 

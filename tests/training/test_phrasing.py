@@ -186,3 +186,14 @@ def test_slips_leave_names_numbers_and_negations_alone() -> None:
         assert "never two" in made
         assert "Drone_T04" in made or "_" not in made or "__" in made
         assert "east" not in made
+
+
+def test_a_track_is_never_called_what_an_asset_is_called() -> None:
+    home = shipped_world()
+    trucks = {name.replace("Ugv", "Truck"): spec for name, spec in home.assets.items()}
+    world, rng = home.model_copy(update={"assets": trucks}), random.Random(8)
+    order = Order(asks=(Ask(task="respond", place="EastGate", track="vehicle"),))
+    said = [phrase(order, world, EMPTY, rng) for _ in range(300)]
+    plain = [one.text.lower() for one in said if not {"misspelt", "slip"} & {*one.noise}]
+    assert sum(bool(re.search(r"\btrucks?\b", text)) for text in plain) <= 2
+    assert any("truck" in phrase(order, home, EMPTY, rng).text.lower() for _ in range(300))
