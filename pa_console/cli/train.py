@@ -15,6 +15,26 @@ app = typer.Typer(
     no_args_is_help=True,
 )
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the generator.")]
+JobsOption = Annotated[int, typer.Option("--jobs", min=1, help="Processes side by side.")]
+DataOption = Annotated[
+    Path | None, typer.Option("--data", help="A folder that 'pa-console train data' has filled.")
+]
+RunOption = Annotated[
+    Path, typer.Option("--out", help="Folder of the run: config, log, curve, checkpoint, adapter.")
+]
+ConfigOption = Annotated[
+    Path | None, typer.Option("--config", help="A training config; the shipped one if left out.")
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="Another value of the config; repeatable."),
+]
+ResumeOption = Annotated[
+    bool, typer.Option("--resume", help="Go on with the run in --out, from its last checkpoint.")
+]
+MinutesOption = Annotated[
+    float | None, typer.Option("--minutes", min=0.01, help="The run takes this long at most.")
+]
 
 
 @app.command()
@@ -28,7 +48,7 @@ def data(
     ] = 1000,
     missions: Annotated[int, typer.Option(min=1, help="Missions in each situation.")] = 8,
     seed: SeedOption = 1,
-    jobs: Annotated[int, typer.Option(min=1, help="Processes side by side.")] = 2,
+    jobs: JobsOption = 2,
     only: Annotated[
         Literal["planner", "judge"] | None,
         typer.Option(help="Make the samples of one adapter only; the other's can follow later."),
@@ -42,3 +62,33 @@ def data(
     make_data(
         out, groups, missions, seed, jobs, (only,) if only else ("planner", "judge"), rules, json
     )
+
+
+@app.command()
+def planner(
+    out: RunOption,
+    data: DataOption = None,
+    config: ConfigOption = None,
+    changes: SetOption = None,
+    minutes: MinutesOption = None,
+    resume: ResumeOption = False,
+) -> None:
+    """Train the planner's adapter; Ctrl-C ends the run so that it can be gone on with."""
+    from pa_console.cli.train_run import run_training  # noqa: PLC0415
+
+    run_training("planner", data, out, config, changes or [], minutes, resume)
+
+
+@app.command()
+def judge(
+    out: RunOption,
+    data: DataOption = None,
+    config: ConfigOption = None,
+    changes: SetOption = None,
+    minutes: MinutesOption = None,
+    resume: ResumeOption = False,
+) -> None:
+    """Train the judge's adapter; Ctrl-C ends the run so that it can be gone on with."""
+    from pa_console.cli.train_run import run_training  # noqa: PLC0415
+
+    run_training("judge", data, out, config, changes or [], minutes, resume)

@@ -2,7 +2,7 @@
 
 from time import monotonic
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from rich.progress import (
     BarColumn,
@@ -15,6 +15,9 @@ from rich.progress import (
 
 from pa_console.cli.output import errors
 from pa_console.training.data_set import Made
+
+if TYPE_CHECKING:  # it needs torch, which only training itself may import
+    from pa_console.training.lora.loop import Progress as Step
 
 LINE_S = 60.0
 """How often a line is written where there is no terminal, seconds."""
@@ -56,6 +59,52 @@ class DataProgress:
         if not errors.is_terminal and (now - self._told > LINE_S or self._done == self._total):
             self._told = now
             errors.print(f"{self._done}/{self._total} groups: {text}", soft_wrap=True)
+
+
+class TrainProgress:
+    """Shows the steps of a training run; nothing of what trains is imported for it."""
+
+    def __init__(self, minutes: float | None) -> None:
+        """A run of at most `minutes`, if there is such a limit."""
+        self._minutes = minutes
+        self._told = monotonic()
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=24),
+            TextColumn("{task.fields[left]}"),
+            console=errors,
+            transient=True,
+        )
+        self._task = self._progress.add_task("reading data and base", total=None, left="")
+
+    def __enter__(self) -> Self:
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        at: TracebackType | None,
+    ) -> None:
+        self._progress.stop()
+
+    def show(self, now: "Step") -> None:
+        """Show where the run stands after a step."""
+        text = f"step {now.step}/{now.steps}  loss {now.loss:.3f}  {now.tokens_per_s:.0f} tokens/s"
+        if now.validation_loss is not None and now.validation_right is not None:
+            text += f"  validation {now.validation_loss:.3f}, {now.validation_right:.1%} right"
+        share = now.step / now.steps
+        if self._minutes is not None:
+            share = max(share, now.minutes / self._minutes)
+        left = f"{now.minutes * (1.0 / min(share, 1.0) - 1.0):.1f} min left"
+        self._progress.update(
+            self._task, total=1.0, completed=min(share, 1.0), description=text, left=left
+        )
+        ended = share >= 1.0
+        if not errors.is_terminal and (ended or monotonic() - self._told > LINE_S):
+            self._told = monotonic()
+            errors.print(f"{text}  {left}", soft_wrap=True)
 
 
 def _bar(what: str) -> Progress:

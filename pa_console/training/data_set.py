@@ -1,14 +1,11 @@
 """Makes data sets in several processes: planner and judge samples of many groups, in order."""
 
 import random
-import signal
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing
 from dataclasses import dataclass, field
 from functools import cache
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -16,6 +13,7 @@ from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.training.near_duplicates import NearDuplicates, NearReport
 from pa_console.training.planner_data import Group, Recipe, make_group, planner_samples
+from pa_console.training.processes import each_in_order
 from pa_console.training.samples import Sample
 from pa_console.training.worlds import Numbers, generated_numbers, shipped_missions
 
@@ -54,25 +52,9 @@ def build(
     load_rules(rules)
     forbidden = generated_numbers(shipped_missions())
     tasks = [(job, rules, forbidden) for job in jobs]
-    if processes == 1:
-        for task in tasks:
-            on_group(task[0], _make(task))
-        return
-    context = get_context("spawn")
-    with ProcessPoolExecutor(processes, context, initializer=_leave_interrupts) as pool:
-        made = pool.map(_make, tasks)
-        try:
-            for job, group in zip(jobs, made, strict=True):
-                on_group(job, group)
-        except BrokenProcessPool as error:
-            raise OSError("a process that made samples was killed: start again to go on") from error
-        finally:
-            pool.shutdown(cancel_futures=True)
-
-
-def _leave_interrupts() -> None:
-    """Let Ctrl-C be the parent's alone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with closing(each_in_order(_make, tasks, processes)) as groups:
+        for job, made in zip(jobs, groups, strict=True):
+            on_group(job, made)
 
 
 def _make(task: tuple[Job, Path, frozenset[Numbers]]) -> Made:
