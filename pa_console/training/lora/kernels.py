@@ -84,7 +84,7 @@ class _Normed(torch.autograd.Function):
         x, weight = ctx.saved_tensors
         values = x.float()
         scale = (values.square().mean(-1, keepdim=True) + ctx.epsilon).rsqrt_()
-        values *= scale
+        values = values * scale
         grad = grads[0] * weight.float()
         grad -= values * (grad * values).mean(-1, keepdim=True)
         return grad.mul_(scale).to(x.dtype), None, None

@@ -1,0 +1,164 @@
+"""A run learns, can be stopped and resumed without a trace, and says what is wrong."""
+
+import json
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+import gguf
+import pytest
+import torch
+
+from pa_console.training.lora.checkpoint import CHECKPOINT, CURVE, LOG, RunFolder
+from pa_console.training.lora.config import CONFIGS, TrainConfig
+from pa_console.training.lora.export import export_adapter
+from pa_console.training.lora.loop import Progress, train
+from pa_console.training.lora.schedule import learning_rate
+
+
+def config(tiny: Path, data: Path, **changed: Any) -> TrainConfig:
+    values: dict[str, Any] = {
+        "task": "planner",
+        "base": str(tiny),
+        "data": str(data),
+        "validation": str(data),
+        "rank": 4,
+        "learning_rate": 0.02,
+        "warmup_steps": 2,
+        "packs_per_step": 2,
+        "steps": 8,
+        "validate_every": 4,
+    }
+    return TrainConfig(**{**values, **changed})
+
+
+def ignore(_progress: Progress) -> None:
+    """Show nothing."""
+
+
+def logged(out: Path) -> list[dict[str, float]]:
+    """Return the log without what the clock says."""
+    lines = [json.loads(line) for line in (out / LOG).read_text().splitlines()]
+    return [{k: line[k] for k in ("step", "loss", "rate", "norm", "tokens")} for line in lines]
+
+
+def test_a_run_learns_and_draws_its_curve(tiny: Path, data: Path, tmp_path: Path) -> None:
+    seen: list[Progress] = []
+    result = train(config(tiny, data, steps=40), tmp_path / "run", False, seen.append)
+    assert result.finished
+    assert [progress.step for progress in seen] == list(range(1, 41))
+    assert seen[-1].loss < 0.7 * seen[0].loss
+    rows = (tmp_path / "run" / CURVE).read_text().splitlines()[1:]
+    assert [int(row.split(",")[0]) for row in rows] == list(range(4, 41, 4))
+    losses = [float(row.split(",")[4]) for row in rows]
+    assert losses[-1] < losses[0]
+    assert result.last.validation_loss == pytest.approx(losses[-1], rel=1e-4)
+
+
+def test_ctrl_c_saves_and_the_resumed_run_is_the_uninterrupted_one(
+    tiny: Path, data: Path, tmp_path: Path
+) -> None:
+    whole, parts = tmp_path / "whole", tmp_path / "parts"
+    train(config(tiny, data), whole, False, ignore)
+
+    def interrupt(progress: Progress) -> None:
+        if progress.step == 3:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    first = train(config(tiny, data), parts, False, interrupt)
+    assert not first.finished
+    assert first.last.step == 3
+    second = train(config(tiny, data, seed=9), parts, True, ignore)
+    assert second.finished
+    assert logged(parts) == logged(whole)
+    states = [RunFolder(out).load() for out in (whole, parts)]
+    for one, other in zip(states[0].masters, states[1].masters, strict=True):
+        assert torch.equal(one, other)
+
+
+def test_what_was_logged_after_the_checkpoint_is_forgotten(
+    tiny: Path, data: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "run"
+    stopped_at: list[bytes] = []
+
+    def keep(progress: Progress) -> None:
+        if progress.step == 2:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    train(config(tiny, data), out, False, keep)
+    stopped_at.append((out / CHECKPOINT).read_bytes())
+    train(config(tiny, data), out, True, ignore)
+    whole = logged(out)
+    (out / CHECKPOINT).write_bytes(stopped_at[0])
+    train(config(tiny, data), out, True, ignore)
+    assert logged(out) == whole
+
+
+def test_the_seed_decides_the_result_and_the_workers_do_not(
+    tiny: Path, data: Path, tmp_path: Path
+) -> None:
+    runs = {"one": (1, 1), "two": (1, 2), "other": (2, 2)}
+    for name, (seed, workers) in runs.items():
+        chosen = config(tiny, data, seed=seed, workers=workers, steps=3)
+        train(chosen, tmp_path / name, False, ignore)
+    assert logged(tmp_path / "one") == logged(tmp_path / "two")
+    assert logged(tmp_path / "one") != logged(tmp_path / "other")
+
+
+def test_an_exported_run_says_where_it_comes_from(tiny: Path, data: Path, tmp_path: Path) -> None:
+    train(config(tiny, data, steps=2), tmp_path / "run", False, ignore)
+    target = tmp_path / "models" / "planner.lora.gguf"
+    export_adapter(tmp_path / "run", target)
+    reader = gguf.GGUFReader(target)
+    fields = {name: field.contents() for name, field in reader.fields.items()}
+    assert fields["general.type"] == "adapter"
+    assert fields["adapter.type"] == "lora"
+    assert fields["adapter.lora.alpha"] == 32.0
+    assert fields["pa_console.training.samples"] == "16"
+    assert json.loads(fields["pa_console.training.config"])["rank"] == 4
+    assert {tensor.tensor_type.name for tensor in reader.tensors} == {"F16"}
+    assert len(reader.tensors) == 2 * 7 * 2
+
+
+def test_a_run_is_not_overwritten(tiny: Path, data: Path, tmp_path: Path) -> None:
+    train(config(tiny, data, steps=1), tmp_path, False, ignore)
+    with pytest.raises(ValueError, match="holds a training run already"):
+        train(config(tiny, data, steps=1), tmp_path, False, ignore)
+
+
+def test_a_run_does_not_go_on_with_other_data(tiny: Path, data: Path, tmp_path: Path) -> None:
+    own = tmp_path / "own.jsonl"
+    own.write_text(data.read_text())
+    train(config(tiny, own, steps=1), tmp_path / "run", False, ignore)
+    own.write_text(data.read_text().replace("east", "south"))
+    with pytest.raises(ValueError, match="base or data changed"):
+        train(config(tiny, own), tmp_path / "run", True, ignore)
+
+
+def test_nothing_to_resume_is_said(tiny: Path, data: Path, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="no training run to go on with"):
+        train(config(tiny, data), tmp_path / "none", True, ignore)
+
+
+def test_data_without_a_sample_of_the_task_is_refused(
+    tiny: Path, data: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(ValueError, match="no sample for the judge"):
+        train(config(tiny, data, task="judge"), tmp_path / "run", False, ignore)
+
+
+def test_the_rate_rises_then_falls(tiny: Path, data: Path) -> None:
+    chosen = config(tiny, data, steps=100, warmup_steps=10)
+    rates = [learning_rate(chosen, step, step / 100) for step in range(100)]
+    top = rates.index(max(rates))
+    assert 8 <= top <= 11
+    assert rates[: top + 1] == sorted(rates[: top + 1])
+    assert rates[top:] == sorted(rates[top:], reverse=True)
+    assert 0.0 < rates[-1] < 0.1 * chosen.learning_rate
+
+
+@pytest.mark.parametrize("task", ["planner", "judge"])
+def test_the_shipped_configurations_can_be_read(task: str) -> None:
+    assert TrainConfig.load(CONFIGS / f"{task}.yaml").task == task
