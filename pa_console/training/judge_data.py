@@ -13,6 +13,7 @@ from pa_console.orchestrator.safeguards import Examination
 from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.mission_set import MissionCase
+from pa_console.schema.plan import Action
 from pa_console.schema.rule import Rule
 from pa_console.training.corruptions import (
     Variant,
@@ -65,7 +66,7 @@ def judge_samples(  # noqa: PLR0917
             rules = judged_rules(told.case, found, rulebook, retriever)
             prompt = _prompt(told.case, situation, rules, found)
             answer = answer_of(label, [rule.id for rule in rules])
-            kind = f"{told.kind.partition('/')[0]}/{variant.how}/{_word(label.right)}"
+            kind = f"{told.kind.partition('/')[0]}/{variant.how}/{verdict_word(label.right)}"
             yield make_sample(group.name, "judge", prompt, picture, answer, kind)
 
 
@@ -86,11 +87,12 @@ def judged_rules(
 def answer_of(label: Label, rule_ids: Sequence[str]) -> str:
     """Return `label` as the judge is to write it; only `rule_ids` can be named as violated."""
     violated = [rule_id for rule_id in label.violated if rule_id in rule_ids][:MOST_VIOLATED]
-    verdict = _word(label.right)
+    verdict = verdict_word(label.right)
     return json.dumps({"feedback": label.feedback, "violated": violated, "verdict": verdict})
 
 
-def _word(right: bool) -> str:
+def verdict_word(right: bool) -> str:
+    """Return the verdict as the judge writes it."""
     return "Success" if right else "Failure"
 
 
@@ -128,13 +130,16 @@ def _labelled(
     counts = {True: 0, False: 0}
     wanted = {True: rng.choice((1, 2, 2)), False: 2}
     target = Variant(proven.plan, "right", "target")
+    seen: set[tuple[Action, ...]] = set()
     for right, pool in (
         (True, [target, *right_variants(proven, situation, rng)]),
         (False, _wrong_pool(proven, group, rng)),
     ):
-        for variant in pool[: TRIES * wanted[right]]:
+        fresh = [variant for variant in pool if variant.plan.actions not in seen]
+        for variant in fresh[: TRIES * wanted[right]]:
             if counts[right] >= wanted[right]:
                 break
+            seen.add(variant.plan.actions)
             verified = _verified(proven, situation, variant, rulebook)
             label = label_plan(proven, situation, variant.plan, verified)
             if isinstance(label, Label):

@@ -15,6 +15,7 @@ from pa_console.training.asked import asked
 from pa_console.training.conditions import due_asks
 from pa_console.training.corruptions import named_in
 from pa_console.training.judge_words import STILL, Difference, difference, planned
+from pa_console.training.order import Ask
 from pa_console.training.planner_data import Proven
 from pa_console.training.situations import Situation
 from pa_console.training.verify import Verified
@@ -44,22 +45,26 @@ def label_plan(
     findings = [finding for finding in examination.findings if finding.broken]
     breaches = [breach.rule_id for breach in verified.score.broken]
     violated = tuple(dict.fromkeys((*(f.rule_id for f in findings), *breaches)))
-    found = _nearest(proven, situation, plan)
     right = verified.score.strict and not examination.blocked
     if right:
-        why = _fits(proven, situation, plan, found)
+        why = why_right(proven, situation, plan)
     elif examination.blocked:
         why = _blocked(
             [finding for finding in findings if finding.blocking], examination.rehearsal, situation
         )
     else:
-        why = _wrong(proven, situation, plan, found)
+        why = why_wrong(proven, situation, plan)
     if not why:
         return Unclear("looks wrong and is right" if right else "looks right and is wrong")
     text = feedback(proven, situation, plan, why)
-    if _READABLE.fullmatch(text) is None:
+    if not readable(text):
         return Unclear("too long")
     return Label(right, text, violated)
+
+
+def readable(text: str) -> bool:
+    """Whether a judge can write `text`: short enough, and nothing to escape."""
+    return _READABLE.fullmatch(text) is not None
 
 
 def feedback(proven: Proven, situation: Situation, plan: Plan, why: str) -> str:
@@ -81,11 +86,12 @@ def _nearest(proven: Proven, situation: Situation, plan: Plan) -> Difference:
     return min(found, key=lambda each: each.size)
 
 
-def _fits(proven: Proven, situation: Situation, plan: Plan, found: Difference) -> str:
+def why_right(proven: Proven, situation: Situation, plan: Plan) -> str:
     """Return why a plan with a right run is right, '' when it does not look right."""
+    found = _nearest(proven, situation, plan)
     rules = f" ({', '.join(proven.target.rule_ids)})" if proven.target.rule_ids else ""
-    if not _moves(proven.plan):
-        if _moves(plan):
+    if not moves(proven.plan):
+        if moves(plan):
             return ""
         holds = all(action.verb == "hold" for action in plan.actions)
         if proven.target.expect == "refuse" and rules:
@@ -102,7 +108,19 @@ def _fits(proven: Proven, situation: Situation, plan: Plan, found: Difference) -
     replaced = replaced and not (found.others and any(ask.task == "mass" for ask in asks))
     if found.missing or found.extra or found.places or found.steps or not replaced:
         return ""
+    if any(_too_few(ask, proven.plan, plan, situation) for ask in asks):
+        return ""
     return f"the rest is refused{rules}, it fits" if proven.target.expect == "trim" else "it fits"
+
+
+def _too_few(ask: Ask, right: Plan, plan: Plan, situation: Situation) -> bool:
+    """Whether fewer assets of the kind that is asked for go to the place than should."""
+    assets = situation.world.assets
+    counts = [
+        sum(assets[a.agent].kind == ask.who.kind and a.target == ask.place for a in each.actions)
+        for each in (right, plan)
+    ]
+    return ask.who.kind is not None and bool(ask.place) and counts[1] < counts[0]
 
 
 def _nothing_due(proven: Proven) -> bool:
@@ -127,14 +145,15 @@ def _blocked(findings: list[Finding], rehearsal: Rehearsal | None, situation: Si
     return f"{findings[0].rule_id} is broken" if findings else ""
 
 
-def _wrong(proven: Proven, situation: Situation, plan: Plan, found: Difference) -> str:
+def why_wrong(proven: Proven, situation: Situation, plan: Plan) -> str:
     """Return why a legal plan is wrong, '' when it looks right."""
+    found = _nearest(proven, situation, plan)
     rules = ", ".join(proven.target.rule_ids)
     if found.size == 0:
         return ""
-    if not _moves(proven.plan) and _moves(plan):
+    if not moves(proven.plan) and moves(plan):
         return f"must be refused ({rules})" if rules else "nothing is to move"
-    if _moves(proven.plan) and not _moves(plan):
+    if moves(proven.plan) and not moves(plan):
         return "it must be done"
     if _other_case(proven, situation, plan):
         return "the other case"
@@ -183,7 +202,8 @@ def _told_apart(proven: Proven, situation: Situation, found: Difference) -> str:
     return f"{words} missing" if lacking else f"{words} not asked for"
 
 
-def _moves(plan: Plan) -> bool:
+def moves(plan: Plan) -> bool:
+    """Whether a plan does more than let assets hold and report."""
     return any(action.verb not in STILL for action in plan.actions)
 
 
