@@ -141,7 +141,7 @@ def read_bank(texts: Mapping[str, str]) -> PhraseBank:
         {
             key: [
                 Entry(
-                    key, Template(source), tuple(s for s in STYLES if s in its), _split(key, source)
+                    key, Template(source), tuple(s for s in STYLES if s in its), sides[key][source]
                 )
                 for source, its in sources.items()
             ]
