@@ -103,7 +103,7 @@ def _samples(group: Group, job: Job, rulebook: Rulebook, retriever: Retriever) -
         rng = random.Random(f"judge/{job.recipe.seed}/{job.recipe.number}")
         split, dropped = job.recipe.split, group.dropped
         yield from judge_samples(group, rulebook, retriever, rng, split, dropped)
-        yield from outcome_samples(group, rulebook, retriever, rng)
+        yield from outcome_samples(group, rulebook, rng, dropped)
 
 
 @cache

@@ -114,7 +114,10 @@ def _runs(
         plan = proven.plan
         for incident in mishaps(plan, situation.world, situation.picture, rng)[:TRIES]:
             sim = situation.fork()
-            sim.inject(incident)
+            try:
+                sim.inject(incident)
+            except ValueError:  # an asset stands where something would lie across the way
+                continue
             hampered = replace(situation, sim=sim)
             verified = verify(proven.case, hampered, plan, rulebook, follow=follow)
             yield Variant(plan, "wrong", f"mishap {incident.kind}"), verified
