@@ -104,6 +104,8 @@ def _neighbour(letter: str, rng: random.Random) -> str:
 def _still(word: str, slip: str, confusable: frozenset[str]) -> bool:
     """Tell whether `slip` is nearer to `word` than to any other of the words that matter."""
     low, made = word.lower(), slip.lower()
+    if made in _KEPT:
+        return False
     away = OSA.distance(low, made)
     others = confusable - {low}
     return all(OSA.distance(made, other, score_cutoff=away + 1) > away for other in others)

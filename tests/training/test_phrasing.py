@@ -186,6 +186,7 @@ def test_slips_leave_names_numbers_and_negations_alone() -> None:
         assert "never two" in made
         assert "Drone_T04" in made or "_" not in made or "__" in made
         assert "east" not in made
+        assert "three" not in misspell("move robot 1 there", random.Random(seed), 1.0, words)
 
 
 def test_a_track_is_never_called_what_an_asset_is_called() -> None:
