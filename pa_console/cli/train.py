@@ -92,3 +92,26 @@ def judge(
     from pa_console.cli.train_run import run_training  # noqa: PLC0415
 
     run_training("judge", data, out, config, changes or [], minutes, resume)
+
+
+@app.command()
+def missions(
+    out: Annotated[
+        Path, typer.Option("--out", help="The mission set; its worlds go into a folder beside it.")
+    ],
+    count: Annotated[int, typer.Option(min=1, help="How many missions, about four a world.")] = 300,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the generator; not one that training data is from.")
+    ] = 9001,
+    split: Annotated[
+        Literal["train", "heldout"],
+        typer.Option(help="heldout: worlds and words that no training data has."),
+    ] = "heldout",
+    jobs: JobsOption = 2,
+    rules: RulesOption = "checkpoint",
+    json: JsonOption = False,
+) -> None:
+    """Write missions in random worlds that 'pa-console eval --missions' runs."""
+    from pa_console.cli.train_missions import make_missions  # noqa: PLC0415
+
+    make_missions(out, count, seed, split, rules, jobs, json)

@@ -61,6 +61,30 @@ class DataProgress:
             errors.print(f"{self._done}/{self._total} groups: {text}", soft_wrap=True)
 
 
+class MissionProgress:
+    """Counts missions of a generated set; only a terminal sees it."""
+
+    def __init__(self, total: int) -> None:
+        self._progress = _bar("missions")
+        self._task = self._progress.add_task("", total=total)
+
+    def __enter__(self) -> Self:
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        at: TracebackType | None,
+    ) -> None:
+        self._progress.stop()
+
+    def add(self, missions: int) -> None:
+        """Count some more missions."""
+        self._progress.advance(self._task, missions)
+
+
 class TrainProgress:
     """Shows the steps of a training run; nothing of what trains is imported for it."""
 
