@@ -36,13 +36,13 @@ def compact_fixed(role: Role, world: World) -> str:
     return "\n".join(lines)
 
 
-def compact_picture(digest: Digest) -> str:
+def compact_picture(world: World, digest: Digest) -> str:
     """Return the digested picture (paper, Step 4), a line for each place; it ends with a newline.
 
     Planner and judge are told the same, so either can be read ahead before the mission is known.
     """
-    lines = [*_places(digest), *_free(digest)]
-    lines += _told("Down", digest.down)
+    lines = [*_places(world, digest), *_free(digest)]
+    lines += _told("Down", [_kind_and_name(world, name) for name in digest.down])
     lines += _told("Low battery", digest.low_battery)
     lines += _told("Poor link", digest.degraded_comms)
     lines += _told("Unknown", digest.unknown)
@@ -52,7 +52,7 @@ def compact_picture(digest: Digest) -> str:
 
 def ahead(role: Role, world: World, digest: Digest) -> Prompt:
     """Return the beginning of every prompt of `role` while the picture stays as it is."""
-    return Prompt(compact_fixed(role, world), compact_picture(digest))
+    return Prompt(compact_fixed(role, world), compact_picture(world, digest))
 
 
 def compact_planner_prompt(  # noqa: PLR0917
@@ -104,16 +104,16 @@ def compact_outcome_prompt(
     return Prompt(start.system, start.user + "\n".join(lines))
 
 
-def _places(digest: Digest) -> Iterator[str]:
+def _places(world: World, digest: Digest) -> Iterator[str]:
     """Yield who stands where: gates first, `alone` for a gate's only cover."""
     stands: dict[str, list[str]] = {gate: [] for gate in digest.covered}
     moving: list[str] = []
     for name, post in digest.posts.items():
         _, way, frame = post.partition(" at ")
         if way:
-            stands.setdefault(frame, []).append(name)
+            stands.setdefault(frame, []).append(_kind_and_name(world, name))
         else:
-            moving.append(f"{name} {post.partition(' ')[2]}")
+            moving.append(f"{_kind_and_name(world, name)} {post.partition(' ')[2]}")
     for frame, names in stands.items():
         words = ", ".join(names) or "nobody"
         if frame in digest.uncovered:
@@ -122,6 +122,10 @@ def _places(digest: Digest) -> Iterator[str]:
             words += f", only {digest.sole_cover[frame]} covers" if len(names) > 1 else " alone"
         yield f"{frame}: {words}"
     yield from _told("Moving", moving)
+
+
+def _kind_and_name(world: World, name: str) -> str:
+    return f"{WORDS[world.assets[name].kind]} {name}"
 
 
 def _free(digest: Digest) -> Iterator[str]:

@@ -15,6 +15,7 @@ from llguidance.llamacpp import lltokenizer_from_vocab
 from numpy.typing import NDArray
 
 from pa_console.llm.candidates import Candidates
+from pa_console.llm.lookup import guess
 from pa_console.llm.protocol import Finish
 from pa_console.llm.runtime import Runtime
 from pa_console.llm.shared_context import MOST, InterruptedEvaluationError
@@ -95,22 +96,59 @@ class _Run:
         self._cached = self._written = self._sampled = 0
 
     def write(self, sequence: int, prompt: Sequence[int], max_tokens: int) -> Finish:
+        """Write to the end; every batch holds what is due and a guess at what comes after it."""
+        context = list(prompt)
         try:
-            logits, self._cached = self._runtime.begin(sequence, prompt)
+            pending = self._take(forced_tokens(self._matcher), context, max_tokens)
+            row, self._cached = self._runtime.begin(sequence, context)
             self._first_token_s = perf_counter() - self._started
-            while True:
-                tokens = self._next(logits)
-                tokens = tokens[: max_tokens - self._written]
-                self._written += len(tokens)
-                self._give(tokens)
-                if self._matcher.is_stopped():
-                    return "stop"
-                if self._written >= max_tokens:
-                    return "length"
-                position = len(prompt) + self._written - len(tokens)
-                logits = self._runtime.extend(sequence, position, tokens)
+            pending = self._take(self._next(row), context, max_tokens)
+            while not self._matcher.is_stopped() and self._written < max_tokens:
+                evaluated = len(context) - len(pending)
+                guessed = self._guess(context)
+                rows = self._runtime.extend(
+                    sequence, evaluated, [*pending, *guessed], 1 + len(guessed)
+                )
+                pending, right = self._follow(rows, guessed, context, max_tokens)
+                self._runtime.keep(sequence, len(context) - len(pending), right < len(guessed))
         except InterruptedEvaluationError:
             return "cancelled"
+        return "stop" if self._matcher.is_stopped() else "length"
+
+    def _guess(self, context: Sequence[int]) -> list[int]:
+        """Return tokens that may come next and that the grammar would allow."""
+        guessed = guess(context)
+        return guessed[: self._matcher.validate_tokens(guessed)] if guessed else []
+
+    def _follow(
+        self,
+        rows: NDArray[np.float32],
+        guessed: Sequence[int],
+        context: list[int],
+        max_tokens: int,
+    ) -> tuple[list[int], int]:
+        """Take tokens while they are those that were guessed.
+
+        `rows` are the logits before and after every guessed token. Returns the tokens that were
+        taken but not evaluated, and how many guesses were right.
+        """
+        right = 0
+        while True:
+            tokens = self._take(self._next(rows[right]), context, max_tokens)
+            same = 0
+            while same < len(tokens) and guessed[right : right + 1] == [tokens[same]]:
+                right, same = right + 1, same + 1
+            over = self._matcher.is_stopped() or self._written >= max_tokens
+            if over or same < len(tokens):
+                return tokens[same:], right
+
+    def _take(self, tokens: list[int], context: list[int], max_tokens: int) -> list[int]:
+        """Add `tokens`, as far as there is room, to the answer."""
+        taken = tokens[: max_tokens - self._written]
+        self._written += len(taken)
+        context += taken
+        self._give(taken)
+        return taken
 
     def usage(self, prompt_tokens: int) -> Usage:
         return Usage(

@@ -139,11 +139,23 @@ class Runtime:
             self._cached[sequence].extend(chunk)
         return self._logits(), kept
 
-    def extend(self, sequence: int, position: int, tokens: Sequence[int]) -> NDArray[np.float32]:
-        """Evaluate `tokens` of an answer at `position`; returns the logits after the last one."""
-        for start in range(0, len(tokens), CHUNK):
-            self._decode(sequence, position + start, tokens[start : start + CHUNK])
-        return self._logits()
+    def extend(
+        self, sequence: int, position: int, tokens: Sequence[int], rows: int = 1
+    ) -> NDArray[np.float32]:
+        """Evaluate `tokens` of an answer at `position`.
+
+        Returns the logits after the last `rows` of them, shape (rows, n_vocabulary).
+        """
+        early = max(0, len(tokens) - max(CHUNK, rows))
+        for start in range(0, early, CHUNK):
+            self._decode(sequence, position + start, tokens[start : min(start + CHUNK, early)], 0)
+        self._decode(sequence, position + early, tokens[early:], rows)
+        return np.stack([self._logits(row - rows) for row in range(rows)])
+
+    def keep(self, sequence: int, tokens: int, trim: bool) -> None:
+        """Forget what was evaluated in `sequence` after its first `tokens`, if there is more."""
+        if trim:
+            _api.llama_memory_seq_rm(self._memory, sequence, tokens, -1)
 
     def state(self, sequence: int) -> bytes:
         """Return what was evaluated in `sequence`, to be taken over by another context."""
@@ -159,7 +171,7 @@ class Runtime:
     def _should_abort(self, _data: object) -> bool:
         return self._stopped()
 
-    def _decode(self, sequence: int, position: int, tokens: Sequence[int]) -> None:
+    def _decode(self, sequence: int, position: int, tokens: Sequence[int], rows: int = 1) -> None:
         batch = self._batch
         batch.n_tokens = len(tokens)
         for index, token in enumerate(tokens):
@@ -167,7 +179,7 @@ class Runtime:
             batch.pos[index] = position + index
             batch.n_seq_id[index] = 1
             batch.seq_id[index][0] = sequence
-            batch.logits[index] = index == len(tokens) - 1
+            batch.logits[index] = index >= len(tokens) - rows
         if self._stopped():
             raise InterruptedEvaluationError
         code = _api.llama_decode(self._context, batch)
@@ -176,6 +188,6 @@ class Runtime:
         if code != 0:
             raise RuntimeError(f"llama.cpp could not evaluate {len(tokens)} tokens (code {code})")
 
-    def _logits(self) -> NDArray[np.float32]:
-        row = _api.llama_get_logits_ith(self._context, -1)
+    def _logits(self, index: int = -1) -> NDArray[np.float32]:
+        row = _api.llama_get_logits_ith(self._context, index)
         return np.ctypeslib.as_array(row, shape=(self.n_vocabulary,))
