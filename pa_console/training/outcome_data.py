@@ -137,4 +137,5 @@ def _sample(  # noqa: PLR0917
         situation.world, digest, done.task, done.plan, done.verification
     )
     kind = f"{proven.kind.partition('/')[0]}/{variant.how}/{verdict_word(label.right)}"
-    return make_sample(name, "outcome", prompt, compact_picture(digest), answer_of(label, ()), kind)
+    picture = compact_picture(situation.world, digest)
+    return make_sample(name, "outcome", prompt, picture, answer_of(label, ()), kind)
