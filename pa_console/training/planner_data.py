@@ -3,7 +3,7 @@
 import json
 import random
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -12,14 +12,16 @@ from pa_console.llm.prompts import Prompt
 from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.mission_set import MissionCase
-from pa_console.schema.plan import Plan
+from pa_console.schema.plan import Plan, Verb
+from pa_console.training.console_missions import console_missions
+from pa_console.training.names import Split
 from pa_console.training.order import Order
 from pa_console.training.order_sampler import sample_order
-from pa_console.training.phrasing import Split, phrase
+from pa_console.training.phrasing import phrase
 from pa_console.training.playing import mission_of
 from pa_console.training.samples import Sample, make_sample
 from pa_console.training.situations import Situation, random_situation
-from pa_console.training.teacher import Target, console_missions, teach
+from pa_console.training.teacher import Target, teach
 from pa_console.training.verify import Verified, verify
 from pa_console.training.worlds import Numbers, random_world
 
@@ -71,10 +73,12 @@ def make_group(recipe: Recipe, rulebook: Rulebook, forbidden: frozenset[Numbers]
     world = random_world(rng, recipe.split, forbidden)
     situation = random_situation(rng, world, history=recipe.history)
     group = Group(f"{recipe.split}{recipe.seed}-{recipe.number}", situation)
-    for text, order, kind in _missions(rng, recipe, situation):
+    for text, order, kind, verbs in _missions(rng, recipe, situation):
         if len(group.proven) == recipe.missions:
             break
-        proven = prove(f"{group.name}-{len(group.proven)}", text, order, kind, situation, rulebook)
+        proven = prove(
+            f"{group.name}-{len(group.proven)}", text, order, kind, situation, rulebook, verbs
+        )
         if isinstance(proven, Proven):
             group.proven.append(proven)
         else:
@@ -84,34 +88,44 @@ def make_group(recipe: Recipe, rulebook: Rulebook, forbidden: frozenset[Numbers]
 
 def _missions(
     rng: random.Random, recipe: Recipe, situation: Situation
-) -> Iterator[tuple[str, Order, str]]:
+) -> Iterator[tuple[str, Order, str, tuple[Verb, ...]]]:
     """Yield missions in words: one that the console itself would give, then operators' own."""
     world, picture, digest = situation.world, situation.picture, situation.digest
     own = console_missions(world, picture)
     if own:
-        text, order, _ = rng.choice(own)
-        yield text, order, "console"
+        text, order, verbs = rng.choice(own)
+        yield text, order, "console", verbs
     for _ in range(TRIES * recipe.missions):
         order, kind = sample_order(rng, world, picture, digest)
         words = phrase(order, world, picture, rng, recipe.split)
-        yield words.text, order, f"{kind}/{words.style}"
+        yield words.text, order, f"{kind}/{words.style}", ()
 
 
 def prove(  # noqa: PLR0917
-    name: str, text: str, order: Order, kind: str, situation: Situation, rulebook: Rulebook
+    name: str,
+    text: str,
+    order: Order,
+    kind: str,
+    situation: Situation,
+    rulebook: Rulebook,
+    verbs: Sequence[Verb] = (),
 ) -> Proven | str:
     """Return the mission with the first of the teacher's plans that is right, or why none is."""
-    target = teach(order, situation.world, situation.picture, situation.digest)
-    case = situation.case(
-        name, text, target.success, target.expect, kind.partition("/")[0], target.watch_s
-    )
-    why = ""
-    for plan in (target.plan, *target.alternatives[:MOST_ALTERNATIVES]):
-        verified = verify(case, situation, plan, rulebook, follow=target.follow)
-        if verified.right:
-            return Proven(order, case, target, plan, kind, verified)
-        first = verified.reasons[0]
-        why = why or f"{kind.partition('/')[0]}: {first.stage} {first.rule_id}".strip()
+    category, why = kind.partition("/")[0], ""
+    target: Target | None
+    try:
+        target = teach(order, situation.world, situation.picture, situation.digest, verbs)
+    except ValueError as error:
+        return f"{category}: {error}"
+    while target is not None:
+        case = situation.case(name, text, target.success, target.expect, category, target.watch_s)
+        for plan in (target.plan, *target.alternatives[:MOST_ALTERNATIVES]):
+            verified = verify(case, situation, plan, rulebook, follow=target.follow)
+            if verified.right:
+                return Proven(order, case, target, plan, kind, verified)
+            first = verified.reasons[0]
+            why = why or f"{category}: {first.stage} {first.rule_id}".strip()
+        target = target.otherwise
     return why
 
 
