@@ -29,6 +29,8 @@ TOP_K = 3
 TRIES = 3
 """Missions that are drawn for each one wanted, at most: some cannot be proven."""
 MOST_ALTERNATIVES = 3
+LEAVING_BARE = frozenset(("WF-02", "WF-03", "CAP-08"))
+"""Rules for which an order is given up when every plan for it breaks one of them."""
 
 
 class Recipe(NamedTuple):
@@ -119,13 +121,15 @@ def prove(  # noqa: PLR0917
         return f"{category}: {error}"
     while target is not None:
         case = situation.case(name, text, target.success, target.expect, category, target.watch_s)
+        failed: set[str] = set()
         for plan in (target.plan, *target.alternatives[:MOST_ALTERNATIVES]):
             verified = verify(case, situation, plan, rulebook, follow=target.follow)
             if verified.right:
                 return Proven(order, case, target, plan, kind, verified)
             first = verified.reasons[0]
+            failed.add(first.rule_id)
             why = why or f"{category}: {first.stage} {first.rule_id}".strip()
-        target = target.otherwise
+        target = target.otherwise if failed <= LEAVING_BARE else None
     return why
 
 
