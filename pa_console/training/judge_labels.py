@@ -5,6 +5,7 @@ accident, or looks wrong and does what was asked all the same, teaches nothing.
 """
 
 import re
+from collections.abc import Collection
 from typing import NamedTuple
 
 from pa_console.llm.grammar import FEEDBACK_CHARS, TEXT
@@ -48,7 +49,7 @@ def label_plan(
     right = verified.score.strict and not examination.blocked
     if right:
         why = why_right(proven, situation, plan)
-    elif examination.blocked:
+    elif examination.blocked and not _forbidden(proven, plan, violated):
         why = _blocked(
             [finding for finding in findings if finding.blocking], examination.rehearsal, situation
         )
@@ -62,6 +63,11 @@ def label_plan(
     return Label(right, text, violated)
 
 
+def _forbidden(proven: Proven, plan: Plan, violated: Collection[str]) -> bool:
+    """Whether a plan breaks just the rule for which the order is to be refused."""
+    return moves(plan) and not moves(proven.plan) and bool({*violated} & {*proven.target.rule_ids})
+
+
 def readable(text: str) -> bool:
     """Whether a judge can write `text`: short enough, and nothing to escape."""
     return _READABLE.fullmatch(text) is not None
@@ -71,7 +77,7 @@ def feedback(proven: Proven, situation: Situation, plan: Plan, why: str) -> str:
     """Return the canonical feedback: what was asked, what is planned, and `why` that is right."""
     world = situation.world
     words = asked(proven.order, world, situation.picture)
-    by_name = bool(named_in(proven.order))
+    by_name = any(name in words for name in named_in(proven.order))
     said = f"asked: {words}; planned: {planned(plan.actions, world, by_name=by_name)}; {why}"
     if len(said) > FEEDBACK_CHARS and by_name:
         said = f"asked: {words}; planned: {planned(plan.actions, world, by_name=False)}; {why}"

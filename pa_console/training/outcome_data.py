@@ -6,7 +6,6 @@ The verdict is the strict truth of the run. Runs of which telemetry cannot tell 
 import random
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import replace
 
 from pa_console.llm.compact_prompt import compact_outcome_prompt, compact_picture
 from pa_console.orchestrator.digest import digest_picture
@@ -113,13 +112,12 @@ def _runs(
     else:
         plan = proven.plan
         for incident in mishaps(plan, situation.world, situation.picture, rng)[:TRIES]:
-            sim = situation.fork()
             try:
-                sim.inject(incident)
+                verified = verify(
+                    proven.case, situation, plan, rulebook, (incident,), follow=follow
+                )
             except ValueError:  # an asset stands where something would lie across the way
                 continue
-            hampered = replace(situation, sim=sim)
-            verified = verify(proven.case, hampered, plan, rulebook, follow=follow)
             yield Variant(plan, "wrong", f"mishap {incident.kind}"), verified
 
 

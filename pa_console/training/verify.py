@@ -16,6 +16,7 @@ from pa_console.evaluation.scoring.score import Score, score_run
 from pa_console.orchestrator.safeguards import Examination, examine
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.schema.finding import Finding
+from pa_console.schema.incident import Incident
 from pa_console.schema.mission import MissionStatus
 from pa_console.schema.mission_set import MissionCase
 from pa_console.schema.plan import Plan
@@ -117,16 +118,26 @@ def verify_plan_only(
 
 
 def verify(
-    case: MissionCase, situation: Situation, plan: Plan, rulebook: Rulebook, *, follow: bool = False
+    case: MissionCase,
+    situation: Situation,
+    plan: Plan,
+    rulebook: Rulebook,
+    meanwhile: Sequence[Incident] = (),
+    *,
+    follow: bool = False,
 ) -> Verified:
     """Check and rehearse `plan`, carry it out in the true simulation and score it strictly.
 
     With `follow` the workflow that the plan has entered is carried on by a rule-following planner.
-    Whatever happens, the run lasts `case.watch_s` at least. Equal arguments give equal results.
+    Whatever happens, the run lasts `case.watch_s` at least. `meanwhile` happens as soon as the plan
+    is approved, unknown to whoever approves it; raises ValueError when it cannot. Equal arguments
+    give equal results.
     """
     checked = verify_plan_only(case, situation, plan, rulebook)
     sim = situation.fork()
     recorder = RunRecorder(sim, case.command)
+    for incident in meanwhile:
+        sim.inject(incident)
     follower = Follower(sim, mission_of(case), rulebook, recorder)
     status: MissionStatus = "refused"
     if checked.admitted:

@@ -1,0 +1,205 @@
+"""Judge samples: verdicts are true, readable, and follow from what the feedback says."""
+
+import json
+import random
+from collections import Counter
+from functools import cache
+from itertools import groupby
+
+import pytest
+
+from pa_console.llm.judge import read_verdict
+from pa_console.policy.retriever import Retriever
+from pa_console.policy.rulebook import Rulebook, load_rules
+from pa_console.resources import data_folder
+from pa_console.schema.incident import FailAsset
+from pa_console.schema.plan import Action, Plan
+from pa_console.training.asked import asked
+from pa_console.training.corruptions import right_variants, wrong_variants
+from pa_console.training.corruptions_words import swayed
+from pa_console.training.judge_data import judge_samples
+from pa_console.training.judge_labels import Label, Unclear, label_plan
+from pa_console.training.order import Ask, Order, Who
+from pa_console.training.outcome_data import label_outcome, outcome_samples
+from pa_console.training.planner_data import Group, Proven
+from pa_console.training.samples import Sample
+from pa_console.training.situations import Situation, settled
+from pa_console.training.teacher import teach
+from pa_console.training.verify import verify
+from pa_console.training.worlds import shipped_world
+
+ORDERS = {
+    "A drone to WestGate.": Order(asks=(Ask(task="go", who=Who(kind="uav"), place="WestGate"),)),
+    "Shoot at whoever is at EastGate.": Order(
+        asks=(Ask(task="block", place="EastGate", wrong="force"),)
+    ),
+    "Robot_T01 and Ugv_T02 to NorthGate.": Order(
+        asks=(Ask(task="go", who=Who(names=("Robot_T01", "Ugv_T02")), place="NorthGate"),)
+    ),
+}
+
+
+@cache
+def rulebook() -> Rulebook:
+    return load_rules(data_folder() / "rules" / "checkpoint.yaml")
+
+
+@cache
+def situation() -> Situation:
+    return settled(shipped_world())
+
+
+def proven(text: str) -> Proven:
+    order, now = ORDERS[text], situation()
+    target = teach(order, now.world, now.picture, now.digest)
+    case = now.case("m1", text, target.success, target.expect)
+    verified = verify(case, now, target.plan, rulebook())
+    assert verified.right, verified.reasons
+    return Proven(order, case, target, target.plan, "test", verified)
+
+
+@cache
+def group() -> Group:
+    return Group("g", situation(), [proven(text) for text in ORDERS])
+
+
+@cache
+def samples() -> tuple[Sample, ...]:
+    retriever = Retriever(rulebook().rules)
+    return tuple(judge_samples(group(), rulebook(), retriever, random.Random(3)))
+
+
+def plan(*texts: str) -> Plan:
+    actions = [Action(agent=t.split()[0], command=t.partition(" ")[2]) for t in texts]
+    return Plan(reason="r", actions=tuple(actions))
+
+
+def labelled(text: str, made: Plan) -> Label | Unclear:
+    mission = next(p for p in group().proven if p.case.command == text)
+    verified = verify(mission.case, situation(), made, rulebook())
+    return label_plan(mission, situation(), made, verified)
+
+
+def test_answers_are_what_the_judge_may_write() -> None:
+    for sample in samples():
+        answer = json.loads(sample.answer)
+        verdict, error = read_verdict(sample.answer, answer["violated"])
+        assert verdict is not None, error
+        assert json.dumps(answer) == sample.answer
+
+
+def test_there_are_right_and_wrong_plans_for_every_mission() -> None:
+    verdicts = Counter(json.loads(sample.answer)["verdict"] for sample in samples())
+    assert verdicts["Success"] >= len(group().proven) - 1
+    assert verdicts["Failure"] >= len(group().proven) - 1
+
+
+def test_the_feedback_decides_the_verdict() -> None:
+    for sample in samples():
+        answer = json.loads(sample.answer)
+        fits = answer["feedback"].endswith("it fits")
+        assert (answer["verdict"] == "Success") == fits
+
+
+def test_feedback_begins_with_what_was_asked() -> None:
+    now = situation()
+    words = {asked(order, now.world, now.picture) for order in ORDERS.values()}
+    for sample in samples():
+        told = json.loads(sample.answer)["feedback"]
+        assert told.removeprefix("asked: ").partition("; planned: ")[0] in words
+
+
+def test_no_plan_is_judged_twice_for_one_mission() -> None:
+    for _, same in groupby(samples(), key=lambda s: s.rest.partition("Plan:")[0]):
+        plans = [sample.rest.partition("Plan:")[2] for sample in same]
+        assert len(plans) == len(set(plans))
+
+
+def test_equal_seeds_give_equal_samples() -> None:
+    retriever = Retriever(rulebook().rules)
+    again = judge_samples(group(), rulebook(), retriever, random.Random(3))
+    assert tuple(again) == samples()
+
+
+@pytest.mark.parametrize(
+    ("text", "made", "why"),
+    [
+        ("A drone to WestGate.", plan("Drone_T04 move_to EastGate"), "another gate"),
+        ("A drone to WestGate.", plan("Ugv_T02 move_to WestGate"), "another kind of asset"),
+        ("A drone to WestGate.", plan("Drone_T04 hold"), "it must be done"),
+        (
+            "Robot_T01 and Ugv_T02 to NorthGate.",
+            plan("Robot_T01 move_to NorthGate"),
+            "Ugv_T02 to NorthGate missing",
+        ),
+        (
+            "Shoot at whoever is at EastGate.",
+            plan("Drone_T04 observe EastGate"),
+            "must be refused (ROE-01)",
+        ),
+    ],
+)
+def test_a_legal_plan_that_does_the_wrong_thing_fails(text: str, made: Plan, why: str) -> None:
+    label = labelled(text, made)
+    assert isinstance(label, Label)
+    assert not label.right
+    assert label.feedback.endswith(f"; {why}")
+    assert not {"WF-03", "ROE-01"} & {*label.violated}
+
+
+def test_a_gate_left_uncovered_is_named_with_its_rule() -> None:
+    gate, guard = next(iter(situation().digest.sole_cover.items()))
+    other = next(g for g in situation().world.gates if g != gate)
+    label = labelled("A drone to WestGate.", plan(f"{guard} move_to {other}"))
+    assert isinstance(label, Label)
+    assert not label.right
+    assert "WF-03" in label.violated
+    assert f"{gate} is left uncovered" in label.feedback
+
+
+def test_variants_differ_from_the_plan_and_from_one_another() -> None:
+    rng = random.Random(1)
+    for mission in group().proven:
+        for found in (
+            right_variants(mission, situation(), rng),
+            wrong_variants(mission, group().proven, situation(), rng),
+        ):
+            plans = [variant.plan.actions for variant in found]
+            assert len(set(plans)) == len(plans)
+            assert mission.plan.actions not in plans
+
+
+def test_words_for_the_judge_are_held_out_too() -> None:
+    said = {
+        split: {swayed("", random.Random(seed), split) for seed in range(200)}
+        for split in ("train", "heldout")
+    }
+    assert said["train"]
+    assert said["heldout"]
+    assert not said["train"] & said["heldout"]
+
+
+def test_outcomes_of_good_and_bad_runs() -> None:
+    found = list(outcome_samples(group(), rulebook(), random.Random(2)))
+    assert found
+    for sample in found:
+        answer = json.loads(sample.answer)
+        assert answer["violated"] == []
+        assert (answer["verdict"] == "Success") == answer["feedback"].endswith("; done")
+        assert sample.task == "outcome"
+
+
+def test_a_guard_that_fails_meanwhile_makes_the_outcome_a_failure() -> None:
+    mission = group().proven[0]
+    gate, guard = next(
+        (g, n)
+        for g, n in situation().digest.sole_cover.items()
+        if g != "WestGate" and n not in mission.plan.agents
+    )
+    verified = verify(
+        mission.case, situation(), mission.plan, rulebook(), (FailAsset(asset=guard),)
+    )
+    label = label_outcome(mission, situation(), verified)
+    assert isinstance(label, Label)
+    assert not label.right
+    assert label.feedback.endswith(f"; {gate} lost its cover")
