@@ -115,3 +115,21 @@ def missions(
     from pa_console.cli.train_missions import make_missions  # noqa: PLC0415
 
     make_missions(out, count, seed, split, rules, jobs, json)
+
+
+@app.command()
+def card(
+    run: Annotated[Path, typer.Option("--run", help="Folder of a training run.")],
+    data: Annotated[Path, typer.Option("--data", help="Folder of the data it was trained on.")],
+    out: Annotated[Path, typer.Option("--out", help="The card, e.g. models/NAME.md.")],
+    evaluation: Annotated[
+        Path | None, typer.Option("--eval", help="Folder of an evaluation to take figures from.")
+    ] = None,
+) -> None:
+    """Write the model card of an adapter: data, seeds, curve, figures, limits, licence."""
+    from pa_console.training.model_card import model_card  # noqa: PLC0415
+
+    text = model_card(run, data, out.stem, evaluation)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text(text, encoding="utf-8", newline="\n")
+    typer.echo(out)

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from rich.markup import escape
 from rich.table import Table
@@ -11,7 +10,7 @@ from pa_console.cli.output import errors, out, print_json
 from pa_console.cli.train_progress import DataProgress
 from pa_console.resources import find_data
 from pa_console.training.data_folder import REPORT, DataFolder
-from pa_console.training.data_report import fingerprint, write_report
+from pa_console.training.data_report import DataReport, fingerprint, write_report
 from pa_console.training.data_set import Job, Made, Part, build
 from pa_console.training.planner_data import Recipe
 
@@ -37,7 +36,7 @@ def make_data(
     generator = fingerprint(rules_file)
     data = DataFolder(folder, generator)
     jobs = _missing(data, [Recipe(number, seed, missions) for number in range(groups)], parts)
-    _tell_before(data, generator)
+    _tell_before(data, generator, groups - len(jobs))
     try:
         with DataProgress(groups, groups - len(jobs)) as progress:
 
@@ -55,11 +54,12 @@ def make_data(
         raise
     finally:
         data.mend()
-        report = write_report(folder) if data.entries else {}
+        report = write_report(folder) if data.entries else None
     if json:
         print_json(report)
         return
-    _print(folder, report)
+    if report is not None:
+        _print(folder, report)
 
 
 def _missing(data: DataFolder, recipes: Sequence[Recipe], parts: tuple[Part, ...]) -> list[Job]:
@@ -68,26 +68,25 @@ def _missing(data: DataFolder, recipes: Sequence[Recipe], parts: tuple[Part, ...
     return [job for job in jobs if job.parts]
 
 
-def _tell_before(data: DataFolder, generator: str) -> None:
+def _tell_before(data: DataFolder, generator: str, there: int) -> None:
     """Say what is there already, and that another version of the generator has made it."""
-    if not data.entries:
-        return
-    errors.print(f"{len(data.entries)} groups were there already")
-    if set(data.generators) != {generator}:
+    if there:
+        errors.print(f"{there} groups were there already")
+    if data.generators - {generator}:
         errors.print(
             "note: rules, words or code changed since; the report tells the versions apart",
             style="yellow",
         )
 
 
-def _print(folder: Path, report: dict[str, Any]) -> None:
+def _print(folder: Path, report: DataReport) -> None:
     table = Table("samples", "train", "valid")
-    train, valid = report["samples"]["train"], report["samples"]["valid"]
+    train, valid = report.samples["train"], report.samples["valid"]
     for task in dict.fromkeys([*train, *valid]):
         table.add_row(task, str(train.get(task, 0)), str(valid.get(task, 0)))
     out.print(table)
     dropped = Table("dropped", "missions or texts")
-    for why, count in list(report["dropped"].items())[:MOST_REASONS]:
+    for why, count in list(report.dropped.items())[:MOST_REASONS]:
         dropped.add_row(escape(why), str(count))
     out.print(dropped)
     out.print(str(folder / REPORT), markup=False, soft_wrap=True)

@@ -49,9 +49,9 @@ class DataFolder:
         self.mend()
 
     @property
-    def generators(self) -> Counter[str]:
-        """How many groups each version of the generator has made."""
-        return Counter(entry.generator for entry in self.entries)
+    def generators(self) -> set[str]:
+        """Every version of the generator that has made groups."""
+        return {entry.generator for entry in self.entries}
 
     def missing(self, recipe: Recipe, parts: tuple[Part, ...]) -> tuple[Part, ...]:
         """Return those of `parts` that the group of `recipe` does not have yet."""

@@ -1,23 +1,41 @@
 """What a data set holds and where it came from, as `report.json` beside the samples."""
 
 import hashlib
-import json
 import platform
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
+
+from pydantic import Field
 
 from pa_console import __version__
 from pa_console.llm.cache import hash_file
+from pa_console.schema.base import StrictModel
 from pa_console.training.data_folder import FILES, REPORT, Entry, read_journal
 from pa_console.training.near_duplicates import NearReport
+from pa_console.training.result_files import read_json
 from pa_console.training.worlds import shipped_missions, shipped_world
 
 LIBRARIES = ("common-expression-language", "numpy", "pydantic", "pymunk", "rapidfuzz", "shapely")
 """Libraries that have a say in what the generator makes."""
 Number = TypeVar("Number", int, float)
+
+
+class DataReport(StrictModel):
+    """What a data set holds, why the rest was dropped, and everything that it depends on."""
+
+    groups: int
+    seeds: dict[str, str] = Field(description="seed -> numbers of its groups, e.g. 0-99, 120")
+    samples: dict[str, dict[str, int]] = Field(description="train or valid -> task -> samples")
+    kinds: dict[str, dict[str, int]] = Field(description="task -> kind -> samples")
+    dropped: dict[str, int]
+    near_duplicates: NearReport
+    generators: dict[str, int] = Field(description="fingerprint -> groups")
+    versions: dict[str, str]
+    kept_apart_from: dict[str, str] = Field(description="mission set -> SHA-256")
+    sha256: dict[str, str]
 
 
 def fingerprint(rules: Path) -> str:
@@ -36,41 +54,45 @@ def fingerprint(rules: Path) -> str:
     return total.hexdigest()[:12]
 
 
-def write_report(folder: Path) -> dict[str, Any]:
+def write_report(folder: Path) -> DataReport:
     """Write the report of the data set in `folder` and return it.
 
     Raises OSError, and ValueError where there is no data set.
     """
     report = data_report(folder)
-    text = json.dumps(report, indent=2, ensure_ascii=False) + "\n"
-    (folder / REPORT).write_text(text, encoding="utf-8")
+    (folder / REPORT).write_text(report.model_dump_json(indent=2) + "\n", encoding="utf-8")
     return report
 
 
-def data_report(folder: Path) -> dict[str, Any]:
-    """Return what the data set in `folder` is: counts, reasons for drops, versions, hashes."""
+def read_report(folder: Path) -> DataReport:
+    """Return the report in `folder`; raises ValueError when there is none."""
+    return read_json(folder / REPORT, DataReport, "run pa-console train data")
+
+
+def data_report(folder: Path) -> DataReport:
+    """Return what the data set in `folder` is; raises ValueError where there is none."""
     entries = read_journal(folder)
     if not entries:
         raise ValueError(f"{folder}: no group of a data set is here: run pa-console train data")
-    return {
-        "groups": len({(entry.seed, entry.number) for entry in entries}),
-        "seeds": {
+    return DataReport(
+        groups=len({(entry.seed, entry.number) for entry in entries}),
+        seeds={
             str(seed): _ranges(e.number for e in entries if e.seed == seed)
             for seed in sorted({entry.seed for entry in entries})
         },
-        "samples": _by_task(entries),
-        "kinds": _by_kind(entries),
-        "dropped": _sorted(_total(entry.dropped for entry in entries)),
-        "near_duplicates": _near(entries).model_dump(),
-        "generators": Counter(entry.generator for entry in entries),
-        "versions": {
+        samples=_by_task(entries),
+        kinds=_by_kind(entries),
+        dropped=_sorted(_total(entry.dropped for entry in entries)),
+        near_duplicates=_near(entries),
+        generators=Counter(entry.generator for entry in entries),
+        versions={
             "pa-console": __version__,
             "python": platform.python_version(),
             **{name: version(name) for name in LIBRARIES},
         },
-        "kept_apart_from": {path.name: hash_file(path) for path in shipped_missions()},
-        "sha256": {name: hash_file(folder / name) for name in FILES if (folder / name).exists()},
-    }
+        kept_apart_from={path.name: hash_file(path) for path in shipped_missions()},
+        sha256={name: hash_file(folder / name) for name in FILES if (folder / name).exists()},
+    )
 
 
 def _by_task(entries: Sequence[Entry]) -> dict[str, dict[str, int]]:

@@ -2,7 +2,7 @@
 
 import random
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from functools import cache
@@ -11,7 +11,9 @@ from typing import Literal, NamedTuple
 
 from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules
+from pa_console.training.judge_data import judge_samples
 from pa_console.training.near_duplicates import NearDuplicates, NearReport
+from pa_console.training.outcome_data import outcome_samples
 from pa_console.training.planner_data import Group, Recipe, make_group, planner_samples
 from pa_console.training.processes import each_in_order
 from pa_console.training.samples import Sample
@@ -61,9 +63,16 @@ def _make(task: tuple[Job, Path, frozenset[Numbers]]) -> Made:
     job, rules, forbidden = task
     rulebook, retriever = _policy(rules)
     group = make_group(job.recipe, rulebook, forbidden)
-    near = drop_known(group)
-    samples = list(_samples(group, job, rulebook, retriever))
-    return Made(near, samples, group.dropped)
+    made = Made(drop_known(group))
+    if "planner" in job.parts:
+        made.samples += planner_samples(group, rulebook, retriever)
+        made.dropped += group.dropped
+    if "judge" in job.parts:
+        split, dropped = job.recipe.split, made.dropped
+        rng = random.Random(f"judge/{job.recipe.seed}/{job.recipe.number}")
+        made.samples += judge_samples(group, rulebook, retriever, rng, split, dropped)
+        made.samples += outcome_samples(group, rulebook, rng, dropped)
+    return made
 
 
 def drop_known(group: Group) -> NearReport:
@@ -91,19 +100,6 @@ def seen_since(before: NearReport, after: NearReport) -> NearReport:
             },
         }
     )
-
-
-def _samples(group: Group, job: Job, rulebook: Rulebook, retriever: Retriever) -> Iterator[Sample]:
-    if "planner" in job.parts:
-        yield from planner_samples(group, rulebook, retriever)
-    if "judge" in job.parts:
-        from pa_console.training.judge_data import judge_samples  # noqa: PLC0415
-        from pa_console.training.outcome_data import outcome_samples  # noqa: PLC0415
-
-        rng = random.Random(f"judge/{job.recipe.seed}/{job.recipe.number}")
-        split, dropped = job.recipe.split, group.dropped
-        yield from judge_samples(group, rulebook, retriever, rng, split, dropped)
-        yield from outcome_samples(group, rulebook, rng, dropped)
 
 
 @cache

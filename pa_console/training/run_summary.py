@@ -2,10 +2,9 @@
 
 from pathlib import Path
 
-from pydantic import ValidationError
-
 from pa_console.schema.base import StrictModel
 from pa_console.training.lora.config import TrainConfig
+from pa_console.training.result_files import read_json
 
 SUMMARY, ADAPTER = "run.json", "adapter.gguf"
 
@@ -34,13 +33,4 @@ def write_summary(run: Path, summary: RunSummary) -> None:
 
 def read_summary(run: Path) -> RunSummary:
     """Return the summary in the folder `run`; raises ValueError when there is none."""
-    path = run / SUMMARY
-    try:
-        return RunSummary.model_validate_json(path.read_bytes())
-    except FileNotFoundError as error:
-        raise ValueError(
-            f"{path}: there is no finished training run here: run pa-console train planner|judge"
-        ) from error
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        raise ValueError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+    return read_json(run / SUMMARY, RunSummary, "run pa-console train planner or judge")
