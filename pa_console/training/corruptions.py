@@ -19,6 +19,12 @@ from pa_console.training.teacher import teach
 from pa_console.training.teacher_roster import Roster
 
 REASON = "another plan"
+EASY = frozenset((
+    "misread extra", "misread place", "edit place", "edit acts", "edit idle", "other mission",
+))  # fmt: skip
+"""Ways to be wrong that fit nearly every mission."""
+SUBTLE = 3.0
+"""The larger, the earlier the other ways come."""
 Hope = Literal["right", "wrong", "unsafe"]
 """What a proposed plan is expected to be."""
 
@@ -63,7 +69,7 @@ def wrong_variants(
         rng.shuffle(pool)
     found: list[Variant] = []
     while pools:
-        for how in rng.sample(sorted(pools), len(pools)):
+        for how in sorted(pools, key=lambda how: _rank(how, rng)):
             found.append(pools[how].pop())
             if not pools[how]:
                 del pools[how]
@@ -77,6 +83,11 @@ def unsafe_variants(proven: Proven, situation: Situation, rng: random.Random) ->
     rng.shuffle(edits)
     found = [Variant(_plan(actions), "unsafe", how) for how, actions in edits]
     return _distinct(found, proven.plan)
+
+
+def _rank(how: str, rng: random.Random) -> float:
+    """Return a number by which ways to be wrong are put in order: what is hard to see first."""
+    return rng.random() ** (1.0 if how in EASY else SUBTLE)
 
 
 def _wrong(
