@@ -1,0 +1,67 @@
+"""A training run and its data set on disk, as the verbs leave them, without any training."""
+
+import hashlib
+from pathlib import Path
+
+from pa_console.llm.cache import hash_file
+from pa_console.training.data_folder import DataFolder
+from pa_console.training.data_report import write_report
+from pa_console.training.data_set import Made
+from pa_console.training.lora.config import TrainConfig
+from pa_console.training.near_duplicates import NearReport
+from pa_console.training.planner_data import Recipe
+from pa_console.training.run_summary import ADAPTER, RunSummary, write_summary
+from pa_console.training.samples import Sample
+
+CURVE = """\
+step,minutes,samples,train_loss,validation_loss,validation_right
+50,1,400,2.5,2.25,0.125
+100,2,800,1.5,1.75,0.5
+"""
+
+
+def data_set(folder: Path) -> Path:
+    """Fill `folder` with two samples of one group."""
+    near = NearReport(
+        threshold=82.0,
+        missions=7,
+        checked=3,
+        dropped=1,
+        nearest={"paper/M1": 61.5},
+        histogram={"60-69": 2, "80-89": 1},
+    )
+    samples = [
+        Sample(group="g", system="s", picture="p", rest="r", answer="{}", task="planner", kind=kind)
+        for kind in ("go/plain", "look/terse")
+    ]
+    made = Made(near, samples)
+    made.dropped["go: checks WF-03"] += 4
+    DataFolder(folder, "0123456789ab").add(Recipe(0, 1, 2), ("planner",), made)
+    write_report(folder)
+    return folder
+
+
+def finished_run(folder: Path, data: Path) -> Path:
+    """Fill `folder` with a run of the planner on the data set in `data`."""
+    folder.mkdir(parents=True)
+    (folder / ADAPTER).write_bytes(b"GGUF adapter")
+    (folder / "curve.csv").write_text(CURVE)
+    samples = data / "planner.jsonl"
+    write_summary(
+        folder,
+        RunSummary(
+            config=TrainConfig(task="planner", base="smollm2-135m", data=str(samples)),
+            finished=True,
+            step=100,
+            steps=100,
+            minutes=2.0,
+            validation_loss=1.75,
+            validation_right=0.5,
+            base_sha256="b" * 64,
+            data_sha256=hash_file(samples),
+            adapter_sha256=hashlib.sha256(b"GGUF adapter").hexdigest(),
+            versions={"torch": "2.0"},
+            machine=("a small machine",),
+        ),
+    )
+    return folder
