@@ -52,7 +52,7 @@ def degradation(
             f"--only {only!r} matches no row; rows: {', '.join(c.name for c in CONDITIONS)}"
         )
     local = find_model(model)
-    memory = cache_folder() / f"answers-{local.sha256[:16]}.jsonl"
+    memory = cache_folder() / f"answers-{local.fingerprint[:16]}.jsonl"
     engine = MemoEngine(Engine(local), memory)
     rows = asyncio.run(_degrade(site, engine, chosen, RunFile(results), runs))
     if json:

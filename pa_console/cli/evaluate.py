@@ -164,7 +164,7 @@ async def _run(
     threads = max(1, physical_cores() // lanes)
 
     def engine_for(name: str, lane: int) -> MemoEngine:
-        memory = results.folder / f"answers-{lane}-{models[name].sha256[:12]}.jsonl"
+        memory = results.folder / f"answers-{lane}-{models[name].fingerprint[:12]}.jsonl"
         engine = Engine(models[name], threads=threads)
         return MemoEngine(engine, memory if reuse else None, exact=True, reuse=reuse)
 

@@ -33,18 +33,28 @@ def list_models(json: JsonOption = False) -> None:
     table = Table("model", "size", "quantisation", "licence", "here", "what it is")
     for entry in catalog.models:
         name = f"{entry.name} (default)" if entry.name == catalog.default else entry.name
-        here = "yes" if entry.local_file is not None else "no"
         about = f"{entry.title}. {entry.notes}".strip()
         size = f"{entry.size_mb} MB"
-        table.add_row(name, size, entry.quantisation, entry.licence, here, about)
+        table.add_row(name, size, entry.quantisation, entry.licence, _here(entry), about)
     out.print(table)
 
 
+def _here(entry: ModelEntry) -> str:
+    """Return whether the model's file is on this machine, and whether its weights are prepared."""
+    if entry.local_file is None:
+        return "no"
+    if entry.prepare is None:
+        return "yes"
+    made = "prepared" if entry.prepared_file is not None else "to be prepared"
+    return f"yes, {entry.prepare} {made}"
+
+
 def _row(catalog: Catalog, entry: ModelEntry) -> dict[str, Any]:
-    local = entry.local_file
+    local, prepared = entry.local_file, entry.prepared_file
     return entry.model_dump(mode="json") | {
         "default": entry.name == catalog.default,
         "path": None if local is None else str(local),
+        "prepared_path": None if prepared is None else str(prepared),
     }
 
 
@@ -55,7 +65,10 @@ def pull(
     ] = None,
     json: JsonOption = False,
 ) -> None:
-    """Fetch a model into the user's cache: resumable, and kept only if its hash is right."""
+    """Fetch a model into the user's cache: resumable, and kept only if its hash is right.
+
+    Weights that the catalogue wants in another type are converted at once.
+    """
     catalog = Catalog.load()
     entry = catalog.get(name or catalog.default)
     columns = (
@@ -73,15 +86,18 @@ def pull(
             told = text
             bar.update(task, completed=done, total=total, description=f"{entry.name}: {text}")
 
-        path = fetch(entry, progress)
+        fetched = fetch(entry, progress)
+        hash_note = told if entry.sha256 is None else ""
+        path, sha256 = entry.ready_file(fetched, progress)
         size = path.stat().st_size
         bar.update(task, completed=size, total=size, description=f"{entry.name} is ready")
     if json:
-        print_json({"model": entry.name, "path": str(path), "sha256": entry.sha256})
+        pinned = {"source_path": str(fetched), "source_sha256": entry.sha256}
+        print_json({"model": entry.name, "path": str(path), "sha256": sha256, **pinned})
     else:
         out.print(f"{path}", markup=False, soft_wrap=True)
-        if entry.sha256 is None and told:
-            errors.print(told, markup=False)
+        if hash_note:
+            errors.print(hash_note, markup=False)
 
 
 @app.command()

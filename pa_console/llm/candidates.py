@@ -62,7 +62,7 @@ class Candidates:
             logits, cached = self._runtime.begin(sequence, prompt)
             first = perf_counter() - started
             answers = [self._begun(grammar, logits, number) for number in range(count)]
-            self._shared.adopt(self._runtime.state(sequence), count)
+            self._shared.adopt(self._runtime.state(sequence), count, sequence)
             self._write(answers, len(prompt), max_tokens)
             texts = [self._text(answer) for answer in answers if answer.matcher.is_stopped()]
         except InterruptedEvaluationError:

@@ -1,5 +1,6 @@
 """The models known by name, where they come from, and whether one is on this machine."""
 
+import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -7,14 +8,19 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 from rapidfuzz import process
 
+from pa_console.llm.adapters import AdapterFile, LocalAdapter, check_adapters
 from pa_console.llm.cache import hash_file, models_folder
+from pa_console.llm.dialect import DialectName
 from pa_console.llm.errors import ModelError
+from pa_console.llm.prepare import Progress, Quantisation, Sha256, prepare, prepared_path, silent
 from pa_console.resources import data_folder
 from pa_console.schema.base import StrictModel
 from pa_console.schema.document import Document
+from pa_console.schema.event import Role
 
 ChatFormat = Literal["template", "chatml", "plain"]
-Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+N_CTX = 4096
+"""Tokens that prompt and answer of a role may have together."""
 
 
 class PathSource(StrictModel):
@@ -75,7 +81,11 @@ Source = Annotated[PathSource | HubSource | PackageSource, Field(discriminator="
 
 
 class ModelEntry(StrictModel):
-    """One model; `sha256` None means that no hash of it is known to be right."""
+    """One model; `sha256` None means that no hash of it is known to be right.
+
+    `prepare` names the type its weights are converted to after the download. Adapters learnt the
+    compact prompts; a model without them needs examples.
+    """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")
     title: str
@@ -85,6 +95,10 @@ class ModelEntry(StrictModel):
     size_mb: int = Field(gt=0)
     sha256: Sha256 | None
     chat: ChatFormat = "template"
+    prepare: Quantisation | None = None
+    adapters: dict[Role, AdapterFile] = {}
+    prompts: DialectName = "examples"
+    n_ctx: int = Field(default=N_CTX, ge=512)
     notes: str = ""
     sources: tuple[Source, ...] = Field(min_length=1)
 
@@ -100,6 +114,25 @@ class ModelEntry(StrictModel):
         paths.append(models_folder() / f"{self.name}.gguf")
         return next((path for path in paths if path.is_file()), None)
 
+    @property
+    def prepared_file(self) -> Path | None:
+        """The model's prepared weights when they are on this machine, not checked."""
+        if self.prepare is None:
+            return None
+        path = prepared_path(self.name, self.prepare)
+        return path if path.is_file() else None
+
+    def ready_file(self, path: Path, progress: Progress = silent) -> tuple[Path, str]:
+        """Return the file to load for the fetched one at `path`, prepared if need be; its hash too.
+
+        Raises ModelError when `path` is not the pinned file or cannot be prepared.
+        """
+        digest = self.check(path)
+        if self.prepare is None:
+            return path, digest
+        prepared = prepare(self.name, self.prepare, path, digest, progress)
+        return prepared.path, prepared.sha256
+
     def check(self, path: Path) -> str:
         """Return the SHA-256 of `path`; raises ModelError unless it is the pinned one."""
         digest = hash_file(path)
@@ -110,16 +143,33 @@ class ModelEntry(StrictModel):
             )
         return digest
 
+    @model_validator(mode="after")
+    def _compact_prompts_have_adapters(self) -> Self:
+        if self.prompts == "compact" and not {"planner", "judge"} <= set(self.adapters):
+            raise ValueError("prompts: compact needs an adapter for planner and for judge")
+        return self
+
 
 @dataclass(frozen=True)
 class LocalModel:
-    """A model file that is here and was checked; `sha256` is of the file itself."""
+    """A model file that is here and was checked; `sha256` is of the file that is loaded."""
 
     name: str
     path: Path
     sha256: str
     chat: ChatFormat = "template"
     description: str = ""
+    adapters: tuple[LocalAdapter, ...] = ()
+    prompts: DialectName = "examples"
+    n_ctx: int = N_CTX
+
+    @property
+    def fingerprint(self) -> str:
+        """What tells this model's answers from any other's: a hash of weights and adapters."""
+        if not self.adapters:
+            return self.sha256
+        parts = [self.sha256, *(f"{item.role} {item.sha256}" for item in self.adapters)]
+        return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
 class Catalog(StrictModel):
@@ -150,10 +200,12 @@ class Catalog(StrictModel):
             f"unknown model {name!r}.{hint} Known: {', '.join(known)}; or give a path to a .gguf"
         )
 
-    def locate(self, name: str) -> LocalModel:
+    def locate(self, name: str, progress: Progress = silent) -> LocalModel:
         """Return model `name` as it is on this machine, hashed; blocks for about 1 s per GB.
 
-        Raises ModelError when it is unknown, was not pulled yet, or is not the pinned file.
+        Weights that are to be prepared and are not are prepared now, 1 s per 100 MB. Raises
+        ModelError when the model is unknown, was not pulled yet, cannot be prepared, or a file is
+        not the pinned one.
         """
         entry = self.get(name)
         path = entry.local_file
@@ -163,10 +215,19 @@ class Catalog(StrictModel):
                 f"run `pa-console models pull {entry.name}`"
             )
         try:
-            digest = entry.check(path)
+            path, digest = entry.ready_file(path, progress)
         except OSError as error:
             raise ModelError(f"{path}: {error.strerror or error}") from error
-        return LocalModel(entry.name, path, digest, entry.chat, entry.description)
+        return LocalModel(
+            entry.name,
+            path,
+            digest,
+            entry.chat,
+            entry.description,
+            check_adapters(entry.name, entry.adapters),
+            entry.prompts,
+            entry.n_ctx,
+        )
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> Self:
@@ -179,13 +240,13 @@ class Catalog(StrictModel):
         return self
 
 
-def find_model(name: str | None) -> LocalModel:
+def find_model(name: str | None, progress: Progress = silent) -> LocalModel:
     """Return a model of the installed catalogue, or of a file, None for the default one.
 
     Raises ModelError like `Catalog.locate`.
     """
     catalog = Catalog.load()
-    return catalog.locate(name or catalog.default)
+    return catalog.locate(name or catalog.default, progress)
 
 
 def _entry_from_file(path: Path) -> ModelEntry:

@@ -6,7 +6,7 @@ The event loop is never blocked: the worker is an asyncio subprocess that speaks
 import asyncio
 from collections.abc import AsyncGenerator, Callable
 from contextlib import aclosing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
 
@@ -24,7 +24,6 @@ from pa_console.schema.event import Role, WorkerState
 from pa_console.schema.finding import Usage
 
 SAMPLER = "greedy seed=0"
-N_CTX = 4096
 WARM_GRAMMAR = 'start: "{"'
 LOAD_LIMIT_S = 300.0
 DIED = "the model's process died; it is started again when it is needed"
@@ -36,13 +35,17 @@ OnState = Callable[[WorkerState, str], None]
 
 @dataclass(frozen=True)
 class ModelInfo:
-    """What the session log pins of the model; `n_ctx` is exact once the engine is ready."""
+    """What the session log pins of the model; `n_ctx` is exact once the engine is ready.
+
+    `adapters` has the SHA-256 of every adapter by the name of its file.
+    """
 
     name: str
     path: Path
     sha256: str
     n_ctx: int
     description: str
+    adapters: dict[str, str] = field(default_factory=dict[str, str])
 
 
 @dataclass(frozen=True)
@@ -77,11 +80,19 @@ class Engine:
         model: LocalModel,
         on_state: OnState | None = None,
         *,
-        n_ctx: int = N_CTX,
+        n_ctx: int | None = None,
         threads: int | None = None,
     ) -> None:
         self.model = model
-        self.info = ModelInfo(model.name, model.path, model.sha256, n_ctx, model.description)
+        n_ctx = n_ctx or model.n_ctx
+        self.info = ModelInfo(
+            model.name,
+            model.path,
+            model.sha256,
+            n_ctx,
+            model.description,
+            {adapter.path.name: adapter.sha256 for adapter in model.adapters},
+        )
         self.sampler = SAMPLER
         self.state: WorkerState = "unavailable"
         self.detail = "not started"
@@ -91,6 +102,7 @@ class Engine:
             chat=model.chat,
             n_ctx=n_ctx,
             threads=threads or physical_cores(),
+            adapters={adapter.role: str(adapter.path) for adapter in model.adapters},
         )
         self._worker: Worker | None = None
         self._birth: asyncio.Future[Worker] | None = None

@@ -52,6 +52,10 @@ class Prepared:
     sha256: str
 
 
+def silent(_done: int, _total: int, _text: str) -> None:
+    """Report nothing."""
+
+
 def prepared_path(name: str, quantisation: Quantisation) -> Path:
     """Return where the prepared weights of model `name` are kept; they may not be there."""
     return models_folder() / f"{name}-{quantisation}.gguf"

@@ -13,13 +13,14 @@ Finish = Literal["stop", "length", "cancelled", "deadline"]
 
 
 class Load(StrictModel):
-    """First message to a worker: the model to load; `n_ctx` is the context of each role."""
+    """First message to a worker: the model, its adapters, and the context `n_ctx` of each role."""
 
     op: Literal["load"] = "load"
     path: str
     chat: ChatFormat
     n_ctx: int
     threads: int
+    adapters: dict[Role, str] = {}
 
 
 class Generate(StrictModel):

@@ -1,17 +1,18 @@
-"""A loaded GGUF model with one context, evaluated in batches that can be interrupted.
+"""A loaded GGUF model with a context for every role, evaluated in batches that can be interrupted.
 
 Only the worker process imports this. llama.cpp is used through its C API: the high-level class
 keeps one sequence, cannot be interrupted, and hides the logits (measured: `logits_all` needs GBs).
 """
 
 import ctypes
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import llama_cpp
 import numpy as np
 from numpy.typing import NDArray
 
+from pa_console.llm.adapter_switch import AdapterSwitch
 from pa_console.llm.shared_context import ABORTED, InterruptedEvaluationError, SharedContext
 from pa_console.llm.threads import decoding_threads
 
@@ -28,39 +29,41 @@ def _no_log(_level: int, _text: bytes, _data: object) -> None:
 
 
 class Runtime:
-    """One model, `sequences` independent KV caches of `n_ctx` tokens each.
+    """One model and its sequences: each has a context of its own for `n_ctx` tokens.
 
+    Contexts are made when they are first needed. What another sequence was asked never shows in an
+    answer, and no adapter is switched: that would cost 3 ms at every change of role.
     `stopped` is asked between operations of the compute graph, about every millisecond.
     """
 
     def __init__(
-        self, path: str, *, n_ctx: int, sequences: int, threads: int, stopped: Callable[[], bool]
+        self,
+        path: str,
+        *,
+        n_ctx: int,
+        threads: int,
+        stopped: Callable[[], bool],
+        adapters: Mapping[int, str] | None = None,
     ) -> None:
-        """Load the file at `path`; raises ValueError when llama.cpp cannot."""
+        """Load the file at `path`; raises ValueError when llama.cpp cannot.
+
+        `adapters` has the path of the adapter with which a sequence is evaluated, if any.
+        """
         _api.llama_log_set(_no_log, None)
         _api.llama_backend_init()
         model_parameters = _api.llama_model_default_params()
         self._model = _api.llama_model_load_from_file(path.encode(), model_parameters)
         if not self._model:
             raise ValueError(f"{path}: not a GGUF model that this version of llama.cpp can load")
+        self._adapters = AdapterSwitch(self._model, adapters or {})
         self.n_ctx = min(n_ctx, _api.llama_model_n_ctx_train(self._model))
         self._stopped, self._threads = stopped, threads
         self._abort = _api.ggml_abort_callback(self._should_abort)
-        parameters = _api.llama_context_default_params()
-        parameters.n_ctx = self.n_ctx * sequences
-        parameters.n_batch = parameters.n_ubatch = CHUNK
-        parameters.n_seq_max = sequences
-        parameters.n_threads = decoding_threads(threads)
-        parameters.n_threads_batch = threads
-        parameters.swa_full = True
-        parameters.abort_callback = self._abort
-        self._context = _api.llama_init_from_model(self._model, parameters)
-        if not self._context:
-            raise ValueError(f"{path}: no memory for a context of {self.n_ctx} tokens")
+        self._contexts: dict[int, Any] = {}
+        self._context(0)
         self.vocabulary = _api.llama_model_get_vocab(self._model)
         self.n_vocabulary: int = _api.llama_vocab_n_tokens(self.vocabulary)
         self._batch = _api.llama_batch_init(CHUNK, 0, 1)
-        self._memory = _api.llama_get_memory(self._context)
         self._cached: dict[int, list[int]] = {}
 
     @property
@@ -129,15 +132,16 @@ class Runtime:
                 break
             common += 1
         kept = common // CHUNK * CHUNK
-        if not _api.llama_memory_seq_rm(self._memory, sequence, kept, -1):
-            _api.llama_memory_seq_rm(self._memory, sequence, -1, -1)
+        memory = self._memory(sequence)
+        if not _api.llama_memory_seq_rm(memory, 0, kept, -1):
+            _api.llama_memory_clear(memory, False)
             kept = 0
         self._cached[sequence] = list(prompt[:kept])
         for start in range(kept, len(prompt), CHUNK):
             chunk = prompt[start : start + CHUNK]
             self._decode(sequence, start, chunk)
             self._cached[sequence].extend(chunk)
-        return self._logits(), kept
+        return self._logits(sequence), kept
 
     def extend(
         self, sequence: int, position: int, tokens: Sequence[int], rows: int = 1
@@ -150,23 +154,47 @@ class Runtime:
         for start in range(0, early, CHUNK):
             self._decode(sequence, position + start, tokens[start : min(start + CHUNK, early)], 0)
         self._decode(sequence, position + early, tokens[early:], rows)
-        return np.stack([self._logits(row - rows) for row in range(rows)])
+        return np.stack([self._logits(sequence, row - rows) for row in range(rows)])
 
     def keep(self, sequence: int, tokens: int, trim: bool) -> None:
         """Forget what was evaluated in `sequence` after its first `tokens`, if there is more."""
         if trim:
-            _api.llama_memory_seq_rm(self._memory, sequence, tokens, -1)
+            _api.llama_memory_seq_rm(self._memory(sequence), 0, tokens, -1)
 
     def state(self, sequence: int) -> bytes:
         """Return what was evaluated in `sequence`, to be taken over by another context."""
-        size = _api.llama_state_seq_get_size(self._context, sequence)
+        context = self._context(sequence)
+        size = _api.llama_state_seq_get_size(context, 0)
         buffer = (ctypes.c_uint8 * size)()
-        _api.llama_state_seq_get_data(self._context, buffer, size, sequence)
+        _api.llama_state_seq_get_data(context, buffer, size, 0)
         return bytes(buffer)
 
     def shared_context(self, n_ctx: int) -> SharedContext:
         """Return a context of the same model for several answers at once."""
-        return SharedContext(self._model, n_ctx, self.n_vocabulary, self._threads, self._stopped)
+        return SharedContext(
+            self._model, n_ctx, self.n_vocabulary, self._threads, self._stopped, self._adapters
+        )
+
+    def _context(self, sequence: int) -> Any:
+        """Return the context of `sequence`; raises ValueError when there is no memory for it."""
+        if sequence not in self._contexts:
+            parameters = _api.llama_context_default_params()
+            parameters.n_ctx = self.n_ctx
+            parameters.n_batch = parameters.n_ubatch = CHUNK
+            parameters.n_seq_max = 1
+            parameters.n_threads = decoding_threads(self._threads)
+            parameters.n_threads_batch = self._threads
+            parameters.swa_full = True
+            parameters.abort_callback = self._abort
+            context = _api.llama_init_from_model(self._model, parameters)
+            if not context:
+                raise ValueError(f"no memory for a context of {self.n_ctx} tokens")
+            self._adapters.use(context, sequence)
+            self._contexts[sequence] = context
+        return self._contexts[sequence]
+
+    def _memory(self, sequence: int) -> Any:
+        return _api.llama_get_memory(self._context(sequence))
 
     def _should_abort(self, _data: object) -> bool:
         return self._stopped()
@@ -178,16 +206,16 @@ class Runtime:
             batch.token[index] = token
             batch.pos[index] = position + index
             batch.n_seq_id[index] = 1
-            batch.seq_id[index][0] = sequence
+            batch.seq_id[index][0] = 0
             batch.logits[index] = index >= len(tokens) - rows
         if self._stopped():
             raise InterruptedEvaluationError
-        code = _api.llama_decode(self._context, batch)
+        code = _api.llama_decode(self._context(sequence), batch)
         if code == ABORTED:
             raise InterruptedEvaluationError
         if code != 0:
             raise RuntimeError(f"llama.cpp could not evaluate {len(tokens)} tokens (code {code})")
 
-    def _logits(self, index: int = -1) -> NDArray[np.float32]:
-        row = _api.llama_get_logits_ith(self._context, index)
+    def _logits(self, sequence: int, index: int = -1) -> NDArray[np.float32]:
+        row = _api.llama_get_logits_ith(self._context(sequence), index)
         return np.ctypeslib.as_array(row, shape=(self.n_vocabulary,))

@@ -11,6 +11,8 @@ import llama_cpp
 import numpy as np
 from numpy.typing import NDArray
 
+from pa_console.llm.adapter_switch import AdapterSwitch
+
 MOST = 8
 """Continuations that one context can hold."""
 CHUNK = 128
@@ -32,11 +34,18 @@ class InterruptedEvaluationError(Exception):
 class SharedContext:
     """One more context of a loaded `model`, with room for a prompt and MOST short answers."""
 
-    def __init__(
-        self, model: Any, n_ctx: int, n_vocabulary: int, threads: int, stopped: Callable[[], bool]
+    def __init__(  # noqa: PLR0917
+        self,
+        model: Any,
+        n_ctx: int,
+        n_vocabulary: int,
+        threads: int,
+        stopped: Callable[[], bool],
+        adapters: AdapterSwitch,
     ) -> None:
         """Raises ValueError when there is no memory for `n_ctx` tokens."""
         self._stopped, self._n_vocabulary = stopped, n_vocabulary
+        self._adapters = adapters
         self._abort = _api.ggml_abort_callback(self._should_abort)
         parameters = _api.llama_context_default_params()
         parameters.n_ctx = n_ctx
@@ -52,8 +61,9 @@ class SharedContext:
         self._memory = _api.llama_get_memory(self.context)
         self._batch = _api.llama_batch_init(CHUNK, 0, 1)
 
-    def adopt(self, state: bytes, count: int) -> None:
-        """Begin `count` continuations of the prompt whose evaluated `state` is given."""
+    def adopt(self, state: bytes, count: int, sequence: int) -> None:
+        """Begin `count` continuations of a prompt: `state` is what `sequence` evaluated of it."""
+        self._adapters.use(self.context, sequence)
         _api.llama_memory_clear(self._memory, False)
         buffer = (ctypes.c_uint8 * len(state)).from_buffer_copy(state)
         if not _api.llama_state_seq_set_data(self.context, buffer, len(state), 0):

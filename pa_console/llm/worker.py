@@ -80,9 +80,9 @@ def serve(inbox: Inbox, outbox: IO[bytes]) -> None:
         runtime = Runtime(
             load.path,
             n_ctx=load.n_ctx,
-            sequences=len(SEQUENCES),
             threads=load.threads,
             stopped=inbox.stopped,
+            adapters={SEQUENCES[role]: path for role, path in load.adapters.items()},
         )
         chat, decoder = ChatPrompt(runtime, load.chat), Decoder(runtime)
     except Exception as error:  # whatever it is, the parent has to know

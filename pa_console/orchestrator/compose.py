@@ -8,6 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from pa_console import __version__
+from pa_console.llm.dialect import DIALECTS
 from pa_console.llm.engine import Engine
 from pa_console.llm.grammar import plan_grammar
 from pa_console.llm.judge import Judge
@@ -107,6 +108,7 @@ def open_station(
         planner=Planner(engine),
         judge=Judge(engine),
         variant=variant,
+        dialect=DIALECTS[engine.model.prompts],
     )
     grammar = plan_grammar(site.world, sim.picture(), tuple(site.world.assets)[:MAX_ACTIONS])
     started = SessionStarted(
@@ -126,6 +128,7 @@ def open_station(
         variant=variant,
         readonly=readonly,
         packages={name: version(name) for name in PINNED_PACKAGES},
+        adapters={adapter.path.name: adapter.sha256 for adapter in engine.model.adapters},
     )
     return Station(
         services, clock, started, readonly=readonly, keep_engine=keep_engine, respond=respond

@@ -34,6 +34,7 @@ class SessionStarted(Payload):
     readonly: bool = False
     variant: Variant = Field(default_factory=Variant)
     packages: dict[str, str] = {}
+    adapters: dict[str, str] = {}
 
 
 class TelemetryReceived(Payload):

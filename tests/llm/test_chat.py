@@ -10,7 +10,7 @@ from pa_console.llm.runtime import Runtime
 @pytest.fixture(scope="module")
 def runtime(smallest_model: LocalModel) -> Runtime:
     path = str(smallest_model.path)
-    return Runtime(path, n_ctx=256, sequences=1, threads=1, stopped=lambda: False)
+    return Runtime(path, n_ctx=256, threads=1, stopped=lambda: False)
 
 
 def text_of(runtime: Runtime, tokens: list[int]) -> str:

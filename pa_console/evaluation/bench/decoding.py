@@ -7,7 +7,7 @@ from pa_console.evaluation.bench.child import Child, LoadWeights
 from pa_console.evaluation.bench.compare import Bench, Comparison, compare
 from pa_console.evaluation.bench.missions import bench_missions, planner_request
 from pa_console.evaluation.bench.raw_messages import MeasureSpeed, Speed
-from pa_console.llm.engine import N_CTX
+from pa_console.llm.catalog import N_CTX
 from pa_console.llm.planner import MAX_TOKENS
 from pa_console.llm.threads import physical_cores
 

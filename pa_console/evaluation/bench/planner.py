@@ -19,8 +19,8 @@ from pa_console.evaluation.bench.plain_messages import (
     verdict_schema,
 )
 from pa_console.llm import judge, planner
-from pa_console.llm.catalog import LocalModel
-from pa_console.llm.engine import N_CTX, Engine
+from pa_console.llm.catalog import N_CTX, LocalModel
+from pa_console.llm.engine import Engine
 from pa_console.llm.judge import read_verdict
 from pa_console.llm.planner import read_plan
 from pa_console.llm.threads import physical_cores

@@ -33,7 +33,6 @@ class _TimedRuntime(Runtime):
         super().__init__(
             load.path,
             n_ctx=load.n_ctx,
-            sequences=len(SEQUENCES),
             threads=load.threads,
             stopped=lambda: False,
         )
@@ -45,8 +44,10 @@ class _TimedRuntime(Runtime):
         self.steps, self.ended = [], perf_counter()
         return found
 
-    def extend(self, sequence: int, position: int, tokens: Sequence[int]) -> NDArray[np.float32]:
-        found = super().extend(sequence, position, tokens)
+    def extend(
+        self, sequence: int, position: int, tokens: Sequence[int], rows: int = 1
+    ) -> NDArray[np.float32]:
+        found = super().extend(sequence, position, tokens, rows)
         now = perf_counter()
         self.steps.append((len(tokens), now - self.ended))
         self.ended = now

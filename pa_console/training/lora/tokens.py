@@ -57,7 +57,7 @@ class Tokeniser:
 
     def __init__(self, path: Path, chat: ChatFormat) -> None:
         """Load the vocabulary of the file at `path`; raises ValueError when it is no model."""
-        self._runtime = Runtime(str(path), n_ctx=64, sequences=1, threads=1, stopped=lambda: False)
+        self._runtime = Runtime(str(path), n_ctx=64, threads=1, stopped=lambda: False)
         self._chat = ChatPrompt(self._runtime, chat)
 
     def prompt(self, sample: Sample) -> list[int]:

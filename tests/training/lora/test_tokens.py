@@ -30,9 +30,7 @@ REASONS = st.lists(WORDS, min_size=1, max_size=9).map(" ".join)
 
 @pytest.fixture(scope="module")
 def runtime(smallest_model: LocalModel) -> Runtime:
-    return Runtime(
-        str(smallest_model.path), n_ctx=64, sequences=1, threads=1, stopped=lambda: False
-    )
+    return Runtime(str(smallest_model.path), n_ctx=64, threads=1, stopped=lambda: False)
 
 
 @cache

@@ -1,0 +1,157 @@
+"""Adapters: found and checked, switched per role, and no answer depends on what came before."""
+
+import hashlib
+from collections.abc import AsyncGenerator
+from contextlib import aclosing
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import pytest_asyncio
+from pydantic import ValidationError
+
+from pa_console.llm.adapters import AdapterFile, LocalAdapter, check_adapters
+from pa_console.llm.cache import hash_file
+from pa_console.llm.catalog import LocalModel, ModelEntry, PathSource
+from pa_console.llm.engine import Completed, Engine, Request
+from pa_console.llm.errors import ModelError, ModelUnavailableError
+from tests.llm.random_adapter import write_random_adapter
+
+TALK = Request(
+    role="planner",
+    system="You talk about the river gate and those who come to it. " * 8,
+    user="A truck waits at the river gate. Say what you think of it.",
+    grammar="start: /[A-Za-z ,.]{20,25}/",
+    max_tokens=60,
+    deadline_s=60,
+)
+OTHER = replace(TALK, user="A truck waits at the hill gate. Say what you think of it.")
+
+
+@pytest.fixture(scope="module")
+def adapted(smallest_model: LocalModel, tmp_path_factory: pytest.TempPathFactory) -> LocalModel:
+    """The smallest model with an adapter for the planner and another for the judge."""
+    folder = tmp_path_factory.mktemp("adapters")
+    files: dict[str, AdapterFile] = {}
+    for seed, role in enumerate(("planner", "judge")):
+        path = write_random_adapter(smallest_model.path, folder / f"{role}.lora.gguf", seed)
+        files[role] = AdapterFile(file=str(path), sha256=hash_file(path))
+    adapters = check_adapters("m", {"planner": files["planner"], "judge": files["judge"]})
+    return replace(smallest_model, adapters=adapters)
+
+
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def engine(adapted: LocalModel) -> AsyncGenerator[Engine]:
+    engine = Engine(adapted)
+    yield engine
+    await engine.close()
+
+
+async def answer(engine: Engine, request: Request) -> Completed:
+    async with aclosing(engine.generate(request)) as items:
+        async for item in items:
+            if isinstance(item, Completed):
+                assert item.finish == "stop"
+                return item
+    raise AssertionError("no Completed came")
+
+
+async def fresh(model: LocalModel, request: Request) -> Completed:
+    """Return the answer of an engine that was asked nothing before."""
+    engine = Engine(model)
+    try:
+        return await answer(engine, request)
+    finally:
+        await engine.close()
+
+
+@pytest.mark.asyncio(loop_scope="module")
+async def test_answers_do_not_depend_on_what_other_roles_were_asked(
+    engine: Engine, adapted: LocalModel
+):
+    judged, watched = replace(OTHER, role="judge"), replace(OTHER, role="outcome")
+    for request in (TALK, replace(TALK, role="judge"), OTHER, judged, TALK, watched, judged):
+        await answer(engine, request)
+    planned, judgement = await answer(engine, OTHER), await answer(engine, judged)
+    assert planned.usage.cached_tokens >= 64
+    assert judgement.usage.cached_tokens >= 64
+    assert planned.text == (await fresh(adapted, OTHER)).text
+    assert judgement.text == (await fresh(adapted, judged)).text
+    assert judgement.text == (await answer(engine, watched)).text
+    assert planned.text != judgement.text
+
+
+@pytest.mark.asyncio(loop_scope="module")
+async def test_several_answers_at_once_come_from_the_adapter_of_their_role(
+    engine: Engine, adapted: LocalModel
+):
+    several = replace(OTHER, count=2)
+    planned = await answer(engine, several)
+    judged = await answer(engine, replace(several, role="judge"))
+    assert len(planned.texts) == 2
+    assert (await answer(engine, several)).texts == planned.texts
+    assert planned.texts != judged.texts
+    assert (await fresh(adapted, several)).texts == planned.texts
+
+
+@pytest.mark.asyncio(loop_scope="module")
+async def test_the_engine_tells_which_adapters_it_answers_with(
+    engine: Engine, adapted: LocalModel, smallest_model: LocalModel
+):
+    assert set(engine.info.adapters) == {"planner.lora.gguf", "judge.lora.gguf"}
+    assert adapted.fingerprint != smallest_model.fingerprint == smallest_model.sha256
+
+
+@pytest.mark.asyncio(loop_scope="module")
+async def test_a_file_that_is_no_adapter_of_the_model_makes_it_unavailable(
+    smallest_model: LocalModel, tmp_path: Path
+):
+    path = tmp_path / "odd.lora.gguf"
+    path.write_bytes(b"GGUF but not really")
+    model = replace(smallest_model, adapters=(LocalAdapter("judge", path, "0" * 64),))
+    with pytest.raises(ModelUnavailableError, match=r"odd\.lora\.gguf: not an adapter"):
+        await fresh(model, TALK)
+
+
+def entry(**more: object) -> ModelEntry:
+    about: dict[str, object] = {
+        "name": "m",
+        "title": "M",
+        "licence": "none",
+        "parameters": "1",
+        "quantisation": "Q8_0",
+        "size_mb": 1,
+        "sha256": None,
+        "sources": (PathSource(path="none.gguf"),),
+    }
+    return ModelEntry.model_validate(about | more)
+
+
+def test_outcomes_are_judged_with_the_adapter_of_the_judge(tmp_path: Path):
+    path = tmp_path / "judge.gguf"
+    path.write_bytes(b"adapter")
+    sha256 = hashlib.sha256(b"adapter").hexdigest()
+    found = check_adapters("m", {"judge": AdapterFile(file=str(path), sha256=sha256)})
+    assert {adapter.role: adapter.path for adapter in found} == {"judge": path, "outcome": path}
+
+
+def test_a_missing_adapter_is_named_with_the_remedy():
+    file = AdapterFile(file="gone.lora.gguf", sha256="0" * 64)
+    with pytest.raises(ModelError, match=r"gone\.lora\.gguf: the judge adapter of m .* install"):
+        check_adapters("m", {"judge": file})
+
+
+def test_an_adapter_with_another_hash_is_named_with_the_remedy(tmp_path: Path):
+    path = tmp_path / "planner.gguf"
+    path.write_bytes(b"another")
+    file = AdapterFile(file=str(path), sha256="0" * 64)
+    with pytest.raises(ModelError, match=r"planner\.gguf: not the planner adapter .* install"):
+        check_adapters("m", {"planner": file})
+
+
+def test_compact_prompts_are_for_models_with_both_adapters():
+    assert entry().prompts == "examples"
+    planner = {"planner": {"file": "p.gguf", "sha256": "0" * 64}}
+    with pytest.raises(ValidationError, match="needs an adapter for planner and for judge"):
+        entry(prompts="compact", adapters=planner)
+    assert entry(prompts="compact", adapters=planner | {"judge": planner["planner"]})
