@@ -24,6 +24,9 @@ class TrainConfig(StrictModel):
     base: str = Field(description="a model of the catalogue, or a path to a GGUF file")
     data: str = Field(description="training samples, JSON lines")
     validation: str | None = Field(default=None, description="samples that are never trained on")
+    start: str | None = Field(
+        default=None, description="the folder of an earlier run of equal rank to begin from"
+    )
     rank: int = Field(default=16, ge=1, le=256)
     alpha: float = Field(default=32.0, gt=0.0, description="the update is scaled by alpha / rank")
     learning_rate: float = Field(default=8e-4, gt=0.0, description="after the warm-up")

@@ -102,6 +102,8 @@ class _Run:
         if not resume:
             self._folder.begin(self._config)
             self._state.base_sha256, self._state.data_sha256 = hashes
+            if self._config.start is not None:
+                self._take_over(RunFolder(Path(self._config.start)).load().masters)
             self.save()
             return
         state = self._folder.load()
@@ -110,13 +112,19 @@ class _Run:
                 f"{self._folder.path}: base or data changed since the run began: start it anew"
             )
         self._folder.rewind(state.step)
-        with torch.no_grad():
-            for master, saved in zip(self._adapter.masters, state.masters, strict=True):
-                master.copy_(saved)
+        self._take_over(state.masters)
         self._optimiser.load_state_dict(state.optimiser)
         self._state = replace(state, masters=self._adapter.masters)
         self._before = state.seconds
         self.progress = replace(self.progress, step=state.step, minutes=state.seconds / 60.0)
+
+    def _take_over(self, saved: Sequence[Tensor]) -> None:
+        """Go on from the weights of another moment; raises ValueError when they do not fit."""
+        with torch.no_grad():
+            for master, other in zip(self._adapter.masters, saved, strict=True):
+                if master.shape != other.shape:
+                    raise ValueError(f"start: {self._config.start} is of another base or rank")
+                master.copy_(other)
 
     @property
     def finished(self) -> bool:
