@@ -42,6 +42,7 @@ def conditions(asks: Sequence[Ask], order: Order, world: World) -> tuple[str, ..
     movers += [_met(ask.place) for ask in moving if ask.place in world.gates]
     allowed = " || ".join(dict.fromkeys(movers)) or "false"
     wanted += [f"run.moved.all(n, {allowed})", COVERED]
+    wanted += [_dealt_with(ask.place) for ask in moving if ask.task in _MEETS]
     if any(ask.task in _MEETS for ask in asks):
         wanted += _ESCALATION
     else:
@@ -193,6 +194,14 @@ def _met(place: str) -> str:
     return (
         f"run.tracks.exists(t, t.gate == '{place}') && run.actions.exists(a, a.agent == n"
         f" && a.frame == '{place}' && a.verb in ['observe', 'identify', 'warn', 'block'])"
+    )
+
+
+def _dealt_with(place: str) -> str:
+    """Return that somebody was sent to look at, or to deal with, whoever is at `place`."""
+    return (
+        f"run.actions.exists(a, !a.rejected && a.frame == '{place}' && ((a.kind == 'uav' &&"
+        " a.verb in ['observe', 'move_to']) || a.verb in ['identify', 'warn', 'block']))"
     )
 
 
