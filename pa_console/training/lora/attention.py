@@ -42,26 +42,27 @@ def attend(qkv: Tensor, rotation: Rotation, layout: Layout, shape: Shape) -> Ten
 
 
 class _Attend(torch.autograd.Function):
-    """Heads of one key/value group are stacked, so that keys are never copied for each head."""
+    """Goes span by span, so that nothing is padded and the weights of a branch fit in the cache.
+
+    Heads of one key/value group are stacked: keys are never copied for each head.
+    """
 
     @staticmethod
     def forward(ctx: Any, qkv: Tensor, rotation: Rotation, layout: Layout, shape: Shape) -> Tensor:
         q, k, v = _split(qkv, shape)
         q = rotation.turn(q).mul_(shape.head_width**-0.5)
         k = rotation.turn(k)
-        prefix = layout.prefix
-        q_prefix, k_prefix, v_prefix = (_grouped(x[:prefix]) for x in (q, k, v))
-        p_prefix = _weights(q_prefix, k_prefix, layout.prefix_ahead)
+        k_prefix, v_prefix = _grouped(k[: layout.prefix]), _grouped(v[: layout.prefix])
         out = torch.empty(len(qkv), shape.q_width, dtype=qkv.dtype, device=qkv.device)
-        _ungroup(out[:prefix], p_prefix @ v_prefix, shape)
-        saved = [q_prefix, k_prefix, v_prefix, p_prefix]
-        if layout.branches:
-            q_branch, k_branch, v_branch = (_padded(x[prefix:], layout) for x in (q, k, v))
-            k_all = _after_prefix(k_prefix, k_branch, layout)
-            v_all = _after_prefix(v_prefix, v_branch, layout)
-            p_branch = _weights(q_branch, k_all, layout.ahead)
-            out[prefix:] = _packed(p_branch @ v_all, layout, shape.heads)
-            saved += [q_branch, k_all, v_all, p_branch]
+        saved: list[Tensor] = []
+        for start, end in layout.spans:
+            queries, keys, values = _grouped(q[start:end]), k_prefix, v_prefix
+            if start:
+                keys = torch.cat((keys, _grouped(k[start:end])), 1)
+                values = torch.cat((values, _grouped(v[start:end])), 1)
+            weights = _weights(queries, keys, layout.ahead[: end - start, : end - start])
+            _ungroup(_split_heads(out[start:end], shape), weights @ values)
+            saved += [queries, keys, values, weights]
         ctx.save_for_backward(*saved)
         ctx.rotation, ctx.layout, ctx.shape = rotation, layout, shape
         return out
@@ -69,41 +70,36 @@ class _Attend(torch.autograd.Function):
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, ...]:
         layout, shape, rotation = ctx.layout, ctx.shape, ctx.rotation
-        grad, prefix = grads[0], layout.prefix
-        heads = grad.view(len(grad), shape.kv_heads, -1, shape.head_width)
-        out = torch.empty(
-            len(grad), shape.q_width + 2 * shape.kv_width, dtype=grad.dtype, device=grad.device
-        )
+        grad, prefix = _split_heads(grads[0], shape), layout.prefix
+        out = grads[0].new_empty(len(grad), shape.q_width + 2 * shape.kv_width)
+        dq, dk = torch.empty_like(grad), grad.new_empty(len(grad), shape.kv_heads, 1, grad.shape[3])
         q_out, k_out, v_out = _split(out, shape)
-        q, k, v, p = ctx.saved_tensors[:4]
-        dq, dk, dv = _backward(_grouped(heads[:prefix]), q, k, v, p)
-        dq_all = torch.empty_like(heads)
-        dk_all = torch.empty_like(k_out)
-        _ungroup(dq_all[:prefix].view(prefix, -1), dq, shape)
-        if layout.branches:
-            q, k, v, p = ctx.saved_tensors[4:]
-            dqb, dkb, dvb = _backward(_padded(heads[prefix:], layout), q, k, v, p)
-            dkb, dvb = (
-                x.view(layout.branches, shape.kv_heads, -1, shape.head_width) for x in (dkb, dvb)
-            )
-            dk += dkb[:, :, :prefix].sum(0)
-            dv += dvb[:, :, :prefix].sum(0)
-            dq_all[prefix:] = _packed(dqb, layout, shape.heads).view_as(dq_all[prefix:])
-            for target, x in ((dk_all, dkb), (v_out, dvb)):
-                own = x[:, :, prefix:].reshape(-1, layout.longest, shape.head_width)
-                target[prefix:] = _packed(own, layout, shape.kv_heads).view_as(target[prefix:])
-        dk_all[:prefix, :, 0] = dk.transpose(0, 1)
-        v_out[:prefix, :, 0] = dv.transpose(0, 1)
-        q_out.copy_(rotation.turn(dq_all.mul_(shape.head_width**-0.5), back=True))
-        k_out.copy_(rotation.turn(dk_all, back=True))
+        shared = [dk.new_zeros(shape.kv_heads, prefix, dk.shape[3], dtype=torch.float32)] * 2
+        for number, (start, end) in enumerate(layout.spans):
+            saved = ctx.saved_tensors[4 * number : 4 * number + 4]
+            d_queries, *d_others = _backward(_grouped(grad[start:end]), *saved)
+            _ungroup(dq[start:end], d_queries)
+            shared = [total + own[:, :prefix] for total, own in zip(shared, d_others, strict=True)]
+            if start:
+                for target, own in zip((dk, v_out), d_others, strict=True):
+                    _ungroup(target[start:end], own[:, prefix:])
+        for target, total in zip((dk, v_out), shared, strict=True):
+            _ungroup(target[:prefix], total)
+        q_out.copy_(rotation.turn(dq.mul_(shape.head_width**-0.5), back=True))
+        k_out.copy_(rotation.turn(dk, back=True))
         return out, None, None, None
 
 
 def _split(qkv: Tensor, shape: Shape) -> tuple[Tensor, Tensor, Tensor]:
     """Return views (tokens, kv_heads, heads of the group, head_width) of q, k and v."""
     parts = torch.split(qkv, [shape.q_width, shape.kv_width, shape.kv_width], 1)
-    q, k, v = (x.view(len(x), shape.kv_heads, -1, shape.head_width) for x in parts)
+    q, k, v = (_split_heads(part, shape) for part in parts)
     return q, k, v
+
+
+def _split_heads(x: Tensor, shape: Shape) -> Tensor:
+    """View (tokens, width) as (tokens, kv_heads, heads of the group, head_width)."""
+    return x.view(len(x), shape.kv_heads, -1, shape.head_width)
 
 
 def _grouped(heads: Tensor) -> Tensor:
@@ -111,45 +107,17 @@ def _grouped(heads: Tensor) -> Tensor:
     return heads.permute(1, 2, 0, 3).reshape(heads.shape[1], -1, heads.shape[3])
 
 
-def _ungroup(target: Tensor, grouped: Tensor, shape: Shape) -> None:
-    """Write (groups, heads * tokens, width) into `target` (tokens, groups * heads * width)."""
-    heads = grouped.view(shape.kv_heads, -1, len(target), shape.head_width)
-    target.view(len(target), shape.kv_heads, -1, shape.head_width).copy_(heads.permute(2, 0, 1, 3))
+def _ungroup(target: Tensor, grouped: Tensor) -> None:
+    """Write (groups, heads * tokens, width) into `target` (tokens, groups, heads, width)."""
+    tokens, groups, heads, width = target.shape
+    target.copy_(grouped.reshape(groups, heads, tokens, width).permute(2, 0, 1, 3))
 
 
-def _padded(heads: Tensor, layout: Layout) -> Tensor:
-    """Turn branch tokens (tokens, groups, heads, width) into padded ones.
-
-    The result is (branches * groups, heads * longest, width); what is padded is zero.
-    """
-    tokens, groups, count, width = heads.shape
-    rows = heads.new_zeros(layout.branches * layout.longest, groups * count * width)
-    rows.index_copy_(0, layout.places, heads.reshape(tokens, -1))
-    rows = rows.view(layout.branches, layout.longest, groups, count, width)
-    return rows.permute(0, 2, 3, 1, 4).reshape(layout.branches * groups, -1, width)
-
-
-def _packed(padded: Tensor, layout: Layout, heads: int) -> Tensor:
-    """Undo `_padded`: return (tokens, heads * width)."""
-    width = padded.shape[-1]
-    rows = padded.view(layout.branches, heads, layout.longest, width).transpose(1, 2)
-    return rows.reshape(-1, heads * width).index_select(0, layout.places)
-
-
-def _after_prefix(prefix: Tensor, branch: Tensor, layout: Layout) -> Tensor:
-    """Put `prefix` (groups, P, width) before every branch: (branches * groups, P + t, width)."""
-    groups, size, width = prefix.shape
-    every = prefix.new_empty(layout.branches, groups, size + layout.longest, width)
-    every[:, :, :size] = prefix
-    every[:, :, size:] = branch.view(layout.branches, groups, layout.longest, width)
-    return every.flatten(0, 1)
-
-
-def _weights(q: Tensor, k: Tensor, ahead: Tensor) -> Tensor:
-    """Return the attention weights (batch, heads * tokens, keys); `ahead` masks the last keys."""
-    size = len(ahead)
-    scores = q @ k.transpose(1, 2)
-    own = scores.view(len(q), -1, size, k.shape[1])[..., k.shape[1] - size :]
+def _weights(queries: Tensor, keys: Tensor, ahead: Tensor) -> Tensor:
+    """Return the attention weights (groups, heads * tokens, keys); `ahead` masks the last keys."""
+    tokens = len(ahead)
+    scores = queries @ keys.transpose(1, 2)
+    own = scores.view(len(scores), -1, tokens, keys.shape[1])[..., keys.shape[1] - tokens :]
     own.masked_fill_(ahead, -torch.inf)
     return scores.softmax(-1)
 

@@ -13,6 +13,10 @@ ROWS = 128
 """Positions whose logits are held at once (49,152 float32 each would be 25 MB)."""
 
 
+SMALLEST = 1e-37
+"""No probability is taken to be less, so that every loss is finite."""
+
+
 def adapted(x: Tensor, weight: Tensor, a: Tensor, b: Tensor, added: Tensor | None = None) -> Tensor:
     """Return x W' + (x A') B' (+ `added`), rows are tokens.
 
@@ -119,12 +123,11 @@ class _AnswerLoss(torch.autograd.Function):
         for start in range(0, len(x), ROWS):
             rows = slice(start, start + ROWS)
             target = targets[rows, None]
-            scores = (x[rows] @ head.t()).log_softmax(-1, dtype=torch.float32)
+            shares = (x[rows] @ head.t()).softmax(-1, dtype=torch.float32)
             weight = weights[rows, None]
-            total -= (scores.gather(1, target) * weight).sum()
-            d_scores = scores.exp_()
-            d_scores.scatter_add_(1, target, torch.full_like(weight, -1.0))
-            dx[rows] = d_scores.mul_(weight).to(x.dtype) @ head
+            total -= (shares.gather(1, target).clamp_min_(SMALLEST).log_() * weight).sum()
+            shares.scatter_add_(1, target, torch.full_like(weight, -1.0))
+            dx[rows] = shares.mul_(weight).to(x.dtype) @ head
         ctx.save_for_backward(dx)
         return total
 

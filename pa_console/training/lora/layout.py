@@ -1,10 +1,11 @@
 """How one pack of tokens lies in memory: a shared prefix, then branches that continue it.
 
-Linear layers see all tokens in a row without padding; only attention pads branches to the longest.
+Linear layers see all tokens in a row; only attention goes branch by branch.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
 
 import torch
 from torch import Tensor
@@ -12,36 +13,24 @@ from torch import Tensor
 
 @dataclass(frozen=True)
 class Layout:
-    """Index tensors of a pack with `prefix` tokens and `branches` of at most `longest` tokens."""
+    """Where the prefix and the branches of a pack lie."""
 
     prefix: int
-    branches: int
-    longest: int
-    places: Tensor
-    """Row in the padded (branches * longest) of every branch token."""
+    spans: tuple[tuple[int, int], ...]
+    """First token and end of the prefix, then of every branch."""
     positions: Tensor
     """Position in the text of every token of the pack, float32 (tokens)."""
     ahead: Tensor
-    """True above the diagonal: what a token may not see (longest, longest) of its own branch."""
-    prefix_ahead: Tensor
-    """The same within the prefix (prefix, prefix)."""
+    """True above the diagonal: what a token may not see of its own span (longest, longest)."""
 
     @classmethod
     def make(cls, prefix: int, lengths: Sequence[int], device: str | torch.device) -> "Layout":
         """Lay out branches of `lengths` tokens behind `prefix` tokens."""
-        longest = max(lengths, default=0)
-        places = [n * longest + t for n, length in enumerate(lengths) for t in range(length)]
+        longest = max((prefix, *lengths))
         positions = [*range(prefix), *(prefix + t for length in lengths for t in range(length))]
         return cls(
             prefix=prefix,
-            branches=len(lengths),
-            longest=longest,
-            places=torch.tensor(places, dtype=torch.long, device=device),
+            spans=tuple(pairwise(accumulate((prefix, *lengths), initial=0))),
             positions=torch.tensor(positions, dtype=torch.float32, device=device),
-            ahead=_ahead(longest, device),
-            prefix_ahead=_ahead(prefix, device),
+            ahead=torch.ones(longest, longest, dtype=torch.bool, device=device).triu(1),
         )
-
-
-def _ahead(size: int, device: str | torch.device) -> Tensor:
-    return torch.ones(size, size, dtype=torch.bool, device=device).triu(1)

@@ -1,7 +1,7 @@
 """Computes packs side by side, one core each.
 
-Two cores that share every operation meet thousands of times a step and wait for each other as soon
-as anything else runs; two packs at once never do (measured: 1.9 times as fast beside other work).
+Two threads that share every operation meet thousands of times a step and wait for each other:
+beside other work a step took more than twice as long as with one. Two packs at once never meet.
 """
 
 import ctypes
@@ -55,7 +55,10 @@ class Workers:
 
 
 def keep_memory() -> None:
-    """Make glibc keep freed memory: fresh pages for large tensors cost a fifth of a step."""
+    """Make glibc keep freed memory, in one pool for all threads.
+
+    On two threads that is a quarter less memory (3.6 instead of 4.9 GB) and half the page faults.
+    """
     if sys.platform == "linux":
         set_option = getattr(ctypes.CDLL(None), "mallopt", None)
         if set_option is not None:
