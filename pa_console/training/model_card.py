@@ -5,7 +5,6 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from statistics import median
-from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -128,10 +127,7 @@ def _kinds(report: DataReport, task: str) -> list[tuple[str, int]]:
 
 def _config(summary: RunSummary) -> list[tuple[str, str]]:
     """Return the settings of the run; of files only their names."""
-    values: dict[str, Any] = summary.config.model_dump(exclude_none=True)
-    for name in ("data", "validation"):
-        if name in values:
-            values[name] = Path(values[name]).name
+    values = summary.config.without_folders().model_dump(exclude_none=True)
     return [(name.replace("_", " "), f"{value}") for name, value in values.items()]
 
 

@@ -53,6 +53,12 @@ class TrainConfig(StrictModel):
         """Read the file at `path`; raises DocumentError."""
         return Document.read(path).parse(cls)
 
+    def without_folders(self) -> "TrainConfig":
+        """Return the config with the bare names of its files: folders are this machine's own."""
+        files = {"base": self.base, "data": self.data, "validation": self.validation}
+        names = {field: Path(name).name for field, name in files.items() if name is not None}
+        return self.model_copy(update=names)
+
 
 def find_base(config: TrainConfig) -> tuple[Path, ChatFormat]:
     """Return the base's file and its chat format; raises ModelError when it is not here."""

@@ -35,13 +35,13 @@ def export_adapter(run: Path, target: Path) -> str:
         raise ValueError(f"{run}: was trained on another base than {path}")
     adapter.masters = state.masters
     origin = {
-        "base": config.base,
+        "base": config.without_folders().base,
         "base_sha256": state.base_sha256,
         "data_sha256": state.data_sha256,
         "steps": str(state.step),
         "samples": str(state.samples),
     }
-    write_adapter(target, adapter, shape, config, origin)
+    write_adapter(target, adapter, shape, config.without_folders(), origin)
     return hashlib.sha256(target.read_bytes()).hexdigest()
 
 
