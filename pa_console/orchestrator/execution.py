@@ -3,9 +3,9 @@
 from collections.abc import AsyncIterator, Iterator
 from time import perf_counter
 
-from pa_console.orchestrator.digest import digest_picture
 from pa_console.orchestrator.dispatch import TIMED_OUT, Dispatch
 from pa_console.orchestrator.feed import Step, StepFeed
+from pa_console.orchestrator.judging import OutcomeCase, ask_about_outcome
 from pa_console.orchestrator.premises import Premises, safe_state
 from pa_console.orchestrator.rehearsal import device_commands, order_moments
 from pa_console.orchestrator.safeguards import Examination
@@ -96,11 +96,10 @@ class Execution:
         if self.verification is None:
             return
         sim = self._services.sim
-        digest = digest_picture(sim.picture(), sim.world, selection)
-        dialect = self._services.dialect
-        prompt = dialect.outcome(sim.world, digest, mission, approved.plan, self.verification)
+        case = OutcomeCase(mission, sim.picture(), selection, approved.plan, self.verification)
+        asked = ask_about_outcome(self._services.dialect, sim.world, case)
         with self._watch.time("outcome_s"):
-            async for piece in self._services.judge.judge(prompt, dialect.verdict([]), "outcome"):
+            async for piece in asked.put_to(self._services.judge):
                 if not isinstance(piece, str):
                     yield ev.OutcomeJudged(
                         verdict=piece.verdict, error=piece.error, usage=piece.usage

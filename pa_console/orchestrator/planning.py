@@ -6,6 +6,7 @@ from time import perf_counter
 
 from pa_console.llm.judge import Judgement
 from pa_console.llm.planner import Proposal
+from pa_console.orchestrator.judging import PlanCase, ask_about_plan
 from pa_console.orchestrator.question import Question, ask_for_plan
 from pa_console.orchestrator.safeguards import Examination, examine
 from pa_console.orchestrator.services import Payloads, Services, Stopwatch
@@ -14,7 +15,7 @@ from pa_console.schema import event as ev
 from pa_console.schema.finding import Usage, Verdict
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan, Verb
-from pa_console.schema.rule import Rule, RuleHit
+from pa_console.schema.rule import RuleHit
 from pa_console.schema.telemetry import Selection
 
 
@@ -119,29 +120,25 @@ class Planning:
         rehearsal = candidate.examination.rehearsal
         if self._question is None or rehearsal is None:
             return
-        rules = self._judged_rules(candidate.examination)
+        found = candidate.examination
         started = perf_counter()
-        dialect = self._services.dialect
-        prompt = dialect.judge(
+        asked = ask_about_plan(
+            self._services.dialect,
             self._services.sim.world,
-            self._question.digest,
-            rules,
-            self.task,
-            candidate.examination.plan,
-            rehearsal,
+            self._services.rulebook,
+            PlanCase(
+                self.task, self._hits, self._question.digest, found.plan, found.findings, rehearsal
+            ),
         )
         yield ev.PromptBuilt(
             role="judge",
             attempt=candidate.attempt,
-            system=prompt.system,
-            user=prompt.user,
+            system=asked.prompt.system,
+            user=asked.prompt.user,
             seconds=perf_counter() - started,
         )
-        ids = [rule.id for rule in rules]
         with self._watch.time("judging_s"):
-            async for piece in self._services.judge.judge(
-                prompt, dialect.verdict(ids), rule_ids=ids
-            ):
+            async for piece in asked.put_to(self._services.judge):
                 if isinstance(piece, str):
                     yield ev.TextStreamed(role="judge", attempt=candidate.attempt, text=piece)
                 else:
@@ -232,17 +229,6 @@ class Planning:
         self._watch.add("checks_s", found.checks_s)
         self._watch.add("rehearsal_s", found.rehearsal_s)
         return found
-
-    def _judged_rules(self, examination: Examination) -> list[Rule]:
-        """Return the retrieved and pinned rules that apply to the plan, and every broken one."""
-        findings = {finding.rule_id: finding for finding in examination.findings}
-        ids = [
-            hit.rule_id
-            for hit in self._hits
-            if hit.rule_id not in findings or findings[hit.rule_id].status != "not_applicable"
-        ]
-        ids += [f.rule_id for f in examination.findings if f.broken and f.rule_id not in ids]
-        return [self._services.rulebook.get(rule_id) for rule_id in ids]
 
 
 def _proposed(attempt: int, proposal: Proposal, instead_of: int | None = None) -> ev.PlanProposed:

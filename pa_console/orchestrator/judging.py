@@ -1,0 +1,89 @@
+"""What the judge is asked: of a plan before it is executed, and of its outcome afterwards."""
+
+from collections.abc import AsyncGenerator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from pa_console.llm.dialect import Dialect
+from pa_console.llm.judge import Judge, Judgement
+from pa_console.llm.prompts import Prompt
+from pa_console.orchestrator.digest import digest_picture
+from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.finding import Finding
+from pa_console.schema.mission import Mission, Verification
+from pa_console.schema.plan import Plan
+from pa_console.schema.rehearsal import Rehearsal
+from pa_console.schema.rule import RuleHit
+from pa_console.schema.telemetry import Digest, Picture, Selection
+from pa_console.schema.world import World
+
+
+@dataclass(frozen=True)
+class PlanCase:
+    """A plan for `task`, with the rules and the picture that its planner was given."""
+
+    task: Mission
+    hits: Sequence[RuleHit]
+    digest: Digest
+    plan: Plan
+    findings: Sequence[Finding]
+    rehearsal: Rehearsal
+
+
+@dataclass(frozen=True)
+class OutcomeCase:
+    """An executed plan: the `picture` afterwards, and what telemetry says of every action.
+
+    `selection` is the part of the picture that the plan was made from; None means all of it.
+    """
+
+    task: Mission
+    picture: Picture
+    selection: Selection | None
+    plan: Plan
+    verification: Verification
+
+
+@dataclass(frozen=True)
+class JudgeQuestion:
+    """A prompt for the judge and the grammar of its answer; opinions are wanted on `rule_ids`."""
+
+    role: Literal["judge", "outcome"]
+    prompt: Prompt
+    grammar: str
+    rule_ids: tuple[str, ...] = ()
+
+    def put_to(self, judge: Judge) -> AsyncGenerator[str | Judgement]:
+        """Ask `judge`; gives the answer in pieces, then one Judgement."""
+        return judge.judge(self.prompt, self.grammar, self.role, self.rule_ids)
+
+
+def ask_about_plan(
+    dialect: Dialect, world: World, rulebook: Rulebook, case: PlanCase
+) -> JudgeQuestion:
+    """Step 6: return the question whether the plan serves the task within the rules.
+
+    Raises KeyError when a rule that was retrieved or found broken is not in `rulebook`.
+    """
+    rules = [rulebook.get(id_) for id_ in judged_rules(case.hits, case.findings)]
+    prompt = dialect.judge(world, case.digest, rules, case.task, case.plan, case.rehearsal)
+    ids = tuple(rule.id for rule in rules)
+    return JudgeQuestion("judge", prompt, dialect.verdict(ids), ids)
+
+
+def ask_about_outcome(dialect: Dialect, world: World, case: OutcomeCase) -> JudgeQuestion:
+    """Step 7: return the question whether the task was accomplished."""
+    digest = digest_picture(case.picture, world, case.selection)
+    prompt = dialect.outcome(world, digest, case.task, case.plan, case.verification)
+    return JudgeQuestion("outcome", prompt, dialect.verdict([]))
+
+
+def judged_rules(hits: Sequence[RuleHit], findings: Sequence[Finding]) -> list[str]:
+    """Return the ids of the retrieved rules that apply to the plan, and of every broken one."""
+    found = {finding.rule_id: finding for finding in findings}
+    ids = [
+        hit.rule_id
+        for hit in hits
+        if hit.rule_id not in found or found[hit.rule_id].status != "not_applicable"
+    ]
+    return ids + [f.rule_id for f in findings if f.broken and f.rule_id not in ids]
