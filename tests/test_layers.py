@@ -17,6 +17,7 @@ ABOVE = ("pa_console.cli", "pa_console.tui", "pa_console.__main__", "pa_console.
 WORKER = (
     *(f"pa_console.llm.{name}" for name in ("worker", "runtime", "decoding", "chat")),
     *(f"pa_console.llm.{name}" for name in ("shared_context", "candidates", "token_choice")),
+    *(f"pa_console.llm.{name}" for name in ("adapter_switch", "quantise")),
     *(f"pa_console.evaluation.bench.{name}" for name in ("plain", "raw")),
 )
 """What runs in processes that hold a model; nothing else may import the model libraries."""
