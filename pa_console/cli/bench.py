@@ -5,7 +5,13 @@ from typing import Annotated
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from pa_console.cli import bench_degradation, bench_retrieval, bench_scale, bench_twins
+from pa_console.cli import (
+    bench_degradation,
+    bench_judge,
+    bench_retrieval,
+    bench_scale,
+    bench_twins,
+)
 from pa_console.cli.bench_table import LEGEND, part_table
 from pa_console.cli.output import (
     JsonOption,
@@ -27,6 +33,7 @@ app.command("scale")(bench_scale.scale)
 app.command("retrieval")(bench_retrieval.retrieval)
 app.command("twins")(bench_twins.twins)
 app.command("degradation")(bench_degradation.degradation)
+app.command("judge")(bench_judge.judge)
 
 COLUMNS = (BarColumn(20), TimeElapsedColumn(), TextColumn("{task.description}", markup=False))
 

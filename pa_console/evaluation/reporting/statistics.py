@@ -93,6 +93,11 @@ class Confusion(NamedTuple):
         return self.tp + self.fp + self.fn + self.tn
 
     @property
+    def flipped(self) -> "Confusion":
+        """The same with failure as the positive: how well failures are caught."""
+        return Confusion(tp=self.tn, fp=self.fn, fn=self.fp, tn=self.tp, silent=self.silent)
+
+    @property
     def precision(self) -> Rate:
         """Of the runs judged a success, those that were one."""
         return Rate(self.tp, self.tp + self.fp)
