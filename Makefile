@@ -35,7 +35,7 @@ endef
 help:
 	@echo "make console   open the console (the first time installs it and fetches the model)"
 	@echo "make test      run the tests            ARGS=... is passed on to pytest"
-	@echo "make lint      check style, formatting, types and import contracts"
+	@echo "make lint      check style, formatting, types and import contracts (of the trainer, where torch is)"
 	@echo "make clean     remove .venv and everything generated; fetched models stay"
 	@echo
 	@echo "PYTHON=...     the Python to install with, 3.11 or newer (now: $(PYTHON))"
@@ -52,6 +52,7 @@ lint: $(VENV)/.installed-dev
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/pyright
+	@! $(BIN)/python -c "import torch" 2>/dev/null || $(BIN)/pyright pa_console/training/lora tests/training/lora
 	@$(BIN)/lint-imports --no-logo
 
 clean:
