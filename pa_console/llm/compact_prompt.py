@@ -21,7 +21,7 @@ TASKS: dict[Role, str] = {
     "judge": "Judge the plan.",
     "outcome": "Judge the outcome.",
 }
-MOST_RULES = 3
+MOST_RULES = 2
 """Rules that are quoted: those that fit the mission's words best."""
 
 

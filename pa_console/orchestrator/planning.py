@@ -73,9 +73,10 @@ class Planning:
         yield ev.RulesRetrieved(method=retriever.method, hits=self._hits, seconds=seconds)
 
     async def propose(self, reasons: Sequence[str] = (), previous: str = "") -> Payloads:
-        """Steps 3 to 6: ask for a plan until one breaks no rule, at most 1 + repairs times.
+        """Steps 3 to 6: ask for a plan until nothing blocks it, at most 1 + repairs times.
 
-        `reasons` say what was wrong with the `previous` plan. The least bad plan becomes `best`.
+        `reasons` say what was wrong with the `previous` plan. The least bad plan becomes `best`;
+        a mere warning is for the operator to acknowledge.
         """
         self.best, self.error = None, ""
         seen: set[Plan] = set()
@@ -91,10 +92,10 @@ class Planning:
             else:
                 async for payload in self._examine(proposal.plan):
                     yield payload
-                if self._latest.broken and not seen:
+                if self._latest.blocked and not seen:
                     async for payload in self._ask_again():
                         yield payload
-                reasons = self._latest.broken
+                reasons = self._latest.faults
             repeated = proposal.plan in seen
             if not reasons or last or repeated:
                 return
@@ -185,7 +186,7 @@ class Planning:
         """Step 5 once more, several answers at once: the first sound one is looked for.
 
         The model gave them in the order of how often it did. All are told, and examined until one
-        breaks no rule.
+        nothing blocks.
         """
         asked, count = self._question, self._services.variant.candidates - 1
         if asked is None or count < 1:
@@ -197,7 +198,7 @@ class Planning:
             self.attempts += 1
             given = replace(proposal, usage=usage if self.attempts == first + 1 else Usage())
             yield _proposed(self.attempts, given, instead_of=first)
-            if self._latest.broken and proposal.plan is not None:
+            if self._latest.blocked and proposal.plan is not None:
                 async for payload in self._examine(proposal.plan):
                     yield payload
 

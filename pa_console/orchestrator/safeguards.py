@@ -33,8 +33,13 @@ class Examination:
         return any(finding.blocking for finding in self.findings)
 
     @property
+    def faults(self) -> tuple[str, ...]:
+        """Every rule for which nobody may approve the plan, with what is wrong."""
+        return tuple(f"{f.rule_id}: {f.message}" for f in self.findings if f.blocking)
+
+    @property
     def broken(self) -> tuple[str, ...]:
-        """Every broken rule with what is wrong, for the planner's next attempt."""
+        """Every broken rule with what is wrong, warnings too."""
         return tuple(f"{f.rule_id}: {f.message}" for f in self.findings if f.broken)
 
     @property
