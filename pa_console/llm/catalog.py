@@ -32,6 +32,9 @@ class ModelEntry(StrictModel):
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")
+    weights: str = Field(
+        default="", description="another entry of the same file: it is kept only once"
+    )
     title: str
     licence: str
     parameters: str
@@ -52,10 +55,15 @@ class ModelEntry(StrictModel):
         return f"{self.title}, {self.quantisation}, {self.size_mb} MB, {self.licence}"
 
     @property
+    def stem(self) -> str:
+        """What the entry's file is called in the folder of models."""
+        return self.weights or self.name
+
+    @property
     def local_file(self) -> Path | None:
         """The model's file when it is on this machine, not checked."""
         paths = [Path(s.path).expanduser() for s in self.sources if isinstance(s, PathSource)]
-        paths.append(models_folder() / f"{self.name}.gguf")
+        paths.append(models_folder() / f"{self.stem}.gguf")
         return next((path for path in paths if path.is_file()), None)
 
     @property
@@ -63,7 +71,7 @@ class ModelEntry(StrictModel):
         """The model's prepared weights when they are on this machine, not checked."""
         if self.prepare is None:
             return None
-        path = prepared_path(self.name, self.prepare)
+        path = prepared_path(self.stem, self.prepare)
         return path if path.is_file() else None
 
     def ready_file(self, path: Path, progress: Progress = silent) -> tuple[Path, str]:
@@ -74,7 +82,7 @@ class ModelEntry(StrictModel):
         digest = self.check(path)
         if self.prepare is None:
             return path, digest
-        prepared = prepare(self.name, self.prepare, path, digest, progress)
+        prepared = prepare(self.stem, self.prepare, path, digest, progress)
         return prepared.path, prepared.sha256
 
     def check(self, path: Path) -> str:
@@ -179,6 +187,10 @@ class Catalog(StrictModel):
         for name in names:
             if names.count(name) > 1:
                 raise ValueError(f"models: the name {name!r} appears twice")
+        for entry in self.models:
+            twin = next((e for e in self.models if e.name == entry.stem), None)
+            if twin is None or twin.sha256 != entry.sha256:
+                raise ValueError(f"{entry.name}: weights: no model {entry.stem!r} of that SHA-256")
         if self.default not in names:
             raise ValueError(f"default: {self.default!r} is not one of the models")
         return self

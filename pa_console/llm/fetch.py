@@ -35,7 +35,7 @@ def pull(entry: ModelEntry, progress: Progress = _silent) -> Path:
     if local is not None and local.parent != models_folder():
         entry.check(local)
         return local
-    target, folder = models_folder() / f"{entry.name}.gguf", partial_folder(entry.name)
+    target, folder = models_folder() / f"{entry.stem}.gguf", partial_folder(entry.stem)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         folder.mkdir(parents=True, exist_ok=True)
