@@ -42,6 +42,9 @@ class Dialect:
     ahead: Callable[[Role, World, Digest | None], Prompt]
     """The beginning of a role's prompts that does not depend on a mission; without a picture, of
     a world too large to be told whole."""
+    plan_tokens: int
+    verdict_tokens: int
+    """The longest answers; room for them is kept in the context."""
 
 
 def _fixed_only(role: Role, world: World, _digest: Digest | None) -> Prompt:
@@ -58,7 +61,14 @@ def _compact_ahead(role: Role, world: World, digest: Digest | None) -> Prompt:
 
 DIALECTS: dict[DialectName, Dialect] = {
     "examples": Dialect(
-        "examples", planner_prompt, judge_prompt, outcome_prompt, judge_grammar, _fixed_only
+        "examples",
+        planner_prompt,
+        judge_prompt,
+        outcome_prompt,
+        judge_grammar,
+        _fixed_only,
+        700,
+        900,
     ),
     "compact": Dialect(
         "compact",
@@ -67,6 +77,8 @@ DIALECTS: dict[DialectName, Dialect] = {
         compact_outcome_prompt,
         compact_judge_grammar,
         _compact_ahead,
+        400,
+        160,
     ),
 }
 """The dialects by the name that a catalogue entry gives."""

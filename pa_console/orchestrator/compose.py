@@ -100,15 +100,16 @@ def open_station(
     if sim is None:
         sim = Checkpoint(site.world, seed, scenario.scenario if scenario is not None else None)
     variant = variant or Variant()
+    dialect = DIALECTS[engine.model.prompts]
     services = Services(
         sim=sim,
         rulebook=site.rulebook,
         retriever=Retriever(site.rulebook.rules, variant.method or DEFAULT_METHOD),
         engine=engine,
-        planner=Planner(engine),
-        judge=Judge(engine),
+        planner=Planner(engine, max_tokens=dialect.plan_tokens),
+        judge=Judge(engine, max_tokens=dialect.verdict_tokens),
         variant=variant,
-        dialect=DIALECTS[engine.model.prompts],
+        dialect=dialect,
     )
     grammar = plan_grammar(site.world, sim.picture(), tuple(site.world.assets)[:MAX_ACTIONS])
     started = SessionStarted(
