@@ -9,6 +9,7 @@ from dataclasses import replace
 from pa_console.llm.compact_prompt import ahead, compact_judge_prompt
 from pa_console.llm.grammar import MOST_VIOLATED
 from pa_console.llm.prompts import Prompt
+from pa_console.orchestrator.judging import judged_rules
 from pa_console.orchestrator.safeguards import Examination
 from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
@@ -63,25 +64,12 @@ def judge_samples(  # noqa: PLR0917
             found = verified.checked.examination
             if found.rehearsal is None:
                 continue
-            rules = judged_rules(told.case, found, rulebook, retriever)
+            hits = retriever.retrieve(told.case.command, TOP_K)
+            rules = [rulebook.get(rule_id) for rule_id in judged_rules(hits, found.findings)]
             prompt = _prompt(told.case, situation, rules, found)
             answer = answer_of(label, [rule.id for rule in rules])
             kind = f"{told.kind.partition('/')[0]}/{variant.how}/{verdict_word(label.right)}"
             yield make_sample(group.name, "judge", prompt, picture, answer, kind)
-
-
-def judged_rules(
-    case: MissionCase, examination: Examination, rulebook: Rulebook, retriever: Retriever
-) -> list[Rule]:
-    """Return the rules that the console would have judged: those that apply, and broken ones."""
-    findings = {finding.rule_id: finding for finding in examination.findings}
-    ids = [
-        hit.rule_id
-        for hit in retriever.retrieve(case.command, TOP_K)
-        if hit.rule_id not in findings or findings[hit.rule_id].status != "not_applicable"
-    ]
-    ids += [f.rule_id for f in examination.findings if f.broken and f.rule_id not in ids]
-    return [rulebook.get(rule_id) for rule_id in ids]
 
 
 def answer_of(label: Label, rule_ids: Sequence[str]) -> str:
