@@ -42,6 +42,7 @@ class ScriptedEngine:
         self.sampler = "scripted"
         self.on_state: OnState | None = None
         self.busy = False
+        self.warmed: list[tuple[Role, str, str]] = []
         self.kills = 0
         """How often the worker was killed."""
 
@@ -55,7 +56,8 @@ class ScriptedEngine:
             self.on_state("ready", "scripted")
 
     async def warm(self, role: Role, system: str, user: str = "") -> None:
-        """Do nothing: there is nothing to read ahead."""
+        """Note what was to be read ahead."""
+        self.warmed.append((role, system, user))
 
     async def close(self) -> None:
         """Do nothing."""
