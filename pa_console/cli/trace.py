@@ -49,7 +49,8 @@ def _print_rules(console: Console, trace: MissionTrace) -> None:
 
 
 def _print_attempt(console: Console, attempt: Attempt) -> None:
-    console.print(f"attempt {attempt.number} by the {attempt.author}", style="bold")
+    other = f", instead of {attempt.instead_of}" if attempt.instead_of is not None else ""
+    console.print(f"attempt {attempt.number} by the {attempt.author}{other}", style="bold")
     if attempt.plan is None:
         console.print(f"  no plan: {attempt.error or attempt.text}", markup=False)
     else:

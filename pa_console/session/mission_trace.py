@@ -41,6 +41,8 @@ class Attempt:
     judge_error: str = ""
     judge_usage: Usage = field(default_factory=Usage)
     repair: tuple[str, ...] = ()
+    instead_of: int | None = None
+    """The attempt whose prompt this is another answer to."""
 
 
 @dataclass

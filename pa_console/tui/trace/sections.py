@@ -94,6 +94,8 @@ def _attempt(attempt: Attempt, rules: Rules) -> list[Section]:
 
 def _heading(attempt: Attempt) -> Section:
     author = "by the operator" if attempt.author == "operator" else "shown in full"
+    if attempt.instead_of is not None:
+        author = f"another answer to the prompt of attempt {attempt.instead_of}"
     title = Content.assemble(
         (f"Attempt {attempt.number}", "bold"),
         (f"  {attempt.phase}" if attempt.phase else "", NOTE),
@@ -106,7 +108,10 @@ def _folded(attempt: Attempt, parts: list[Section]) -> Section:
     reasons = tuple(row("  ✘ ", (reason, WARN)) for reason in attempt.repair)
     broken = [finding.rule_id for finding in attempt.findings if finding.broken]
     note = ", ".join(broken) or attempt.error or "not used"
-    head = Content.assemble((f"Attempt {attempt.number}", "bold"), (f"  ✘ {note}", BAD))
+    other = f"  instead of {attempt.instead_of}" if attempt.instead_of is not None else ""
+    head = Content.assemble(
+        (f"Attempt {attempt.number}", "bold"), (other, QUIET), (f"  ✘ {note}", BAD)
+    )
     rows = (*reasons, *_spread(parts))
     return Section(f"attempt-{attempt.number}", head, rows, collapsed=True)
 
