@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import cast
 
 from pa_console.llm.catalog import LocalModel
-from pa_console.llm.engine import Completed, Engine, OnState, Request
+from pa_console.llm.engine import Engine, OnState
 from pa_console.llm.errors import EngineError
+from pa_console.llm.request import Completed, Request
 from pa_console.schema.event import Role
 from pa_console.schema.finding import Usage
 

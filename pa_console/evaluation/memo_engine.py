@@ -9,7 +9,8 @@ from typing import cast
 
 from pydantic import ValidationError
 
-from pa_console.llm.engine import Completed, Engine, OnState, Request
+from pa_console.llm.engine import Engine, OnState
+from pa_console.llm.request import Completed, Request
 from pa_console.schema.base import StrictModel
 from pa_console.schema.event import Role
 from pa_console.schema.finding import Usage

@@ -7,9 +7,10 @@ from statistics import median
 from time import perf_counter
 from typing import NamedTuple
 
-from pa_console.llm.engine import LOAD_LIMIT_S, WARM_GRAMMAR, Completed, Engine, Request
+from pa_console.llm.engine import LOAD_LIMIT_S, WARM_GRAMMAR, Engine
 from pa_console.llm.grammar import plan_grammar
 from pa_console.llm.prompts import Prompt, planner_prompt
+from pa_console.llm.request import Completed, Request
 from pa_console.orchestrator.digest import digest_picture
 from pa_console.orchestrator.safeguards import examine
 from pa_console.orchestrator.selection import select

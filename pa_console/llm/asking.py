@@ -4,8 +4,9 @@ from collections.abc import AsyncGenerator
 from contextlib import aclosing
 from dataclasses import dataclass
 
-from pa_console.llm.engine import Completed, Engine, Request
+from pa_console.llm.engine import Engine
 from pa_console.llm.errors import EngineDiedError, EngineError
+from pa_console.llm.request import Completed, Request
 from pa_console.schema.finding import Usage
 
 

@@ -19,6 +19,7 @@ from pa_console.llm.errors import (
 )
 from pa_console.llm.process import Worker
 from pa_console.llm.protocol import Cancel, Done, Finish, Generate, Load, Piece, Refused, Texts
+from pa_console.llm.request import Completed, Request
 from pa_console.llm.threads import physical_cores
 from pa_console.schema.event import Role, WorkerState
 from pa_console.schema.finding import Usage
@@ -46,30 +47,6 @@ class ModelInfo:
     n_ctx: int
     description: str
     adapters: dict[str, str] = field(default_factory=dict[str, str])
-
-
-@dataclass(frozen=True)
-class Request:
-    """One prompt; `deadline_s` counts from when the model is loaded and begins on it."""
-
-    role: Role
-    system: str
-    user: str
-    grammar: str
-    max_tokens: int
-    deadline_s: float
-    count: int = 1
-    """So many answers are wanted, other than the most likely one; they come as `texts`."""
-
-
-@dataclass(frozen=True)
-class Completed:
-    """The end of a generation: the whole text, what it cost and why it ended."""
-
-    text: str
-    usage: Usage
-    finish: Finish
-    texts: tuple[str, ...] = ()
 
 
 class Engine:

@@ -7,9 +7,10 @@ from typing import Literal
 from pydantic import Field, ValidationError
 
 from pa_console.llm.asking import ask
-from pa_console.llm.engine import Engine, Request
+from pa_console.llm.engine import Engine
 from pa_console.llm.grammar import FEEDBACK_CHARS
 from pa_console.llm.prompts import Prompt
+from pa_console.llm.request import Request
 from pa_console.schema.base import StrictModel
 from pa_console.schema.finding import JudgeOpinion, RuleOpinion, Usage, Verdict
 

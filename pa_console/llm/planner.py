@@ -7,8 +7,9 @@ from json import JSONDecoder
 from pydantic import ValidationError
 
 from pa_console.llm.asking import ask
-from pa_console.llm.engine import Engine, Request
+from pa_console.llm.engine import Engine
 from pa_console.llm.prompts import Prompt
+from pa_console.llm.request import Request
 from pa_console.schema.finding import Usage
 from pa_console.schema.plan import Action, Plan
 

@@ -15,9 +15,9 @@ from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.evaluation.record import Opinion, RunRecord
 from pa_console.evaluation.results import Results, read_runs
 from pa_console.evaluation.runner import Runner
-from pa_console.llm.engine import Request
 from pa_console.llm.errors import ModelUnavailableError
 from pa_console.llm.judge import Judge
+from pa_console.llm.request import Request
 from pa_console.orchestrator.compose import Site
 from pa_console.schema.mission import Metrics
 from tests.evaluation.records import made_record

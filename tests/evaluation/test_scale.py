@@ -6,9 +6,9 @@ import pytest
 
 from pa_console.evaluation.scale import count_tokens, measure
 from pa_console.llm.catalog import LocalModel
-from pa_console.llm.engine import Completed
 from pa_console.llm.errors import EngineDiedError
 from pa_console.llm.prompts import Prompt
+from pa_console.llm.request import Completed
 from pa_console.orchestrator.compose import Site
 from pa_console.schema.finding import Usage
 from tests.llm.scripted import ScriptedEngine

@@ -3,8 +3,9 @@
 from collections.abc import AsyncGenerator, Sequence
 
 from pa_console.llm.catalog import LocalModel
-from pa_console.llm.engine import Completed, Engine, Request
+from pa_console.llm.engine import Engine
 from pa_console.llm.errors import EngineError
+from pa_console.llm.request import Completed, Request
 
 
 class ScriptedEngine(Engine):

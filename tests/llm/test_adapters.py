@@ -14,8 +14,9 @@ from pydantic import ValidationError
 from pa_console.llm.adapters import AdapterFile, LocalAdapter, check_adapters
 from pa_console.llm.cache import hash_file
 from pa_console.llm.catalog import LocalModel, ModelEntry
-from pa_console.llm.engine import Completed, Engine, Request
+from pa_console.llm.engine import Engine
 from pa_console.llm.errors import ModelError, ModelUnavailableError
+from pa_console.llm.request import Completed, Request
 from pa_console.llm.sources import PathSource
 from tests.llm.random_adapter import write_random_adapter
 

@@ -3,13 +3,13 @@
 import pytest
 
 from pa_console.llm.asking import Answer, ask
-from pa_console.llm.engine import Completed, Request
 from pa_console.llm.errors import (
     EngineDiedError,
     EngineError,
     ModelUnavailableError,
     PromptRefusedError,
 )
+from pa_console.llm.request import Completed, Request
 from pa_console.schema.finding import Usage
 from tests.scripted import ScriptedEngine
 

@@ -15,7 +15,7 @@ import pytest
 import pytest_asyncio
 
 from pa_console.llm.catalog import Catalog, LocalModel
-from pa_console.llm.engine import Completed, Engine, Request
+from pa_console.llm.engine import Engine
 from pa_console.llm.errors import (
     EngineDiedError,
     ModelError,
@@ -25,6 +25,7 @@ from pa_console.llm.errors import (
 from pa_console.llm.grammar import judge_grammar, plan_grammar
 from pa_console.llm.planner import Planner, Proposal
 from pa_console.llm.prompts import planner_prompt
+from pa_console.llm.request import Completed, Request
 from pa_console.schema.plan import Plan
 from tests.llm.site import DIGEST, RULE, WORLD, mission, picture
 

@@ -1,0 +1,31 @@
+"""What the engine is asked, and what it answers."""
+
+from dataclasses import dataclass
+
+from pa_console.llm.protocol import Finish
+from pa_console.schema.event import Role
+from pa_console.schema.finding import Usage
+
+
+@dataclass(frozen=True)
+class Request:
+    """One prompt; `deadline_s` counts from when the model is loaded and begins on it."""
+
+    role: Role
+    system: str
+    user: str
+    grammar: str
+    max_tokens: int
+    deadline_s: float
+    count: int = 1
+    """So many answers are wanted, other than the most likely one; they come as `texts`."""
+
+
+@dataclass(frozen=True)
+class Completed:
+    """The end of a generation: the whole text, what it cost and why it ended."""
+
+    text: str
+    usage: Usage
+    finish: Finish
+    texts: tuple[str, ...] = ()
