@@ -63,6 +63,11 @@ class MemoEngine:
         return cast(Engine, self)
 
     @property
+    def reads_ahead(self) -> bool:
+        """Whether reading ahead is worth while: the model is asked every time."""
+        return not self._reuse
+
+    @property
     def busy(self) -> bool:
         """Whether the worker was given a prompt that is not yet answered."""
         return self._engine.busy
@@ -85,7 +90,7 @@ class MemoEngine:
 
     async def warm(self, role: Role, system: str, user: str = "") -> None:
         """Read the beginning of prompts of `role` ahead, unless answers are reused."""
-        if not self._reuse:
+        if self.reads_ahead:
             await self._engine.warm(role, system, user)
 
     async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:

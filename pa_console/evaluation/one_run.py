@@ -28,6 +28,8 @@ async def make_run(job: Job, engine: MemoEngine, idle: Score, log: Path | None) 
 
     Plans are executed when the checks allow; a judge's objection is noted and overridden. Raises
     ValueError when the set-up cannot be brought about, OSError when the log cannot be written.
+    Times are those of an operator who types: the model has read the picture before the command
+    comes, unless answers are reused.
     """
     sim = Checkpoint(job.site.world, job.seed)
     station = open_station(
@@ -55,6 +57,7 @@ async def make_run(job: Job, engine: MemoEngine, idle: Score, log: Path | None) 
             sink,
             job.case.setup,
             duration_s=job.case.watch_s,
+            read_ahead=engine.reads_ahead,
         )
     finally:
         if writer is not None:
@@ -70,6 +73,7 @@ async def make_run(job: Job, engine: MemoEngine, idle: Score, log: Path | None) 
             "session": station.session,
             "log": f"{log.parent.name}/{log.name}" if log is not None else "",
             "reused": engine.reused - reused,
+            "read_ahead": engine.reads_ahead,
         }
     )
 

@@ -62,3 +62,6 @@ class RunRecord(StrictModel):
     planner: Usage = Field(default_factory=Usage, description="of the first answer")
     judge: Usage = Field(default_factory=Usage)
     reused: int = Field(default=0, ge=0, description="answers taken from earlier equal prompts")
+    read_ahead: bool = Field(
+        default=False, description="the picture was read before the command, as while typing"
+    )

@@ -32,6 +32,8 @@ class Decoder:
         vocabulary: Any = runtime.vocabulary
         self._tokenizer = lltokenizer_from_vocab(vocabulary, eos_token=sorted(self._ends))
         self._candidates: Candidates | None = None
+        self.written: tuple[int, ...] = ()
+        """The tokens of the last answer."""
 
     def answer(
         self,
@@ -51,7 +53,9 @@ class Decoder:
         if matcher.is_error():
             raise ValueError(f"the grammar is not valid: {matcher.get_error()}")
         run = _Run(self._runtime, self._tokenizer, matcher, self._ends, on_text)
-        finish = run.write(sequence, prompt, max_tokens)
+        context = list(prompt)
+        finish = run.write(sequence, context, max_tokens)
+        self.written = tuple(context[len(prompt) :])
         return finish, run.usage(len(prompt))
 
     def several(
@@ -93,11 +97,13 @@ class _Run:
         self._utf8 = codecs.getincrementaldecoder("utf-8")("replace")
         self._started = perf_counter()
         self._first_token_s = 0.0
-        self._cached = self._written = self._sampled = 0
+        self._cached = self._written = self._sampled = self._guessed = 0
 
-    def write(self, sequence: int, prompt: Sequence[int], max_tokens: int) -> Finish:
-        """Write to the end; every batch holds what is due and a guess at what comes after it."""
-        context = list(prompt)
+    def write(self, sequence: int, context: list[int], max_tokens: int) -> Finish:
+        """Write to the end of `context`, the prompt.
+
+        Every batch holds what is due and a guess at what comes after it.
+        """
         try:
             pending = self._take(forced_tokens(self._matcher), context, max_tokens)
             row, self._cached = self._runtime.begin(sequence, context)
@@ -134,10 +140,12 @@ class _Run:
         """
         right = 0
         while True:
+            chosen = self._sampled
             tokens = self._take(self._next(rows[right]), context, max_tokens)
             same = 0
             while same < len(tokens) and guessed[right : right + 1] == [tokens[same]]:
                 right, same = right + 1, same + 1
+            self._guessed += self._sampled - chosen if same else 0
             over = self._matcher.is_stopped() or self._written >= max_tokens
             if over or same < len(tokens):
                 return tokens[same:], right
@@ -156,6 +164,7 @@ class _Run:
             cached_tokens=self._cached,
             completion_tokens=self._written,
             sampled_tokens=self._sampled,
+            guessed_tokens=self._guessed,
             first_token_s=self._first_token_s,
             seconds=perf_counter() - self._started,
         )

@@ -51,20 +51,33 @@ async def run_missions(  # noqa: PLR0917
     sink: Sink,
     setup: Sequence[Incident] = (),
     duration_s: float = 0.0,
+    *,
+    read_ahead: bool = False,
 ) -> list[MissionTrace]:
     """Bring the set-up about, run `texts` in order and return the trace of every mission.
 
     The session lasts until they are finished and, if longer, `duration_s` simulated seconds have
     passed and the missions that alarms have started meanwhile are over too. `sink` is given
-    every event and the state after it, in order; raises ValueError for a set-up or a mission
-    that the station does not take.
+    every event and the state after it, in order. With `read_ahead`, the model has read the picture
+    before a mission is given, as while an operator types; raises ValueError for a set-up or a
+    mission that the station does not take.
     """
     state = SessionState()
-    waiting = list(texts)
+    waiting, all_given = list(texts), asyncio.Event()
     mine: str | None = None
     ending: asyncio.Task[None] | None = None
     request: ev.ApprovalRequested | None = None
     begun = False
+
+    async def submit() -> str | None:
+        """Give the next mission, if there is one more."""
+        if waiting and read_ahead:
+            await station.read_ahead()
+        given = station.submit(waiting.pop(0)).id if waiting else None
+        if not waiting:
+            all_given.set()
+        return given
+
     try:
         async for event in station.run():
             state.apply(event)
@@ -76,15 +89,15 @@ async def run_missions(  # noqa: PLR0917
                         for incident in setup:
                             station.inject(incident)
                         await station.advance(SETUP_SETTLE_S)
-                    mine = station.submit(waiting.pop(0)).id if waiting else None
-                    ending = asyncio.create_task(_end(station, duration_s))
+                    mine = await submit()
+                    ending = asyncio.create_task(_end(station, duration_s, all_given))
                 case ev.ApprovalRequested():
                     request = event.data
                     station.decide(approver(request))
                 case ev.DecisionMade(accepted=False) if request is not None:
                     station.decide(approver(request))
                 case ev.MissionFinished() if event.mission == mine and waiting:
-                    mine = station.submit(waiting.pop(0)).id
+                    mine = await submit()
                 case _:
                     pass
     finally:
@@ -95,10 +108,11 @@ async def run_missions(  # noqa: PLR0917
     return list(state.missions.values())
 
 
-async def _end(station: Station, duration_s: float) -> None:
+async def _end(station: Station, duration_s: float, all_given: asyncio.Event) -> None:
     """Close the session once its time is over and no mission is left."""
     if duration_s > 0.0:
         await station.advance(duration_s)
+    await all_given.wait()
     await station.settled()
     await station.close("every mission is finished")
 

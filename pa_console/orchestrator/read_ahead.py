@@ -21,12 +21,20 @@ class ReadAhead:
         self._services = services
         self._read: dict[Role, Digest | None] = {}
         self._wanted = asyncio.Event()
+        self._turn = asyncio.Lock()
 
     async def load(self) -> None:
         """Load the model and read the beginning of every role's prompts."""
-        with suppress(EngineError):  # told by the engine's state, and to whoever asks it
-            await self._services.engine.start()
-            for role in ROLES:
+        async with self._turn:
+            with suppress(EngineError):  # told by the engine's state, and to whoever asks it
+                await self._services.engine.start()
+                for role in ROLES:
+                    await self._warm(role)
+
+    async def read_now(self) -> None:
+        """Read the picture as it is; when this returns, a mission finds it read."""
+        async with self._turn:
+            for role in TYPING_ROLES:
                 await self._warm(role)
 
     def typing(self) -> None:
@@ -38,8 +46,7 @@ class ReadAhead:
         while True:
             await self._wanted.wait()
             self._wanted.clear()
-            for role in TYPING_ROLES:
-                await self._warm(role)
+            await self.read_now()
 
     async def _warm(self, role: Role) -> None:
         """Let the model read what a prompt of `role` begins with at present, unless it has.

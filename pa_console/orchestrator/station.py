@@ -93,6 +93,10 @@ class Station:
         """Note that the operator types a mission; the model reads the picture meanwhile."""
         self._ahead.typing()
 
+    async def read_ahead(self) -> None:
+        """Wait until the model has read the present picture, as it has for one who types long."""
+        await self._ahead.read_now()
+
     def submit(self, text: str) -> Mission:
         """Step 1: queue a mission; raises ValueError when it cannot be taken."""
         self._writable()

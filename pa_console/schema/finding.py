@@ -52,5 +52,8 @@ class Usage(StrictModel):
     cached_tokens: int = Field(default=0, description="prompt tokens found in the KV cache")
     completion_tokens: int = 0
     sampled_tokens: int = Field(default=0, description="the rest was forced by the grammar")
+    guessed_tokens: int = Field(
+        default=0, description="sampled ones that were guessed before and so cost no step"
+    )
     first_token_s: float = 0.0
     seconds: float = 0.0

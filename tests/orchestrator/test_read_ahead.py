@@ -5,15 +5,32 @@ import asyncio
 from pa_console.llm.dialect import DIALECTS
 from pa_console.llm.judge import Judge
 from pa_console.llm.planner import Planner
-from pa_console.orchestrator.compose import Site
+from pa_console.orchestrator.clock import SteppedClock
+from pa_console.orchestrator.compose import Site, open_station
+from pa_console.orchestrator.headless import run_missions, standing_approver
 from pa_console.orchestrator.read_ahead import ReadAhead
 from pa_console.orchestrator.services import Services
 from pa_console.policy.retriever import Retriever
+from pa_console.schema.event import Event, Role
 from pa_console.schema.incident import FailAsset
+from pa_console.session.fold import SessionState
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.world_generator import generate_world
 from tests.orchestrator.conftest import Rig
-from tests.scripted import ScriptedEngine
+from tests.scripted import ScriptedEngine, plan
+
+
+class SlowEngine(ScriptedEngine):
+    """Reads ahead only when it may `go`."""
+
+    def __init__(self, plans: list[str]) -> None:
+        super().__init__(plans)
+        self.go = asyncio.Event()
+
+    async def warm(self, role: Role, system: str, user: str = "") -> None:
+        """Note it at once, and take until `go`."""
+        await super().warm(role, system, user)
+        await self.go.wait()
 
 
 def services(site: Site, engine: ScriptedEngine, sim: Checkpoint | None = None) -> Services:
@@ -77,3 +94,39 @@ async def test_of_a_large_world_only_what_never_changes_is_read(rig: Rig) -> Non
     ahead = ReadAhead(services(rig.site, engine, large))
     await ahead.load()
     assert all(user == "" for _, _, user in engine.warmed)
+
+
+async def test_whoever_waits_for_the_picture_waits_for_what_is_being_read(rig: Rig) -> None:
+    engine = SlowEngine([])
+    ahead = ReadAhead(services(rig.site, engine))
+    loading = asyncio.create_task(ahead.load())
+    await asyncio.sleep(0)
+    waiting = asyncio.create_task(ahead.read_now())
+    for _ in range(5):
+        await asyncio.sleep(0)
+    assert (len(engine.warmed), waiting.done()) == (1, False)
+    engine.go.set()
+    await waiting
+    assert loading.done()
+    assert [role for role, _, _ in engine.warmed] == ["planner", "judge", "outcome"]
+
+
+async def test_missions_are_given_when_the_picture_was_read_if_that_is_wanted(rig: Rig) -> None:
+    for wanted in (True, False):
+        engine = SlowEngine([plan(("Drone_T04", "report"))])
+        station = open_station(rig.site, engine.engine(), SteppedClock())
+        read: list[int] = []
+
+        def sink(
+            event: Event, _: SessionState, engine: SlowEngine = engine, read: list[int] = read
+        ) -> None:
+            if event.data.kind == "mission_received":
+                read.append(len(engine.warmed))
+            engine.go.set()
+
+        missions = ["say what you see", "say it again"]
+        traces = await run_missions(
+            station, missions, standing_approver("auto"), sink, read_ahead=wanted
+        )
+        assert [trace.status for trace in traces] == ["verified", "verified"]
+        assert (read[0] >= 2) == wanted

@@ -116,6 +116,13 @@ def notes(records: Records, about: Mapping[str, Any]) -> list[str]:
             f"{reused} of {len(records)} runs took an answer that the model had given to an equal "
             "prompt before; the time measured then stands in their latencies."
         )
+    ahead = sum(run.read_ahead for run in records)
+    if ahead:
+        found.append(
+            f"In {ahead} of {len(records)} runs the model had read the picture before the command "
+            "came, as it has in the console for one who types; the command itself was read after "
+            "it was given."
+        )
     jobs = about.get("jobs", 1)
     if isinstance(jobs, int) and jobs > 1:
         found.append(f"{jobs} runs were made at a time, so each had a part of the machine only.")
