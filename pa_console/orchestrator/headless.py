@@ -59,7 +59,7 @@ async def run_missions(  # noqa: PLR0917
     The session lasts until they are finished and, if longer, `duration_s` simulated seconds have
     passed and the missions that alarms have started meanwhile are over too. `sink` is given
     every event and the state after it, in order. With `read_ahead`, the model has read the picture
-    before a mission is given, as while an operator types; raises ValueError for a set-up or a
+    before a mission is given, as while an operator types. Raises ValueError for a set-up or a
     mission that the station does not take.
     """
     state = SessionState()

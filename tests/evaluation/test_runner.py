@@ -62,6 +62,17 @@ async def test_a_served_mission_is_a_strict_success_with_its_log_kept(
     assert recording[0].data.kind == "session_started"
 
 
+@pytest.mark.parametrize("reuse", [True, False])
+async def test_a_run_says_whether_the_picture_was_read_before_the_command(
+    tmp_path: Path, site: Site, reuse: bool
+) -> None:
+    scripted = ScriptedEngine([plan(("Drone_T04", "report"))])
+    runner = Runner(Results(tmp_path), lambda *_: MemoEngine(scripted.engine(), reuse=reuse))
+    short = SEND.model_copy(update={"watch_s": 2.0})
+    [record] = [record async for record in runner.run(jobs(site, short))]
+    assert record.read_ahead == bool(scripted.warmed) == (not reuse)
+
+
 async def test_the_judges_objection_is_noted_and_what_obeying_it_would_give(
     tmp_path: Path, site: Site
 ) -> None:

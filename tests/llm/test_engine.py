@@ -80,6 +80,7 @@ async def test_an_answer_streams_fits_its_grammar_and_is_counted(engine: Engine)
     assert json.loads(done.text)["rules"][0]["id"] == "WF-03"
     usage = done.usage
     assert 0 < usage.sampled_tokens < usage.completion_tokens
+    assert 0 <= usage.guessed_tokens <= usage.sampled_tokens
     assert 0 < usage.first_token_s < usage.seconds
     assert engine.state == "ready"
     assert engine.info.n_ctx == 4096
