@@ -5,16 +5,19 @@ from collections.abc import Sequence
 from rich.table import Table
 from rich.text import Text
 
-from pa_console.evaluation.bench.compare import Comparison, Way
+from pa_console.evaluation.bench.compare import Comparison, Unit, Way
 from pa_console.evaluation.bench.parts import Part
 
 LEGEND = (
-    "ratio: how many times better ours is, the other's time by ours or our tokens a second by the "
-    "other's. Above 1 ours is better; against a limit it is the share of it that is reached."
+    "ratio: how many times better ours is: the other's time or memory by ours, or our tokens a "
+    "second by the other's. Above 1 ours is better; against a limit, what is below 1 is the share of "
+    "it that is reached."
 )
 
 _UNITS = ((1.0, "s", 1.0), (1e-3, "ms", 1e3), (0.0, "µs", 1e6))
 """(from this many seconds on, unit, units a second)."""
+
+_SHORT: dict[Unit, str] = {"tokens/s": "t/s", "MB": "MB"}
 
 
 def part_table(part: Part, comparisons: Sequence[Comparison]) -> Table:
@@ -38,8 +41,8 @@ def part_table(part: Part, comparisons: Sequence[Comparison]) -> Table:
     return table
 
 
-def _figure(way: Way, unit: str) -> str:
+def _figure(way: Way, unit: Unit) -> str:
     if unit != "s":
-        return f"{way.median:,.1f} t/s"
+        return f"{way.median:,.1f} {_SHORT[unit]}"
     size, factor = next((name, by) for least, name, by in _UNITS if way.median >= least)
     return f"{way.median * factor:.3g} {size}"

@@ -67,7 +67,11 @@ async def test_a_run_says_whether_the_picture_was_read_before_the_command(
     tmp_path: Path, site: Site, reuse: bool
 ) -> None:
     scripted = ScriptedEngine([plan(("Drone_T04", "report"))])
-    runner = Runner(Results(tmp_path), lambda *_: MemoEngine(scripted.engine(), reuse=reuse))
+
+    def engine_for(_model: str, _lane: int) -> MemoEngine:
+        return MemoEngine(scripted.engine(), reuse=reuse)
+
+    runner = Runner(Results(tmp_path), engine_for)
     short = SEND.model_copy(update={"watch_s": 2.0})
     [record] = [record async for record in runner.run(jobs(site, short))]
     assert record.read_ahead == bool(scripted.warmed) == (not reuse)

@@ -24,9 +24,13 @@ Reply = TypeVar("Reply", bound=StrictModel)
 
 
 class LoadWeights(StrictModel):
-    """First line to a child; `threads` read prompts, `decoding_threads(threads)` write answers."""
+    """First line to a child; `threads` read prompts, `decoding_threads(threads)` write answers.
+
+    `adapter` is the path of the one that answers are written with, empty for none.
+    """
 
     path: str
+    adapter: str = ""
     chat: ChatFormat
     n_ctx: int
     threads: int

@@ -10,12 +10,14 @@ from statistics import median
 from timeit import Timer
 from typing import Literal
 
+import numpy as np
+
 from pa_console.evaluation.machine import Machine
 from pa_console.llm.catalog import LocalModel
 from pa_console.orchestrator.compose import Site
 from pa_console.schema.base import StrictModel
 
-Unit = Literal["s", "tokens/s"]
+Unit = Literal["s", "tokens/s", "MB"]
 Operation = Callable[[], object]
 
 SAMPLE_S = 0.02
@@ -29,13 +31,14 @@ class Way(StrictModel):
     median: float
     least: float
     most: float
+    p95: float
 
 
 class Comparison(StrictModel):
     """One line of the benchmark; `other` is None for what is a cost and nothing else.
 
-    `ratio` is how many times better ours is: the other's seconds over ours, or our tokens a
-    second over the other's. Against a limit it stays below 1: the share of it that we reach.
+    `ratio` is how many times better ours is: the other's seconds or megabytes over ours, or our
+    tokens a second over the other's. Against a limit, what is below 1 is the share that we reach.
     """
 
     part: str
@@ -124,4 +127,10 @@ def _loops(timer: Timer) -> int:
 def _way(what: str, figures: Sequence[float]) -> Way:
     if not figures:
         raise ValueError(f"{what}: nothing was measured")
-    return Way(what=what, median=median(figures), least=min(figures), most=max(figures))
+    return Way(
+        what=what,
+        median=median(figures),
+        least=min(figures),
+        most=max(figures),
+        p95=float(np.percentile(figures, 95)),
+    )

@@ -5,77 +5,122 @@ from collections.abc import Sequence
 
 from pa_console.evaluation.bench.child import Child, LoadWeights
 from pa_console.evaluation.bench.compare import Bench, Comparison, compare
-from pa_console.evaluation.bench.missions import bench_missions, planner_request
+from pa_console.evaluation.bench.missions import OurWay, bench_missions
 from pa_console.evaluation.bench.raw_messages import MeasureSpeed, Speed
-from pa_console.llm.catalog import N_CTX
-from pa_console.llm.planner import MAX_TOKENS
+from pa_console.llm.dialect import DIALECTS
+from pa_console.llm.engine import Engine
 from pa_console.llm.threads import physical_cores
+from pa_console.schema.base import StrictModel
 
 PART = "decoding"
 RAW_MODULE = "pa_console.evaluation.bench.raw"
-ONE_BY_ONE = "limit: llama_decode, one token at a time, no grammar"
-FEWEST_TOKENS = 16
-"""Bare llama.cpp writes no fewer, however short our answer was."""
+ONE_BY_ONE = "limit: llama_decode, the same tokens one at a time, no grammar"
+
+
+class Pass(StrictModel):
+    """One run over all missions: the speeds of ours and of bare llama.cpp, mission by mission."""
+
+    ours: tuple[Speed, ...]
+    bare: tuple[Speed, ...]
 
 
 def measure_decoding(bench: Bench) -> list[Comparison]:
-    """Compare prompts and answers step by step; raises EngineError when the process fails."""
-    return comparisons(asyncio.run(_speeds(bench)))
+    """Compare prompts and plans; raises EngineError when the process fails."""
+    return comparisons(asyncio.run(_passes(bench)))
 
 
-def comparisons(rounds: Sequence[tuple[Speed, Speed]]) -> list[Comparison]:
-    """Return a line for the prompt and one for each kind of step; `rounds` are (ours, bare)."""
-    ours, bare = [pair[0] for pair in rounds], [pair[1] for pair in rounds]
-    single, last = [speed.rate for speed in bare], ours[-1]
-    prompt = f"{last.prompt_tokens} prompt tokens"
-    found = [
-        compare(
-            PART,
-            f"{prompt}, nothing cached",
-            (f"{last.batch} at a time, can be interrupted", [s.prompt_rate for s in ours]),
-            (f"limit: {bare[-1].batch} at a time", [s.prompt_rate for s in bare]),
-            "tokens/s",
-        )
-    ]
-    whole = f"{last.written} tokens written, {last.chosen} of them chosen by the model"
-    chosen = [speed.decoded_rate for speed in ours]
-    forced = [speed.forced_rate for speed in ours]
-    kinds = (
-        ("tokens chosen one at a time", "greedy, under the grammar", chosen, ""),
-        ("tokens forced by the grammar", "in batches, each after a chosen token", forced, ""),
-        ("the whole answer", "chosen and forced", [speed.rate for speed in ours], whole),
+def comparisons(passes: Sequence[Pass]) -> list[Comparison]:
+    """Return a line for the prompts and one for the plans; figures are of each pass as a whole."""
+    last = passes[-1]
+    batch, bare_batch = last.ours[0].batch, last.bare[0].batch
+    prompts = compare(
+        PART,
+        f"{sum(speed.prompt_tokens for speed in last.ours)} prompt tokens, nothing cached",
+        (
+            f"{batch} at a time, can be interrupted",
+            [_prompt_rate(run.ours) for run in passes],
+        ),
+        (f"limit: {bare_batch} at a time", [_prompt_rate(run.bare) for run in passes]),
+        "tokens/s",
     )
-    for name, what, figures, note in kinds:
-        if all(figures):
-            found.append(
-                compare(PART, name, (what, figures), (ONE_BY_ONE, single), "tokens/s", note)
-            )
-    return found
+    plans = compare(
+        PART,
+        f"{len(last.ours)} plans",
+        ("chosen, guessed and forced", [_plan_rate(run.ours) for run in passes]),
+        (ONE_BY_ONE, [_plan_rate(run.bare) for run in passes]),
+        "tokens/s",
+        _kinds(last.ours),
+    )
+    return [prompts, plans]
 
 
-async def _speeds(bench: Bench) -> list[tuple[Speed, Speed]]:
-    """Measure both in turn on one prompt; a round that is not counted warms up."""
+def _prompt_rate(speeds: Sequence[Speed]) -> float:
+    """Return prompt tokens a second over all of `speeds`."""
+    return _rate([(speed.prompt_tokens, speed.prompt_s) for speed in speeds])
+
+
+def _plan_rate(speeds: Sequence[Speed]) -> float:
+    """Return written tokens a second over all of `speeds`."""
+    return _rate([(len(speed.answer.tokens), speed.answer_s) for speed in speeds])
+
+
+def _rate(parts: Sequence[tuple[int, float]]) -> float:
+    seconds = sum(part[1] for part in parts)
+    return sum(part[0] for part in parts) / seconds if seconds > 0.0 else 0.0
+
+
+def _kinds(speeds: Sequence[Speed]) -> str:
+    """Return how many tokens came in which way; those read with the prompt are in no rate."""
+    written = sum(len(speed.answer.tokens) for speed in speeds)
+    chosen, guessed = sum(s.chosen for s in speeds), sum(s.guessed for s in speeds)
+    read = sum(len(speed.answer.read) for speed in speeds)
+    return (
+        f"{written} tokens in {sum(s.evaluations for s in speeds)} evaluations: "
+        f"{chosen - guessed} chosen one at a time, {guessed} guessed and confirmed, "
+        f"{written - chosen} forced by the grammar; {read} more forced at the beginning were read "
+        f"with the prompt"
+    )
+
+
+async def _passes(bench: Bench) -> list[Pass]:
+    """Let both write the same plans in turn; a pass that is not counted warms up."""
     model = bench.weights
-    mission = bench_missions(bench.site.world)[-1]
-    prompt, grammar = planner_request(bench.site, mission)
-    ask = MeasureSpeed(
-        system=prompt.system, user=prompt.user, grammar=grammar, max_tokens=MAX_TOKENS
-    )
+    ours = OurWay(bench.site, Engine(model))
+    questions = [ours.question(mission) for mission in bench_missions(bench.site.world)]
+    asks = [
+        MeasureSpeed(
+            system=question.prompt.system,
+            user=question.prompt.user,
+            grammar=question.grammar,
+            max_tokens=DIALECTS[model.prompts].plan_tokens,
+        )
+        for question in questions
+    ]
     bench.tell("loading the model", 0.0)
-    threads = physical_cores()
+    adapters = {adapter.role: str(adapter.path) for adapter in model.adapters}
     child = await Child.start(
         RAW_MODULE,
-        LoadWeights(path=str(model.path), chat=model.chat, n_ctx=N_CTX, threads=threads),
+        LoadWeights(
+            path=str(model.path),
+            adapter=adapters.get("planner", ""),
+            chat=model.chat,
+            n_ctx=model.n_ctx,
+            threads=physical_cores(),
+        ),
     )
     try:
-        rounds: list[tuple[Speed, Speed]] = []
+        passes: list[Pass] = []
         for run in range(-1, bench.runs):
             what = f"run {run + 1} of {bench.runs}" if run >= 0 else "warming up"
             bench.tell(what, max(run, 0) / bench.runs)
-            ours = await child.ask(ask, Speed)
-            count = max(FEWEST_TOKENS, sum(tokens for tokens, _ in ours.steps))
-            bare = await child.ask(ask.model_copy(update={"bare_tokens": count}), Speed)
-            rounds.append((ours, bare))
-        return rounds[1:]
+            pairs = [await _both(child, ask) for ask in asks]
+            passes.append(Pass(ours=tuple(p[0] for p in pairs), bare=tuple(p[1] for p in pairs)))
+        return passes[1:]
     finally:
         await child.close()
+
+
+async def _both(child: Child, ask: MeasureSpeed) -> tuple[Speed, Speed]:
+    ours = await child.ask(ask, Speed)
+    bare = await child.ask(ask.model_copy(update={"bare": ours.answer}), Speed)
+    return ours, bare

@@ -4,22 +4,24 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from time import perf_counter
 
-from pa_console.evaluation.bench.situations import bring_vehicle
+from pa_console.evaluation.bench.situations import LOW_PCT, bring_vehicle
+from pa_console.llm.dialect import DIALECTS
 from pa_console.llm.engine import Engine
-from pa_console.llm.grammar import plan_grammar
 from pa_console.llm.judge import Judge
 from pa_console.llm.planner import Planner
-from pa_console.llm.prompts import Prompt, planner_prompt
 from pa_console.orchestrator.compose import Site
-from pa_console.orchestrator.digest import digest_picture
+from pa_console.orchestrator.headless import SETUP_SETTLE_S
+from pa_console.orchestrator.judging import OutcomeCase, ask_about_outcome
 from pa_console.orchestrator.planning import Planning
-from pa_console.orchestrator.selection import select
+from pa_console.orchestrator.question import Question, ask_for_plan
+from pa_console.orchestrator.read_ahead import ReadAhead
 from pa_console.orchestrator.services import Payloads, Services, Stopwatch
 from pa_console.policy.monitor import Monitor
 from pa_console.policy.retriever import Retriever
 from pa_console.schema.event import PlanJudged, PlanProposed, PromptBuilt
 from pa_console.schema.finding import Usage
-from pa_console.schema.mission import Mission
+from pa_console.schema.incident import SetBattery
+from pa_console.schema.mission import Mission, Verification
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.variant import Variant
 from pa_console.schema.world import World
@@ -51,32 +53,28 @@ class BenchMission:
 
 
 def bench_missions(world: World) -> list[BenchMission]:
-    """Return a few different missions for `world`; one is about a vehicle, if there is a lane."""
+    """Return a few different missions for `world`; one is about a vehicle, if there is a lane.
+
+    In each another asset is low on battery: no prompt tells the same picture as the one before.
+    """
     gates = world.gates
     texts = [
         f"We need eyes in the air over {gates[0]}, take whatever drone you can spare.",
         f"Put one more vehicle at {gates[-1]} before the shift ends.",
         "How do things stand with the team right now?",
     ]
-    missions = [BenchMission(text, Checkpoint(world)) for text in texts]
-    sim = Checkpoint(world)
+    sims = [Checkpoint(world) for _ in range(len(texts) + 1)]
+    for sim, asset in zip(sims, reversed(world.assets), strict=False):
+        sim.inject(SetBattery(asset=asset, percent=LOW_PCT))
+        for _ in range(round(SETUP_SETTLE_S / world.dt_s)):
+            sim.step()
+    *plain, sim = sims
+    missions = [BenchMission(text, one) for text, one in zip(texts, plain, strict=True)]
     gate = bring_vehicle(sim)
     if gate is not None:
         text = f"There is something on the road to {gate}: find out who that is."
         missions.append(BenchMission(text, sim))
     return missions
-
-
-def planner_request(site: Site, mission: BenchMission) -> tuple[Prompt, str]:
-    """Return the planner's prompt for `mission` and the grammar of its answer."""
-    picture, world = mission.sim.picture(), site.world
-    hits = Retriever(site.rulebook.rules).retrieve(mission.text)
-    rules = [site.rulebook.get(hit.rule_id) for hit in hits]
-    task = _task(mission)
-    selection = select(picture, world, task, rules)
-    prompt = planner_prompt(world, digest_picture(picture, world, selection), rules, task)
-    chosen = (None, None) if selection is None else (selection.assets, selection.frames)
-    return prompt, plan_grammar(world, picture, *chosen)
 
 
 class OurWay:
@@ -90,9 +88,17 @@ class OurWay:
         self._site, self._engine = site, engine
         self._retriever = Retriever(site.rulebook.rules)
 
-    async def run(self, mission: BenchMission) -> Pair:
-        """Return what became of `mission`; raises ValueError when the judge could not be asked."""
-        planning, watch = self._planning(mission)
+    async def run(self, mission: BenchMission, *, read_ahead: bool = False) -> Pair:
+        """Return what became of `mission`; raises ValueError when the judge could not be asked.
+
+        With `read_ahead`, time runs from when the model has read the picture, as it has in the
+        console for an operator who typed the mission.
+        """
+        services, watch = self._services(mission.sim), Stopwatch()
+        monitor = Monitor(self._site.rulebook, self._site.world)
+        planning = Planning(services, _task(mission), watch, monitor)
+        if read_ahead:
+            await ReadAhead(services).read_now()
         started = perf_counter()
         events = [event async for event in self._steps(planning)]
         seconds = perf_counter() - started
@@ -117,20 +123,37 @@ class OurWay:
             usable=(proposed.plan is not None) + (judged.verdict is not None),
         )
 
-    def _planning(self, mission: BenchMission) -> tuple[Planning, Stopwatch]:
-        services = Services(
-            sim=mission.sim,
+    def question(self, mission: BenchMission) -> Question:
+        """Return what the planner is asked."""
+        hits = self._retriever.retrieve(mission.text)
+        rules = [self._site.rulebook.get(hit.rule_id) for hit in hits]
+        return ask_for_plan(self._services(mission.sim), _task(mission), rules)
+
+    async def ask_the_rest(self, mission: BenchMission) -> None:
+        """Ask what else a mission may need: other plans at once, and a verdict on the outcome."""
+        services, question = self._services(mission.sim), self.question(mission)
+        count = services.variant.candidates - 1
+        await services.planner.several(question.prompt, question.grammar, count)
+        done = Verification(outcome="pass", actions=())
+        case = OutcomeCase(
+            _task(mission), mission.sim.picture(), None, _report(self._site.world), done
+        )
+        asked = ask_about_outcome(services.dialect, self._site.world, case)
+        async for _ in asked.put_to(services.judge):
+            pass
+
+    def _services(self, sim: Checkpoint) -> Services:
+        dialect = DIALECTS[self._engine.model.prompts]
+        return Services(
+            sim=sim,
             rulebook=self._site.rulebook,
             retriever=self._retriever,
             engine=self._engine,
-            planner=Planner(self._engine),
-            judge=Judge(self._engine),
+            planner=Planner(self._engine, max_tokens=dialect.plan_tokens),
+            judge=Judge(self._engine, max_tokens=dialect.verdict_tokens),
             variant=Variant(repairs=0, workflows=False),
+            dialect=dialect,
         )
-        watch = Stopwatch()
-        task = _task(mission)
-        monitor = Monitor(self._site.rulebook, self._site.world)
-        return Planning(services, task, watch, monitor), watch
 
     async def _steps(self, planning: Planning) -> Payloads:
         async for event in planning.retrieve(planning.task):

@@ -27,6 +27,7 @@ class Plain:
         """Load the weights; raises ValueError when llama.cpp cannot."""
         self._llama = _api.Llama(
             model_path=load.path,
+            lora_path=load.adapter or None,
             n_ctx=load.n_ctx,
             n_threads=decoding_threads(load.threads),
             n_threads_batch=load.threads,

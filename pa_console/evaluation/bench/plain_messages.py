@@ -4,7 +4,8 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from pa_console.llm.grammar import FEEDBACK_CHARS, REASON_CHARS
+from pa_console.llm.dialect import DialectName
+from pa_console.llm.grammar import FEEDBACK_CHARS, MOST_VIOLATED, REASON_CHARS
 from pa_console.schema.base import StrictModel
 from pa_console.schema.plan import COMMANDS, MAX_ACTIONS
 from pa_console.schema.telemetry import Picture
@@ -44,8 +45,16 @@ def plan_schema(world: World, picture: Picture) -> str:
     return json.dumps(_object(reason=reason, actions=actions))
 
 
-def verdict_schema(rule_ids: Sequence[str]) -> str:
-    """Return the JSON schema of a verdict with an opinion on each of `rule_ids`."""
+def verdict_schema(dialect: DialectName, rule_ids: Sequence[str]) -> str:
+    """Return the JSON schema of a verdict: an opinion on each of `rule_ids`, or the violated ones.
+
+    The latter is how verdicts are told in the dialect that adapters learnt.
+    """
+    feedback = {"type": "string", "minLength": 1, "maxLength": FEEDBACK_CHARS}
+    overall = {"enum": ["Success", "Failure"]}
+    if dialect == "compact":
+        violated = {"type": "array", "items": {"enum": list(rule_ids)}, "maxItems": MOST_VIOLATED}
+        return json.dumps(_object(feedback=feedback, violated=violated, verdict=overall))
     opinion = _object(
         id={"enum": list(rule_ids)}, verdict={"enum": ["complies", "violates", "unclear"]}
     )
@@ -54,8 +63,8 @@ def verdict_schema(rule_ids: Sequence[str]) -> str:
     return json.dumps(
         _object(
             rules=rules | {"items": opinion},
-            feedback={"type": "string", "minLength": 1, "maxLength": FEEDBACK_CHARS},
-            verdict={"enum": ["Success", "Failure"]},
+            feedback=feedback,
+            verdict=overall,
         )
     )
 

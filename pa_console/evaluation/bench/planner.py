@@ -2,42 +2,40 @@
 
 The plain way is one chat completion for the plan, under a JSON schema, then a second one for the
 verdict: no digest, no rules found, no checks and no rehearsal, only the two prompts that ours has
-made. It has as many threads, the same context and the same sampling.
+made. It has the same adapters, as many threads, the same context and the same sampling.
 """
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from pa_console.evaluation.bench.child import Child, LoadWeights
 from pa_console.evaluation.bench.compare import Bench, Comparison, compare
-from pa_console.evaluation.bench.missions import BenchMission, OurWay, Pair, bench_missions
-from pa_console.evaluation.bench.plain_messages import (
-    PlainAnswer,
-    PlainAsk,
-    plan_schema,
-    verdict_schema,
-)
-from pa_console.llm import judge, planner
-from pa_console.llm.catalog import N_CTX, LocalModel
+from pa_console.evaluation.bench.memory import Memory, process_memory
+from pa_console.evaluation.bench.missions import OurWay, Pair, bench_missions
+from pa_console.evaluation.bench.plain_messages import PlainAnswer
+from pa_console.evaluation.bench.plain_way import PlainWay
 from pa_console.llm.engine import Engine
 from pa_console.llm.judge import read_verdict
 from pa_console.llm.planner import read_plan
 from pa_console.llm.threads import physical_cores
 
 PART = "missions"
-PLAIN_MODULE = "pa_console.evaluation.bench.plain"
-OURS = "steps 2 to 6: retrieval, digest, plan, checks, rehearsal, verdict"
+OURS = "Enter to verdict, the picture read while typing"
+OURS_UNREAD = "Enter to verdict, the picture not read before"
 PLAIN = "plain: two create_chat_completion calls with JSON schemas"
 WARM_TOKENS = 8
+AHEAD = 2
+"""So many missions after it, the same one is done with the picture read ahead: what the model
+remembers of the mission is overwritten by then."""
 
 
 @dataclass(frozen=True)
 class Round:
-    """One mission done in both ways, one directly after the other."""
+    """One mission done in every way: ours, ours with nothing read ahead, and the plain one."""
 
     mission: str
     ours: Pair
+    unread: Pair
     plan: PlainAnswer
     verdict: PlainAnswer
 
@@ -53,13 +51,22 @@ class Round:
         return sum(answer is not None for answer in answers)
 
 
+@dataclass(frozen=True)
+class Measured:
+    """The rounds of every run, and the memory of the processes that hold the model at the end."""
+
+    runs: Sequence[Sequence[Round]]
+    ours: Memory | None
+    plain: Memory | None
+
+
 def measure_missions(bench: Bench) -> list[Comparison]:
     """Compare wall seconds a mission; raises EngineError when a model's process fails."""
-    return comparisons(asyncio.run(_rounds(bench)))
+    return comparisons(asyncio.run(_measured(bench)))
 
 
-def comparisons(rounds: Sequence[Sequence[Round]]) -> list[Comparison]:
-    """Return a line a mission, one for all, and one for each call; `rounds` is by run."""
+def comparisons(measured: Measured) -> list[Comparison]:
+    """Return a line a mission, then decisions, calls and memory as a whole."""
     found = [
         compare(
             PART,
@@ -68,103 +75,110 @@ def comparisons(rounds: Sequence[Sequence[Round]]) -> list[Comparison]:
             (PLAIN, [entry.plain_seconds for entry in column]),
             note=_tokens(column),
         )
-        for column in zip(*rounds, strict=True)
+        for column in zip(*measured.runs, strict=True)
     ]
-
-    everything = [entry for run in rounds for entry in run]
-    answers = 2 * len(everything)
+    every = [entry for run in measured.runs for entry in run]
+    answers = 2 * len(every)
     usable = (
-        f"answers that can be read: ours {sum(e.ours.usable for e in everything)} of {answers}, "
-        f"plain {sum(e.plain_usable for e in everything)} of {answers}"
+        f"answers that can be read: ours {sum(e.ours.usable for e in every)} of {answers}, "
+        f"plain {sum(e.plain_usable for e in every)} of {answers}"
     )
-    ours = "grammar, forced tokens, a KV cache a role"
+
+    def over_all(
+        name: str,
+        ours: tuple[str, Callable[[Round], float]],
+        plain: tuple[str, Callable[[Round], float]],
+        note: str = "",
+    ) -> Comparison:
+        line = compare(
+            PART,
+            name,
+            (ours[0], [ours[1](entry) for entry in every]),
+            (plain[0], [plain[1](entry) for entry in every]),
+        )
+        theirs = "" if line.other is None else f", plain {line.other.p95:.2f} s"
+        tail = f"95th percentile: ours {line.ours.p95:.2f} s{theirs}"
+        return line.model_copy(update={"note": "; ".join(filter(None, [tail, note]))})
+
+    call = "plain: one call with its schema"
     return [
         *found,
-        compare(
-            PART,
-            f"all {len(found)} missions",
-            (OURS, [sum(e.ours.seconds for e in run) for run in rounds]),
-            (PLAIN, [sum(e.plain_seconds for e in run) for run in rounds]),
-            note=usable,
+        over_all(
+            "a decision, picture read ahead",
+            (OURS, lambda e: e.ours.seconds),
+            (PLAIN, lambda e: e.plain_seconds),
+            usable,
         ),
-        compare(
-            PART,
-            "the planner's calls alone",
-            (ours, [sum(e.ours.planning_s for e in run) for run in rounds]),
-            ("plain: one call, plan schema", [sum(e.plan.seconds for e in run) for run in rounds]),
+        over_all(
+            "a decision, nothing read ahead",
+            (OURS_UNREAD, lambda e: e.unread.seconds),
+            (PLAIN, lambda e: e.plain_seconds),
         ),
-        compare(
-            PART,
-            "the judge's calls alone",
-            (ours, [sum(e.ours.judging_s for e in run) for run in rounds]),
-            (
-                "plain: one call, verdict schema",
-                [sum(e.verdict.seconds for e in run) for run in rounds],
-            ),
+        over_all(
+            "the planner's call alone, picture read ahead",
+            ("grammar, forced and guessed tokens", lambda e: e.ours.planning_s),
+            (call, lambda e: e.plan.seconds),
         ),
+        over_all(
+            "the judge's call alone, picture read ahead",
+            ("grammar, forced and guessed tokens", lambda e: e.ours.judging_s),
+            (call, lambda e: e.verdict.seconds),
+        ),
+        *_memory(measured),
     ]
 
 
-async def _rounds(bench: Bench) -> list[list[Round]]:
-    """Do every mission in both ways, `bench.runs` times, after a round that is not counted.
+def _memory(measured: Measured) -> list[Comparison]:
+    """Return the line about memory, none where the system does not tell it."""
+    ours, plain = measured.ours, measured.plain
+    if ours is None or plain is None:
+        return []
+    return [
+        compare(
+            PART,
+            "memory with the model",
+            ("worker after plan, verdict, other plans, outcome", [ours.rss_mb]),
+            ("plain: its processes after plan and verdict", [plain.rss_mb]),
+            "MB",
+            f"resident, mapped files included; peak: ours {ours.peak_mb:.0f} MB, "
+            f"plain {plain.peak_mb:.0f} MB",
+        )
+    ]
 
-    The missions take turns, so neither way finds more of a prompt in its cache than it would in
+
+async def _measured(bench: Bench) -> Measured:
+    """Do every mission in every way, `bench.runs` times, after a round that is not counted.
+
+    The missions take turns, so no way finds more of a prompt in its cache than it would in
     service.
     """
     model, missions = bench.weights, bench_missions(bench.site.world)
-    engine, threads = Engine(model), physical_cores()
-    ours = OurWay(bench.site, engine)
-    plain: Child | None = None
+    engine = Engine(model)
+    ours, plain = OurWay(bench.site, engine), PlainWay(model, physical_cores())
     try:
-        bench.tell("loading the model twice", 0.0)
-        plain = await start_plain(model, threads)
+        bench.tell("loading the model for each way", 0.0)
+        await plain.start()
         bench.tell("warming up", 0.0)
         warm = [await ours.run(mission) for mission in missions]
-        await _plainly(plain, missions[0], warm[0], WARM_TOKENS)
-        rounds: list[list[Round]] = []
+        await plain.answer(missions[0], warm[0], WARM_TOKENS)
+        runs: list[list[Round]] = []
         for run in range(bench.runs):
-            rounds.append([])
+            ahead: dict[int, Pair] = {}
+            unread: list[tuple[Pair, PlainAnswer, PlainAnswer]] = []
             for number, mission in enumerate(missions):
                 share = (run + number / len(missions)) / bench.runs
                 bench.tell(f"run {run + 1} of {bench.runs}: {mission.text}", share)
                 pair = await ours.run(mission)
-                answers = await _plainly(plain, mission, pair)
-                rounds[-1].append(Round(mission.text, pair, *answers))
-        return rounds
+                later = (number + AHEAD) % len(missions)
+                ahead[later] = await ours.run(missions[later], read_ahead=True)
+                unread.append((pair, *await plain.answer(mission, pair)))
+            runs.append([Round(m.text, ahead[n], *unread[n]) for n, m in enumerate(missions)])
+        await ours.ask_the_rest(missions[0])
+        worker = None if engine.pid is None else process_memory(engine.pid)
+        return Measured(runs, worker, plain.memory)
     finally:
         await engine.close()
-        if plain is not None:
-            await plain.close()
-
-
-async def start_plain(model: LocalModel, threads: int, n_ctx: int = N_CTX) -> Child:
-    """Start the plain way's process; raises EngineError when it cannot load the model."""
-    load = LoadWeights(path=str(model.path), chat=model.chat, n_ctx=n_ctx, threads=threads)
-    return await Child.start(PLAIN_MODULE, load)
-
-
-async def _plainly(
-    plain: Child, mission: BenchMission, pair: Pair, most: int | None = None
-) -> tuple[PlainAnswer, PlainAnswer]:
-    """Ask the plain way for plan and verdict with the prompts of ours."""
-    sim = mission.sim
-    asks = (
-        (pair.planner, plan_schema(sim.world, sim.picture()), planner.MAX_TOKENS),
-        (pair.judge, verdict_schema(pair.judged_rules), judge.MAX_TOKENS),
-    )
-    plan, verdict = [
-        await plain.ask(
-            PlainAsk(
-                system=prompt.system,
-                user=prompt.user,
-                answer_schema=schema,
-                max_tokens=most or limit,
-            ),
-            PlainAnswer,
-        )
-        for prompt, schema, limit in asks
-    ]
-    return plan, verdict
+        await plain.close()
 
 
 def _tokens(rounds: Sequence[Round]) -> str:
@@ -176,9 +190,10 @@ def _tokens(rounds: Sequence[Round]) -> str:
     cached = sum(usage.cached_tokens for usage in usages)
     written = sum(usage.completion_tokens for usage in usages)
     chosen = sum(usage.sampled_tokens for usage in usages)
+    guessed = sum(usage.guessed_tokens for usage in usages)
     cut = "" if all(answer.complete for answer in answers) else ", cut off"
     return (
-        f"tokens: ours read {prompt - cached} of {prompt}, wrote {written} ({chosen} chosen); "
-        f"plain had {sum(a.prompt_tokens for a in answers)}, "
+        f"tokens: ours read {prompt - cached} of {prompt}, wrote {written} ({chosen} chosen, "
+        f"{guessed} of them guessed before); plain had {sum(a.prompt_tokens for a in answers)}, "
         f"wrote {sum(a.completion_tokens for a in answers)}{cut}"
     )

@@ -1,8 +1,8 @@
 """Our decoder and bare llama.cpp with the same weights, timed step by step.
 
-Only its own process runs this. Bare llama.cpp reads a prompt in batches of RAW_BATCH and writes one
-token at a time, the most likely one, with no grammar and nothing that could interrupt it: that is
-the limit. Both begin with an empty cache.
+Only its own process runs this. Bare llama.cpp reads a prompt in batches of RAW_BATCH and writes the
+tokens that ours has written one at a time, looking for the most likely one each time: the same
+adapter, no grammar, nothing that could interrupt it. Both begin with an empty cache.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pa_console.evaluation.bench.child import LoadWeights, serve
-from pa_console.evaluation.bench.raw_messages import MeasureSpeed, Speed
+from pa_console.evaluation.bench.raw_messages import MeasureSpeed, Speed, Written
+from pa_console.llm.adapter_switch import AdapterSwitch
 from pa_console.llm.chat import ChatPrompt
 from pa_console.llm.decoding import Decoder
 from pa_console.llm.runtime import CHUNK, Runtime
@@ -24,10 +25,11 @@ from pa_console.schema.base import StrictModel
 
 _api: Any = llama_cpp
 RAW_BATCH = 512
+PLANNER = SEQUENCES["planner"]
 
 
-class _TimedRuntime(Runtime):
-    """Notes when each evaluation ended; a step is from one end to the next."""
+class _CountingRuntime(Runtime):
+    """Notes how many tokens were read as a prompt, and how many evaluations the answer took."""
 
     def __init__(self, load: LoadWeights) -> None:
         super().__init__(
@@ -35,23 +37,19 @@ class _TimedRuntime(Runtime):
             n_ctx=load.n_ctx,
             threads=load.threads,
             stopped=lambda: False,
+            adapters={PLANNER: load.adapter} if load.adapter else None,
         )
-        self.ended = 0.0
-        self.steps: list[tuple[int, float]] = []
+        self.read = self.evaluations = 0
 
     def begin(self, sequence: int, prompt: Sequence[int]) -> tuple[NDArray[np.float32], int]:
-        found = super().begin(sequence, prompt)
-        self.steps, self.ended = [], perf_counter()
-        return found
+        self.read, self.evaluations = len(prompt), 0
+        return super().begin(sequence, prompt)
 
     def extend(
         self, sequence: int, position: int, tokens: Sequence[int], rows: int = 1
     ) -> NDArray[np.float32]:
-        found = super().extend(sequence, position, tokens, rows)
-        now = perf_counter()
-        self.steps.append((len(tokens), now - self.ended))
-        self.ended = now
-        return found
+        self.evaluations += 1
+        return super().extend(sequence, position, tokens, rows)
 
 
 class _Bare:
@@ -69,24 +67,29 @@ class _Bare:
         self._context = _api.llama_init_from_model(self._model, parameters)
         if not self._context:
             raise ValueError(f"no memory for a second context of {n_ctx} tokens")
+        adapters = {PLANNER: load.adapter} if load.adapter else {}
+        self._adapters = AdapterSwitch(self._model, adapters)
+        self._adapters.use(self._context, PLANNER)
         vocabulary = _api.llama_model_get_vocab(self._model)
         self._n_vocabulary: int = _api.llama_vocab_n_tokens(vocabulary)
 
-    def write(self, prompt: Sequence[int], count: int) -> Speed:
-        """Read `prompt`, then write `count` tokens."""
+    def write(self, prompt: Sequence[int], answer: Written) -> Speed:
+        """Read `prompt`, then write the tokens of `answer`; the last one need not be evaluated."""
         _api.llama_memory_clear(_api.llama_get_memory(self._context), True)
-        began, token = perf_counter(), 0
-        for start in range(0, len(prompt), RAW_BATCH):
-            token = self._evaluate(prompt[start : start + RAW_BATCH])
-        ended = perf_counter()
-        prompt_s, steps = ended - began, list[tuple[int, float]]()
-        for _ in range(count):
-            token = self._evaluate([token])
-            now = perf_counter()
-            steps.append((1, now - ended))
-            ended = now
+        whole = [*prompt, *answer.read]
+        began = perf_counter()
+        for start in range(0, len(whole), RAW_BATCH):
+            self._evaluate(whole[start : start + RAW_BATCH])
+        read = perf_counter()
+        for token in answer.tokens[:-1]:
+            self._evaluate([token])
         return Speed(
-            batch=RAW_BATCH, prompt_tokens=len(prompt), prompt_s=prompt_s, steps=tuple(steps)
+            batch=RAW_BATCH,
+            prompt_tokens=len(whole),
+            prompt_s=read - began,
+            answer=answer,
+            answer_s=perf_counter() - read,
+            evaluations=max(0, len(answer.tokens) - 1),
         )
 
     def _evaluate(self, tokens: Sequence[int]) -> int:
@@ -102,7 +105,7 @@ class _Both:
     """The two ways, each with a context of its own."""
 
     def __init__(self, load: LoadWeights) -> None:
-        self.runtime = _TimedRuntime(load)
+        self.runtime = _CountingRuntime(load)
         self._chat = ChatPrompt(self.runtime, load.chat)
         self._decoder = Decoder(self.runtime)
         self._bare = _Bare(load, self.runtime.n_ctx)
@@ -111,20 +114,22 @@ class _Both:
         """Return the speed of one MeasureSpeed."""
         asked = MeasureSpeed.model_validate_json(line)
         prompt = self._chat.tokens(asked.system, asked.user)
-        if asked.bare_tokens is not None:
-            return self._bare.write(prompt, asked.bare_tokens)
-        sequence = SEQUENCES["planner"]
-        self.runtime.begin(sequence, prompt[:1])
+        if asked.bare is not None:
+            return self._bare.write(prompt, asked.bare)
+        self.runtime.begin(PLANNER, prompt[:1])
         _, usage = self._decoder.answer(
-            sequence, prompt, asked.grammar, asked.max_tokens, lambda _text: None
+            PLANNER, prompt, asked.grammar, asked.max_tokens, lambda _text: None
         )
+        written, read = self._decoder.written, self.runtime.read - len(prompt)
         return Speed(
             batch=CHUNK,
-            prompt_tokens=usage.prompt_tokens - usage.cached_tokens,
+            prompt_tokens=self.runtime.read - usage.cached_tokens,
             prompt_s=usage.first_token_s,
-            steps=tuple(self.runtime.steps),
-            written=usage.completion_tokens,
+            answer=Written(read=written[:read], tokens=written[read:]),
+            answer_s=usage.seconds - usage.first_token_s,
+            evaluations=self.runtime.evaluations,
             chosen=usage.sampled_tokens,
+            guessed=usage.guessed_tokens,
         )
 
 

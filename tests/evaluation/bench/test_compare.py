@@ -1,6 +1,7 @@
 """Comparisons: alternating runs, medians, and a ratio that is above 1 when ours is better."""
 
 import math
+import os
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pa_console.evaluation.bench.compare import alternate, compare
-from pa_console.evaluation.bench.raw_messages import Speed
+from pa_console.evaluation.bench.memory import process_memory
 from pa_console.evaluation.machine import describe_machine
 
 FIGURES = st.lists(st.floats(min_value=1e-6, max_value=1e6), min_size=1, max_size=9)
@@ -51,16 +52,22 @@ def test_runs_of_slow_operations_take_turns() -> None:
     assert turns.replace("aa", "a").replace("bb", "b") == "ababab"
 
 
-def test_speeds_are_told_apart_by_what_the_grammar_forced() -> None:
-    speed = Speed(batch=64, prompt_tokens=100, prompt_s=0.5, steps=((1, 0.1), (9, 0.3), (1, 0.1)))
-    assert speed.prompt_rate == 200.0
-    assert math.isclose(speed.decoded_rate, 10.0)
-    assert math.isclose(speed.forced_rate, 30.0)
-    assert math.isclose(speed.rate, 22.0)
+def test_less_memory_is_better_and_nearly_all_runs_are_below_the_95th_percentile() -> None:
+    line = compare("p", "n", ("ours", [*map(float, range(1, 101))]), ("other", [101.0]), "MB")
+    assert line.ratio == 2.0
+    assert 95.0 <= line.ours.p95 <= 96.0
 
 
-def test_an_answer_that_forced_nothing_has_no_forced_speed() -> None:
-    assert Speed(batch=64, prompt_tokens=1, prompt_s=0.0, steps=((1, 0.1),)).forced_rate == 0.0
+def test_the_memory_of_a_process_is_what_the_system_says(tmp_path: Path) -> None:
+    mine = process_memory(os.getpid())
+    if mine is not None:
+        assert 1.0 < mine.rss_mb <= mine.peak_mb
+    (tmp_path / "7").mkdir()
+    assert process_memory(7, tmp_path) is None
+    (tmp_path / "7" / "status").write_text("Name:\tx\nVmHWM:\t  2000 kB\nVmRSS:\t  1000 kB\n")
+    assert process_memory(7, tmp_path) == (1.024, 2.048)
+    (tmp_path / "7" / "status").write_text("Name:\tx\n")
+    assert process_memory(7, tmp_path) is None
 
 
 def test_the_machine_is_read_from_where_linux_tells_it(tmp_path: Path) -> None:

@@ -4,23 +4,27 @@ import asyncio
 import json
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from pa_console.evaluation.bench.child import Child, LoadWeights
 from pa_console.evaluation.bench.compare import Bench, Comparison
-from pa_console.evaluation.bench.decoding import RAW_MODULE, comparisons, measure_decoding
-from pa_console.evaluation.bench.missions import OurWay, Pair, bench_missions
+from pa_console.evaluation.bench.decoding import RAW_MODULE, Pass, comparisons, measure_decoding
+from pa_console.evaluation.bench.memory import Memory
+from pa_console.evaluation.bench.missions import OurWay, bench_missions
 from pa_console.evaluation.bench.plain_messages import (
     PlainAnswer,
     PlainAsk,
     plan_schema,
     verdict_schema,
 )
-from pa_console.evaluation.bench.planner import PLAIN_MODULE, Round, measure_missions
+from pa_console.evaluation.bench.plain_way import PLAIN_MODULE, PlainWay
+from pa_console.evaluation.bench.planner import Measured, Round, measure_missions
 from pa_console.evaluation.bench.planner import comparisons as mission_comparisons
 from pa_console.evaluation.bench.raw_messages import MeasureSpeed, Speed
+from pa_console.llm.adapters import LocalAdapter
 from pa_console.llm.catalog import Catalog, LocalModel
 from pa_console.llm.errors import EngineError
 from pa_console.llm.fetch import pull
@@ -28,9 +32,12 @@ from pa_console.llm.judge import read_verdict
 from pa_console.llm.planner import read_plan
 from pa_console.orchestrator.compose import Site
 from pa_console.schema.base import StrictModel
+from pa_console.schema.event import Role
+from tests.llm.random_adapter import write_random_adapter
 from tests.scripted import ScriptedEngine, plan
 
 N_CTX = 512
+SHORT_VERDICT = '{"feedback": "it fits", "violated": [], "verdict": "Success"}'
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +74,10 @@ async def test_the_plain_way_answers_by_its_schema_and_its_process_ends_with_it(
     picture = bench_missions(site.world)[0].sim.picture()
     child = await Child.start(PLAIN_MODULE, load(tiny.path))
     try:
-        asks = [(plan_schema(site.world, picture), 20), (verdict_schema(["WF-03"]), 120)]
+        asks = [
+            (plan_schema(site.world, picture), 20),
+            (verdict_schema("examples", ["WF-03"]), 120),
+        ]
         plan_, verdict = [
             await child.ask(
                 PlainAsk(system="Answer.", user="Hold.", answer_schema=schema, max_tokens=most),
@@ -98,24 +108,26 @@ async def test_our_decoder_and_bare_llama_read_the_same_prompt(tiny: LocalModel)
     )
     child = await Child.start(RAW_MODULE, load(tiny.path))
     try:
-        rounds = [
-            (
-                await child.ask(ask, Speed),
-                await child.ask(ask.model_copy(update={"bare_tokens": 5}), Speed),
-            )
-            for _ in range(2)
-        ]
+        passes: list[Pass] = []
+        for _ in range(2):
+            ours = await child.ask(ask, Speed)
+            bare = await child.ask(ask.model_copy(update={"bare": ours.answer}), Speed)
+            passes.append(Pass(ours=(ours,), bare=(bare,)))
     finally:
         await child.close()
-    for ours, bare in rounds:
+    for one in passes:
+        [ours], [bare] = one.ours, one.bare
         assert ours.prompt_tokens == bare.prompt_tokens > 0
-        assert ours.chosen < ours.written
-        assert any(tokens > 1 for tokens, _ in ours.steps)
-        assert [tokens for tokens, _ in bare.steps] == [1] * 5
-    lines = comparisons(rounds)
+        assert ours.answer == bare.answer
+        assert ours.answer.read, "the answer begins with words that the grammar forces"
+        assert 0 < ours.chosen < len(ours.answer.tokens)
+        assert bare.evaluations == len(ours.answer.tokens) - 1 > ours.evaluations
+    lines = comparisons(passes)
     assert {line.unit for line in lines} == {"tokens/s"}
-    assert any("forced" in line.name for line in lines)
     assert all(line.ratio is not None and line.runs == 2 for line in lines)
+    [first, _] = passes
+    forced = len(first.ours[0].answer.tokens) - first.ours[0].chosen
+    assert f"{forced} forced by the grammar" in lines[-1].note
 
 
 async def test_a_child_that_is_asked_for_no_more_ends_in_the_middle_of_its_work(
@@ -168,6 +180,22 @@ async def test_our_way_gives_both_prompts_for_every_mission(site: Site) -> None:
     assert f"{agent} report" in pair.judge.user
     assert pair.usable == 2
     assert pair.seconds >= pair.planning_s + pair.judging_s
+    assert engine.warmed == []
+
+
+async def test_our_way_can_have_the_picture_read_before(site: Site) -> None:
+    engine = ScriptedEngine([plan(("Drone_T04", "report"))], [SHORT_VERDICT])
+    engine.model = replace(engine.model, prompts="compact")
+    ours, mission = OurWay(site, engine.engine()), bench_missions(site.world)[0]
+    pair = await ours.run(mission, read_ahead=True)
+    for role, prompt in (("planner", pair.planner), ("judge", pair.judge)):
+        [(system, user)] = [warmed[1:] for warmed in engine.warmed if warmed[0] == role]
+        assert prompt.system == system
+        assert prompt.user.startswith(user)
+        assert "Low battery: " in user
+    assert pair.usable == 2
+    await ours.ask_the_rest(mission)
+    assert [request.role for request in engine.requests] == ["planner", "judge", "outcome"]
 
 
 @pytest.mark.parametrize("answer", ["no plan at all", plan(*[("Nobody", "hold")] * 2)])
@@ -184,25 +212,79 @@ async def test_rounds_become_a_line_a_mission_and_one_for_each_call(site: Site) 
     missions = bench_missions(site.world)
     text = plan(("Drone_T04", "report"))
     ours = OurWay(site, ScriptedEngine([text]).engine())
-    pairs: list[Pair] = [await ours.run(mission) for mission in missions]
+    pairs = [await ours.run(mission) for mission in missions]
+    slower = [replace(pair, seconds=pair.seconds + 1.0) for pair in pairs]
     answers = [
         PlainAnswer(text=words, prompt_tokens=9, completion_tokens=5, complete=True, seconds=2.0)
         for words in (text, "cut off")
     ]
     rounds = [
         [
-            Round(m.text, pair, answers[0], answers[1])
-            for m, pair in zip(missions, pairs, strict=True)
+            Round(m.text, pair, unread, answers[0], answers[1])
+            for m, pair, unread in zip(missions, pairs, slower, strict=True)
         ]
     ] * 3
-    lines = mission_comparisons(rounds)
-    assert len(lines) == len(missions) + 3
-    assert all(line.runs == 3 and line.ratio is not None for line in lines)
-    whole = lines[len(missions)]
-    assert whole.other is not None
-    assert whole.other.median == 4.0 * len(missions)
+    lines = mission_comparisons(Measured(rounds, Memory(100.0, 150.0), Memory(300.0, 310.0)))
+    assert len(lines) == len(missions) + 5
+    assert all(line.ratio is not None for line in lines)
+    ahead, unread, *_, memory = lines[len(missions) :]
+    assert ahead.other is not None
+    assert (ahead.other.median, ahead.runs) == (4.0, 3 * len(missions))
+    assert unread.ours.median >= 1.0 > ahead.ours.median
+    assert "95th percentile: ours" in ahead.note
     answers_in_all = 6 * len(missions)
-    assert f"plain {answers_in_all // 2} of {answers_in_all}" in whole.note
+    assert f"plain {answers_in_all // 2} of {answers_in_all}" in ahead.note
+    assert (memory.unit, memory.ratio) == ("MB", 3.0)
+    assert len(mission_comparisons(Measured(rounds, None, None))) == len(lines) - 1
+
+
+@pytest.mark.parametrize("roles", [("planner", "judge"), ()])
+async def test_the_plain_way_has_a_process_for_every_adapter(
+    tiny: LocalModel, site: Site, tmp_path: Path, roles: tuple[Role, ...]
+) -> None:
+    adapters = tuple(
+        LocalAdapter(role, write_random_adapter(tiny.path, tmp_path / role, seed), "0" * 64)
+        for seed, role in enumerate(roles)
+    )
+    model = replace(tiny, adapters=adapters, prompts="compact" if roles else "examples", n_ctx=512)
+    engine = ScriptedEngine([plan(("Drone_T04", "report"))], [SHORT_VERDICT])
+    engine.model = model
+    mission = bench_missions(site.world)[0]
+    pair = await OurWay(site, engine.engine()).run(mission)
+    short = {"system": "Be brief.", "user": "Hold."}
+    pair = replace(
+        pair,
+        planner=pair.planner.model_copy(update=short),
+        judge=pair.judge.model_copy(update=short),
+    )
+    way = await PlainWay(model, 2).start()
+    try:
+        assert way.memory is not None
+        first = await way.answer(mission, pair, 6)
+    finally:
+        await way.close()
+    assert first[0].text.startswith("{")
+    assert all(answer.completion_tokens == 6 for answer in first)
+    assert way.memory is None
+
+
+async def test_bare_llama_and_ours_answer_with_the_adapter(
+    tiny: LocalModel, tmp_path: Path
+) -> None:
+    ask = MeasureSpeed(
+        system="Talk.", user="Of the river.", grammar="start: /[a-z ]{30}/", max_tokens=30
+    )
+    adapter = write_random_adapter(tiny.path, tmp_path / "planner", 1)
+    answers: list[Speed] = []
+    for path in ("", str(adapter)):
+        child = await Child.start(RAW_MODULE, load(tiny.path).model_copy(update={"adapter": path}))
+        try:
+            answers.append(await child.ask(ask, Speed))
+            bare = ask.model_copy(update={"bare": answers[-1].answer})
+            assert (await child.ask(bare, Speed)).answer == answers[-1].answer
+        finally:
+            await child.close()
+    assert answers[0].answer != answers[1].answer
 
 
 def test_an_answer_of_the_schema_is_a_plan(site: Site) -> None:

@@ -14,7 +14,7 @@ from pa_console.evaluation.bench.checks import (
     shipped_rules,
 )
 from pa_console.evaluation.bench.compare import Bench
-from pa_console.evaluation.bench.missions import bench_missions, planner_request
+from pa_console.evaluation.bench.missions import OurWay, bench_missions
 from pa_console.evaluation.bench.parts import PARTS, choose_parts
 from pa_console.evaluation.bench.retrieval_loop import (
     more_rules,
@@ -32,6 +32,7 @@ from pa_console.policy.examples import example_plan, example_rehearsal
 from pa_console.policy.retriever import Retriever
 from pa_console.schema.mission import Mission
 from pa_console.sim.world_generator import generate_world
+from tests.scripted import ScriptedEngine
 
 MISSION = Mission(id="x", text="Secure the checkpoint.", created=datetime(2000, 1, 1, tzinfo=UTC))
 
@@ -115,10 +116,14 @@ def test_missions_name_what_the_world_has(site: Site, seed: int) -> None:
     missions = bench_missions(world)
     assert 3 <= len({mission.text for mission in missions}) == len(missions) <= 5
     assert any(gate in missions[0].text for gate in world.gates)
-    prompt, grammar = planner_request(Site(world, site.world_path, site.rulebook), missions[-1])
-    assert missions[-1].text in prompt.user
-    assert "Tracks: Track_01: vehicle" in prompt.user
-    assert all(name in grammar for name in world.assets)
+    ours = OurWay(Site(world, site.world_path, site.rulebook), ScriptedEngine([]).engine())
+    questions = [ours.question(mission) for mission in missions]
+    last = questions[-1]
+    assert missions[-1].text in last.prompt.user
+    assert "Tracks: Track_01: vehicle" in last.prompt.user
+    assert all(name in last.grammar for name in world.assets)
+    pictures = {question.digest.model_dump_json() for question in questions}
+    assert len(pictures) == len(missions), "no mission finds its picture in the cache of another"
 
 
 def test_parts_are_chosen_by_name_in_their_own_order() -> None:
