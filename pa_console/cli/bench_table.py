@@ -10,8 +10,8 @@ from pa_console.evaluation.bench.parts import Part
 
 LEGEND = (
     "ratio: how many times better ours is: the other's time or memory by ours, or our tokens a "
-    "second by the other's. Above 1 ours is better; against a limit, what is below 1 is the share of "
-    "it that is reached."
+    "second by the other's. Above 1 ours is better; against a limit, what is below 1 is the share "
+    "of it that is reached."
 )
 
 _UNITS = ((1.0, "s", 1.0), (1e-3, "ms", 1e3), (0.0, "µs", 1e6))

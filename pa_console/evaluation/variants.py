@@ -1,4 +1,4 @@
-"""The ablations by name: each leaves one part of the pipeline out, all else being equal."""
+"""The ablations by name: each changes one part of the pipeline, all else being equal."""
 
 from pa_console.schema.variant import Variant
 
@@ -22,6 +22,9 @@ ABOUT: dict[str, str] = {
     "no-rehearsal": "one-plan, checked as if every order succeeded at once",
     "no-judge": "one-plan without the JudgeLLM",
     "no-repair": "one-plan; the first plan stands",
+    "one-candidate": "one-plan; one plan a prompt, a broken one is repaired at once",
+    "four-candidates": "one-plan; of 4 plans the best when the first is broken, as by default",
+    "eight-candidates": "one-plan; of 8 plans the best when the first is broken",
     "no-grammar": "one-plan; the planner writes whatever it likes",
     "paper-retrieval": "one-plan with the paper's retrieval",
     "paper": "the paper's retrieval, prompt and judge; no checks, rehearsal, repair or grammar",
@@ -40,6 +43,9 @@ VARIANTS: dict[str, Variant] = {
         _without("no-rehearsal", rehearsal=False),
         _without("no-judge", judging=False),
         _without("no-repair", repairs=0),
+        _without("one-candidate", candidates=1),
+        _without("four-candidates", candidates=4),
+        _without("eight-candidates", candidates=8),
         _without("no-grammar", grammar=False),
         _without("paper-retrieval", method="paper"),
         _without(

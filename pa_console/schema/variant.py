@@ -23,7 +23,6 @@ class Variant(StrictModel):
     candidates: int = Field(
         default=4, ge=1, le=8, description="plans to choose from when the first one is broken"
     )
-    adapters: bool = Field(default=True, description="the model's trained adapters are in use")
     grammar: bool = Field(default=True, description="decoding is constrained to executable plans")
     prompt: PromptStyle = "console"
     workflows: bool = Field(default=True, description="a mission may take several plans (WF-01)")

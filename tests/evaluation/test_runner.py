@@ -11,7 +11,7 @@ from pa_console.evaluation.record import RunRecord
 from pa_console.evaluation.results import Results, read_runs
 from pa_console.evaluation.runner import CHUNK, Runner, chunks
 from pa_console.evaluation.scoring.idle import SETTLE_S
-from pa_console.evaluation.variants import VARIANTS, find_variant
+from pa_console.evaluation.variants import ABOUT, VARIANTS, find_variant
 from pa_console.orchestrator.compose import Site
 from pa_console.orchestrator.headless import SETUP_SETTLE_S
 from pa_console.schema.mission_set import MissionCase, MissionSet
@@ -141,11 +141,15 @@ def test_chunks_take_few_missions_through_all_variants(site: Site) -> None:
     assert [job.case.id for job in second] == [f"C{CHUNK}"] * 2
 
 
-def test_every_ablation_leaves_something_out() -> None:
+def test_every_ablation_changes_something_but_the_one_that_says_it_is_the_default() -> None:
     reference = VARIANTS["one-plan"]
     for name, variant in VARIANTS.items():
         changed = variant.model_copy(update={"name": reference.name})
-        assert (changed == reference) == (name == reference.name)
+        same = name == reference.name or "as by default" in ABOUT[name]
+        assert (changed == reference) == same
+    assert list(ABOUT) == list(VARIANTS)
+    counts = [VARIANTS[f"{word}-candidates"].candidates for word in ("four", "eight")]
+    assert [VARIANTS["one-candidate"].candidates, *counts] == [1, 4, 8]
     with pytest.raises(ValueError, match="no-judge"):
         find_variant("nonesuch")
 

@@ -238,7 +238,7 @@ async def test_rounds_become_a_line_a_mission_and_one_for_each_call(site: Site) 
     assert len(mission_comparisons(Measured(rounds, None, None))) == len(lines) - 1
 
 
-@pytest.mark.parametrize("roles", [("planner", "judge"), ()])
+@pytest.mark.parametrize("roles", [("judge",), ()])
 async def test_the_plain_way_has_a_process_for_every_adapter(
     tiny: LocalModel, site: Site, tmp_path: Path, roles: tuple[Role, ...]
 ) -> None:
