@@ -1,26 +1,16 @@
-"""`pa-console models`: list the catalogue, pull a model, run missions with models."""
+"""`pa-console models`: list the catalogue, pull a model."""
 
-import asyncio
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from pa_console.cli.output import (
-    JsonOption,
-    RulesOption,
-    SeedOption,
-    WorldOption,
-    errors,
-    out,
-    print_json,
-)
+from pa_console.cli.output import JsonOption, errors, out, print_json
 from pa_console.llm.catalog import Catalog, ModelEntry
 from pa_console.llm.fetch import pull as fetch
 
-app = typer.Typer(help="List, pull and try language models.", no_args_is_help=True)
+app = typer.Typer(help="List and pull language models.", no_args_is_help=True)
 
 
 @app.command("list")
@@ -98,21 +88,3 @@ def pull(
         out.print(f"{path}", markup=False, soft_wrap=True)
         if hash_note:
             errors.print(hash_note, markup=False)
-
-
-@app.command()
-def bench(
-    names: Annotated[list[str], typer.Argument(help="Models of the catalogue or GGUF files.")],
-    missions: Annotated[
-        Path | None, typer.Option(help="A mission set; default: the paper's ten.")
-    ] = None,
-    world: WorldOption = "checkpoint",
-    rules: RulesOption = "checkpoint",
-    seed: SeedOption = 0,
-    logs: Annotated[Path | None, typer.Option(help="A folder for a session log a run.")] = None,
-    json: JsonOption = False,
-) -> None:
-    """Run every mission of a set through the whole pipeline with each model, and tabulate."""
-    from pa_console.cli.bench_models import run_bench  # noqa: PLC0415 - only this verb needs it
-
-    asyncio.run(run_bench(names, missions, (world, rules), seed, logs, json))
