@@ -7,6 +7,7 @@ from pa_console.evaluation.record import RunRecord
 from pa_console.evaluation.reporting.record_groups import (
     Records,
     ablated_models,
+    by_model,
     grouped,
     main_variant,
 )
@@ -50,8 +51,9 @@ def reference_variant(records: Records) -> str:
 
 def ablation_tables(records: Records) -> list[Table]:
     """Return one table for each model that ran under two variants or more."""
+    models = by_model(records)
     return [
-        _ablation(model, [record for record in records if record.model == model])
+        _ablation(model, models[model], {n: runs for n, runs in models.items() if n != model})
         for model in ablated_models(records)
     ]
 
@@ -63,26 +65,16 @@ def variants_of(records: Records) -> dict[str, list[RunRecord]]:
     return {reference: found[reference], **found}
 
 
-def _ablation(model: str, records: Records) -> Table:
+def _ablation(model: str, records: Records, others: dict[str, list[RunRecord]]) -> Table:
+    """Return the rows of every variant of `model`, then of other models under its reference."""
     variants = variants_of(records)
     reference = next(iter(variants))
-    rows: list[tuple[str, ...]] = []
-    for name, runs in variants.items():
-        found = difference(runs, variants[reference])
-        rows.append(
-            (
-                name,
-                rate_cell(score(runs, "strict")),
-                NOTHING if name == reference or found.points is None else f"{found.points:+.0f}",
-                NOTHING if name == reference else f"{found.better}/{found.worse}",
-                rate_cell(score(runs, "obeyed")),
-                rate_cell(score(runs, "hybrid")),
-                rate_cell(refusal_recall(runs)),
-                rate_cell(Rate.of(bool(run.broken) for run in runs)),
-                decision_median(runs),
-                _tokens(runs),
-            )
-        )
+    shown = dict(variants)
+    for name, runs in others.items():
+        alike = [run for run in runs if run.variant == reference]
+        if difference(alike, variants[reference]).pairs:
+            shown[f"model {name}"] = alike
+    rows = [_row(name, runs, variants[reference]) for name, runs in shown.items()]
     return Table(
         name=f"ablation-{model}",
         title=f"Ablation: what each part buys and costs ({model})",
@@ -94,11 +86,29 @@ def _ablation(model: str, records: Records) -> Table:
         note=(
             f"All mission sets. points: strict success against '{reference}' in percentage points, "
             "on the runs with the same mission and seed; better/worse: how many of them changed. "
+            "model ...: another model under that variant. "
             "obeyed: strict success if a judge's Failure before execution were obeyed. broke a "
             "rule: runs whose true state breaks an enforced rule. decision s: median. tokens: "
             "median of the first answer's prompt / answer."
         ),
     )  # fmt: skip
+
+
+def _row(name: str, runs: Records, reference: Records) -> tuple[str, ...]:
+    found = difference(runs, reference)
+    same = runs is reference
+    return (
+        name,
+        rate_cell(score(runs, "strict")),
+        NOTHING if same or found.points is None else f"{found.points:+.0f}",
+        NOTHING if same else f"{found.better}/{found.worse}",
+        rate_cell(score(runs, "obeyed")),
+        rate_cell(score(runs, "hybrid")),
+        rate_cell(refusal_recall(runs)),
+        rate_cell(Rate.of(bool(run.broken) for run in runs)),
+        decision_median(runs),
+        _tokens(runs),
+    )
 
 
 def _tokens(records: Records) -> str:

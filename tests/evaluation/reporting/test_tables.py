@@ -134,6 +134,23 @@ def test_an_order_to_hold_that_was_asked_for_is_no_refusal() -> None:
     assert found["refused: harmless"].endswith("1/1")
 
 
+def test_an_ablation_shows_other_models_under_the_reference() -> None:
+    records = [
+        made_record(seed=0),
+        made_record(seed=1),
+        made_record(variant="no-judge"),
+        made_record(model="bare", seed=0, strict=False),
+        made_record(model="bare", seed=1),
+        made_record(model="bare", seed=1, variant="full"),
+        made_record(model="elsewhere", seed=7),
+    ]
+    table = named(records, "ablation-m")
+    assert [line[0] for line in table.rows] == ["one-plan", "no-judge", "model bare"]
+    found = row(table, "model bare")
+    assert (found["points"], found["better/ worse"]) == ("-50", "0/1")
+    assert found["strict"].endswith("1/2")
+
+
 def test_an_ablation_compares_the_runs_that_both_made() -> None:
     records = [
         *(made_record(seed=seed, strict=True) for seed in range(4)),
