@@ -107,12 +107,13 @@ def comparisons(measured: Measured) -> list[Comparison]:
             "a decision, picture read ahead",
             (OURS, lambda e: e.ours.seconds),
             (PLAIN, lambda e: e.plain_seconds),
-            usable,
+            f"{_read([e.ours for e in every])}; {usable}",
         ),
         over_all(
             "a decision, nothing read ahead",
             (OURS_UNREAD, lambda e: e.unread.seconds),
             (PLAIN, lambda e: e.plain_seconds),
+            _read([e.unread for e in every]),
         ),
         over_all(
             "the planner's call alone, picture read ahead",
@@ -179,6 +180,14 @@ async def _measured(bench: Bench) -> Measured:
     finally:
         await engine.close()
         await plain.close()
+
+
+def _read(pairs: Sequence[Pair]) -> str:
+    """Return how much of the prompts was left to be read after Enter."""
+    usages = [usage for pair in pairs for usage in (pair.plan_usage, pair.verdict_usage)]
+    whole = sum(usage.prompt_tokens for usage in usages)
+    read = whole - sum(usage.cached_tokens for usage in usages)
+    return f"ours read {read} of {whole} prompt tokens after Enter"
 
 
 def _tokens(rounds: Sequence[Round]) -> str:

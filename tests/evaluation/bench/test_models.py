@@ -232,6 +232,7 @@ async def test_rounds_become_a_line_a_mission_and_one_for_each_call(site: Site) 
     assert (ahead.other.median, ahead.runs) == (4.0, 3 * len(missions))
     assert unread.ours.median >= 1.0 > ahead.ours.median
     assert "95th percentile: ours" in ahead.note
+    assert all("prompt tokens after Enter" in line.note for line in (ahead, unread))
     answers_in_all = 6 * len(missions)
     assert f"plain {answers_in_all // 2} of {answers_in_all}" in ahead.note
     assert (memory.unit, memory.ratio) == ("MB", 3.0)
