@@ -86,6 +86,13 @@ async def test_an_answer_streams_fits_its_grammar_and_is_counted(engine: Engine)
     assert engine.info.n_ctx == 4096
 
 
+async def test_what_repeats_the_prompt_is_guessed_and_counted(engine: Engine):
+    words = "north gate, south gate, east gate, west gate, " * 6
+    request = replace(SHORT, user=f"Repeat: {words}", grammar="start: /[a-z, ]{120}/")
+    usage = (await answer(engine, replace(request, max_tokens=80))).usage
+    assert 10 < usage.guessed_tokens < usage.sampled_tokens <= usage.completion_tokens
+
+
 async def test_a_second_prompt_is_answered_as_in_a_fresh_context(
     engine: Engine, smallest_model: LocalModel
 ):
