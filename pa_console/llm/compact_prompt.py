@@ -37,14 +37,13 @@ def compact_fixed(role: Role, world: World) -> str:
 
 
 def compact_picture(world: World, digest: Digest) -> str:
-    """Return the digested picture (paper, Step 4), a line for each place; it ends with a newline.
+    """Return the digested picture (paper, Step 4); it ends with a newline.
 
-    Planner and judge are told the same, so either can be read ahead before the mission is known.
+    Every fact stands after the name that it is about, by place, by asset and by kind: a small model
+    finds what follows a name far better than what stands before it. Planner and judge are told the
+    same, so either can be read ahead before the mission is known.
     """
-    lines = [*_places(world, digest), *_free(digest)]
-    lines += _told("Down", [_kind_and_name(world, name) for name in digest.down])
-    lines += _told("Low battery", digest.low_battery)
-    lines += _told("Poor link", digest.degraded_comms)
+    lines = [*_places(digest), *_contacts(digest), *_assets(world, digest), *_free(digest)]
     lines += _told("Unknown", digest.unknown)
     lines += digest.tracks
     return "\n".join(lines) + "\n"
@@ -104,16 +103,13 @@ def compact_outcome_prompt(
     return Prompt(start.system, start.user + "\n".join(lines))
 
 
-def _places(world: World, digest: Digest) -> Iterator[str]:
+def _places(digest: Digest) -> Iterator[str]:
     """Yield who stands where: gates first, `alone` for a gate's only cover."""
     stands: dict[str, list[str]] = {gate: [] for gate in digest.covered}
-    moving: list[str] = []
-    for name, post in digest.posts.items():
-        _, way, frame = post.partition(" at ")
-        if way:
-            stands.setdefault(frame, []).append(_kind_and_name(world, name))
-        else:
-            moving.append(f"{_kind_and_name(world, name)} {post.partition(' ')[2]}")
+    for name in digest.posts:
+        frame = _stands_at(digest, name)
+        if frame:
+            stands.setdefault(frame, []).append(name)
     for frame, names in stands.items():
         words = ", ".join(names) or "nobody"
         if frame in digest.uncovered:
@@ -121,11 +117,42 @@ def _places(world: World, digest: Digest) -> Iterator[str]:
         elif frame in digest.sole_cover:
             words += f", only {digest.sole_cover[frame]} covers" if len(names) > 1 else " alone"
         yield f"{frame}: {words}"
-    yield from _told("Moving", moving)
 
 
-def _kind_and_name(world: World, name: str) -> str:
-    return f"{WORDS[world.assets[name].kind]} {name}"
+def _contacts(digest: Digest) -> Iterator[str]:
+    """Yield which tracks are at each gate, by what is known of them in a word."""
+    there: dict[str, list[str]] = {gate: [] for gate in digest.covered}
+    for line in digest.tracks:
+        name, _, facts = line.partition(": ")
+        words = facts.partition(",")[0].split()
+        there.setdefault(words[-1], []).append(f"{name} {words[0]}")
+    for gate, tracks in there.items():
+        yield f"At {gate}: {', '.join(tracks) or 'no track'}"
+
+
+def _assets(world: World, digest: Digest) -> Iterator[str]:
+    """Yield every asset with its state, its kind and where it stands or goes."""
+    for name in (*digest.posts, *digest.down):
+        kind, where = WORDS[world.assets[name].kind], digest.posts.get(name, "").partition(" ")[2]
+        link = ", poor link" if name in digest.degraded_comms else ""
+        yield f"{name}: {asset_state(digest, name)} {kind} {where}".rstrip() + link
+
+
+def asset_state(digest: Digest, name: str) -> str:
+    """Return in a word or two whether an asset can be sent, as the compact picture has it."""
+    if name in digest.down:
+        return "down"
+    guards = name in digest.sole_cover.values()
+    if name in digest.low_battery:
+        return "low, alone" if guards else "low"
+    if guards:
+        return "alone"
+    return "free" if any(name in names for names in digest.free.values()) else "busy"
+
+
+def _stands_at(digest: Digest, name: str) -> str:
+    """Return the frame at which an asset stands, empty while it is on its way."""
+    return digest.posts[name].partition(" at ")[2]
 
 
 def _free(digest: Digest) -> Iterator[str]:

@@ -4,6 +4,7 @@ It never sees words. It proposes plans in the order of preference; who uses it v
 takes the first that holds. What must be true of a run is written by teacher_success.py.
 """
 
+import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from itertools import islice
 from typing import NamedTuple
@@ -38,7 +39,8 @@ from pa_console.training.teacher_success import conditions
 MOST_PLANS = 8
 WATCH_S, FOLLOW_S = 60.0, 150.0
 """So long a run is watched at least: for a plan, and for a workflow that goes on."""
-_OPEN = "free: "
+_STATE = re.compile(r"\w+: (free|alone|busy)(, \w+: (free|alone|busy))*")
+"""What need not be said of those who are sent once a takeover is told."""
 _TASKS: Mapping[Task, Callable[[Ask, Desk, Roster], list[Draft]]] = {
     "go": moves.go,
     "look": moves.look,
@@ -228,7 +230,7 @@ def _plan(order: Order, solution: _Solution, roster: Roster) -> Plan:
     commands = [*solution.filled.commands, *(c for d in solution.drafts for c in d.commands)]
     why = [*solution.filled.why]
     for draft in solution.drafts:
-        said = [w for w in draft.why if not (solution.filled.why and w.startswith(_OPEN))]
+        said = [w for w in draft.why if not (solution.filled.why and _STATE.fullmatch(w))]
         why += [f"{w} ({draft.rule})" if draft.rule and "(" not in w else w for w in said]
     if not commands:
         commands = _holder([draft.ask for draft in solution.drafts], roster)

@@ -100,7 +100,7 @@ def _takeovers(ends: Mapping[str, str], busy: frozenset[str], roster: Roster) ->
         if len(roster.bare(after)) >= len(bare):
             continue
         order = going(name, gate, roster.world)
-        why = f"{leaver} alone at {gate} (WF-03), {name} takes over"
+        why = f"{leaver}: alone at {gate} (WF-03), {roster.offered([name])} takes over"
         for rest in _takeovers(after, busy | {name}, roster):
             yield Filled((order, *rest.commands), (why, *rest.why))
         tried += 1

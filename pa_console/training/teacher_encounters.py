@@ -100,7 +100,7 @@ def _do(ask: Ask, step: Step, track: Track | None, desk: Desk, roster: Roster) -
         if ask.task == "respond" and step in ("identify", "block"):
             return _watch(ask, track, desk, roster, note=none_free(kind))
         return [refusal(ask, none_free(kind), "CAP-10")]
-    note = _state(track)
+    note = _state(ask.place, track)
     if step == "identify" and roster.unseen(ask.place):
         return _with_recon(ask, workers, note, desk, roster)
     return [
@@ -124,7 +124,7 @@ def _with_recon(
             )  # fmt: skip
             why = f"{note}, {drone} looks first (WF-01)"
             found.append(Draft(ask, commands, (why,)))
-    return found or [refusal(ask, "no drone is free to look first", "WF-02")]
+    return found or [refusal(ask, "Free drone: none to look first", "WF-02")]
 
 
 def _watch(
@@ -134,7 +134,7 @@ def _watch(
     place = track.gate if track is not None else ask.place
     changed = ask.model_copy(update={"place": place})
     barred = track is not None and track.noncombatants
-    said = "noncombatants (ROE-08)" if barred else note or _state(track)
+    said = "noncombatants (ROE-08)" if barred else note or _state(place, track)
     aim = changed.model_copy(update={"who": Who()})
     if ask.task != "respond" and (barred or track is None):
         aim = Ask(task="look", place=place)
@@ -146,7 +146,7 @@ def _watch(
             undone=barred and ask.task != "respond",
         )
         for drone in _observers(changed, desk, roster)
-    ] or [refusal(changed, "no drone is free", "WF-02")]
+    ] or [refusal(changed, "Free drone: none", "WF-02")]
 
 
 def _observers(ask: Ask, desk: Desk, roster: Roster) -> list[str]:
@@ -185,14 +185,18 @@ def _known(track: Track) -> str:
     return "warned and no confirmed threat"
 
 
-def _state(track: Track | None) -> str:
-    """Return in words what decides the step."""
+def _state(place: str, track: Track | None) -> str:
+    """Return in words what decides the step, begun as the compact picture begins its line."""
     if track is None:
-        return "no track there"
+        return f"At {place}: no track"
+    return f"At {track.gate}: {track.id} {track.kind}, {_known_of(track)}"
+
+
+def _known_of(track: Track) -> str:
     if not track.observed:
-        return f"{track.id} not observed"
+        return "not observed"
     if track.identity == "unknown":
-        return f"{track.id} not identified"
+        return "not identified"
     if not track.warned:
-        return f"{track.id} {track.identity}, not warned"
-    return f"{track.id} {track.intent}, warned"
+        return f"{track.identity}, not warned"
+    return f"{track.intent}, warned"

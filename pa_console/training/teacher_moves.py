@@ -6,7 +6,7 @@ from itertools import islice
 from pa_console.orchestrator.digest import KINDS
 from pa_console.schema.world import AssetKind
 from pa_console.training.order import Ask
-from pa_console.training.teacher_draft import Desk, Draft, going, listed, refusal
+from pa_console.training.teacher_draft import Desk, Draft, going, refusal
 from pa_console.training.teacher_objections import asset_objection
 from pa_console.training.teacher_roster import Roster
 
@@ -20,15 +20,14 @@ def go(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
     if ask.who.names:
         able, why = named(ask, desk, roster)
         commands = tuple(going(name, ask.place, world) for name in able)
-        low = tuple(f"{name} has a low battery" for name in able if roster.low(name))
-        said = (*why, *low) or (_is_free(able),)
+        said = _said(able, why, roster)
         whole = Draft(only(ask, able), commands, said, undone=bool(why))
         return [whole, *fewer(whole, roster)]
     return [
         Draft(
             so_many(ask, team),
             tuple(going(name, ask.place, world) for name in team),
-            (_is_free(team, short=short),),
+            (roster.offered(team, short=short),),
             undone=short,
             rule="CAP-10" if short else "",
         )
@@ -41,7 +40,8 @@ def look(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
     if ask.who.names:
         able, why = named(ask, desk, roster)
         commands = tuple((name, f"observe {ask.place}") for name in able)
-        return [Draft(only(ask, able), commands, why or (_is_free(able),), undone=bool(why))]
+        said = _said(able, why, roster)
+        return [Draft(only(ask, able), commands, said, undone=bool(why))]
     here = [n for n in roster.there(ask.place, ("uav",)) if roster.clear(n)]
     spare = [n for n in teams(ask, desk, roster, ("uav",)) if all(map(roster.clear, n[0]))]
     at_hand = [((name,), False) for name in here if name not in desk.taken()]
@@ -50,12 +50,12 @@ def look(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
         Draft(
             so_many(ask, team),
             tuple((name, f"observe {ask.place}") for name in team),
-            (f"{team[0]} is there" if team[0] in here else _is_free(team, short=short),),
+            (f"{ask.place}: {team[0]}" if team[0] in here else roster.offered(team, short=short),),
             undone=short,
             rule="CAP-10" if short else "",
         )
         for team, short in found
-    ] or [refusal(ask, "no drone is free", "CAP-10")]
+    ] or [refusal(ask, "Free drone: none", "CAP-10")]
 
 
 def cover(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
@@ -64,13 +64,13 @@ def cover(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
     place = ask.place or (roster.picture.assets[lost].post or "" if lost else "")
     if not place:
         return [refusal(ask, "no gate has lost it", "CAP-10")]
-    note = [f"{lost} is down"] if lost and not roster.up(lost) else []
+    note = [f"{lost}: down"] if lost and not roster.up(lost) else []
     found = _guards(ask, desk, roster, place)
     return [
         Draft(
             ask.model_copy(update={"place": place}),
             (going(name, place, roster.world),),
-            (", ".join([*note, f"free: {name}"]),),
+            (", ".join([*note, roster.offered([name])]),),
         )
         for name in found
     ] or [refusal(ask, "nobody is free", "CAP-10")]
@@ -84,7 +84,7 @@ def relieve(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
         return cover(ask, desk, roster)
     if not place or place == roster.world.base:
         return [refusal(ask, f"{lost} guards no place", "CAP-10")]
-    low = f"{lost} has a low battery, " if roster.low(lost) else ""
+    low = f"{lost}: low, " if roster.low(lost) else ""
     return [
         Draft(
             ask.model_copy(update={"place": place}),
@@ -92,7 +92,7 @@ def relieve(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
                 going(name, place, roster.world),
                 (lost, "return_to_base"),
             ),
-            (f"{low}{name} takes over",),
+            (f"{low}{roster.offered([name])} takes over",),
         )
         for name in _guards(ask, desk, roster, place)
     ] or [refusal(ask, f"nobody is free for {place}", "WF-03")]
@@ -113,9 +113,8 @@ def home(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
     base = roster.world.base
     if ask.who.names:
         able, why = named(ask, desk, roster)
-        low = [f"{name} has a low battery" for name in able if roster.low(name)]
         commands = tuple((name, "return_to_base") for name in able)
-        said = (*why, *low) or (_is_free(able),)
+        said = _said(able, why, roster)
         whole = Draft(only(ask, able), commands, said, undone=bool(why))
         return [whole, *fewer(whole, roster)]
     low = [
@@ -128,7 +127,7 @@ def home(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
     ]
     if low and ask.who.count == 1:
         return [
-            Draft(ask, ((name, "return_to_base"),), (f"{name} has a low battery",))
+            Draft(ask, ((name, "return_to_base"),), (f"{name}: low",))
             for name in low[:MOST_OPTIONS]
         ]
     going_home = ask.model_copy(update={"place": base})
@@ -136,7 +135,7 @@ def home(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
         Draft(
             so_many(ask, team),
             tuple((name, "return_to_base") for name in team),
-            (_is_free(team, short=short),),
+            (roster.offered(team, short=short),),
             undone=short,
             rule="CAP-10" if short else "",
         )
@@ -167,7 +166,7 @@ def mass(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
         Draft(
             ask,
             tuple(going(name, ask.place, roster.world) for name in some),
-            (f"{_is_free(some)}; guards stay",),
+            (f"{roster.offered(some)}, guards stay",),
         )
         for some in shorter
     ]
@@ -224,7 +223,7 @@ def fewer(draft: Draft, roster: Roster) -> list[Draft]:
         Draft(
             only(draft.ask, [name for name in draft.agents if name != stays]),
             tuple(command for command in draft.commands if command[0] != stays),
-            (*draft.why, f"{stays} alone at {gate} (WF-03) stays"),
+            (*draft.why, f"{stays}: alone at {gate} (WF-03) stays"),
             undone=True,
         )
         for stays in draft.agents
@@ -240,7 +239,7 @@ def so_many(ask: Ask, team: Sequence[str]) -> Ask:
 def none_free(ask: Ask) -> str:
     """Return in words that nobody of the kind that is asked for is free."""
     words = {"uav": "drone", "ugv": "vehicle", "robot": "robot"}
-    return f"no {words[ask.who.kind]} is free" if ask.who.kind is not None else "nobody is free"
+    return f"Free {words[ask.who.kind]}: none" if ask.who.kind is not None else "nobody is free"
 
 
 def _guards(ask: Ask, desk: Desk, roster: Roster, place: str) -> list[str]:
@@ -263,9 +262,10 @@ def _guards(ask: Ask, desk: Desk, roster: Roster, place: str) -> list[str]:
     return list(islice(order, MOST_OPTIONS))
 
 
+def _said(able: Sequence[str], why: Sequence[str], roster: Roster) -> tuple[str, ...]:
+    """Return why some cannot, then the states of those who can."""
+    return (*why, roster.told(able)) if able else tuple(why)
+
+
 def _kinds(ask: Ask) -> tuple[AssetKind, ...]:
     return KINDS if ask.who.kind is None else (ask.who.kind,)
-
-
-def _is_free(names: Sequence[str], *, short: bool = False) -> str:
-    return f"only {listed(names)} free" if short else f"free: {listed(names)}"

@@ -37,7 +37,7 @@ def objection(ask: Ask, roster: Roster) -> Objection | None:
     if ask.place not in world.frames and (ask.place or ask.task in _PLACED):
         return "no such place", "CAP-06"
     if ask.leaving and ask.leaving not in world.assets:
-        return "no such asset", "CAP-10"
+        return f"{ask.leaving}: no such asset", "CAP-10"
     names = ask.who.names
     problems = [problem for name in names if (problem := asset_objection(name, ask, roster))]
     if names and (len(problems) == len(names) or (ask.strict_who and problems)):
@@ -52,16 +52,16 @@ def objection(ask: Ask, roster: Roster) -> Objection | None:
 def asset_objection(name: str, ask: Ask, roster: Roster) -> Objection | None:
     """Return why the asset of that name cannot do its part of `ask`."""
     if name not in roster.world.assets:
-        return "no such asset", "CAP-10"
+        return f"{name}: no such asset", "CAP-10"
     if not roster.up(name):
-        return f"{name} is down", "CAP-10"
+        return f"{name}: down", "CAP-10"
     if problem := _kind_objection(roster.kind(name), ask.task):
         return problem
     stays = ask.task in ("home", "report", "hold") or ask.place == roster.world.base
     if roster.low(name) and not stays:
-        return f"{name} has a low battery", "CAP-04"
+        return f"{name}: low", "CAP-04"
     if ask.task in NEEDS and not roster.clear(name):
-        return f"{name} has a poor link", "CAP-05"
+        return f"{name}: poor link", "CAP-05"
     return None
 
 

@@ -1,12 +1,17 @@
 """Who can be sent: the teacher's view of the team, and which gates a set of moves leaves bare."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from pa_console.llm.compact_prompt import asset_state
+from pa_console.llm.facts import WORDS
 from pa_console.orchestrator.digest import KINDS
 from pa_console.schema.telemetry import Digest, Picture, Track
 from pa_console.schema.world import AssetKind, World
 from pa_console.training.conditions import tracks_at
+
+MOST_TOLD = 3
+"""More names than these are only counted in a reason."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +72,19 @@ class Roster:
     def every(self) -> list[str]:
         """Return all assets that are up, as the picture lists them."""
         return [name for name in self.digest.posts if self.up(name)]
+
+    def told(self, names: Sequence[str]) -> str:
+        """Return the states of a few assets as the compact picture has them, or their number."""
+        if len(names) > MOST_TOLD:
+            return f"{len(names)} assets"
+        return ", ".join(f"{name}: {asset_state(self.digest, name)}" for name in names)
+
+    def offered(self, names: Sequence[str], *, short: bool = False) -> str:
+        """Return who is taken of the free ones, begun as the compact picture begins its list."""
+        kinds = {self.kind(name) for name in names}
+        label = f"Free {WORDS[self.kind(names[0])]}" if len(kinds) == 1 else "Free"
+        few = ", ".join(names) if len(names) <= MOST_TOLD else f"{len(names)} assets"
+        return f"{label}: {'only ' if short else ''}{few}"
 
     def bare(self, goals: Mapping[str, str]) -> tuple[str, ...]:
         """Return the gates that are covered now and by nobody once everybody is at its goal."""

@@ -10,13 +10,13 @@ def report(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
     """Let those named report, else those at the place or of the kind, else the first free one."""
     if ask.who.names:
         able, why = named(ask, desk, roster)
-        return [_each(ask, able, "report", why)]
+        return [_each(ask, able, "report", roster, why)]
     pool = [n for n in roster.every() if n not in desk.used]
     if ask.place:
         pool = [n for n in pool if roster.stands(n) == ask.place]
         if not pool:
             return [refusal(ask, f"nobody is at {ask.place}", "CAP-10")]
-        return [_each(ask, pool, "report")]
+        return [_each(ask, pool, "report", roster, (f"{ask.place}: {listed(pool)}",))]
     if ask.who.kind is not None:
         pool = [n for n in pool if roster.kind(n) == ask.who.kind]
     if ask.who.origin:
@@ -24,14 +24,16 @@ def report(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
     if ask.who.count != "all":
         spare = [n for n in roster.free(roster.digest.free) if n in pool]
         pool = [*spare, *(n for n in pool if n not in spare)][: ask.who.count]
-    return [_each(ask, pool, "report")] if pool else [refusal(ask, none_free(ask), "CAP-10")]
+    return (
+        [_each(ask, pool, "report", roster)] if pool else [refusal(ask, none_free(ask), "CAP-10")]
+    )
 
 
 def hold(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
     """Let those named stay where they are, or all of a kind; else nobody is to do anything."""
     if ask.who.names:
         able, why = named(ask, desk, roster)
-        return [_each(ask, able, "hold", why)]
+        return [_each(ask, able, "hold", roster, why)]
     if ask.who.kind is None and ask.who.count != "all":
         return [Draft(ask, why=("nothing to do",))]
     pool = [
@@ -43,10 +45,13 @@ def hold(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
     ]
     if ask.who.count != "all":
         pool = pool[: ask.who.count]
-    return [_each(ask, pool, "hold")] if pool else [refusal(ask, none_free(ask), "CAP-10")]
+    return [_each(ask, pool, "hold", roster)] if pool else [refusal(ask, none_free(ask), "CAP-10")]
 
 
-def _each(ask: Ask, names: list[str], command: str, why: tuple[str, ...] = ()) -> Draft:
+def _each(
+    ask: Ask, names: list[str], command: str, roster: Roster, why: tuple[str, ...] = ()
+) -> Draft:
     effective = only(ask, names) if ask.who.names else ask
     commands = tuple((name, command) for name in names)
-    return Draft(effective, commands, why or (f"up: {listed(names)}",), undone=bool(why))
+    undone = bool(why) and bool(ask.who.names)
+    return Draft(effective, commands, why or (roster.told(names),), undone=undone)

@@ -85,13 +85,13 @@ def test_what_is_refused_moves_nobody(seed: int) -> None:
             QUIET,
             Ask(task="go", who=Who(kind="uav"), place="EastGate"),
             ["Drone_T04 move_to EastGate"],
-            "asked: 1 drone to EastGate; free: Drone_T04",
+            "asked: 1 drone to EastGate; Free drone: Drone_T04",
         ),
         (
             QUIET,
             Ask(task="home", who=Who(names=("Drone_T02",))),
             ["Drone_T04 move_to NorthGate", "Drone_T02 return_to_base"],
-            "Drone_T02 alone at NorthGate (WF-03), Drone_T04 takes over",
+            "Drone_T02: alone at NorthGate (WF-03), Free drone: Drone_T04 takes over",
         ),
         (
             QUIET,
@@ -115,13 +115,13 @@ def test_what_is_refused_moves_nobody(seed: int) -> None:
             with_(FailAsset(asset="Drone_T03")),
             Ask(task="cover", place="SouthGate", leaving="Drone_T03"),
             ["Drone_T04 move_to SouthGate"],
-            "Drone_T03 is down, free: Drone_T04",
+            "Drone_T03: down, Free drone: Drone_T04",
         ),
         (
             with_(SetBattery(asset="Drone_T02", percent=12.0)),
             Ask(task="relieve", leaving="Drone_T02", place="NorthGate"),
             ["Drone_T04 move_to NorthGate", "Drone_T02 return_to_base"],
-            "Drone_T02 has a low battery, Drone_T04 takes over",
+            "Drone_T02: low, Free drone: Drone_T04 takes over",
         ),
         (
             VISITED,
