@@ -46,6 +46,15 @@ class Candidates:
         self._runtime, self._shared = runtime, shared
         self._tokenizer, self._ends = tokenizer, ends
 
+    @property
+    def width(self) -> int:
+        """So many answers fit."""
+        return self._shared.width
+
+    def close(self) -> None:
+        """Give the memory of the copies back."""
+        self._shared.close()
+
     def answers(
         self, sequence: int, prompt: Sequence[int], grammar: str, max_tokens: int, count: int
     ) -> tuple[list[str], Finish, Usage]:

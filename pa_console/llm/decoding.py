@@ -18,7 +18,7 @@ from pa_console.llm.candidates import Candidates
 from pa_console.llm.lookup import guess
 from pa_console.llm.protocol import Finish
 from pa_console.llm.runtime import Runtime
-from pa_console.llm.shared_context import MOST, InterruptedEvaluationError
+from pa_console.llm.shared_context import InterruptedEvaluationError
 from pa_console.llm.token_choice import allowed_only, forced_tokens, readable
 from pa_console.schema.finding import Usage
 
@@ -66,9 +66,10 @@ class Decoder:
         Raises ValueError as `answer` does.
         """
         self._fits(prompt, max_tokens)
-        if self._candidates is None:
-            room = self._runtime.n_ctx + (MOST - 1) * max_tokens
-            shared = self._runtime.shared_context(room)
+        if self._candidates is None or self._candidates.width < count:
+            if self._candidates is not None:
+                self._candidates.close()
+            shared = self._runtime.shared_context(count, max_tokens)
             self._candidates = Candidates(self._runtime, shared, self._tokenizer, self._ends)
         return self._candidates.answers(sequence, prompt, grammar, max_tokens, count)
 

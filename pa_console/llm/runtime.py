@@ -169,10 +169,16 @@ class Runtime:
         _api.llama_state_seq_get_data(context, buffer, size, 0)
         return bytes(buffer)
 
-    def shared_context(self, n_ctx: int) -> SharedContext:
-        """Return a context of the same model for several answers at once."""
+    def shared_context(self, width: int, max_tokens: int) -> SharedContext:
+        """Return a context of the same model for `width` answers at once."""
         return SharedContext(
-            self._model, n_ctx, self.n_vocabulary, self._threads, self._stopped, self._adapters
+            self._model,
+            self.n_ctx + (width - 1) * max_tokens,
+            width,
+            self.n_vocabulary,
+            self._threads,
+            self._stopped,
+            self._adapters,
         )
 
     def _context(self, sequence: int) -> Any:

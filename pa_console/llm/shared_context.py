@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 from pa_console.llm.adapter_switch import AdapterSwitch
 from pa_console.llm.threads import batch_threads
 
-MOST = 8
-"""Continuations that one context can hold."""
 CHUNK = 128
 """Tokens of all continuations together that are evaluated at once."""
 
@@ -33,18 +31,20 @@ class InterruptedEvaluationError(Exception):
 
 
 class SharedContext:
-    """One more context of a loaded `model`, with room for a prompt and MOST short answers."""
+    """One more context of a loaded `model`, with room for a prompt and `width` short answers."""
 
     def __init__(  # noqa: PLR0917
         self,
         model: Any,
         n_ctx: int,
+        width: int,
         n_vocabulary: int,
         threads: int,
         stopped: Callable[[], bool],
         adapters: AdapterSwitch,
     ) -> None:
         """Raises ValueError when there is no memory for `n_ctx` tokens."""
+        self.width = width
         self._stopped, self._n_vocabulary = stopped, n_vocabulary
         self._threads = threads
         self._adapters = adapters
@@ -52,7 +52,7 @@ class SharedContext:
         parameters = _api.llama_context_default_params()
         parameters.n_ctx = n_ctx
         parameters.n_batch = parameters.n_ubatch = CHUNK
-        parameters.n_seq_max = MOST
+        parameters.n_seq_max = width
         parameters.kv_unified = True
         parameters.swa_full = True
         parameters.abort_callback = self._abort
@@ -61,6 +61,11 @@ class SharedContext:
             raise ValueError(f"no memory for a context of {n_ctx} tokens")
         self._memory = _api.llama_get_memory(self.context)
         self._batch = _api.llama_batch_init(CHUNK, 0, 1)
+
+    def close(self) -> None:
+        """Give the memory back; the context must not be used afterwards."""
+        _api.llama_batch_free(self._batch)
+        _api.llama_free(self.context)
 
     def adopt(self, state: bytes, count: int, sequence: int) -> None:
         """Begin `count` continuations of a prompt: `state` is what `sequence` evaluated of it."""
