@@ -21,6 +21,8 @@ from tests.llm.site import KINDS, WORLD, picture
 
 __all__ = ["smallest_model"]
 
+pytestmark = pytest.mark.filterwarnings("ignore:llama_token_get_attr:DeprecationWarning")
+
 RULES = ("WF-01", "WF-03", "ROE-02", "CAP-10")
 WORDS = st.sampled_from(
     ["asked:", "1 drone to", "RiverGate;", "free:", "Hawk_1,", "hold", "(WF-03)", "unknown", "1.5"]
