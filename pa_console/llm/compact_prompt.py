@@ -6,7 +6,14 @@ types (`ahead`); after Enter only the retrieved rules and the mission's words re
 
 from collections.abc import Iterator, Sequence
 
-from pa_console.llm.facts import FEW_FRAMES, WORDS, plan_facts, rehearsal_facts, verification_facts
+from pa_console.llm.facts import (
+    FEW_FRAMES,
+    WORDS,
+    plan_facts,
+    rehearsal_facts,
+    told,
+    verification_facts,
+)
 from pa_console.llm.prompts import Prompt, mission_line
 from pa_console.schema.event import Role
 from pa_console.schema.mission import Mission, Verification
@@ -44,7 +51,7 @@ def compact_picture(world: World, digest: Digest) -> str:
     same, so either can be read ahead before the mission is known.
     """
     lines = [*_places(digest), *_contacts(digest), *_assets(world, digest), *_free(digest)]
-    lines += _told("Unknown", digest.unknown)
+    lines += told("Unknown", digest.unknown)
     lines += digest.tracks
     return "\n".join(lines) + "\n"
 
@@ -165,8 +172,3 @@ def _rules(rules: Sequence[Rule]) -> list[str]:
     """Return the retrieved rules in few words; those in force always are known by heart."""
     quoted = [rule for rule in rules if rule.priority != "critical"][:MOST_RULES]
     return [f"{rule.id}: {' '.join(rule.text.split())}" for rule in quoted]
-
-
-def _told(label: str, words: Sequence[str]) -> list[str]:
-    """Return one line, or none when there is nothing to tell."""
-    return [f"{label}: {'; '.join(words)}"] if words else []

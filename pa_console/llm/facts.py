@@ -41,12 +41,12 @@ def situation(digest: Digest) -> str:
     """Return the digested picture (paper, Step 4) but for the free assets."""
     guards = "; ".join(f"{name} at {gate}" for gate, name in digest.sole_cover.items()) or "none"
     lines = [
-        *_told("Unknown", digest.unknown),
-        *_told("Down", digest.down),
-        *_told("Degraded comms", digest.degraded_comms),
-        *_told("Tracks", digest.tracks),
-        *_told("Low battery", digest.low_battery, ", to return to base"),
-        *_told("Without guard", digest.uncovered, ", needs one Free asset"),
+        *told("Unknown", digest.unknown),
+        *told("Down", digest.down),
+        *told("Degraded comms", digest.degraded_comms),
+        *told("Tracks", digest.tracks),
+        *told("Low battery", digest.low_battery, ", to return to base"),
+        *told("Without guard", digest.uncovered, ", needs one Free asset"),
         f"Guards: {guards}",
     ]
     return "\n".join(lines)
@@ -54,10 +54,10 @@ def situation(digest: Digest) -> str:
 
 def low_battery(digest: Digest) -> list[str]:
     """Return a line that names the assets low on battery, if any."""
-    return _told("Low battery", digest.low_battery)
+    return told("Low battery", digest.low_battery)
 
 
-def _told(label: str, words: Sequence[str], due: str = "") -> list[str]:
+def told(label: str, words: Sequence[str], due: str = "") -> list[str]:
     """Return one line, or none when there is nothing to tell."""
     return [f"{label}: {'; '.join(words)}{due}"] if words else []
 
@@ -122,8 +122,8 @@ def rehearsal_facts(world: World, rehearsal: Rehearsal) -> str:
             "warned": fact.warned_s,
             "blocked": fact.blocked_s,
         }
-        told = [step for step, at in steps.items() if at is not None]
-        lines.append(f"{name} is {_list(told) if told else 'not looked at'}")
+        taken = [step for step, at in steps.items() if at is not None]
+        lines.append(f"{name} is {_list(taken) if taken else 'not looked at'}")
     return "\n".join([f"Tracks then: {'; '.join(lines)}"] * bool(lines) + [f"Rehearsal: {outcome}"])
 
 
@@ -135,7 +135,7 @@ def verification_facts(verification: Verification) -> str:
         for action in verification.actions
     ]
     lines.append(f"Gates that lost their cover: {_list(verification.gates_lost)}")
-    lines += _told("Gates whose cover is unknown", verification.gates_unknown)
+    lines += told("Gates whose cover is unknown", verification.gates_unknown)
     return "\n".join(lines)
 
 
