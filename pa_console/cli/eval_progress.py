@@ -1,6 +1,5 @@
 """How far an evaluation is: a live bar on a terminal, a line a run elsewhere."""
 
-from types import TracebackType
 from typing import Self
 
 from rich.progress import (
@@ -12,11 +11,12 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from pa_console.cli.live_bar import LiveBar
 from pa_console.cli.output import errors
 from pa_console.evaluation.record import RunRecord
 
 
-class EvalProgress:
+class EvalProgress(LiveBar):
     """Counts runs as they end, with how many succeeded strictly."""
 
     def __init__(self, total: int, done: int) -> None:
@@ -36,18 +36,10 @@ class EvalProgress:
         self._task = self._progress.add_task("starting", total=total, completed=done)
 
     def __enter__(self) -> Self:
-        self._progress.start()
+        super().__enter__()
         if self._before:
             errors.print(f"{self._before} of {self._total} runs were there already")
         return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        at: TracebackType | None,
-    ) -> None:
-        self._progress.stop()
 
     def add(self, record: RunRecord) -> None:
         """Count one more run."""

@@ -1,8 +1,7 @@
 """How far a data set or a training run is: a live bar on a terminal, some lines elsewhere."""
 
 from time import monotonic
-from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 from rich.progress import (
     BarColumn,
@@ -13,6 +12,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from pa_console.cli.live_bar import LiveBar
 from pa_console.cli.output import errors
 from pa_console.training.data_set import Made
 
@@ -26,7 +26,7 @@ SPEED_OVER_S = 300.0
 """Time left is told by the speed of this long, seconds: groups differ."""
 
 
-class DataProgress:
+class DataProgress(LiveBar):
     """Counts groups and samples as they are made."""
 
     def __init__(self, total: int, done: int) -> None:
@@ -35,18 +35,6 @@ class DataProgress:
         self._began = self._told = monotonic()
         self._progress = _bar("groups")
         self._task = self._progress.add_task("starting", total=total, completed=done)
-
-    def __enter__(self) -> Self:
-        self._progress.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        at: TracebackType | None,
-    ) -> None:
-        self._progress.stop()
 
     def add(self, made: Made) -> None:
         """Count one more group."""
@@ -61,31 +49,19 @@ class DataProgress:
             errors.print(f"{self._done}/{self._total} groups: {text}", soft_wrap=True)
 
 
-class MissionProgress:
+class MissionProgress(LiveBar):
     """Counts missions of a generated set; only a terminal sees it."""
 
     def __init__(self, total: int) -> None:
         self._progress = _bar("missions")
         self._task = self._progress.add_task("", total=total)
 
-    def __enter__(self) -> Self:
-        self._progress.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        at: TracebackType | None,
-    ) -> None:
-        self._progress.stop()
-
     def add(self, missions: int) -> None:
         """Count some more missions."""
         self._progress.advance(self._task, missions)
 
 
-class TrainProgress:
+class TrainProgress(LiveBar):
     """Shows the steps of a training run; nothing of what trains is imported for it."""
 
     def __init__(self, minutes: float | None) -> None:
@@ -100,18 +76,6 @@ class TrainProgress:
             transient=True,
         )
         self._task = self._progress.add_task("reading data and base", total=None, left="")
-
-    def __enter__(self) -> Self:
-        self._progress.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        at: TracebackType | None,
-    ) -> None:
-        self._progress.stop()
 
     def show(self, now: "Step") -> None:
         """Show where the run stands after a step."""
