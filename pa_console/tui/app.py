@@ -146,9 +146,9 @@ class ConsoleApp(CommandingApp):
 
         self.push_screen(editor, closed)
 
-    def flush(self) -> None:
+    def show_changes(self) -> None:
         """Repaint, and close the editor when its plan no longer waits."""
-        super().flush()
+        super().show_changes()
         current = self.state.current
         waiting = current.approval if current else None
         open_key = (current.mission.id, waiting.attempt) if current and waiting else None

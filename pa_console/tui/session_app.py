@@ -185,8 +185,13 @@ class SessionApp(App[None]):
             self.set_timer(FRAME_S, self.flush)
 
     def flush(self) -> None:
-        """Repaint what has changed since the last frame."""
+        """Begin the next frame; a console that is closing has no screen left to paint."""
         self._flush_due = False
+        if self.is_running:
+            self.show_changes()
+
+    def show_changes(self) -> None:
+        """Repaint what has changed since the last frame."""
         views, self._dirty = self._dirty, frozenset()
         if self.recording is not None:
             self.recording.repaint()

@@ -213,3 +213,14 @@ async def test_leaving_during_a_mission_asks_first(tmp_path: Path) -> None:
         await pilot.press("y")
         await pilot.pause()
     assert station.closed
+
+
+async def test_a_frame_that_falls_due_while_the_console_closes_does_no_harm(
+    tmp_path: Path,
+) -> None:
+    station = ScriptedStation(story.told("planning"))
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+    assert not app.screen_stack
+    app.flush()
