@@ -9,20 +9,13 @@ from typing import Annotated
 import typer
 from rich.progress import MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from pa_console.cli.eval_tables import to_rich
-from pa_console.cli.output import JsonOption, ModelOption, errors, out, print_json
+from pa_console.cli.judge_tables import counts, show
+from pa_console.cli.output import JsonOption, ModelOption, errors, print_json
 from pa_console.evaluation.judge_bench import JudgedRun, judge_cases
 from pa_console.evaluation.judge_cases import CaseReader, JudgedCase, LeftOutError, choose_runs
-from pa_console.evaluation.judge_quality import (
-    JudgeReport,
-    Quality,
-    Share,
-    errors_of,
-    qualities,
-)
+from pa_console.evaluation.judge_quality import JudgeReport, errors_of, qualities
 from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.evaluation.record import RunRecord
-from pa_console.evaluation.reporting.table import Table, fraction_cell, seconds
 from pa_console.evaluation.results import read_runs
 from pa_console.llm.catalog import LocalModel, find_model
 from pa_console.llm.engine import Engine
@@ -72,14 +65,14 @@ def judge(
         cases = _read(reader, records, left_out, progress)
         if not cases:
             raise ValueError(
-                f"{runs}: no run here shows what its judge was given; left out: {_counts(left_out)}"
+                f"{runs}: no run here shows what its judge was given; left out: {counts(left_out)}"
             )
         asked = asyncio.run(_ask(cases, local, output, progress, outcomes=outcome))
     report = _report(runs, local, cases, left_out, *asked)
     if json:
         print_json(report)
     else:
-        _show(report)
+        show(report)
 
 
 def _read(
@@ -171,97 +164,3 @@ def _report(
         errors=errors_of(runs),
         runs=tuple(runs),
     )
-
-
-def _show(report: JudgeReport) -> None:
-    tables = [
-        _confusion_table(report),
-        _failure_table(report),
-        _group_table("categories", "Verdicts on plans by category", report.categories),
-    ]
-    if len(report.by_planner) > 1:
-        tables.append(_group_table("planners", "Verdicts on plans by planner", report.by_planner))
-    for table in tables:
-        out.print(to_rich(table, out.width))
-        if table.note:
-            out.print(table.note, markup=False)
-        out.print()
-    notes = [
-        f"judge {report.model} ({report.fingerprint[:12]}), plans of {', '.join(report.planners)}",
-        f"the model was asked {report.asked} times, {report.reused} prompts came again",
-        f"left out: {_counts(report.left_out)}",
-    ]
-    if report.own_plans:
-        notes.append(f"{report.own_plans} of the plans are by the judge's own model")
-    if report.changed:
-        notes.append(f"in {report.changed} runs the world's or the rules' file was another one")
-    notes += [f"no verdict, {count} times: {error}" for error, count in report.errors.items()]
-    for note in notes:
-        out.print(note, markup=False, soft_wrap=True)
-
-
-def _confusion_table(report: JudgeReport) -> Table:
-    return Table(
-        name="success",
-        title=f"{report.model} against the truth: positive is Success",
-        columns=("verdict on", "TP", "FP", "FN", "TN", "none", "precision", "recall", "F1"),
-        rows=tuple(
-            (
-                line.name,
-                *map(str, (line.tp, line.fp, line.fn, line.tn, line.silent)),
-                *map(_cell, (line.success.precision, line.success.recall, line.success.f1)),
-            )
-            for line in report.total
-        ),
-        note=(
-            "Truth: strict success on the true state. none: no verdict, in no rate. In brackets "
-            "95 % intervals (Wilson). As logged: by the judge that the evaluation had."
-        ),
-    )
-
-
-def _failure_table(report: JudgeReport) -> Table:
-    return Table(
-        name="failure",
-        title="The same with Failure as the positive: what is caught",
-        columns=("verdict on", "precision", "recall", "F1", "accuracy", "median s", "p95 s"),
-        rows=tuple(
-            (
-                line.name,
-                *map(_cell, (line.failure.precision, line.failure.recall, line.failure.f1)),
-                _cell(line.accuracy),
-                seconds(line.median_s),
-                seconds(line.p95_s),
-            )
-            for line in report.total
-        ),
-        note="Seconds: of the model alone for a verdict, nothing of the picture read ahead.",
-    )
-
-
-def _group_table(name: str, title: str, lines: tuple[Quality, ...]) -> Table:
-    return Table(
-        name=name,
-        title=title,
-        columns=("of", "runs", "successes", "F1 Success", "F1 Failure", "median s", "p95 s"),
-        rows=tuple(
-            (
-                line.name,
-                str(line.runs),
-                str(line.tp + line.fn),
-                _cell(line.success.f1),
-                _cell(line.failure.f1),
-                seconds(line.median_s),
-                seconds(line.p95_s),
-            )
-            for line in lines
-        ),
-    )
-
-
-def _cell(share: Share | None) -> str:
-    return fraction_cell((share.value, share.low, share.high) if share is not None else None)
-
-
-def _counts(left_out: Counter[str] | dict[str, int]) -> str:
-    return ", ".join(f"{count} ({reason})" for reason, count in left_out.items()) or "none"

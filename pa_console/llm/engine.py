@@ -6,8 +6,7 @@ The event loop is never blocked: the worker is an asyncio subprocess that speaks
 import asyncio
 from collections.abc import AsyncGenerator, Callable
 from contextlib import aclosing
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from dataclasses import replace
 from time import perf_counter
 
 from pa_console.llm.catalog import LocalModel
@@ -17,6 +16,7 @@ from pa_console.llm.errors import (
     ModelUnavailableError,
     PromptRefusedError,
 )
+from pa_console.llm.model_info import ModelInfo
 from pa_console.llm.process import Worker
 from pa_console.llm.protocol import Cancel, Done, Finish, Generate, Load, Piece, Refused, Texts
 from pa_console.llm.request import Completed, Request
@@ -34,21 +34,6 @@ GRACE_S = 1.0
 OnState = Callable[[WorkerState, str], None]
 
 
-@dataclass(frozen=True)
-class ModelInfo:
-    """What the session log pins of the model; `n_ctx` is exact once the engine is ready.
-
-    `adapters` has the SHA-256 of every adapter by the name of its file.
-    """
-
-    name: str
-    path: Path
-    sha256: str
-    n_ctx: int
-    description: str
-    adapters: dict[str, str] = field(default_factory=dict[str, str])
-
-
 class Engine:
     """Answers prompts, one at a time; `on_state` is told of every change of the worker."""
 
@@ -62,14 +47,7 @@ class Engine:
     ) -> None:
         self.model = model
         n_ctx = n_ctx or model.n_ctx
-        self.info = ModelInfo(
-            model.name,
-            model.path,
-            model.sha256,
-            n_ctx,
-            model.description,
-            {adapter.path.name: adapter.sha256 for adapter in model.adapters},
-        )
+        self.info = ModelInfo.of(model, n_ctx)
         self.sampler = SAMPLER
         self.state: WorkerState = "unavailable"
         self.detail = "not started"
