@@ -4,20 +4,26 @@ The word order is fixed and the names are the world's own, so that a small model
 it has understood. Text that is no order of the operator leaves no trace in it.
 """
 
+from pa_console.llm.compact_prompt import asset_state
 from pa_console.llm.facts import WORDS
-from pa_console.schema.telemetry import Picture
+from pa_console.schema.telemetry import Digest, Picture
 from pa_console.schema.world import World
-from pa_console.training.conditions import holds
+from pa_console.training.conditions import holds, tracks_at
 from pa_console.training.order import Ask, Condition, Order, Who
 
 NOWHERE = "unknown place"
 
 
-def asked(order: Order, world: World, picture: Picture) -> str:
-    """Return what `order` asks, with its condition and how that stands, e.g. "hold; report"."""
+def asked(order: Order, world: World, picture: Picture, digest: Digest) -> str:
+    """Return what `order` asks, with its condition and how that stands, e.g. "hold; report".
+
+    What the picture says of the condition comes before whether it is so: a small model reads a line
+    again far better than it decides from memory.
+    """
     words = _all(order.asks, world)
     if order.condition is not None:
-        now = "so" if holds(order.condition, picture) else "not so"
+        so = "so" if holds(order.condition, picture) else "not so"
+        now = f"{_evidence(order.condition, picture, digest)}, {so}"
         otherwise = _all(order.otherwise, world) if order.otherwise else "nothing"
         words = f"if {_fact(order.condition)}: {words}, else: {otherwise}; now: {now}"
     return f"{words}; others stay" if order.others_stay else words
@@ -94,6 +100,24 @@ def _who(who: Who) -> str:
         return f"all{origin}" if who.count == "all" else f"any{origin}" if origin else ""
     word = WORDS[who.kind]
     return f"{who.count} {word}{'' if who.count == 1 else 's'}{origin}"
+
+
+def _evidence(condition: Condition, picture: Picture, digest: Digest) -> str:
+    """Return the line of the compact picture that tells whether `condition` is so."""
+    subject = condition.subject
+    match condition.fact:
+        case "track_at" | "no_track_at":
+            here = [f"{track.id} {track.kind}" for track in tracks_at(picture, subject)]
+            gone = [f"{t.id} leaves" for t in picture.tracks.values() if t.gate == subject]
+            return f"At {subject}: {', '.join(here or gone) or 'no track'}"
+        case "uncovered" | "covered":
+            cover = picture.gates.get(subject)
+            return f"{subject}: {cover.by[0] if cover is not None and cover.by else 'nobody'}"
+        case "low" | "not_low" | "down" | "up":
+            asset = picture.assets.get(subject)
+            if asset is None:
+                return f"{subject}: no such asset"
+            return f"{subject}: {asset_state(digest, subject) if asset.available else 'down'}"
 
 
 def _fact(condition: Condition) -> str:

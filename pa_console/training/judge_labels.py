@@ -76,7 +76,7 @@ def readable(text: str) -> bool:
 def feedback(proven: Proven, situation: Situation, plan: Plan, why: str) -> str:
     """Return the canonical feedback: what was asked, what is planned, and `why` that is right."""
     world = situation.world
-    words = asked(proven.order, world, situation.picture)
+    words = asked(proven.order, world, situation.picture, situation.digest)
     by_name = any(name in words for name in named_in(proven.order))
     said = f"asked: {words}; planned: {planned(plan.actions, world, by_name=by_name)}; {why}"
     if len(said) > FEEDBACK_CHARS and by_name:

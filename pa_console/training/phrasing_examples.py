@@ -34,6 +34,9 @@ def examples(number: int, seed: int, split: Split = "train") -> Iterator[Example
             order, kind = sample_order(rng, world, picture, situation.digest)
             said = phrase(order, world, picture, rng, split)
             yield Example(
-                world=world.name, kind=kind, meaning=asked(order, world, picture), said=said
+                world=world.name,
+                kind=kind,
+                meaning=asked(order, world, picture, situation.digest),
+                said=said,
             )
         number -= _PER_SITUATION

@@ -243,7 +243,7 @@ def _plan(order: Order, solution: _Solution, roster: Roster) -> Plan:
 
 def _reason(order: Order, why: Sequence[str], roster: Roster) -> str:
     """Return the canonical reason, no longer than a grammar lets it be."""
-    words = f"asked: {asked(order, roster.world, roster.picture)}"
+    words = f"asked: {asked(order, roster.world, roster.picture, roster.digest)}"
     parts = list(dict.fromkeys(why)) or ["nothing to do"]
     while len(parts) > 1 and len(words) + 2 + len(", ".join(parts)) > REASON_CHARS:
         parts.pop(-2 if parts[-1] == "hold" else -1)

@@ -103,7 +103,7 @@ def test_the_feedback_decides_the_verdict() -> None:
 
 def test_feedback_begins_with_what_was_asked() -> None:
     now = situation()
-    words = {asked(order, now.world, now.picture) for order in ORDERS.values()}
+    words = {asked(order, now.world, now.picture, now.digest) for order in ORDERS.values()}
     for sample in samples():
         told = json.loads(sample.answer)["feedback"]
         assert told.removeprefix("asked: ").partition("; planned: ")[0] in words

@@ -79,7 +79,7 @@ def test_every_task_and_every_kind_of_order_is_drawn() -> None:
 def test_what_is_asked_is_said_in_canonical_words() -> None:
     def said(*asks: Ask, **order: object) -> str:
         made = Order.model_validate({"asks": asks, **order})
-        return asked(made, QUIET.world, QUIET.picture)
+        return asked(made, QUIET.world, QUIET.picture, QUIET.digest)
 
     look = Ask(task="look", place="WestGate")
     home = Ask(task="home", who=Who(names=("Robot_T01",)))
@@ -93,5 +93,22 @@ def test_what_is_asked_is_said_in_canonical_words() -> None:
     )
     some = Condition(fact="track_at", subject="EastGate", track="vehicle")
     assert said(look, condition=some) == (
-        "if vehicle at EastGate: look at WestGate, else: nothing; now: not so"
+        "if vehicle at EastGate: look at WestGate, else: nothing; "
+        "now: At EastGate: no track, not so"
     )
+
+
+def test_what_the_picture_says_of_a_condition_stands_before_whether_it_is_so() -> None:
+    picture, digest = QUIET.picture, QUIET.digest
+    look = Ask(task="look", place="WestGate")
+
+    def now(**condition: str) -> str:
+        made = Order(asks=(look,), condition=Condition.model_validate(condition))
+        return asked(made, QUIET.world, picture, digest).partition("now: ")[2]
+
+    guard = picture.gates["NorthGate"].by[0]
+    assert now(fact="covered", subject="NorthGate") == f"NorthGate: {guard}, so"
+    assert now(fact="uncovered", subject="NorthGate") == f"NorthGate: {guard}, not so"
+    assert now(fact="low", subject=guard) == f"{guard}: alone, not so"
+    assert now(fact="up", subject=guard) == f"{guard}: alone, so"
+    assert now(fact="no_track_at", subject="WestGate") == "At WestGate: no track, so"
