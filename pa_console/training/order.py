@@ -68,12 +68,31 @@ class Ask(StrictModel):
     strict_who: bool = Field(default=False, description="it has to be these: nobody else will do")
 
 
+Fact = Literal[
+    "track_at",
+    "no_track_at",
+    "authorized",
+    "unauthorized",
+    "hostile",
+    "uncovered",
+    "covered",
+    "low",
+    "not_low",
+    "down",
+    "up",
+    "free",
+    "none_free",
+]
+"""What an order may depend on, as far as the picture tells it."""
+
+
 class Condition(StrictModel):
     """What must be so for the order to apply."""
 
-    fact: Literal["track_at", "no_track_at", "uncovered", "covered", "low", "not_low", "down", "up"]
-    subject: str = Field(description="a gate for tracks and cover, else an asset")
+    fact: Fact
+    subject: str = Field(default="", description="a gate for tracks and cover, else an asset")
     track: Literal["vehicle", "person", ""] = ""
+    kind: AssetKind | None = Field(default=None, description="of which one is free, or none")
 
 
 class Order(StrictModel):

@@ -3,10 +3,11 @@
 import random
 from typing import Literal
 
+from pa_console.orchestrator.digest import KINDS
 from pa_console.schema.telemetry import Digest, Picture
 from pa_console.schema.world import World
 from pa_console.training.conditions import holds
-from pa_console.training.order import Ask, Condition, Order, Task, Wrong
+from pa_console.training.order import Ask, Condition, Fact, Order, Task, Wrong
 from pa_console.training.order_asks import draw_ask
 from pa_console.training.order_view import View
 from pa_console.training.order_wrong import FORBIDDEN, IMPOSSIBLE, draw_wrong
@@ -16,6 +17,12 @@ TASKS: dict[Task, float] = {
     "relieve": 8, "swap": 3, "home": 6, "stand_down": 3, "mass": 4, "report": 8, "hold": 5,
 }  # fmt: skip
 """How often each task is asked for, of all plain asks."""
+FACTS: dict[Fact, float] = {
+    "track_at": 4, "no_track_at": 2, "authorized": 1, "unauthorized": 1, "hostile": 1,
+    "uncovered": 2, "covered": 2, "low": 2, "not_low": 2, "down": 2, "up": 2,
+    "free": 2, "none_free": 1,
+}  # fmt: skip
+"""How often an order depends on each fact, of all orders under a condition."""
 SHARE_FORBIDDEN, SHARE_IMPOSSIBLE = 0.12, 0.10
 SHARE_CONDITIONAL, SHARE_COMPOUND = 0.12, 0.15
 SHARE_STAY, SHARE_INJECTED, SHARE_HARMLESS = 0.10, 0.06, 0.06
@@ -148,24 +155,18 @@ def _condition(view: View, ask: Ask) -> Condition | None:
     named = (*ask.who.names, ask.leaving)
     own = [name for name in named if name in view.picture.assets]
     asset = view.rng.choice(own if own and view.chance(0.6) else list(view.picture.assets))
-    fact = view.rng.choice(
-        (
-            "track_at",
-            "track_at",
-            "no_track_at",
-            "uncovered",
-            "covered",
-            "low",
-            "not_low",
-            "down",
-            "up",
-        )
-    )
+    fact = view.weighted(FACTS)
     if fact in ("track_at", "no_track_at"):
         kinds: list[TrackKind] = ["vehicle", "vehicle", "person", ""]
         seen: list[TrackKind] = [track.kind for track in view.tracks if track.gate == gate]
         drawn = view.rng.choice(seen or kinds)
         return Condition(fact=fact, subject=gate, track=drawn)
+    if fact in ("authorized", "unauthorized", "hostile"):
+        track = view.some([t for t in view.tracks if t.gate == own_gate] or view.tracks)
+        return track and Condition(fact=fact, subject=track.gate, track=track.kind)
+    if fact in ("free", "none_free"):
+        kind = ask.who.kind if view.chance(0.6) else view.some((*KINDS, None))
+        return Condition(fact=fact, kind=kind)
     if fact in ("uncovered", "covered"):
         return Condition(fact=fact, subject=gate)
     return Condition(fact=fact, subject=asset)

@@ -4,8 +4,9 @@ from collections.abc import Mapping
 
 from pa_console.schema.world import AssetKind
 from pa_console.training.order import Ask, Condition, Who
+from pa_console.training.phrase_keys import KEYS
 from pa_console.training.phrasing_voice import Voice
-from pa_console.training.phrasing_who import named, who_words
+from pa_console.training.phrasing_who import kind_nouns, named, who_words
 
 _HARMLESS = ("go", "look", "identify", "hold", "home", "report")
 _ONE_WAY: Mapping[str, str] = {
@@ -48,9 +49,12 @@ def clause(voice: Voice, ask: Ask, harmless: bool = False, embedded: bool = Fals
 def condition_words(voice: Voice, condition: Condition) -> str:
     """Return the clause that stands after `if`."""
     key = f"condition.{condition.fact}"
+    if condition.fact in ("free", "none_free"):
+        kind, kinds = kind_nouns(voice, condition.kind)
+        return voice.say(key, {"kind": kind, "kinds": kinds})
     slots = {"place" if condition.subject in voice.world.frames else "asset": condition.subject}
     said = {slot: voice.name(name) for slot, name in slots.items()}
-    if condition.fact in ("track_at", "no_track_at"):
+    if "track" in KEYS[key].needed:
         said["track"] = voice.noun(f"noun.{condition.track or 'track'}")
     return voice.say(key, said)
 

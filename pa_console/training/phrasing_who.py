@@ -18,7 +18,7 @@ def who_words(voice: Voice, who: Who) -> str:
     """Return a noun phrase for `who`; for nobody in particular one that means any asset."""
     if who.names:
         return named(voice, who.names)
-    kind, kinds = _nouns(voice, who.kind)
+    kind, kinds = kind_nouns(voice, who.kind)
     slots = {"kind": kind, "kinds": kinds}
     if who.origin:
         origin = voice.name(who.origin).removeprefix("the ").removeprefix("FRAME_")
@@ -72,7 +72,7 @@ def _numbered(forms: list[Form]) -> Mapping[str, int]:
     }
 
 
-def _nouns(voice: Voice, kind: AssetKind | None) -> tuple[str, str]:
+def kind_nouns(voice: Voice, kind: AssetKind | None) -> tuple[str, str]:
     """Return the singular and the plural of what people call `kind`."""
     if kind is not None and voice.rng.random() < _OWN_WORD:
         word = voice.names.prefix(kind)

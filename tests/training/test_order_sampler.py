@@ -6,13 +6,20 @@ from collections import Counter
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pa_console.schema.telemetry import Identity, Intent, Track
 from pa_console.training.asked import asked
 from pa_console.training.conditions import due_asks, holds
-from pa_console.training.order import Ask, Condition, Order, Who
+from pa_console.training.order import Ask, Condition, Fact, Order, Who
 from pa_console.training.order_sampler import TASKS, sample_order
 from pa_console.training.situations import Situation, random_situation, settled
 from pa_console.training.worlds import random_world, shipped_world
 
+IDENTITIES: tuple[tuple[Identity, Intent, str], ...] = (
+    ("unknown", "unknown", "not identified"),
+    ("unknown", "hostile", "not identified, intent hostile"),
+    ("authorized", "benign", "authorized, intent benign"),
+    ("unauthorized", "hostile", "unauthorized, intent hostile"),
+)
 QUIET = settled(shipped_world())
 
 
@@ -112,3 +119,32 @@ def test_what_the_picture_says_of_a_condition_stands_before_whether_it_is_so() -
     assert now(fact="low", subject=guard) == f"{guard}: alone, not so"
     assert now(fact="up", subject=guard) == f"{guard}: alone, so"
     assert now(fact="no_track_at", subject="WestGate") == "At WestGate: no track, so"
+    assert now(fact="free", kind="uav") == f"Free drone: {digest.free['uav'][0]}, so"
+    assert now(fact="none_free") == f"Free drone: {digest.free['uav'][0]}, not so"
+
+
+@given(st.sampled_from(IDENTITIES), st.sampled_from(("authorized", "unauthorized", "hostile")))
+def test_what_is_known_of_a_track_decides_a_condition(
+    known: tuple[Identity, Intent, str], fact: Fact
+) -> None:
+    identity, intent, words = known
+    track = Track(
+        id="Track_01",
+        kind="vehicle",
+        gate="EastGate",
+        position=(0.0, 0.0),
+        heading_deg=0.0,
+        speed_mps=0.0,
+        distance_m=9.0,
+        identity=identity,
+        intent=intent,
+        stamp_s=0.0,
+    )
+    picture = QUIET.picture.model_copy(update={"tracks": {track.id: track}})
+    condition = Condition(fact=fact, subject="EastGate", track="vehicle")
+    assert holds(condition, picture) == (fact in (identity, intent))
+    order = Order(asks=(Ask(task="look", place="WestGate"),), condition=condition)
+    told = asked(order, QUIET.world, picture, QUIET.digest).partition("now: ")[2]
+    assert told.startswith(f"At EastGate: Track_01 vehicle, {words}, ")
+    elsewhere = condition.model_copy(update={"subject": "WestGate"})
+    assert not holds(elsewhere, picture)
