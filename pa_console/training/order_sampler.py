@@ -1,14 +1,13 @@
 """Draws orders that fit a situation, in all their kinds: plain, compound, conditional, wrong."""
 
 import random
-from typing import Literal
 
-from pa_console.orchestrator.digest import KINDS
 from pa_console.schema.telemetry import Digest, Picture
 from pa_console.schema.world import World
 from pa_console.training.conditions import holds
-from pa_console.training.order import Ask, Condition, Fact, Order, Task, Wrong
+from pa_console.training.order import Ask, Order, Task, Wrong
 from pa_console.training.order_asks import draw_ask
+from pa_console.training.order_condition import draw_condition
 from pa_console.training.order_view import View
 from pa_console.training.order_wrong import FORBIDDEN, IMPOSSIBLE, draw_wrong
 
@@ -17,21 +16,14 @@ TASKS: dict[Task, float] = {
     "relieve": 8, "swap": 3, "home": 6, "stand_down": 3, "mass": 4, "report": 8, "hold": 5,
 }  # fmt: skip
 """How often each task is asked for, of all plain asks."""
-FACTS: dict[Fact, float] = {
-    "track_at": 4, "no_track_at": 2, "authorized": 1, "unauthorized": 1, "hostile": 1,
-    "uncovered": 2, "covered": 2, "low": 2, "not_low": 2, "down": 2, "up": 2,
-    "free": 2, "none_free": 1,
-}  # fmt: skip
-"""How often an order depends on each fact, of all orders under a condition."""
 SHARE_FORBIDDEN, SHARE_IMPOSSIBLE = 0.12, 0.10
-SHARE_CONDITIONAL, SHARE_COMPOUND = 0.12, 0.15
+SHARE_CONDITIONAL, SHARE_COMPOUND = 0.2, 0.15
 SHARE_STAY, SHARE_INJECTED, SHARE_HARMLESS = 0.10, 0.06, 0.06
 """Shares of all orders; `others_stay` only comes on top of those that are plain and move."""
 _HARMLESS: tuple[Task, ...] = ("go", "look", "identify", "hold", "home", "report")
 _REST = 1.0 - SHARE_FORBIDDEN - SHARE_IMPOSSIBLE - SHARE_HARMLESS
 """Of all orders, those that are neither wrong nor sound so."""
 _TRIES = 60
-TrackKind = Literal["vehicle", "person", ""]
 
 
 def sample_order(
@@ -135,41 +127,16 @@ def _apart(first: Ask, second: Ask) -> bool:
 
 
 def _conditional(view: View, asks: tuple[Ask, ...]) -> tuple[Order, bool] | None:
-    """Return the asks under a condition, and whether that is true now: in half of the cases."""
-    wanted = view.chance(0.5)
-    found = [c for _ in range(12) if (c := _condition(view, asks[0])) is not None]
-    fit = [condition for condition in found if holds(condition, view.picture) == wanted]
-    if not fit:
+    """Return the asks under a condition, and whether that is true now."""
+    condition = draw_condition(view, asks[0])
+    if condition is None:
         return None
     otherwise: tuple[Ask, ...] = ()
     if view.chance(0.5):
         other = _plain(view)
         otherwise = (other,) if other is not None else ()
-    return Order(asks=asks, condition=fit[0], otherwise=otherwise), wanted
-
-
-def _condition(view: View, ask: Ask) -> Condition | None:
-    """Return something that may or may not be so, about the ask's own place or asset or another."""
-    own_gate = ask.place if ask.place in view.world.gates else ""
-    gate = own_gate if own_gate and view.chance(0.6) else view.gate()
-    named = (*ask.who.names, ask.leaving)
-    own = [name for name in named if name in view.picture.assets]
-    asset = view.rng.choice(own if own and view.chance(0.6) else list(view.picture.assets))
-    fact = view.weighted(FACTS)
-    if fact in ("track_at", "no_track_at"):
-        kinds: list[TrackKind] = ["vehicle", "vehicle", "person", ""]
-        seen: list[TrackKind] = [track.kind for track in view.tracks if track.gate == gate]
-        drawn = view.rng.choice(seen or kinds)
-        return Condition(fact=fact, subject=gate, track=drawn)
-    if fact in ("authorized", "unauthorized", "hostile"):
-        track = view.some([t for t in view.tracks if t.gate == own_gate] or view.tracks)
-        return track and Condition(fact=fact, subject=track.gate, track=track.kind)
-    if fact in ("free", "none_free"):
-        kind = ask.who.kind if view.chance(0.6) else view.some((*KINDS, None))
-        return Condition(fact=fact, kind=kind)
-    if fact in ("uncovered", "covered"):
-        return Condition(fact=fact, subject=gate)
-    return Condition(fact=fact, subject=asset)
+    so = holds(condition, view.picture)
+    return Order(asks=asks, condition=condition, otherwise=otherwise), so
 
 
 def _unsaid(ask: Ask) -> bool:

@@ -148,3 +148,18 @@ def test_what_is_known_of_a_track_decides_a_condition(
     assert told.startswith(f"At EastGate: Track_01 vehicle, {words}, ")
     elsewhere = condition.model_copy(update={"subject": "WestGate"})
     assert not holds(elsewhere, picture)
+
+
+def test_the_fact_alone_does_not_tell_whether_a_condition_is_so() -> None:
+    so, every = Counter[Fact](), Counter[Fact]()
+    for seed in range(120):
+        situation, orders = drawn(seed, 10)
+        for order, _ in orders:
+            if order.condition is not None:
+                every[order.condition.fact] += 1
+                so[order.condition.fact] += holds(order.condition, situation.picture)
+    seldom: tuple[Fact, ...] = ("low", "down", "uncovered")
+    mostly: tuple[Fact, ...] = ("not_low", "up", "covered")
+    for facts in (seldom, mostly):
+        share = sum(so[fact] for fact in facts) / sum(every[fact] for fact in facts)
+        assert 0.25 < share < 0.75
