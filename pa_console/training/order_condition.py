@@ -47,10 +47,10 @@ def _conditions(fact: Fact, view: View) -> Iterator[Condition]:
                 yield Condition(fact=fact, subject=gate, track="person")
         case "authorized" | "unauthorized" | "hostile":
             for gate in view.world.gates:
-                seen = [track.kind for track in view.tracks if track.gate == gate]
-                for kind in dict.fromkeys(seen):
-                    yield Condition(fact=fact, subject=gate, track=kind)
-                if not seen:
+                there = [track for track in view.tracks if track.gate == gate]
+                for track in there:
+                    yield Condition(fact=fact, subject=gate, track=track.kind)
+                if not there:
                     yield Condition(fact=fact, subject=gate, track="vehicle")
         case "uncovered" | "covered":
             for gate in view.world.gates:
