@@ -108,3 +108,10 @@ class Order(StrictModel):
     harmless: bool = Field(
         default=False, description="the words sound like something forbidden and are not"
     )
+
+
+def are_twins(first: Ask, second: Ask) -> bool:
+    """Whether two asks are the same of anybody at two places, so that one clause can say both."""
+    open_to_all = first.who == Who() and first.wrong is None and not first.track_id
+    apart = bool(first.place) and bool(second.place) and first.place != second.place
+    return open_to_all and apart and first == second.model_copy(update={"place": first.place})

@@ -5,7 +5,7 @@ import random
 from pa_console.schema.telemetry import Digest, Picture
 from pa_console.schema.world import World
 from pa_console.training.conditions import holds
-from pa_console.training.order import Ask, Order, Task, Wrong
+from pa_console.training.order import Ask, Order, Task, Wrong, are_twins
 from pa_console.training.order_asks import draw_ask
 from pa_console.training.order_condition import draw_condition
 from pa_console.training.order_view import View
@@ -21,6 +21,8 @@ SHARE_CONDITIONAL, SHARE_COMPOUND = 0.2, 0.15
 SHARE_STAY, SHARE_INJECTED, SHARE_HARMLESS = 0.10, 0.06, 0.06
 """Shares of all orders; `others_stay` only comes on top of those that are plain and move."""
 _HARMLESS: tuple[Task, ...] = ("go", "look", "identify", "hold", "home", "report")
+_ABOUT_TRACKS: tuple[Task, ...] = ("respond", "identify", "warn", "block")
+_TWINS = 0.5
 _REST = 1.0 - SHARE_FORBIDDEN - SHARE_IMPOSSIBLE - SHARE_HARMLESS
 """Of all orders, those that are neither wrong nor sound so."""
 _TRIES = 60
@@ -102,18 +104,27 @@ def _urgency(task: Task, view: View) -> float:
 
 def _compound(view: View, first: Ask) -> tuple[Ask, ...]:
     """Return the ask with one or two others about somebody and somewhere else."""
-    asks = [first]
+    asks = [first, *_twin(view, first)]
     wanted = 3 if view.chance(0.25) else 2
     for _ in range(8):
+        if len(asks) >= wanted:
+            break
         before = set(view.named)
         other = _plain(view)
         if other is not None and all(_apart(ask, other) for ask in asks):
             asks.append(other)
         else:
             view.named = before
-        if len(asks) == wanted:
-            break
     return tuple(asks)
+
+
+def _twin(view: View, ask: Ask) -> tuple[Ask, ...]:
+    """Return the same ask for another gate now and then, if one clause can say both."""
+    tracks = [t.gate for t in view.tracks if ask.track in ("", t.kind) and t.gate != ask.place]
+    others = tracks if ask.task in _ABOUT_TRACKS and tracks else list(view.world.gates)
+    twin = ask.model_copy(update={"place": view.rng.choice(others)})
+    fits = ask.task in (*_ABOUT_TRACKS, "look", "report") and are_twins(ask, twin)
+    return (twin,) if fits and view.chance(_TWINS) else ()
 
 
 def _apart(first: Ask, second: Ask) -> bool:

@@ -2,13 +2,13 @@
 
 import random
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from pa_console.schema.base import StrictModel
 from pa_console.schema.mission import MAX_MISSION_TEXT
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
-from pa_console.training.order import Ask, Order
+from pa_console.training.order import Ask, Order, are_twins
 from pa_console.training.phrase_bank import STYLES, Split, Style, phrase_bank
 from pa_console.training.phrasing_clause import clause, condition_words
 from pa_console.training.phrasing_finish import capital, greeted, noisy, sentence
@@ -19,7 +19,7 @@ _STYLE_WEIGHTS = (4, 2.5, 2, 1.5)
 _TRIES = 20
 _STOPS = (".", ".", ".", ";", ",")
 """What stands before a sentence that goes on about who may move."""
-_RUNS_ON = 0.75
+_RUNS_ON, _TOGETHER = 0.75, 0.7
 """How often several asks are one sentence."""
 
 
@@ -97,22 +97,35 @@ def _body(voice: Voice, order: Order) -> str:
 
 def _joined(voice: Voice, asks: Sequence[Ask], harmless: bool, embedded: bool) -> str:
     """Return the words of all `asks`, in their order."""
-    if len(asks) == 1:
-        return clause(voice, asks[0], harmless, embedded)
-    if not embedded and (len(asks) > 3 or voice.rng.random() > _RUNS_ON):
+    parts = list(_parts(voice, asks))
+    if len(parts) == 1:
+        return clause(voice, parts[0][0], harmless, embedded, parts[0][1])
+    if not embedded and (len(parts) > 3 or voice.rng.random() > _RUNS_ON):
         first = harmless
         said: list[str] = []
-        for ask in asks:
-            said.append(capital(clause(voice, ask, first)))
+        for ask, also in parts:
+            said.append(capital(clause(voice, ask, first, also=also)))
             first = False
         return ". ".join(text.rstrip(".") for text in said).replace("?.", "?")
-    said = [clause(voice, ask, harmless and not n, True) for n, ask in enumerate(asks)]
+    said = [
+        clause(voice, ask, harmless and not n, True, also) for n, (ask, also) in enumerate(parts)
+    ]
     while len(said) > 3:
         said[:2] = [f"{said[0]}, {said[1]}"]
     if len(said) == 2:
         return voice.say("joiner", {"first": said[0], "second": said[1]}, embedded=embedded)
     slots = {"first": said[0], "second": said[1], "third": said[2]}
     return voice.say("joiner3", slots, embedded=embedded)
+
+
+def _parts(voice: Voice, asks: Sequence[Ask]) -> Iterator[tuple[Ask, str]]:
+    """Yield what one clause says: an ask, and the place of its twin if it has one."""
+    said = 0
+    while said < len(asks):
+        ask, rest = asks[said], asks[said + 1 : said + 2]
+        twins = rest and are_twins(ask, rest[0]) and voice.rng.random() < _TOGETHER
+        yield ask, rest[0].place if twins else ""
+        said += 2 if twins else 1
 
 
 def _is_nothing(order: Order) -> bool:

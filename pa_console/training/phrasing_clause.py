@@ -9,6 +9,7 @@ from pa_console.training.phrasing_voice import Voice
 from pa_console.training.phrasing_who import kind_nouns, named, who_words
 
 _HARMLESS = ("go", "look", "identify", "hold", "home", "report")
+_SHARED_HEAD, _BOTH = 0.6, 0.35
 _ONE_WAY: Mapping[str, str] = {
     "cover": "cover.kind",
     "relieve": "relieve.named",
@@ -27,12 +28,17 @@ _INCAPABLE: Mapping[tuple[AssetKind, str], str] = {
 }
 
 
-def clause(voice: Voice, ask: Ask, harmless: bool = False, embedded: bool = False) -> str:
+def clause(
+    voice: Voice, ask: Ask, harmless: bool = False, embedded: bool = False, also: str = ""
+) -> str:
     """Return the words of `ask`; `harmless` picks wording that only sounds forbidden.
 
-    `embedded` asks for one clause that can stand within a longer sentence.
+    `embedded` asks for one clause that can stand within a longer sentence; `also` is another place
+    for which the same is asked in the same words.
     """
     slots = _slots(voice, ask)
+    if also:
+        slots["place"] = pair_words(voice, ask.place, also)
     said = {"who": _is_said(ask.who), "track": bool(ask.track or ask.track_id)}
     wanted = frozenset(slot for slot in slots if said.get(slot))
     if ask.wrong == "override":
@@ -44,6 +50,18 @@ def clause(voice: Voice, ask: Ask, harmless: bool = False, embedded: bool = Fals
         if ask.task not in ("look", "identify") and "who" not in slots:
             slots = {**slots, "who": who_words(voice, ask.who)}
     return voice.say(key or _key(voice, ask), slots, wanted, embedded)
+
+
+def pair_words(voice: Voice, first: str, second: str) -> str:
+    """Return two places in one noun phrase, e.g. `both the north and east gates`."""
+    rng = voice.rng
+    one, other = voice.name(first), voice.name(second)
+    head, last = one.rpartition(" ")[2], other.rpartition(" ")[2]
+    if head == last and " " in one and rng.random() < _SHARED_HEAD:
+        one = one.removesuffix(f" {head}")
+        other = f"{other.removeprefix('the ') if rng.random() < 0.6 else other}s"
+    joined = rng.choice(("and", "and", "and also", "&" if voice.style == "terse" else "as well as"))
+    return f"{'both ' if rng.random() < _BOTH else ''}{one} {joined} {other}"
 
 
 def condition_words(voice: Voice, condition: Condition) -> str:

@@ -198,3 +198,20 @@ def test_a_track_is_never_called_what_an_asset_is_called() -> None:
     plain = [one.text.lower() for one in said if not {"misspelt", "slip"} & {*one.noise}]
     assert sum(bool(re.search(r"\btrucks?\b", text)) for text in plain) <= 2
     assert any("truck" in phrase(order, home, EMPTY, rng).text.lower() for _ in range(300))
+
+
+def test_the_same_for_two_places_is_often_said_in_one_clause() -> None:
+    world = shipped_world()
+    twins = tuple(Ask(task="look", place=gate) for gate in ("NorthGate", "EastGate"))
+    names = Names(world, phrase_bank().vocabulary)
+    both = 0
+    for seed in range(60):
+        said = phrase(Order(asks=twins), world, EMPTY, random.Random(seed))
+        if "misspelt" in said.noise or "slip" in said.noise:
+            continue
+        both += "both" in said.text.lower()
+        heard = key_of(said.text)
+        for gate in ("NorthGate", "EastGate"):
+            forms = {key_of(form.text).removesuffix("gate") for form in names.forms(gate)}
+            assert any(form in heard for form in forms), said.text
+    assert both > 3
