@@ -46,6 +46,7 @@ class Deciding:
                 return
             async for payload in self._planning.judge():
                 yield payload
+            candidate = self._planning.best or candidate
             found = candidate.examination
             request = request_approval(
                 f"{self._mission.id}.{candidate.attempt}",

@@ -1,21 +1,19 @@
 """Steps 2 to 6 of a mission: from its words to a plan that was checked, rehearsed and judged."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from time import perf_counter
 
 from pa_console.llm.judge import Judgement
-from pa_console.llm.planner import Proposal
 from pa_console.orchestrator.judging import PlanCase, ask_about_plan
-from pa_console.orchestrator.question import Question, ask_for_plan
+from pa_console.orchestrator.proposing import Proposing
 from pa_console.orchestrator.safeguards import Examination, examine
 from pa_console.orchestrator.services import Payloads, Services, Stopwatch
 from pa_console.policy.monitor import Monitor
 from pa_console.schema import event as ev
-from pa_console.schema.finding import Usage, Verdict
+from pa_console.schema.finding import Verdict
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan, Verb
-from pa_console.schema.rule import RuleHit
 from pa_console.schema.telemetry import Selection
 
 
@@ -28,49 +26,52 @@ class Candidate:
     verdict: Verdict | None = None
     judge_error: str = ""
 
+    @property
+    def objected(self) -> bool:
+        """Whether the judge says that the plan is not right."""
+        return self.verdict is not None and self.verdict.verdict == "Failure"
+
 
 class Planning:
-    """Makes and examines plans for one mission; `best` is the one to decide on.
-
-    `task` is what the next plan is for: the mission itself, or a phase of its workflow.
-    """
+    """Makes and examines plans for one mission; `best` is the one to decide on."""
 
     def __init__(
         self, services: Services, mission: Mission, stopwatch: Stopwatch, monitor: Monitor
     ) -> None:
         """`monitor` has followed the mission's history so far; it is only read."""
         self._services, self._watch, self._monitor = services, stopwatch, monitor
-        self.task = mission
-        self._verbs: Sequence[Verb] = ()
-        self._hits: tuple[RuleHit, ...] = ()
-        self._question: Question | None = None
-        self.attempts = 0
+        self._proposing = Proposing(services, mission, stopwatch)
         self.best: Candidate | None = None
         self.error = ""
         """Why there is no `best`."""
 
     @property
+    def task(self) -> Mission:
+        """What the next plan is for: the mission itself, or a phase of its workflow."""
+        return self._proposing.task
+
+    @property
+    def attempts(self) -> int:
+        """Plans so far: answers of the planner and plans of the operator."""
+        return self._proposing.attempts
+
+    @property
     def rule_ids(self) -> tuple[str, ...]:
         """Ids of the rules that were retrieved for the task."""
-        return tuple(hit.rule_id for hit in self._hits)
+        return tuple(hit.rule_id for hit in self._proposing.hits)
 
     @property
     def selection(self) -> Selection | None:
         """The part of the picture that the last prompt spoke of; None means all of it."""
-        return self._question.digest.selection if self._question is not None else None
+        return self._proposing.selection
 
     async def retrieve(self, task: Mission, verbs: Sequence[Verb] = ()) -> Payloads:
         """Step 2: the rules that concern the words of `task`, and the pinned ones.
 
         With `verbs`, the planner is given no other commands for it.
         """
-        self.task, self._verbs = task, verbs
-        started = perf_counter()
-        retriever = self._services.retriever
-        self._hits = self._retrieved(task.text)
-        seconds = perf_counter() - started
-        self._watch.add("retrieval_s", seconds)
-        yield ev.RulesRetrieved(method=retriever.method, hits=self._hits, seconds=seconds)
+        async for payload in self._proposing.retrieve(task, verbs):
+            yield payload
 
     async def propose(self, reasons: Sequence[str] = (), previous: str = "") -> Payloads:
         """Steps 3 to 6: ask for a plan until nothing blocks it, at most 1 + repairs times.
@@ -81,19 +82,19 @@ class Planning:
         self.best, self.error = None, ""
         seen: set[Plan] = set()
         for last in [False] * self._services.variant.repairs + [True]:
-            async for payload in self._ask(reasons, previous):
+            async for payload in self._proposing.ask(reasons, previous):
                 yield payload
-            proposal = self._proposal
+            proposal = self._proposing.latest
             if proposal.plan is None:
                 self.error = proposal.error
                 if proposal.fatal:
                     return
                 reasons = (proposal.error,)
             else:
-                async for payload in self._examine(proposal.plan):
+                async for payload in self._examine(self.attempts, proposal.plan):
                     yield payload
                 if self._latest.blocked and not seen:
-                    async for payload in self._ask_again():
+                    async for payload in self._first_sound():
                         yield payload
                 reasons = self._latest.faults
             repeated = proposal.plan in seen
@@ -106,45 +107,36 @@ class Planning:
 
     async def take(self, plan: Plan) -> Payloads:
         """Step 6 for a plan that the operator wrote: it is examined like any other."""
-        self.attempts += 1
         self.best = None
-        text = plan.model_dump_json()
-        yield ev.PlanProposed(attempt=self.attempts, author="operator", text=text, plan=plan)
-        async for payload in self._examine(plan):
+        async for payload in self._proposing.take(plan):
+            yield payload
+        async for payload in self._examine(self.attempts, plan):
             yield payload
 
     async def judge(self) -> Payloads:
-        """Step 6: the JudgeLLM's verdict on `best`; a blocked plan needs none."""
-        candidate = self.best
-        if candidate is None or candidate.examination.blocked or not self._services.variant.judging:
+        """Step 6: the JudgeLLM's verdict on `best`; a blocked plan needs none.
+
+        A trained judge's objection is a reason to look at the planner's other answers: the first
+        that nothing blocks and that it passes becomes `best`, else the plan it objected to stays.
+        """
+        first = self.best
+        async for payload in self._judge():
+            yield payload
+        variant = self._services.variant
+        if first is None or not first.objected or not self._services.engine.model.trained("judge"):
             return
-        rehearsal = candidate.examination.rehearsal
-        if self._question is None or rehearsal is None:
-            return
-        found = candidate.examination
-        started = perf_counter()
-        asked = ask_about_plan(
-            self._services.dialect,
-            self._services.sim.world,
-            self._services.rulebook,
-            PlanCase(
-                self.task, self._hits, self._question.digest, found.plan, found.findings, rehearsal
-            ),
-        )
-        yield ev.PromptBuilt(
-            role="judge",
-            attempt=candidate.attempt,
-            system=asked.prompt.system,
-            user=asked.prompt.user,
-            seconds=perf_counter() - started,
-        )
-        with self._watch.time("judging_s"):
-            async for piece in asked.put_to(self._services.judge):
-                if isinstance(piece, str):
-                    yield ev.TextStreamed(role="judge", attempt=candidate.attempt, text=piece)
-                else:
-                    candidate.verdict, candidate.judge_error = piece.verdict, piece.error
-                    yield _judged(candidate.attempt, piece)
+        async for payload in self._proposing.ask_for_others():
+            yield payload
+        for _ in range(variant.reconsidered):
+            async for payload in self._next_sound(first.examination.plan):
+                yield payload
+            if self.best is first:
+                return
+            async for payload in self._judge():
+                yield payload
+            if self.best is not None and self.best.verdict is not None and not self.best.objected:
+                return
+            self.best = first
 
     async def reexamine(self) -> Examination | None:
         """Examine `best` in the present state; None when it may still be executed."""
@@ -154,73 +146,68 @@ class Planning:
         fresh = await self._safeguards(plan)
         return fresh if fresh.blocked else None
 
-    async def _ask(self, reasons: Sequence[str], previous: str) -> Payloads:
-        """Steps 3 to 5, once."""
-        self.attempts += 1
-        services = self._services
-        rules = [services.rulebook.get(hit.rule_id) for hit in self._hits]
-        self._question = asked = ask_for_plan(
-            services, self.task, rules, self._verbs, reasons, previous
+    async def _first_sound(self) -> Payloads:
+        """Examine the planner's other answers until nothing blocks one."""
+        async for payload in self._proposing.ask_for_others():
+            yield payload
+        while self._latest.blocked and self._proposing.others:
+            async for payload in self._examine(*self._proposing.others.pop(0)):
+                yield payload
+
+    async def _next_sound(self, known: Plan) -> Payloads:
+        """Make the next other answer `best` that does not do as `known` and that nothing blocks."""
+        before = self.best
+        while self.best is before and self._proposing.others:
+            attempt, plan = self._proposing.others.pop(0)
+            if plan.actions == known.actions:
+                continue
+            async for payload in self._examine(attempt, plan):
+                yield payload
+            self.best = before if self._latest.blocked else Candidate(attempt, self._latest)
+
+    async def _judge(self) -> Payloads:
+        candidate, question = self.best, self._proposing.question
+        if candidate is None or candidate.examination.blocked or not self._services.variant.judging:
+            return
+        found = candidate.examination
+        if question is None or found.rehearsal is None:
+            return
+        started = perf_counter()
+        case = PlanCase(
+            self.task,
+            self._proposing.hits,
+            question.digest,
+            found.plan,
+            found.findings,
+            found.rehearsal,
         )
-        self._watch.add("picture_s", asked.picture_s)
-        self._watch.add("prompt_s", asked.prompt_s)
-        yield ev.PictureDigested(digest=asked.digest, seconds=asked.picture_s)
+        services = self._services
+        asked = ask_about_plan(services.dialect, services.sim.world, services.rulebook, case)
         yield ev.PromptBuilt(
-            role="planner",
-            attempt=self.attempts,
+            role="judge",
+            attempt=candidate.attempt,
             system=asked.prompt.system,
             user=asked.prompt.user,
-            seconds=asked.prompt_s,
+            seconds=perf_counter() - started,
         )
-        with self._watch.time("planning_s"):
-            async for piece in services.planner.plan(asked.prompt, asked.grammar):
+        with self._watch.time("judging_s"):
+            async for piece in asked.put_to(services.judge):
                 if isinstance(piece, str):
-                    yield ev.TextStreamed(role="planner", attempt=self.attempts, text=piece)
+                    yield ev.TextStreamed(role="judge", attempt=candidate.attempt, text=piece)
                 else:
-                    self._proposal = piece
-                    yield _proposed(self.attempts, piece)
-        if self.attempts == 1:
-            self._watch.add("first_token_s", self._proposal.usage.first_token_s)
+                    candidate.verdict, candidate.judge_error = piece.verdict, piece.error
+                    yield _judged(candidate.attempt, piece)
 
-    async def _ask_again(self) -> Payloads:
-        """Step 5 once more, several answers at once: the first sound one is looked for.
-
-        The model gave them in the order of how often it did. All are told, and examined until one
-        nothing blocks.
-        """
-        asked, count = self._question, self._services.variant.candidates - 1
-        if asked is None or count < 1:
-            return
-        first = self.attempts
-        with self._watch.time("planning_s"):
-            others, usage = await self._services.planner.several(asked.prompt, asked.grammar, count)
-        for proposal in others:
-            self.attempts += 1
-            given = replace(proposal, usage=usage if self.attempts == first + 1 else Usage())
-            yield _proposed(self.attempts, given, instead_of=first)
-            if self._latest.blocked and proposal.plan is not None:
-                async for payload in self._examine(proposal.plan):
-                    yield payload
-
-    async def _examine(self, plan: Plan) -> Payloads:
+    async def _examine(self, attempt: int, plan: Plan) -> Payloads:
         found = await self._safeguards(plan)
         self._latest = found
         if found.rehearsal is not None and self._services.variant.rehearsal:
             yield ev.PlanRehearsed(
-                attempt=self.attempts, rehearsal=found.rehearsal, seconds=found.rehearsal_s
+                attempt=attempt, rehearsal=found.rehearsal, seconds=found.rehearsal_s
             )
-        yield ev.PlanChecked(attempt=self.attempts, findings=found.findings, seconds=found.checks_s)
+        yield ev.PlanChecked(attempt=attempt, findings=found.findings, seconds=found.checks_s)
         if self.best is None or found.badness < self.best.examination.badness:
-            self.best = Candidate(self.attempts, found)
-
-    def _retrieved(self, text: str) -> tuple[RuleHit, ...]:
-        """Return the rules for the prompt: pinned ones, best ones, or both, by variant."""
-        retriever, variant = self._services.retriever, self._services.variant
-        top_k = self._services.top_k if variant.retrieval else 0
-        if variant.pinned:
-            return retriever.retrieve(text, top_k)
-        best = retriever.score_all(text)[:top_k]
-        return tuple(hit.model_copy(update={"pinned": False}) for hit in best)
+            self.best = Candidate(attempt, found)
 
     async def _safeguards(self, plan: Plan) -> Examination:
         services = self._services
@@ -230,17 +217,6 @@ class Planning:
         self._watch.add("checks_s", found.checks_s)
         self._watch.add("rehearsal_s", found.rehearsal_s)
         return found
-
-
-def _proposed(attempt: int, proposal: Proposal, instead_of: int | None = None) -> ev.PlanProposed:
-    return ev.PlanProposed(
-        attempt=attempt,
-        text=proposal.text,
-        plan=proposal.plan,
-        error=proposal.error,
-        usage=proposal.usage,
-        instead_of=instead_of,
-    )
 
 
 def _judged(attempt: int, judgement: Judgement) -> ev.PlanJudged:

@@ -23,6 +23,9 @@ class Variant(StrictModel):
     candidates: int = Field(
         default=4, ge=1, le=8, description="plans to choose from when the first one is broken"
     )
+    reconsidered: int = Field(
+        default=2, ge=0, description="other plans that a trained judge sees if it objects to one"
+    )
     grammar: bool = Field(default=True, description="decoding is constrained to executable plans")
     prompt: PromptStyle = "console"
     workflows: bool = Field(default=True, description="a mission may take several plans (WF-01)")

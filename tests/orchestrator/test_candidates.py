@@ -2,7 +2,7 @@
 
 from pa_console.orchestrator.headless import standing_approver
 from tests.orchestrator.conftest import Rig
-from tests.scripted import ScriptedEngine, plan
+from tests.scripted import FAILURE, SUCCESS, ScriptedEngine, plan
 
 STRIPS = plan(("Drone_T01", "move_to EastGate"))
 STRIPS_TOO = plan(("Drone_T02", "move_to EastGate"))
@@ -40,3 +40,38 @@ async def test_when_none_is_sound_the_faults_go_back_to_the_planner(rig: Rig) ->
         e.data.kind for e in rig.events if e.data.kind in ("plan_proposed", "repair_requested")
     ]
     assert kinds == ["plan_proposed", "plan_proposed", "repair_requested", "plan_proposed"]
+
+
+async def test_a_trained_judges_objection_brings_up_the_next_sound_plan(rig: Rig) -> None:
+    others = [STRIPS, SOUND]
+    engine = ScriptedEngine([REPORT], [FAILURE, SUCCESS], others=others, trained=True)
+    trace = await rig.run(engine)
+    assert trace.status == "verified"
+    assert rig.state.picture is not None
+    assert rig.state.picture.assets["Drone_T04"].at == "EastGate"
+    judged = [e.data.attempt for e in rig.events if e.data.kind == "plan_judged"]
+    assert judged == [1, 3]
+    asked = [e.data.attempt for e in rig.events if e.data.kind == "approval_requested"]
+    assert asked == [3]
+
+
+async def test_if_the_judge_passes_no_other_plan_its_first_objection_stands(rig: Rig) -> None:
+    others = [SOUND, plan(("Drone_T04", "hold")), plan(("Robot_T01", "report"))]
+    engine = ScriptedEngine([REPORT], [FAILURE], others=others, trained=True)
+    trace = await rig.run(engine)
+    assert trace.status == "rejected"
+    judged = [e.data.attempt for e in rig.events if e.data.kind == "plan_judged"]
+    assert judged == [1, 2, 3]
+    approval = next(e.data for e in rig.events if e.data.kind == "approval_requested")
+    assert (approval.attempt, approval.needs_override) == (1, True)
+
+
+async def test_the_same_orders_are_not_judged_again(rig: Rig) -> None:
+    others = [plan(("Drone_T04", "report"), reason="said otherwise")]
+    await rig.run(ScriptedEngine([REPORT], [FAILURE], others=others, trained=True))
+    assert rig.kinds().count("plan_judged") == 1
+
+
+async def test_an_untrained_judges_objection_asks_for_no_other_plan(rig: Rig) -> None:
+    await rig.run(ScriptedEngine([REPORT], [FAILURE, SUCCESS], others=[SOUND]))
+    assert rig.kinds().count("plan_proposed") == 1

@@ -107,7 +107,9 @@ def _heading(attempt: Attempt) -> Section:
 def _folded(attempt: Attempt, parts: list[Section]) -> Section:
     reasons = tuple(row("  ✘ ", (reason, WARN)) for reason in attempt.repair)
     broken = [finding.rule_id for finding in attempt.findings if finding.broken]
-    note = ", ".join(broken) or attempt.error or "not used"
+    objected = attempt.verdict is not None and attempt.verdict.verdict == "Failure"
+    unused = "the judge objects" if objected else "not used"
+    note = ", ".join(broken) or attempt.error or unused
     other = f"  instead of {attempt.instead_of}" if attempt.instead_of is not None else ""
     head = Content.assemble(
         (f"Attempt {attempt.number}", "bold"), (other, QUIET), (f"  ✘ {note}", BAD)

@@ -1,0 +1,130 @@
+"""Steps 2 to 5 of a mission: from its words to what the planner answers, not examined yet."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from time import perf_counter
+
+from pa_console.llm.planner import Proposal
+from pa_console.orchestrator.question import Question, ask_for_plan
+from pa_console.orchestrator.services import Payloads, Services, Stopwatch
+from pa_console.schema import event as ev
+from pa_console.schema.finding import Usage
+from pa_console.schema.mission import Mission
+from pa_console.schema.plan import Plan, Verb
+from pa_console.schema.rule import RuleHit
+from pa_console.schema.telemetry import Selection
+
+
+class Proposing:
+    """Retrieves rules and asks the planner; `latest` is its last whole answer.
+
+    `task` is what the next plan is for: the mission itself, or a phase of its workflow.
+    """
+
+    latest: Proposal
+
+    def __init__(self, services: Services, mission: Mission, stopwatch: Stopwatch) -> None:
+        """Attempts are numbered from 1, the operator's own plans among them."""
+        self._services, self._watch = services, stopwatch
+        self.task = mission
+        self._verbs: Sequence[Verb] = ()
+        self.hits: tuple[RuleHit, ...] = ()
+        self.question: Question | None = None
+        self.attempts = 0
+        self.others: list[tuple[int, Plan]] | None = None
+        """Attempts that answer the same prompt and wait to be examined; None: not asked for."""
+
+    @property
+    def selection(self) -> Selection | None:
+        """The part of the picture that the last prompt spoke of; None means all of it."""
+        return self.question.digest.selection if self.question is not None else None
+
+    async def retrieve(self, task: Mission, verbs: Sequence[Verb] = ()) -> Payloads:
+        """Step 2: the rules that concern the words of `task`, and the pinned ones.
+
+        With `verbs`, the planner is given no other commands for it.
+        """
+        self.task, self._verbs = task, verbs
+        started = perf_counter()
+        retriever = self._services.retriever
+        self.hits = self._retrieved(task.text)
+        seconds = perf_counter() - started
+        self._watch.add("retrieval_s", seconds)
+        yield ev.RulesRetrieved(method=retriever.method, hits=self.hits, seconds=seconds)
+
+    async def ask(self, reasons: Sequence[str], previous: str) -> Payloads:
+        """Steps 3 to 5, once; `reasons` say what was wrong with the `previous` plan."""
+        self.attempts += 1
+        self.others = None
+        services = self._services
+        rules = [services.rulebook.get(hit.rule_id) for hit in self.hits]
+        self.question = asked = ask_for_plan(
+            services, self.task, rules, self._verbs, reasons, previous
+        )
+        self._watch.add("picture_s", asked.picture_s)
+        self._watch.add("prompt_s", asked.prompt_s)
+        yield ev.PictureDigested(digest=asked.digest, seconds=asked.picture_s)
+        yield ev.PromptBuilt(
+            role="planner",
+            attempt=self.attempts,
+            system=asked.prompt.system,
+            user=asked.prompt.user,
+            seconds=asked.prompt_s,
+        )
+        with self._watch.time("planning_s"):
+            async for piece in services.planner.plan(asked.prompt, asked.grammar):
+                if isinstance(piece, str):
+                    yield ev.TextStreamed(role="planner", attempt=self.attempts, text=piece)
+                else:
+                    self.latest = piece
+                    yield _proposed(self.attempts, piece)
+        if self.attempts == 1:
+            self._watch.add("first_token_s", self.latest.usage.first_token_s)
+
+    async def ask_for_others(self) -> Payloads:
+        """Step 5 once more, several answers at once: `others`, the most frequent one first.
+
+        All of them are told. Asked for once a prompt; a plan of the operator's own has none.
+        """
+        asked, count = self.question, self._services.variant.candidates - 1
+        if asked is None or self.others is not None:
+            return
+        self.others = []
+        if count < 1:
+            return
+        first = self.attempts
+        with self._watch.time("planning_s"):
+            found, usage = await self._services.planner.several(asked.prompt, asked.grammar, count)
+        for proposal in found:
+            self.attempts += 1
+            given = replace(proposal, usage=usage if self.attempts == first + 1 else Usage())
+            yield _proposed(self.attempts, given, instead_of=first)
+            if proposal.plan is not None:
+                self.others.append((self.attempts, proposal.plan))
+
+    async def take(self, plan: Plan) -> Payloads:
+        """Take a plan that the operator wrote for an answer."""
+        self.attempts += 1
+        self.others = []
+        text = plan.model_dump_json()
+        yield ev.PlanProposed(attempt=self.attempts, author="operator", text=text, plan=plan)
+
+    def _retrieved(self, text: str) -> tuple[RuleHit, ...]:
+        """Return the rules for the prompt: pinned ones, best ones, or both, by variant."""
+        retriever, variant = self._services.retriever, self._services.variant
+        top_k = self._services.top_k if variant.retrieval else 0
+        if variant.pinned:
+            return retriever.retrieve(text, top_k)
+        best = retriever.score_all(text)[:top_k]
+        return tuple(hit.model_copy(update={"pinned": False}) for hit in best)
+
+
+def _proposed(attempt: int, proposal: Proposal, instead_of: int | None = None) -> ev.PlanProposed:
+    return ev.PlanProposed(
+        attempt=attempt,
+        text=proposal.text,
+        plan=proposal.plan,
+        error=proposal.error,
+        usage=proposal.usage,
+        instead_of=instead_of,
+    )
