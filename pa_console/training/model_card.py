@@ -19,10 +19,10 @@ from pa_console.llm.cache import hash_file
 from pa_console.llm.catalog import Catalog, ModelEntry
 from pa_console.training.data_folder import VALID_EVERY
 from pa_console.training.data_report import DataReport, read_report
+from pa_console.training.lineage import CURVE, earlier_runs
 from pa_console.training.run_summary import ADAPTER, RunSummary, read_summary
 
 TEMPLATE = "model_card.md.jinja"
-CURVE = "curve.csv"
 MOST_POINTS, MOST_NEAR, MOST_REASONS = 20, 10, 20
 RECIPE = {
     "planner": (
@@ -75,6 +75,7 @@ def model_card(run: Path, data: Path, name: str, evaluation: Path | None = None)
         dropped=list(report.dropped.items())[:MOST_REASONS],
         config=_config(summary),
         curve=_curve(run / CURVE),
+        earlier=earlier_runs(summary.config),
         evaluation=_evaluated(records),
     )
 

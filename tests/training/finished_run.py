@@ -41,7 +41,7 @@ def data_set(folder: Path) -> Path:
     return folder
 
 
-def finished_run(folder: Path, data: Path) -> Path:
+def finished_run(folder: Path, data: Path, start: Path | None = None) -> Path:
     """Fill `folder` with a run of the planner on the data set in `data`."""
     folder.mkdir(parents=True)
     (folder / ADAPTER).write_bytes(b"GGUF adapter")
@@ -50,7 +50,12 @@ def finished_run(folder: Path, data: Path) -> Path:
     write_summary(
         folder,
         RunSummary(
-            config=TrainConfig(task="planner", base="smollm2-135m", data=str(samples)),
+            config=TrainConfig(
+                task="planner",
+                base="smollm2-135m",
+                data=str(samples),
+                start=str(start) if start is not None else None,
+            ),
             finished=True,
             step=100,
             steps=100,

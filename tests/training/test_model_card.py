@@ -6,10 +6,11 @@ from typing import NamedTuple
 import pytest
 
 from pa_console.evaluation.results import Results
+from pa_console.training.lora.config import TrainConfig
 from pa_console.training.model_card import model_card
 from pa_console.training.run_summary import ADAPTER
 from tests.evaluation.records import made_evaluation
-from tests.training.finished_run import data_set, finished_run
+from tests.training.finished_run import CURVE, data_set, finished_run
 
 
 class Folders(NamedTuple):
@@ -86,3 +87,21 @@ def test_an_adapter_that_was_changed_is_refused(folders: Folders) -> None:
 def test_a_folder_without_a_run_says_what_to_do(folders: Folders, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"run\.json: there is no such file: run pa-console train"):
         model_card(tmp_path, folders.data, "planner-135m")
+
+
+def test_the_runs_that_it_began_from_are_told(folders: Folders, tmp_path: Path) -> None:
+    first, second, third = tmp_path / "first", tmp_path / "second", tmp_path / "third"
+    begun = TrainConfig(task="planner", base="smollm2-135m", data="d.jsonl", seed=3)
+    later = begun.model_copy(update={"start": str(first), "seed": 4})
+    for folder, config in ((first, begun), (second, later)):
+        folder.mkdir()
+        (folder / "config.json").write_text(config.model_dump_json())
+        (folder / "curve.csv").write_text(CURVE)
+    run = finished_run(third, folders.data, start=second)
+    card = model_card(run, folders.data, "planner-135m")
+    rows = [row for row in lines(card) if row.startswith(("| first ", "| second "))]
+    assert rows == [
+        "| first | 3 | 16 | 0.0008 | 800 | 2 | 1.75 | 0.5 |",
+        "| second | 4 | 16 | 0.0008 | 800 | 2 | 1.75 | 0.5 |",
+    ]
+    assert str(tmp_path) not in card

@@ -55,7 +55,12 @@ class TrainConfig(StrictModel):
 
     def without_folders(self) -> "TrainConfig":
         """Return the config with the bare names of its files: folders are this machine's own."""
-        files = {"base": self.base, "data": self.data, "validation": self.validation}
+        files = {
+            "base": self.base,
+            "data": self.data,
+            "validation": self.validation,
+            "start": self.start,
+        }
         names = {field: Path(name).name for field, name in files.items() if name is not None}
         return self.model_copy(update=names)
 
