@@ -11,9 +11,10 @@ from pa_console.schema.telemetry import Track
 from pa_console.schema.world import AssetKind
 from pa_console.training.order import Ask, Who
 from pa_console.training.teacher_draft import Command, Desk, Draft, refusal
-from pa_console.training.teacher_moves import MOST_OPTIONS, look, none_free, teams
+from pa_console.training.teacher_moves import look
 from pa_console.training.teacher_objections import asset_objection
 from pa_console.training.teacher_roster import Roster
+from pa_console.training.teacher_teams import MOST_OPTIONS, none_free, teams
 
 Step = Literal["observe", "identify", "warn", "block", ""]
 _WORKER: dict[Step, AssetKind] = {"identify": "robot", "warn": "robot", "block": "ugv"}

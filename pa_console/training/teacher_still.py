@@ -2,8 +2,8 @@
 
 from pa_console.training.order import Ask
 from pa_console.training.teacher_draft import Desk, Draft, listed, refusal
-from pa_console.training.teacher_moves import named, none_free, only
 from pa_console.training.teacher_roster import Roster
+from pa_console.training.teacher_teams import named, none_free, only
 
 
 def report(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
