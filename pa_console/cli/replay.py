@@ -1,22 +1,40 @@
 """`pa-console replay`: verify a session log, or play it back."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from pa_console.cli.output import BAD_INPUT, JsonOption, errors, out, print_json
+from pa_console.cli.output import BAD_INPUT, FAILED, JsonOption, errors, out, print_json
 from pa_console.resources import find_data
 from pa_console.schema.document import DocumentError
 from pa_console.schema.event import SessionStarted
 from pa_console.session.chain import LogError
-from pa_console.session.reader import verify
+from pa_console.session.head import head_path
+from pa_console.session.verify import verify
+from pa_console.signing import is_fingerprint, known_keys
 
 
 def replay(
     log: Annotated[Path, typer.Argument(help="A session log (JSONL).")],
     check: Annotated[
-        bool, typer.Option("--verify", help="Check the hash chain and name the first bad line.")
+        bool,
+        typer.Option(
+            "--verify",
+            help="Check the hash chain, the signatures and the signed head; name the first bad "
+            "line and what was done to it.",
+        ),
+    ] = False,
+    key: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="With --verify: the fingerprint of a key that may have signed, besides this "
+            "machine's; repeatable."
+        ),
+    ] = None,
+    unsigned: Annotated[
+        bool, typer.Option("--unsigned", help="With --verify: accept a log without signatures.")
     ] = False,
     again: Annotated[
         bool,
@@ -33,11 +51,15 @@ def replay(
     no_mouse: Annotated[bool, typer.Option(help="Leave the mouse to the terminal.")] = False,
     json: JsonOption = False,
 ) -> None:
-    """Play LOG back in the console, check its chain, or run it again and compare."""
+    """Play LOG back in the console, verify it, or run it again and compare.
+
+    --verify leaves with 0 only when every line is vouched for by a known key, with 2 when the log
+    or its head was damaged, and with 1 when nothing is wrong but not everything is signed.
+    """
     if not log.is_file():
         raise ValueError(f"{log}: there is no such log")
     if check:
-        _verify(log, json)
+        _verify(log, frozenset(key or ()), unsigned, json)
     if again:
         _resimulate(log, world, scenario, json)
     if check or again:
@@ -106,16 +128,32 @@ def _resimulate(log: Path, world: str | None, scenario: str | None, json: bool) 
         raise recording.problem
 
 
-def _verify(log: Path, json: bool) -> None:
-    result = verify(log)
+def _verify(log: Path, keys: frozenset[str], unsigned: bool, json: bool) -> None:
+    """Say how sound a log is; leaves with FAILED for one that is sound but not vouched for."""
+    for given in keys:
+        if not is_fingerprint(given):
+            raise ValueError(f"--key {given}: a fingerprint is SHA256: and 43 characters")
+    own = known_keys()
+    result = verify(log, own | keys)
+    accepted = result.intact or (unsigned and result.ok and result.standing == "not signed")
     if json:
-        print_json(result)
+        print_json({"intact": result.intact, **asdict(result)})
     elif result.ok:
-        out.print(f"{log}: {result.lines} lines, chain intact. {result.note}", markup=False)
+        by = f"signed by {result.key}{' (the key of this machine)' * (result.key in own)}"
+        standing = {
+            "signed": f"{by}.",
+            "open": f"{by} up to line {result.vouched} only." if result.key else "not signed yet.",
+            "not signed": "not signed: nothing shows that it was not written anew.",
+        }[result.standing]
+        told = f"{log}: {result.lines} lines, chain intact, {standing}"
+        told += f" {result.note[:1].upper()}{result.note[1:]}." if result.note else ""
+        out.print(told, markup=False, soft_wrap=True)
     else:
-        errors.print(f"{log}:{result.first_bad_line}: {result.problem}", markup=False)
-    if not result.ok:
-        raise typer.Exit(BAD_INPUT)
+        place = f"{log}:{result.first_bad_line}" if result.first_bad_line else str(head_path(log))
+        place += f"-{result.last_bad_line}" if result.last_bad_line else ""
+        errors.print(f"{place}: {result.damage}: {result.problem}", markup=False, soft_wrap=True)
+    if not accepted:
+        raise typer.Exit(FAILED if result.ok else BAD_INPUT)
 
 
 def _world_of(started: SessionStarted, given: str | None) -> str:

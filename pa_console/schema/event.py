@@ -46,6 +46,7 @@ from pa_console.schema.event_session import (
     IncidentHappened,
     IncidentSource,
     Level,
+    LogSigned,
     Noticed,
     SessionEnded,
     SessionStarted,
@@ -69,6 +70,7 @@ __all__ = (
     "IncidentHappened",
     "IncidentSource",
     "Level",
+    "LogSigned",
     "MissionFinished",
     "MissionPreempted",
     "MissionReceived",
@@ -107,7 +109,7 @@ EventPayload = Annotated[
     | TextStreamed | PlanProposed | PlanRehearsed | PlanChecked | PlanJudged | RepairRequested
     | ApprovalRequested | DecisionMade | PlanVoided | CommandSent | CommandReplied
     | MissionVerified | OutcomeJudged | MissionReported | MissionFinished | AllStopped
-    | SessionEnded,
+    | SessionEnded | LogSigned,
     Field(discriminator="kind"),
 ]  # fmt: skip
 

@@ -9,6 +9,6 @@ Role = Literal["planner", "judge", "outcome"]
 
 
 class Payload(StrictModel):
-    """Base of all event payloads; a transient one is shown live and never logged."""
+    """Base of all event payloads; a transient one is no part of what a log tells."""
 
     transient: ClassVar[bool] = False

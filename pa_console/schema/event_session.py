@@ -1,8 +1,8 @@
 """Events of the session as a whole: its start and end, telemetry, incidents, the model."""
 
-from typing import Literal
+from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Field, StringConstraints
 
 from pa_console.schema.event_base import Payload
 from pa_console.schema.incident import Incident
@@ -12,6 +12,8 @@ from pa_console.schema.variant import Variant
 Level = Literal["info", "warning", "alarm"]
 IncidentSource = Literal["operator", "scenario"]
 WorkerState = Literal["loading", "ready", "dead", "unavailable"]
+Hex32 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
+Hex64 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{128}$")]
 
 
 class SessionStarted(Payload):
@@ -74,3 +76,20 @@ class SessionEnded(Payload):
 
     kind: Literal["session_ended"] = "session_ended"
     reason: str
+
+
+class LogSigned(Payload):
+    """The log's own record, which no session tells: a key vouches for all lines up to this one.
+
+    `signature` is Ed25519 by `key` over the record without `hash` and `signature`, so also over
+    the hash of the record before. `found` records before it were unsigned when the log was opened
+    again; `closing` says that nothing more was to come.
+    """
+
+    transient: ClassVar[bool] = True
+
+    kind: Literal["log_signed"] = "log_signed"
+    key: Hex32
+    closing: bool = False
+    found: Annotated[int, Field(ge=0)] = 0
+    signature: Hex64 = "0" * 128

@@ -2,7 +2,8 @@
 
 A record is a JSON object with the fields of `FIELDS`, in that order. `hash` is the SHA-256, in
 hexadecimal, of the record without `hash` as canonical JSON: keys sorted, no spaces, UTF-8. `prev`
-is the `hash` of the record before, `GENESIS` in the first, whose `seq` is 1.
+is the `hash` of the record before, `GENESIS` in the first, whose `seq` is 1. The signature of a
+`log_signed` record is over PURPOSE and the same canonical JSON without `signature`.
 """
 
 import errno
@@ -17,9 +18,11 @@ from pydantic import TypeAdapter, ValidationError
 
 from pa_console.schema.document import DocumentError
 from pa_console.schema.event import Event, EventPayload
+from pa_console.signing import Signer
 
 FIELDS = ("seq", "t", "tick", "session", "mission", "kind", "data", "prev", "hash")
 GENESIS = "0" * 64
+PURPOSE = b"pa-console session log, record\n"
 KINDS = frozenset(
     payload.model_fields["kind"].default for payload in get_args(get_args(EventPayload)[0])
 )
@@ -55,10 +58,12 @@ class Record:
         return str(self.fields["hash"])
 
 
-def seal(event: Event, *, session: str, seq: int, prev: str) -> tuple[str, str]:
+def seal(
+    event: Event, *, session: str, seq: int, prev: str, signer: Signer | None = None
+) -> tuple[str, str]:
     """Return the record of `event` as one line of text (no line end), and its hash.
 
-    Lone surrogates, which UTF-8 cannot hold, become question marks.
+    Lone surrogates, which UTF-8 cannot hold, become question marks. `signer` signs a LogSigned.
     """
     moment = event.t.astimezone(UTC).replace(tzinfo=None).isoformat(timespec="microseconds")
     fields: dict[str, Any] = {
@@ -73,8 +78,23 @@ def seal(event: Event, *, session: str, seq: int, prev: str) -> tuple[str, str]:
     }
     if not (text := _compact(fields)).isascii():
         fields = json.loads(text.encode("utf-8", "replace"))
-    fields["hash"] = _digest(fields)
+    if signer is not None:
+        fields["data"]["signature"] = signer.sign(signed_part(fields))
+    fields["hash"] = digest(fields)
     return _compact(fields), fields["hash"]
+
+
+def digest(fields: dict[str, Any]) -> str:
+    """Return the hash that a record with `fields` must have."""
+    rest = {key: value for key, value in fields.items() if key != "hash"}
+    return hashlib.sha256(_compact(rest, sort=True).encode()).hexdigest()
+
+
+def signed_part(fields: dict[str, Any]) -> bytes:
+    """Return what the signature of a LogSigned record with `fields` is over."""
+    rest = {key: value for key, value in fields.items() if key != "hash"}
+    rest["data"] = {key: value for key, value in fields["data"].items() if key != "signature"}
+    return PURPOSE + _compact(rest, sort=True).encode()
 
 
 def parse(line: bytes) -> Record:
@@ -99,7 +119,7 @@ def parse(line: bytes) -> Record:
 
 def own_problem(record: Record) -> str:
     """Return what is wrong with `record` by itself; empty when it is as it was written."""
-    if _compact(record.fields) != record.text or record.hash != _digest(record.fields):
+    if _compact(record.fields) != record.text or record.hash != digest(record.fields):
         return "the record was edited: its hash does not match what it says"
     return ""
 
@@ -135,11 +155,6 @@ def _load(line: bytes) -> tuple[str, dict[str, Any]]:
 
 def _no_constant(name: str) -> NoReturn:
     raise ValueError(f"{name} is not a JSON number")
-
-
-def _digest(fields: dict[str, Any]) -> str:
-    rest = {key: value for key, value in fields.items() if key != "hash"}
-    return hashlib.sha256(_compact(rest, sort=True).encode()).hexdigest()
 
 
 def _compact(value: object, *, sort: bool = False) -> str:

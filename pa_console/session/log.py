@@ -1,7 +1,5 @@
-"""Writes the session log: hash-chained JSONL, one record a line, as it happens."""
+"""Writes the session log: hash-chained and signed JSONL, one record a line, as it happens."""
 
-import fcntl
-import os
 import re
 import time
 from collections.abc import Callable
@@ -11,17 +9,13 @@ from typing import Self
 
 import platformdirs
 
-from pa_console.schema.event import Event
-from pa_console.session.chain import (
-    GENESIS,
-    LogError,
-    Record,
-    os_error,
-    own_problem,
-    parse,
-    seal,
-)
-from pa_console.session.reader import VerifyResult, read_log, verify
+from pa_console.schema.event import Event, LogSigned
+from pa_console.session.chain import GENESIS, LogError, os_error, seal
+from pa_console.session.head import head_path, sign_head, write_head
+from pa_console.session.log_file import LogFile
+from pa_console.session.reader import read_log
+from pa_console.session.verify import VerifyResult, verify
+from pa_console.signing import Signer
 
 __all__ = [
     "LogError",
@@ -35,6 +29,8 @@ __all__ = [
 
 FLUSH_RECORDS = 50
 FLUSH_SECONDS = 1.0
+SIGN_RECORDS = 100
+SIGN_SECONDS = 5.0
 DURABLE_KINDS = frozenset(
     (
         "session_started", "incident", "mission_received", "decision_made", "plan_voided",
@@ -74,7 +70,9 @@ class LogWriter:
     """Appends events to a log that it alone holds; not for use by several threads.
 
     Records are written at least every FLUSH_RECORDS records or FLUSH_SECONDS seconds, and are
-    safe on the disk at once for DURABLE_KINDS. When the disk refuses, the records are kept in
+    safe on the disk at once for DURABLE_KINDS. With a `signer`, the log is signed after its first
+    record, after every SIGN_RECORDS records, with the first record after SIGN_SECONDS seconds, and
+    on closing; its signed head follows each time. When the disk refuses, the records are kept in
     memory and written as soon as it takes them again; `on_error` is told once each time that
     begins. Without `on_error` the LogError is raised from `append` or `flush` instead, and the
     event is kept all the same.
@@ -85,31 +83,32 @@ class LogWriter:
         path: Path,
         session: str,
         *,
+        signer: Signer | None = None,
         on_error: Callable[[LogError], None] | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Open `path`, new or to be continued; a torn last line moves to `PATH.torn`.
 
         Raises LogError when the file cannot be opened, is held by another console, belongs to
-        another session or does not end in a sound record.
+        another session, does not end in a sound record, or is not what its signed head, of the
+        key of `signer`, vouches for.
         """
         self.path, self.session = path, session
         self.error: LogError | None = None
-        self._on_error, self._clock = on_error, clock
-        self._seq, self._head = 0, GENESIS
+        self._signer, self._on_error, self._clock = signer, on_error, clock
         self._pending, self._records = bytearray(), 0
-        self._flushed_at = clock()
+        self._file = LogFile(path, session, signer and signer.public)
+        self._seq, self._hash = self._file.seq, self._file.hash
+        self._last: Event | None = None
+        signed = self._file.head.seq if self._file.head is not None else 0
+        self._unsigned, self._found, self._headless = 0, self._seq - signed, False
+        self._flushed_at = self._signed_at = clock()
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
+            if signer is not None and self._file.head is None:
+                write_head(path, sign_head(session, 0, GENESIS, False, signer), lasting=True)
         except OSError as error:
-            raise os_error(path, "open the session log", error) from error
-        try:
-            self._lock()
-            self._continue()
-        except BaseException:
-            os.close(self._file)
-            raise
+            self._file.close()
+            raise os_error(head_path(path), "write the signed head", error) from error
         self._open = True
 
     @property
@@ -120,7 +119,7 @@ class LogWriter:
     @property
     def head(self) -> str:
         """The hash of the last record: noted down elsewhere, it vouches for the whole log."""
-        return self._head
+        return self._hash
 
     @property
     def unwritten(self) -> int:
@@ -133,10 +132,14 @@ class LogWriter:
             return
         if not self._open:
             raise LogError(str(self.path), 0, "the session log is closed")
-        line, self._head = seal(event, session=self.session, seq=self._seq + 1, prev=self._head)
-        self._seq += 1
-        self._records += 1
-        self._pending += line.encode() + b"\n"
+        first, self._last = self._last is None, event
+        self._put(event)
+        waited = self._clock() - self._signed_at
+        if self._signer is not None and (
+            first or self._unsigned >= SIGN_RECORDS or waited >= SIGN_SECONDS
+        ):
+            self._sign(event, self._signer)
+            return
         durable = event.data.kind in DURABLE_KINDS
         waited = self._clock() - self._flushed_at
         if durable or self._records >= FLUSH_RECORDS or waited >= FLUSH_SECONDS:
@@ -146,14 +149,12 @@ class LogWriter:
         """Write what is pending; `durable` also waits until the disk has it."""
         self._flushed_at = self._clock()
         try:
-            while self._pending:
-                written = os.write(self._file, self._pending)
-                del self._pending[:written]
+            self._file.write(self._pending)
             self._records = 0
             if durable:
-                os.fsync(self._file)
+                self._file.sync()
         except OSError as error:
-            self._report(error)
+            self._report(error, "write the session log")
         else:
             self.error = None
 
@@ -162,13 +163,16 @@ class LogWriter:
         if not self._open:
             return
         try:
-            self.flush()
+            if self._signer is not None and self._last is not None:
+                self._sign(self._last, self._signer, closing=True)
+            else:
+                self.flush()
             if self._records:
                 problem = f"{self._records} records at its end could not be written"
                 raise LogError(str(self.path), 0, f"{problem}; {self.error and self.error.problem}")
         finally:
             self._open = False
-            os.close(self._file)
+            self._file.close()
 
     def __enter__(self) -> Self:
         return self
@@ -181,55 +185,37 @@ class LogWriter:
     ) -> None:
         self.close()
 
-    def _report(self, error: OSError) -> None:
+    def _put(self, event: Event, signer: Signer | None = None) -> None:
+        line, self._hash = seal(
+            event, session=self.session, seq=self._seq + 1, prev=self._hash, signer=signer
+        )
+        self._seq += 1
+        self._records += 1
+        self._unsigned += 1
+        self._pending += line.encode() + b"\n"
+
+    def _sign(self, last: Event, signer: Signer, *, closing: bool = False) -> None:
+        """Vouch for everything up to `last` in the log, and once it is on the disk in its head."""
+        signed = LogSigned(key=signer.public, closing=closing, found=self._found)
+        self._put(Event(t=last.t, tick=last.tick, data=signed), signer)
+        self._unsigned, self._found, self._signed_at = 0, 0, self._clock()
+        self.flush()
+        if self.error is not None:
+            return
+        try:
+            head = sign_head(self.session, self._seq, self._hash, closing, signer)
+            write_head(self.path, head, lasting=closing)
+        except OSError as error:
+            told, self._headless = self._headless, True
+            if not told or self._on_error is None:
+                self._report(error, "write the signed head of the session log")
+        else:
+            self._headless = False
+
+    def _report(self, error: OSError, task: str) -> None:
         first = self.error is None
-        self.error = os_error(self.path, "write the session log", error)
+        self.error = os_error(self.path, task, error)
         if self._on_error is None:
             raise self.error from error
         if first:
             self._on_error(self.error)
-
-    def _lock(self) -> None:
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            problem = "another console is writing this log; give this one a log of its own"
-            raise LogError(str(self.path), 0, problem) from error
-        except OSError as error:
-            raise os_error(self.path, "lock the session log", error) from error
-
-    def _continue(self) -> None:
-        """Take the chain up where the file ends."""
-        try:
-            content = self.path.read_bytes()
-            whole, end, torn = content.rpartition(b"\n")
-            if torn:
-                self._set_aside(torn, keep=len(whole) + len(end))
-        except OSError as error:
-            raise os_error(self.path, "continue the session log", error) from error
-        if end:
-            last = self._last_record(whole)
-            self._seq, self._head = last.fields["seq"], last.hash
-
-    def _last_record(self, content: bytes) -> Record:
-        before, _, line = content.rpartition(b"\n")
-        number = before.count(b"\n") + 2 if before else 1
-        try:
-            record = parse(line)
-            problem = own_problem(record)
-            if not problem and record.fields["session"] != self.session:
-                problem = f"the log belongs to session {record.fields['session']!r}"
-        except ValueError as error:
-            problem = str(error)
-        else:
-            if not problem:
-                return record
-        raise LogError(str(self.path), number, f"{problem}; start a new log instead")
-
-    def _set_aside(self, torn: bytes, keep: int) -> None:
-        aside = self.path.with_name(self.path.name + ".torn")
-        with aside.open("ab") as file:
-            file.write(torn + b"\n")
-            file.flush()
-            os.fsync(file.fileno())
-        os.ftruncate(self._file, keep)

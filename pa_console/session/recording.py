@@ -41,7 +41,8 @@ class Recording:
                     event = parse(line).event
                 except ValueError as error:
                     raise LogError(str(path), number, str(error)) from error
-                recording._add(event, line if event.data.kind == TELEMETRY else event)
+                if not event.data.transient:
+                    recording._add(event, line if event.data.kind == TELEMETRY else event)
         except LogError as error:
             if not len(recording):
                 raise

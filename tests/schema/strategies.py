@@ -71,7 +71,8 @@ def values(annotation: Any, metadata: Any = ()) -> st.SearchStrategy[Any]:
 def _scalars(annotation: Any, metadata: Any) -> st.SearchStrategy[Any]:
     pattern: str | None = next((p for m in metadata if (p := getattr(m, "pattern", None))), None)
     if pattern is not None:
-        return st.from_regex(rf"\A{pattern.strip('^$')}\Z").map(lambda text: text[:60])
+        most = next((n for m in metadata if (n := getattr(m, "max_length", None))), None)
+        return st.from_regex(rf"\A{pattern.strip('^$')}\Z").map(lambda text: text[:most])
     if annotation is str:
         most = _bound(metadata, MaxLen, "max_length", 12)
         least = _bound(metadata, MinLen, "min_length", 0)

@@ -1,0 +1,100 @@
+"""The file of a session log: held by one console, and taken up where it ends soundly."""
+
+import fcntl
+import os
+from pathlib import Path
+
+from pa_console.session.chain import GENESIS, LogError, Record, os_error, own_problem, parse
+from pa_console.session.head import require_head
+
+
+class LogFile:
+    """An open log that no other console can open; `seq` and `hash` are its last record's.
+
+    `head` is the signed head beside it, if there is one.
+    """
+
+    def __init__(self, path: Path, session: str, public: str | None) -> None:
+        """Open `path`, new or to be continued; a torn last line moves to `PATH.torn`.
+
+        Raises LogError, with nothing changed, when the file cannot be opened, is held by another
+        console, belongs to another session, does not end in a sound record, or is not what its
+        head vouches for; the head must be signed by the key `public`, if one is given.
+        """
+        self.path = path
+        self.seq, self.hash = 0, GENESIS
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
+        except OSError as error:
+            raise os_error(path, "open the session log", error) from error
+        try:
+            self._lock()
+            torn = self._find_end(session)
+            self.head = require_head(path, session, self.seq, public)
+            if torn:
+                self._set_aside(torn)
+        except BaseException:
+            os.close(self._file)
+            raise
+
+    def write(self, pending: bytearray) -> None:
+        """Append `pending`, taking out of it what is written; raises OSError."""
+        while pending:
+            written = os.write(self._file, pending)
+            del pending[:written]
+
+    def sync(self) -> None:
+        """Wait until the disk has what was written; raises OSError."""
+        os.fsync(self._file)
+
+    def close(self) -> None:
+        """Let go of the file."""
+        os.close(self._file)
+
+    def _lock(self) -> None:
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            problem = "another console is writing this log; give this one a log of its own"
+            raise LogError(str(self.path), 0, problem) from error
+        except OSError as error:
+            raise os_error(self.path, "lock the session log", error) from error
+
+    def _find_end(self, session: str) -> bytes:
+        """Note the last record; return what follows it, a line without its end."""
+        try:
+            whole, end, torn = self.path.read_bytes().rpartition(b"\n")
+        except OSError as error:
+            raise os_error(self.path, "continue the session log", error) from error
+        if end:
+            last = self._last_record(whole, session)
+            self.seq, self.hash = last.fields["seq"], last.hash
+        return torn
+
+    def _last_record(self, content: bytes, session: str) -> Record:
+        before, _, line = content.rpartition(b"\n")
+        number = before.count(b"\n") + 2 if before else 1
+        try:
+            record = parse(line)
+            problem = own_problem(record)
+            if not problem and record.fields["session"] != session:
+                problem = f"the log belongs to session {record.fields['session']!r}"
+        except ValueError as error:
+            problem = str(error)
+        else:
+            if not problem:
+                return record
+        raise LogError(str(self.path), number, f"{problem}; start a new log instead")
+
+    def _set_aside(self, torn: bytes) -> None:
+        """Move the torn end of the file to a file of its own."""
+        aside = self.path.with_name(self.path.name + ".torn")
+        try:
+            with aside.open("ab") as file:
+                file.write(torn + b"\n")
+                file.flush()
+                os.fsync(file.fileno())
+            os.ftruncate(self._file, os.fstat(self._file).st_size - len(torn))
+        except OSError as error:
+            raise os_error(self.path, "continue the session log", error) from error

@@ -1,0 +1,199 @@
+"""Verifies a session log: its chain, its signatures and its signed head."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from pa_console.schema.event import LogSigned
+from pa_console.session.chain import LogError, Record, link_problem, parse, signed_part
+from pa_console.session.damage import Damage, DamageKind, Sound, find_damage, find_forgery
+from pa_console.session.head import Head, head_path, read_head
+from pa_console.session.reader import read_lines
+from pa_console.signing import fingerprint, is_signature, known_keys
+
+Standing = Literal["signed", "open", "not signed"]
+"""Signed to its end; signed, but not (yet) to an end; without any signature."""
+
+
+@dataclass(frozen=True)
+class VerifyResult:
+    """Whether a log is whole; `first_bad_line` counts from 1 and is None when no line is to blame.
+
+    With `last_bad_line`, what is wrong is between the two. `lines` are the sound lines before;
+    `head`, the hash of the last, and `note` are those of a log in which nothing is wrong. The
+    signatures of the key with the fingerprint `key` vouch for the first `vouched` lines.
+    """
+
+    ok: bool
+    lines: int
+    first_bad_line: int | None = None
+    problem: str = ""
+    note: str = ""
+    session: str = ""
+    head: str = ""
+    damage: DamageKind | None = None
+    last_bad_line: int | None = None
+    standing: Standing = "not signed"
+    vouched: int = 0
+    key: str = ""
+
+    @property
+    def intact(self) -> bool:
+        """Whether every line, and that there are no more, is vouched for by a known key."""
+        return self.ok and self.standing == "signed"
+
+
+def verify(path: Path, known: Collection[str] | None = None) -> VerifyResult:
+    """Check every record, the chain, the signatures and the head of the log at `path`.
+
+    `known` are the fingerprints that may vouch, this machine's when it is None. Raises LogError
+    when a file cannot be read, SigningError when this machine's key cannot.
+    """
+    try:
+        head, head_problem = read_head(path), ""
+    except ValueError as error:
+        head, head_problem = None, str(error)
+    chain = _Chain(path, head)
+    damage = chain.read() or chain.key_damage(known)
+    if damage is None and head_problem:
+        damage = Damage("head-damaged", None, head_problem)
+    damage = damage or chain.head_damage()
+    lines, last = chain.sound.lines, chain.sound.before
+    if damage is not None and damage.line is not None:
+        lines = min(lines, damage.line - 1)
+    return VerifyResult(
+        ok=damage is None,
+        lines=lines,
+        first_bad_line=damage and damage.line,
+        problem=damage.problem if damage else "",
+        note="" if damage else chain.note(),
+        session=last.fields["session"] if last else "",
+        head=last.hash if last and not damage else "",
+        damage=damage and damage.kind,
+        last_bad_line=damage and damage.through,
+        standing=chain.standing(),
+        vouched=min(chain.sound.vouched, lines),
+        key=fingerprint(chain.key) if chain.key else "",
+    )
+
+
+class _Chain:
+    """Follows a log to its end or to its first damage."""
+
+    def __init__(self, path: Path, head: Head | None) -> None:
+        self._path, self._head = path, head
+        self.sound = Sound()
+        self.key = ""
+        self._key_line = 0
+        self._hash_at_head = ""
+        self._notes: list[str] = []
+
+    def read(self) -> Damage | None:
+        """Read every line; return the first damage to the chain or a signature."""
+        try:
+            for _, line in read_lines(self._path):
+                try:
+                    record = parse(line)
+                    problem = link_problem(record, self.sound.before)
+                except ValueError as error:
+                    record, problem = None, str(error)
+                if record is None or problem:
+                    return find_damage(self._path, self.sound, line, problem, self._head)
+                if damage := self._add(record, line):
+                    return damage
+        except LogError as error:
+            if not error.line:
+                raise
+            if self._head is not None and self._head.seq >= error.line:
+                problem = f"{error.problem}, and the signed head says that {self._head.seq} follow"
+                return Damage("cut-short", error.line, problem)
+            problem = "; a crash leaves this, and the log goes on without it when opened again"
+            return Damage("half-line", error.line, error.problem + problem)
+        return None
+
+    def _add(self, record: Record, line: bytes) -> Damage | None:
+        number, signed = self.sound.lines + 1, record.event.data
+        if isinstance(signed, LogSigned):
+            if not is_signature(signed.signature, signed_part(record.fields), signed.key):
+                return find_forgery(self._path, self.sound, line, record)
+            if self.key and signed.key != self.key:
+                problem = f"signed by another key than line {self._key_line}"
+                return Damage("unknown-key", number, f"{problem}: {fingerprint(signed.key)}")
+            if not self.key:
+                self.key, self._key_line = signed.key, number
+            if signed.found:
+                was = f"{signed.found} records before line {number} were not signed yet when"
+                self._notes.append(f"{was} the log was opened again")
+            self.sound.vouched = number
+        self.sound.add(record)
+        if self._head is not None and number == self._head.seq:
+            self._hash_at_head = record.hash
+        return None
+
+    def key_damage(self, known: Collection[str] | None) -> Damage | None:
+        """Return the damage if the log is signed by a key that is not among the `known`."""
+        if not self.key:
+            return None
+        known = known_keys() if known is None else known
+        if (found := fingerprint(self.key)) in known:
+            return None
+        own = f"known here: {', '.join(sorted(known)) or 'none'}"
+        problem = f"signed by an unknown key, {found} ({own}); whoever can rewrite a log can sign "
+        problem += "it with a key of their own: compare this one where the log was made"
+        return Damage("unknown-key", self._key_line, problem)
+
+    def head_damage(self) -> Damage | None:
+        """Return the damage if an otherwise sound log is not the one that its head vouches for."""
+        head, sound, name = self._head, self.sound, head_path(self._path).name
+        if head is None:
+            problem = f"the log is signed, but its head {name} is gone: its end may be, too"
+            return Damage("head-missing", None, problem) if self.key else None
+        last = sound.before
+        if (self.key and head.key != self.key) or (
+            last is not None and last.fields["session"] != head.session
+        ):
+            problem = f"{name} is the head of the log of session {head.session!r}"
+            return Damage("head-of-another-log", None, problem)
+        if head.seq and not self.key and last is not None:
+            problem = f"its signatures were removed: {name} says that {head.seq} lines were signed"
+            return Damage("signatures-removed", min(2, sound.lines), problem, sound.lines)
+        if head.seq > sound.lines:
+            problem = f"the log was cut short: the signed head says that it has {head.seq} lines"
+            return Damage("cut-short", sound.lines + 1, f"{problem}, and it has {sound.lines}")
+        if head.seq and head.hash != self._hash_at_head:
+            if head.seq <= sound.vouched:
+                problem = f"{name} is the head of another log than this one"
+                return Damage("head-of-another-log", None, problem)
+            first = sound.vouched + 1
+            problem = f"lines {first} to {head.seq} were rewritten: {name} has another hash"
+            return Damage("rewritten", first, problem, head.seq)
+        return None
+
+    def standing(self) -> Standing:
+        """Return how far the signatures go."""
+        last = self.sound.before
+        if last is not None and isinstance(last.event.data, LogSigned) and last.event.data.closing:
+            return "signed"
+        return "open" if self.key or self._head is not None else "not signed"
+
+    def note(self) -> str:
+        """Return what is worth knowing of a log in which nothing is wrong."""
+        last, standing = self.sound.before, self.standing()
+        notes = self._notes.copy()
+        if last is None:
+            notes.append("the log is empty")
+        elif standing == "not signed" and last.event.data.kind != "session_ended":
+            notes.append(
+                "no session end: the session is still running, stopped without warning, "
+                f"or its log was cut off after line {self.sound.lines}"
+            )
+        elif standing == "open":
+            rest = self.sound.lines - self.sound.vouched
+            notes.append(
+                f"it ends after its last signature, on line {self.sound.vouched}, with {rest} "
+                "unsigned records: the session is still running or stopped without warning"
+            )
+        if standing == "signed" and self._head and self._head.seq < self.sound.vouched:
+            notes.append("its signed head is older than its last signature, as after a crash")
+        return "; ".join(notes)

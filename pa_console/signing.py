@@ -1,0 +1,140 @@
+"""Ed25519 signatures: this machine's key, made on first use, and the checking of anybody's."""
+
+import base64
+import hashlib
+import os
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from filelock import FileLock, Timeout
+from platformdirs import user_config_path
+
+if TYPE_CHECKING:
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
+KEY_VARIABLE = "PA_CONSOLE_SIGNING_KEY"
+KEY_FILE = "signing-key.pem"
+LOCK_SECONDS = 10.0
+_FINGERPRINT = re.compile(r"SHA256:[A-Za-z0-9+/]{43}")
+
+
+class SigningError(ValueError):
+    """A key that cannot be made or read, worded with its path and a remedy."""
+
+
+class Signer:
+    """Signs with one private key; `public` is its public key, 32 bytes in hexadecimal."""
+
+    def __init__(self, key: "Ed25519PrivateKey") -> None:
+        self._key = key
+        self.public = key.public_key().public_bytes_raw().hex()
+
+    @property
+    def fingerprint(self) -> str:
+        """The fingerprint of the public key."""
+        return fingerprint(self.public)
+
+    def sign(self, message: bytes) -> str:
+        """Return the signature of `message`, 64 bytes in hexadecimal; takes about 50 µs."""
+        return self._key.sign(message).hex()
+
+
+def key_path() -> Path:
+    """Return where this machine's private key is or will be; PA_CONSOLE_SIGNING_KEY overrides."""
+    given = os.environ.get(KEY_VARIABLE)
+    return Path(given).expanduser() if given else user_config_path("pa-console") / KEY_FILE
+
+
+def load_signer() -> Signer:
+    """Return this machine's signer; the key is made, for its owner alone to read, on first use.
+
+    Two consoles that start at once get the same key. Raises SigningError when it can be neither
+    read nor made.
+    """
+    path = key_path()
+    try:
+        if (signer := _read(path)) is not None:
+            return signer
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with FileLock(f"{path}.lock", timeout=LOCK_SECONDS):
+            return _read(path) or _make(path)
+    except Timeout as error:
+        raise SigningError(f"{path}: another console holds {path.name}.lock; try again") from error
+    except OSError as error:
+        raise SigningError(
+            f"{path}: cannot make or read the signing key: {error.strerror or error}; "
+            f"check that folder, or name another file in {KEY_VARIABLE}"
+        ) from error
+
+
+def known_keys() -> frozenset[str]:
+    """Return the fingerprints of this machine's keys: one, or none before it is made.
+
+    Raises SigningError for a key file that cannot be read.
+    """
+    try:
+        signer = _read(key_path())
+    except OSError as error:
+        raise SigningError(f"{key_path()}: {error.strerror or error}") from error
+    return frozenset((signer.fingerprint,)) if signer is not None else frozenset()
+
+
+def fingerprint(public: str) -> str:
+    """Return what people compare of a public key in hexadecimal: `SHA256:` and 43 characters."""
+    digest = hashlib.sha256(bytes.fromhex(public)).digest()
+    return "SHA256:" + base64.b64encode(digest).decode().rstrip("=")
+
+
+def is_fingerprint(text: str) -> bool:
+    """Whether `text` has the form of a fingerprint."""
+    return _FINGERPRINT.fullmatch(text) is not None
+
+
+def is_signature(signature: str, message: bytes, public: str) -> bool:
+    """Whether `signature` is that of `message` by the owner of `public`; all in hexadecimal."""
+    from cryptography.exceptions import InvalidSignature  # noqa: PLC0415 - slow to import
+    from cryptography.hazmat.primitives.asymmetric import ed25519  # noqa: PLC0415
+
+    try:
+        key = ed25519.Ed25519PublicKey.from_public_bytes(bytes.fromhex(public))
+        key.verify(bytes.fromhex(signature), message)
+    except (InvalidSignature, ValueError):
+        return False
+    return True
+
+
+def _read(path: Path) -> Signer | None:
+    """Return the signer of the key at `path`, None when there is no such file."""
+    from cryptography.exceptions import UnsupportedAlgorithm  # noqa: PLC0415 - slow to import
+    from cryptography.hazmat.primitives.asymmetric import ed25519  # noqa: PLC0415
+    from cryptography.hazmat.primitives.serialization import load_pem_private_key  # noqa: PLC0415
+
+    try:
+        key = load_pem_private_key(path.read_bytes(), None)
+    except FileNotFoundError:
+        return None
+    except (ValueError, TypeError, UnsupportedAlgorithm) as error:
+        problem = "not an unencrypted private key in PEM; restore it, or move it away for a new one"
+        raise SigningError(f"{path}: {problem}") from error
+    if not isinstance(key, ed25519.Ed25519PrivateKey):
+        raise SigningError(f"{path}: not an Ed25519 key; move it away and a new one is made")
+    return Signer(key)
+
+
+def _make(path: Path) -> Signer:
+    """Make a key and have it safely at `path` before it signs anything."""
+    from cryptography.hazmat.primitives import serialization as form  # noqa: PLC0415 - slow
+    from cryptography.hazmat.primitives.asymmetric import ed25519  # noqa: PLC0415
+
+    key = ed25519.Ed25519PrivateKey.generate()
+    pem = key.private_bytes(form.Encoding.PEM, form.PrivateFormat.PKCS8, form.NoEncryption())
+    new = path.with_name(path.name + ".new")
+    new.unlink(missing_ok=True)
+    file = os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+    with os.fdopen(file, "wb") as stream:
+        stream.write(pem)
+        stream.flush()
+        os.fsync(stream.fileno())
+    os.replace(new, path)
+    return Signer(key)

@@ -1,0 +1,161 @@
+"""A signed log says how far it is signed, whatever became of the console that wrote it."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from pa_console.session.head import head_path, read_head
+from pa_console.session.log import SIGN_RECORDS, LogError, LogWriter, read_log, verify
+from pa_console.session.replay import Player
+from tests.session.story import story, telemetry
+from tests.session.tamper import KNOWN, MINE, OTHER, is_signed, long_story, write_signed
+
+
+def signed_lines(log: Path) -> list[int]:
+    lines = log.read_bytes().splitlines()
+    return [number for number, line in enumerate(lines, start=1) if is_signed(line)]
+
+
+def test_a_closed_log_is_vouched_for_to_its_end(tmp_path: Path) -> None:
+    log = write_signed(tmp_path / "s.jsonl")
+    found = verify(log, KNOWN)
+    assert found.intact
+    assert (found.standing, found.note, found.key) == ("signed", "", MINE.fingerprint)
+    assert found.vouched == found.lines == signed_lines(log)[-1]
+    head = read_head(log)
+    assert head is not None
+    assert (head.closed, head.seq, head.hash) == (True, found.lines, found.head)
+
+
+def test_signatures_are_no_part_of_what_the_log_tells(tmp_path: Path) -> None:
+    log = write_signed(tmp_path / "s.jsonl")
+    told = [event for event in long_story() if not event.data.transient]
+    assert len(signed_lines(log)) > 2
+    assert list(read_log(log)) == told
+    player = Player.open(log)
+    assert [player.recording[n] for n in range(len(player.recording))] == told
+
+
+def test_a_log_without_signatures_says_so_and_reads_as_ever(tmp_path: Path) -> None:
+    log = tmp_path / "old.jsonl"
+    with LogWriter(log, "S1") as writer:
+        for event in story():
+            writer.append(event)
+    found = verify(log, KNOWN)
+    assert (found.ok, found.intact, found.standing) == (True, False, "not signed")
+    assert not head_path(log).exists()
+
+
+def test_a_key_that_is_not_known_is_told(tmp_path: Path) -> None:
+    log = write_signed(tmp_path / "s.jsonl", signer=OTHER)
+    found = verify(log, KNOWN)
+    assert (found.damage, found.first_bad_line) == ("unknown-key", 2)
+    assert OTHER.fingerprint in found.problem
+    assert MINE.fingerprint in found.problem
+    assert verify(log, {OTHER.fingerprint}).intact
+
+
+def test_it_is_signed_every_so_many_records_and_seconds(tmp_path: Path) -> None:
+    log, now = tmp_path / "s.jsonl", 0.0
+    with LogWriter(log, "s", signer=MINE, clock=lambda: now) as writer:
+        for number in range(SIGN_RECORDS + 1):
+            writer.append(telemetry(number))
+        assert signed_lines(log) == [2, 2 + SIGN_RECORDS + 1]
+        now = 5.0
+        writer.append(telemetry(200))
+        assert signed_lines(log)[2:] == [2 + SIGN_RECORDS + 3]
+
+
+def test_a_console_that_dies_leaves_a_log_that_is_signed_up_to_a_line(tmp_path: Path) -> None:
+    log = tmp_path / "s.jsonl"
+    writer = LogWriter(log, "S1", signer=MINE, clock=lambda: 0.0)
+    empty = verify(log, KNOWN)
+    assert (empty.ok, empty.standing, empty.note) == (True, "open", "the log is empty")
+    for event in long_story()[:-1]:
+        writer.append(event)
+    writer.flush()
+    found = verify(log, KNOWN)
+    assert (found.ok, found.intact, found.standing, found.vouched) == (True, False, "open", 2)
+    assert f"{found.lines - 2} unsigned records" in found.note
+    writer.close()
+    assert verify(log, KNOWN).intact
+
+
+def test_a_log_that_is_opened_again_says_what_was_not_signed_then(tmp_path: Path) -> None:
+    log, session = tmp_path / "s.jsonl", long_story()
+    dying = LogWriter(log, "S1", signer=MINE, clock=lambda: 0.0)
+    for event in session[:9]:
+        dying.append(event)
+    dying.flush()
+    content, head = log.read_bytes(), head_path(log).read_bytes()
+    dying.close()
+    log.write_bytes(content + b'{"seq":10,"t":')
+    head_path(log).write_bytes(head)
+    lines = content.count(b"\n")
+    with LogWriter(log, "S1", signer=MINE, clock=lambda: 0.0) as writer:
+        for event in session[9:]:
+            writer.append(event)
+    found = verify(log, KNOWN)
+    assert found.intact
+    assert f"{lines - 2} records before line {lines + 2} were not signed yet" in found.note
+    assert list(read_log(log)) == [event for event in session if not event.data.transient]
+
+
+def test_a_head_that_is_older_than_the_last_signature_is_a_crash(tmp_path: Path) -> None:
+    log = tmp_path / "s.jsonl"
+    writer = LogWriter(log, "S1", signer=MINE)
+    writer.append(long_story()[0])
+    head = head_path(log).read_bytes()
+    writer.close()
+    head_path(log).write_bytes(head)
+    found = verify(log, KNOWN)
+    assert found.intact
+    assert "older" in found.note
+
+
+@pytest.mark.parametrize("keep", [-1, -100])
+def test_a_log_that_was_cut_short_is_not_gone_on_with(tmp_path: Path, keep: int) -> None:
+    log = write_signed(tmp_path / "s.jsonl")
+    lines = log.read_bytes().splitlines(keepends=True)
+    cut = b"".join(lines[:-1]) + (lines[-1][:50] if keep == -100 else b"")
+    log.write_bytes(cut)
+    with pytest.raises(LogError, match=r"cut short.*start a new log"):
+        LogWriter(log, "S1", signer=MINE)
+    assert log.read_bytes() == cut
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["s.jsonl", "s.jsonl.head"]
+
+
+def test_a_log_is_not_gone_on_with_by_another_key_or_with_another_head(tmp_path: Path) -> None:
+    log = write_signed(tmp_path / "s.jsonl")
+    with pytest.raises(LogError, match="another key"):
+        LogWriter(log, "S1", signer=OTHER)
+    other = write_signed(tmp_path / "other.jsonl", "S2")
+    head_path(other).replace(head_path(log))
+    with pytest.raises(LogError, match="session 'S2'"):
+        LogWriter(log, "S1", signer=MINE)
+    head_path(log).write_bytes(b"{}")
+    with pytest.raises(LogError, match="not a signed head"):
+        LogWriter(log, "S1", signer=MINE)
+
+
+def test_a_head_that_cannot_be_written_is_reported_once_and_loses_no_record(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log, reported = tmp_path / "s.jsonl", list[LogError]()
+
+    def refused(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    session = long_story()
+    writer = LogWriter(log, "S1", signer=MINE, on_error=reported.append)
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "replace", refused)
+        writer.append(session[0])
+        for event in session[1:]:
+            writer.append(event)
+        assert len(reported) == 1
+        assert "signed head" in str(reported[0])
+    writer.close()
+    assert verify(log, KNOWN).intact
+    assert list(read_log(log)) == [event for event in session if not event.data.transient]
