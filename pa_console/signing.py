@@ -5,13 +5,12 @@ import hashlib
 import os
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
+from cryptography.hazmat.primitives import serialization as form
+from cryptography.hazmat.primitives.asymmetric import ed25519
 from filelock import FileLock, Timeout
 from platformdirs import user_config_path
-
-if TYPE_CHECKING:
-    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 KEY_VARIABLE = "PA_CONSOLE_SIGNING_KEY"
 KEY_FILE = "signing-key.pem"
@@ -26,7 +25,7 @@ class SigningError(ValueError):
 class Signer:
     """Signs with one private key; `public` is its public key, 32 bytes in hexadecimal."""
 
-    def __init__(self, key: "Ed25519PrivateKey") -> None:
+    def __init__(self, key: ed25519.Ed25519PrivateKey) -> None:
         self._key = key
         self.public = key.public_key().public_bytes_raw().hex()
 
@@ -93,9 +92,6 @@ def is_fingerprint(text: str) -> bool:
 
 def is_signature(signature: str, message: bytes, public: str) -> bool:
     """Whether `signature` is that of `message` by the owner of `public`; all in hexadecimal."""
-    from cryptography.exceptions import InvalidSignature  # noqa: PLC0415 - slow to import
-    from cryptography.hazmat.primitives.asymmetric import ed25519  # noqa: PLC0415
-
     try:
         key = ed25519.Ed25519PublicKey.from_public_bytes(bytes.fromhex(public))
         key.verify(bytes.fromhex(signature), message)
@@ -106,12 +102,8 @@ def is_signature(signature: str, message: bytes, public: str) -> bool:
 
 def _read(path: Path) -> Signer | None:
     """Return the signer of the key at `path`, None when there is no such file."""
-    from cryptography.exceptions import UnsupportedAlgorithm  # noqa: PLC0415 - slow to import
-    from cryptography.hazmat.primitives.asymmetric import ed25519  # noqa: PLC0415
-    from cryptography.hazmat.primitives.serialization import load_pem_private_key  # noqa: PLC0415
-
     try:
-        key = load_pem_private_key(path.read_bytes(), None)
+        key = form.load_pem_private_key(path.read_bytes(), None)
     except FileNotFoundError:
         return None
     except (ValueError, TypeError, UnsupportedAlgorithm) as error:
@@ -124,9 +116,6 @@ def _read(path: Path) -> Signer | None:
 
 def _make(path: Path) -> Signer:
     """Make a key and have it safely at `path` before it signs anything."""
-    from cryptography.hazmat.primitives import serialization as form  # noqa: PLC0415 - slow
-    from cryptography.hazmat.primitives.asymmetric import ed25519  # noqa: PLC0415
-
     key = ed25519.Ed25519PrivateKey.generate()
     pem = key.private_bytes(form.Encoding.PEM, form.PrivateFormat.PKCS8, form.NoEncryption())
     new = path.with_name(path.name + ".new")

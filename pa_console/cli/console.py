@@ -55,10 +55,12 @@ def console(
                 open_station,
             )
             from pa_console.session.log import LogWriter, default_folder, new_log_path  # noqa: PLC0415
+            from pa_console.signing import load_signer  # noqa: PLC0415
             from pa_console.tui.app import ConsoleApp  # noqa: PLC0415
 
             site = load_site(world, rules)
             played = open_scenario(site.world, site.world_path, scenario) if scenario else None
+            signer = load_signer()
             engine = Engine(found.result())
         finally:
             left.set()
@@ -76,7 +78,7 @@ def console(
     def cannot_write(error: LogError) -> None:
         app.notify(str(error), title="Session log", severity="error", timeout=30, markup=False)
 
-    with LogWriter(path, station.session, on_error=cannot_write) as log:
+    with LogWriter(path, station.session, signer=signer, on_error=cannot_write) as log:
         app = ConsoleApp(
             site.world,
             station,

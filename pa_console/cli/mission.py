@@ -37,6 +37,7 @@ from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision
 from pa_console.session.fold import SessionState
 from pa_console.session.log import LogWriter, default_folder, new_log_path
+from pa_console.signing import load_signer
 
 
 class Approve(StrEnum):
@@ -86,6 +87,7 @@ def mission(
     setup = [_incident(number, text_) for number, text_ in enumerate(event or (), start=1)]
     site = load_site(world, rules)
     played = open_scenario(site.world, site.world_path, scenario) if scenario else None
+    signer = load_signer()
     station = open_station(
         site,
         Engine(find_model(model)),
@@ -96,7 +98,10 @@ def mission(
     )
     approver = _ask if approve is Approve.ask else standing_approver(approve.value, override_reason)
     path = log or new_log_path(default_folder(), station.session)
-    with LogWriter(path, station.session) as writer, errors.status("starting") as status:
+    with (
+        LogWriter(path, station.session, signer=signer) as writer,
+        errors.status("starting") as status,
+    ):
         progress = _Progress(writer, status, ask=approve is Approve.ask)
         approver = progress.pausing(approver)
         traces = asyncio.run(

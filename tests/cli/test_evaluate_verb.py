@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pa_console.evaluation.results import read_runs
-from pa_console.session.reader import verify
+from pa_console.session.verify import verify
 from tests.cli.test_verbs import run
 
 MISSIONS = """\

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.session.reader import verify
+from pa_console.session.verify import verify
 from tests.cli.test_verbs import run
 
 MODEL = ("--model", "smollm2-135m", "--json")
@@ -29,7 +29,7 @@ def test_whatever_a_real_model_answers_is_handled(
     document = json.loads(done.stdout)
     mission = document["mission"]
     assert done.returncode == document["exit_code"] == EXIT[mission["status"]]
-    assert verify(log).ok
+    assert verify(log).intact
     assert mission["attempts"][0]["text"]
     final = mission["attempts"][-1]
     broken = [f for f in final["findings"] if f["status"] in ("violates", "error")]

@@ -11,7 +11,8 @@ from pa_console.cli import console, mission
 from pa_console.llm.catalog import LocalModel
 from pa_console.orchestrator.station import Station
 from pa_console.schema.event import SessionStarted
-from pa_console.session.reader import read_log, verify
+from pa_console.session.reader import read_log
+from pa_console.session.verify import verify
 from tests.cli.inside import Call, Done
 from tests.scripted import ScriptedEngine, plan
 
