@@ -95,16 +95,17 @@ def read_head(log: Path) -> Head | None:
 def require_head(log: Path, session: str, seq: int, public: str | None) -> Head | None:
     """Return the head of a log that is to go on after `seq` records, signed by `public` or not.
 
+    The head that a deleted log of another session left behind is as good as none for a new log.
     Raises LogError when they are not the log and the session that the head vouches for.
     """
     try:
         head = read_head(log)
     except ValueError as error:
         raise LogError(str(head_path(log)), 0, f"{error}; start a new log instead") from error
-    problem = ""
-    if head is None:
+    problem, mine = "", session.encode("utf-8", "replace").decode()
+    if head is None or (seq == 0 and head.session != mine):
         return None
-    if head.session != session.encode("utf-8", "replace").decode():
+    if head.session != mine:
         problem = f"it is the head of the log of session {head.session!r}"
     elif head.seq > seq:
         problem = f"the log was cut short: {head.seq} records were signed and {seq} are there"

@@ -139,6 +139,14 @@ def test_a_log_is_not_gone_on_with_by_another_key_or_with_another_head(tmp_path:
         LogWriter(log, "S1", signer=MINE)
 
 
+def test_a_new_log_in_the_place_of_a_deleted_one_has_a_head_of_its_own(tmp_path: Path) -> None:
+    log = write_signed(tmp_path / "s.jsonl")
+    log.unlink()
+    with pytest.raises(LogError, match="cut short"):
+        LogWriter(log, "S1", signer=MINE)
+    assert verify(write_signed(log, "S2"), KNOWN).intact
+
+
 def test_a_head_that_cannot_be_written_is_reported_once_and_loses_no_record(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
