@@ -12,6 +12,7 @@ from pa_console.schema.document import DocumentError
 from pa_console.schema.event import SessionStarted
 from pa_console.session.chain import LogError
 from pa_console.session.head import head_path
+from pa_console.session.reader import line_of
 from pa_console.session.verify import verify
 from pa_console.signing import is_fingerprint, known_keys
 
@@ -39,7 +40,9 @@ def replay(
     again: Annotated[
         bool,
         typer.Option(
-            "--resimulate", help="Run the session again: its telemetry must come out equal."
+            "--resimulate",
+            help="Run the session again: its telemetry and the rehearsals of its plans must come "
+            "out equal; name the first line that does not.",
         ),
     ] = False,
     world: Annotated[
@@ -86,7 +89,7 @@ def _play(log: Path, world: str | None, mouse: bool) -> None:
 
 
 def _resimulate(log: Path, world: str | None, scenario: str | None, json: bool) -> None:
-    """Run a recorded session again in a fresh simulation and compare its telemetry.
+    """Run a recorded session again in a fresh simulation; compare telemetry and rehearsals.
 
     A log that cannot be read to its end is compared up to there, and then raises its LogError.
     """
@@ -108,19 +111,24 @@ def _resimulate(log: Path, world: str | None, scenario: str | None, json: bool) 
         raise ValueError(f"{error}; give the session's own file with --scenario") from error
     with errors.status(f"running {len(recording)} events again"):
         twin = resimulate((recording[index] for index in range(len(recording))), place, situation)
+    line = line_of(log, twin.first_event) if twin.first_event is not None else None
     if json:
-        print_json(twin)
+        print_json({**asdict(twin), "first_line": line})
     elif twin.equal:
         out.print(
-            f"{log}: {twin.pictures} pictures, all equal; SHA-256 {twin.repeated_sha256}",
+            f"{log}: {twin.pictures} pictures, all equal, and {twin.rehearsals} rehearsals of "
+            f"plans; SHA-256 {twin.repeated_sha256}",
             markup=False,
             soft_wrap=True,
         )
     else:
+        place = f"{log}:{line}" if line is not None else str(log)
         errors.print(
-            f"{log}: {twin.different} of {twin.pictures} pictures differ, first at "
+            f"{place}: {twin.different} of {twin.pictures} pictures and "
+            f"{twin.different_rehearsals} of {twin.rehearsals} rehearsals differ, first at "
             f"{twin.first_difference}",
             markup=False,
+            soft_wrap=True,
         )
     if not twin.equal:
         raise typer.Exit(1)

@@ -28,3 +28,19 @@ def read_lines(path: Path) -> Iterator[tuple[int, bytes]]:
                 yield number, line[:-1]
     except OSError as error:
         raise os_error(path, "read the session log", error) from error
+
+
+def line_of(path: Path, event: int) -> int:
+    """Return the line of what a log tells as event number `event`, from 1; 0 if there is none.
+
+    Signatures take lines of their own. Raises LogError when the log cannot be read so far.
+    """
+    told = 0
+    for number, line in read_lines(path):
+        try:
+            told += not parse(line).event.data.transient
+        except ValueError as error:
+            raise LogError(str(path), number, str(error)) from error
+        if told == event:
+            return number
+    return 0

@@ -60,9 +60,11 @@ def test_an_honest_log_comes_out_equal(call: Call, folder: Path) -> None:
     done = resimulate(call, folder, log)
     assert done.code == 0, done.err
     pictures = sum('"kind":"telemetry"' in line for line in log.read_text().splitlines())
-    assert f"{pictures} pictures, all equal" in done.said
+    assert f"{pictures} pictures, all equal, and 3 rehearsals of plans" in done.said
     document = resimulate(call, folder, log, "--json").json
     assert (document["pictures"], document["different"]) == (pictures, 0)
+    assert (document["rehearsals"], document["different_rehearsals"]) == (3, 0)
+    assert document["first_line"] is None
     assert document["recorded_sha256"] == document["repeated_sha256"]
 
 
@@ -71,11 +73,24 @@ def test_a_tampered_command_differs(call: Call, folder: Path, tmp_path: Path) ->
     done = resimulate(call, folder, log)
     assert done.code == 1
     assert done.out == ""
-    assert "pictures differ, first at tick" in done.said
+    assert "differ, first at tick" in done.said
     shown = resimulate(call, folder, log, "--json")
     assert shown.code == 1
     assert shown.json["different"] > 0
     assert call("replay", str(log), "--verify").code == 2
+
+
+def test_a_doctored_rehearsal_differs_on_its_line(call: Call, folder: Path, tmp_path: Path) -> None:
+    was, now = '"covered_before":true', '"covered_before":false'
+    log = tampered(folder, tmp_path / "forged.jsonl", "plan_rehearsed", was, now)
+    done = resimulate(call, folder, log)
+    assert done.code == 1
+    lines = log.read_text(encoding="utf-8").splitlines()
+    number = next(n for n, line in enumerate(lines, 1) if '"kind":"plan_rehearsed"' in line)
+    assert f"{log}:{number}: 0 of" in done.said
+    assert "1 of 3 rehearsals differ, first at tick" in done.said
+    assert "rehearsal of plan 1: timeline: gates of " in done.said
+    assert resimulate(call, folder, log, "--json").json["first_line"] == number
 
 
 def test_a_log_that_breaks_off_in_a_bad_line_is_not_called_equal(
