@@ -34,6 +34,7 @@ def test_the_default_world_rules_and_catalogue_are_inside(wheel: set[str]) -> No
         "pa_console/data/worlds/checkpoint/missions/paper.yaml",
         "pa_console/data/rules/checkpoint.yaml",
         "pa_console/data/models/catalog.yaml",
+        "pa_console/py.typed",
     }
 
 

@@ -1,0 +1,206 @@
+"""Everything a user may choose: one schema, of which file, screen and help are made."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, Field
+from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, SettingsConfigDict
+
+ENV_PREFIX = "PA_CONSOLE_"
+
+
+def _whole(path: Path) -> Path:
+    """Return `path` with `~` resolved; a relative one would mean another folder every time."""
+    path = path.expanduser()
+    if not path.is_absolute():
+        raise ValueError("give the whole path, or one that begins with ~")
+    return path
+
+
+WholePath = Annotated[Path, AfterValidator(_whole)]
+
+
+def _about(group: str, *, restart: bool = True) -> dict[str, Any]:
+    """Return what the schema says of a field beyond its type: its group, and when it counts."""
+    return {"group": group, "restart": restart}
+
+
+class Settings(BaseSettings):
+    """The choices in force; whoever loads them merges the sources, so that each can be named."""
+
+    model_config = SettingsConfigDict(
+        env_prefix=ENV_PREFIX, env_ignore_empty=True, extra="forbid", frozen=True
+    )
+
+    model: str = Field(
+        default="",
+        title="Model",
+        description="The model that plans and judges: a name of the catalogue, or the path of a "
+        "GGUF file. Empty is the catalogue's default.",
+        json_schema_extra=_about("Session"),
+    )
+    world: str = Field(
+        default="checkpoint",
+        min_length=1,
+        title="World",
+        description="The world that the console opens: an installed name, a folder or a file.",
+        json_schema_extra=_about("Session"),
+    )
+    rules: str = Field(
+        default="checkpoint",
+        min_length=1,
+        title="Rules",
+        description="The rule set in force: an installed name, or the path of a file.",
+        json_schema_extra=_about("Session"),
+    )
+    speed: float = Field(
+        default=1.0,
+        ge=1.0,
+        le=8.0,
+        title="Speed",
+        description="Simulated seconds per second when the console opens.",
+        json_schema_extra=_about("Session"),
+    )
+    alarms: bool = Field(
+        default=True,
+        title="Alarms become missions",
+        description="Whether an alarm queues a mission by itself. Every plan still waits for you.",
+        json_schema_extra=_about("Approval and alarms"),
+    )
+    approval_delay_s: float = Field(
+        default=0.6,
+        ge=0.2,
+        le=10.0,
+        title="Approval hold delay",
+        description="Quiet seconds before the approval panel takes a key, so that no stray key "
+        "approves a plan.",
+        json_schema_extra=_about("Approval and alarms", restart=False),
+    )
+    stale_after_s: float = Field(
+        default=5.0,
+        ge=2.0,
+        le=120.0,
+        title="Telemetry is stale after",
+        description="Seconds without telemetry after which the top line warns.",
+        json_schema_extra=_about("Approval and alarms", restart=False),
+    )
+    theme: str = Field(
+        default="pa-console",
+        min_length=1,
+        title="Theme",
+        description="The colours of the console.",
+        json_schema_extra=_about("Screen", restart=False),
+    )
+    mouse: bool = Field(
+        default=True,
+        title="Mouse",
+        description="Whether the console takes the mouse; off leaves it to the terminal, to "
+        "select text.",
+        json_schema_extra=_about("Screen"),
+    )
+    history_kept: int = Field(
+        default=200,
+        ge=0,
+        le=10_000,
+        title="Missions remembered",
+        description="How many typed missions the arrow keys bring back in the mission field.",
+        json_schema_extra=_about("Screen"),
+    )
+    logs: WholePath | None = Field(
+        default=None,
+        title="Session logs",
+        description="The folder that session logs are written to. Empty is the user's state "
+        "folder.",
+        json_schema_extra=_about("Files"),
+    )
+    cache: WholePath | None = Field(
+        default=None,
+        title="Models and cache",
+        description="The folder of fetched models and of everything else that can be made again. "
+        "Empty is the user's cache folder.",
+        json_schema_extra=_about("Files"),
+    )
+    signing_key: WholePath | None = Field(
+        default=None,
+        title="Signing key",
+        description="The file of the key that signs session logs; it is made on first use. Empty "
+        "is the user's config folder.",
+        json_schema_extra=_about("Files"),
+    )
+    keys: dict[str, str] = Field(
+        default={},
+        title="Keys",
+        description="Other keys for the console's actions: an action's name and its keys, "
+        "separated by commas.",
+        json_schema_extra=_about("Keys", restart=False),
+    )
+
+    @classmethod
+    def settings_customise_sources(
+        cls,
+        settings_cls: type[BaseSettings],  # noqa: ARG003 - the library's signature
+        init_settings: PydanticBaseSettingsSource,
+        env_settings: PydanticBaseSettingsSource,  # noqa: ARG003
+        dotenv_settings: PydanticBaseSettingsSource,  # noqa: ARG003
+        file_secret_settings: PydanticBaseSettingsSource,  # noqa: ARG003
+    ) -> tuple[PydanticBaseSettingsSource, ...]:
+        """Take only what is given: `sources` merges, and so can say where a value is from."""
+        return (init_settings,)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One field as a person meets it; `limits` is empty where every value of the type is good."""
+
+    name: str
+    title: str
+    help: str
+    group: str
+    restart: bool
+    default: object
+    limits: str
+    boolean: bool
+
+    @property
+    def variable(self) -> str:
+        """The environment variable that sets it."""
+        return f"{ENV_PREFIX}{self.name.upper()}"
+
+
+def describe_settings() -> dict[str, Setting]:
+    """Return every field of the schema by name, in the schema's order."""
+    properties: Mapping[str, Mapping[str, Any]] = Settings.model_json_schema()["properties"]
+    return {
+        name: Setting(
+            name,
+            about["title"],
+            about["description"],
+            about["group"],
+            about["restart"],
+            Settings.model_fields[name].default,
+            _limits(about),
+            about.get("type") == "boolean",
+        )
+        for name, about in properties.items()
+    }
+
+
+def _limits(about: Mapping[str, Any]) -> str:
+    match about:
+        case {"type": "boolean"}:
+            return "on or off"
+        case {"minimum": least, "maximum": most, "type": kind}:
+            return f"a {'whole ' if kind == 'integer' else ''}number from {least:g} to {most:g}"
+        case _:
+            return ""
+
+
+def value_text(value: object) -> str:
+    """Write a value as a person types it; nothing chosen is an empty text."""
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    if isinstance(value, float):
+        return f"{value:g}"
+    return "" if value is None else str(value)

@@ -1,0 +1,169 @@
+"""Merges command line, environment, file and defaults, and says where each value comes from."""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Literal, cast
+
+from platformdirs import user_config_path
+from pydantic import ValidationError
+from pydantic_settings import EnvSettingsSource, SettingsError
+
+from pa_console.schema.document import Document, DocumentError, FieldPath
+from pa_console.settings.schema import ENV_PREFIX, Settings, describe_settings, value_text
+
+FILE_VARIABLE = f"{ENV_PREFIX}SETTINGS"
+PATHS = ("logs", "cache", "signing_key")
+EXPORTED = ("cache", "signing_key")
+"""What the parts below read from the environment, and their child processes too."""
+
+Source = Literal["command line", "environment", "file", "default"]
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a value comes from; `place` is an option, a variable, or a file with its line."""
+
+    source: Source
+    place: str = ""
+
+
+def settings_file() -> Path:
+    """Return the user's settings file; PA_CONSOLE_SETTINGS names another one."""
+    given = os.environ.get(FILE_VARIABLE)
+    return Path(given).expanduser() if given else user_config_path("pa-console") / "settings.yaml"
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """The settings in force, with the sources that they were merged from.
+
+    What is `given` comes from `--set`, or from the verb's own option for those in `options`.
+    """
+
+    path: Path
+    given: Mapping[str, object]
+    environment: Mapping[str, object]
+    document: Document | None
+    values: Settings
+    options: frozenset[str] = frozenset()
+
+    @property
+    def written(self) -> dict[str, object]:
+        """What the file says."""
+        return _mapping(self.document)
+
+    def origin(self, name: str) -> Origin:
+        """Return where the value of the field `name` comes from."""
+        if name in self.given:
+            return Origin("command line", f"--{'' if name in self.options else 'set '}{name}")
+        if name in self.environment:
+            return Origin("environment", f"{ENV_PREFIX}{name.upper()}")
+        if self.document is not None and name in self.written:
+            return Origin("file", f"{self.path}:{self.document.line((name,))}")
+        return Origin("default")
+
+    def error(self, field: FieldPath, problem: str) -> DocumentError:
+        """Return the error that says `problem` about `field`, where its value was given."""
+        origin = self.origin(str(field[0])) if field else Origin("file")
+        if origin.source in ("command line", "environment"):
+            rest = ".".join(map(str, field[1:]))
+            return DocumentError(origin.place, 0, rest, problem)
+        if self.document is None:
+            return DocumentError(str(self.path), 0, ".".join(map(str, field)), problem)
+        return self.document.error(field, problem)
+
+    def export(self) -> None:
+        """Put into the environment what is read from there; for this process and its children."""
+        for name in EXPORTED:
+            value: Path | None = getattr(self.values, name)
+            if value is not None:
+                os.environ[f"{ENV_PREFIX}{name.upper()}"] = str(value)
+
+    def with_options(self, given: Mapping[str, object]) -> "Loaded":
+        """Return the settings with those that a verb's own options give."""
+        options = self.options | given.keys()
+        return _merged(replace(self, given={**self.given, **given}, options=options))
+
+    def again(self) -> "Loaded":
+        """Return the settings with the file as it is now; the other sources stay as they were."""
+        return _merged(replace(self, document=_read(self.path)))
+
+
+def load_settings(given: Mapping[str, object] | None = None) -> Loaded:
+    """Merge `given` (the command line), the environment, the user's file and the defaults.
+
+    Raises DocumentError that names file and line, variable or option of what is wrong.
+    """
+    path = settings_file()
+    return _merged(Loaded(path, given or {}, _environment(), _read(path), Settings()))
+
+
+def default_settings() -> Loaded:
+    """Return the defaults alone: for when what the user wrote cannot be used."""
+    return Loaded(settings_file(), {}, {}, None, Settings())
+
+
+def unknown_variables() -> list[str]:
+    """Return the PA_CONSOLE_... variables of the environment that mean nothing."""
+    known = {setting.variable for setting in describe_settings().values()} | {FILE_VARIABLE}
+    return sorted(name for name in os.environ if name.startswith(ENV_PREFIX) and name not in known)
+
+
+def _read(path: Path) -> Document | None:
+    return Document.read(path) if path.exists() else None
+
+
+def _mapping(document: Document | None) -> dict[str, object]:
+    value: object = document.value if document is not None else None
+    return {str(k): v for k, v in cast(dict[object, object], value or {}).items()}
+
+
+def _environment() -> dict[str, object]:
+    try:
+        found: dict[str, object] = EnvSettingsSource(Settings)()
+    except SettingsError as error:
+        problem = """not JSON; write it like {"stop": "f11"}"""
+        raise DocumentError(f"{ENV_PREFIX}KEYS", 0, "", problem) from error
+    for name in PATHS:
+        if name in found:
+            found[name] = str(Path(str(found[name])).expanduser().absolute())
+    return found
+
+
+def _merged(loaded: Loaded) -> Loaded:
+    """Validate what the sources say together, the first source first."""
+    document = loaded.document
+    if document is not None and not isinstance(document.value, dict | None):
+        raise document.error((), "expected lines like `theme: pa-console-light`")
+    layers = loaded.written | dict(loaded.environment) | dict(loaded.given)
+    try:
+        return replace(loaded, values=Settings(**layers))  # pyright: ignore[reportArgumentType]
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise loaded.error(
+            first["loc"], _worded(first["loc"], first["msg"], first["type"])
+        ) from None
+
+
+def _worded(field: FieldPath, problem: str, kind: str) -> str:
+    """Say what is wrong with `field` and what would be right."""
+    about = describe_settings()
+    name = str(field[0]) if field else ""
+    if kind == "extra_forbidden":
+        near = get_close_matches(name, about, 1)
+        hint = f"did you mean {near[0]}? " if near else ""
+        return f"there is no such setting; {hint}Known: {', '.join(about)}"
+    setting = about[name]
+    remedy = f"give {setting.limits}" if setting.limits else "correct it"
+    default = value_text(setting.default)
+    return f"{problem_text(problem)}; {remedy}, or leave it out for the default" + (
+        f" ({default})" if default and name != "keys" else ""
+    )
+
+
+def problem_text(message: str) -> str:
+    """Return a validator's message without the library's own preamble."""
+    return message.removeprefix("Value error, ").removeprefix("Assertion failed, ")
