@@ -8,14 +8,12 @@ from pathlib import Path
 from textual.binding import Binding
 from textual.screen import Screen
 
-from pa_console.schema.document import DocumentError
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Plan
 from pa_console.schema.world import World
+from pa_console.settings.sources import Loaded
 from pa_console.tui.actions import bindings, key_text
-from pa_console.tui.commanding_app import CommandingApp
 from pa_console.tui.history import History, history_file
-from pa_console.tui.keymap import keymap_file, load_keymap
 from pa_console.tui.palette import ConsoleCommands
 from pa_console.tui.ports import (
     Clock,
@@ -27,7 +25,7 @@ from pa_console.tui.ports import (
 )
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.screens.recording import RecordingScreen
-from pa_console.tui.theme import DEFAULT_THEME, THEMES, VARIABLES
+from pa_console.tui.settings_app import SettingsApp
 from pa_console.tui.whatif import next_rate
 from pa_console.tui.widgets.approval_panel import ApprovalPanel
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
@@ -38,7 +36,7 @@ CLOSE_WITHIN_S = 3.0
 READ_ONLY = "READ-ONLY: every command is refused"
 
 
-class ConsoleApp(CommandingApp):
+class ConsoleApp(SettingsApp):
     """The console over a live station, or over a player (then everything is refused)."""
 
     TITLE = "PA Console"
@@ -60,22 +58,21 @@ class ConsoleApp(CommandingApp):
         history: Path | None = None,
         copies: Path | None = None,
         evaluations: Path | None = None,
-        keymap: Path | None = None,
+        settings: Loaded | None = None,
     ) -> None:
-        """Paths that are None are the user's own, in the platform's folders."""
+        """Paths and settings that are None are the user's own, in the platform's folders."""
         super().__init__(
             world, station, rulebook, retriever, log,
             readonly=readonly, player=player, clock=clock, copies=copies, evaluations=evaluations,
+            settings=settings,
         )  # fmt: skip
-        self._history, self._key_file = history, keymap
+        self._history = history
         self._drafts: dict[tuple[str, int], str] = {}
         self._editing: tuple[tuple[str, int], Screen[Plan | None]] | None = None
 
     def on_mount(self) -> None:
         """Show the screen first; the session starts after the first paint."""
-        for theme in THEMES:
-            self.register_theme(theme)
-        self.theme = DEFAULT_THEME
+        self.use_theme()
         self.show_first()
         self.call_after_refresh(self._start)
 
@@ -86,25 +83,19 @@ class ConsoleApp(CommandingApp):
             self.main = RecordingScreen(self.world, rules, self.player, self.clock)
         else:
             mode, closed = ("READ-ONLY", READ_ONLY) if self.readonly else ("LIVE", "")
-            history = History(None if closed else self._history or history_file())
+            kept = self.settings.values.history_kept
+            history = History(None if closed else self._history or history_file(), kept)
             self.main = MainScreen(
                 self.world, rules, history, closed=closed, mode=mode, clock=self.clock
             )
         self.push_screen(self.main)
-
-    def get_theme_variable_defaults(self) -> dict[str, str]:
-        """Return the console's own colour variables for themes without them."""
-        return VARIABLES
 
     def get_key_display(self, binding: Binding) -> str:
         """Write keys the same way in the footer and in the help."""
         return key_text(binding.key)
 
     def _start(self) -> None:
-        try:
-            self.set_keymap(load_keymap(self._key_file or keymap_file()))
-        except DocumentError as error:
-            self.tell(str(error), "Your keys were not used", bad=True)
+        self.use_settings(self.settings)
         self.start_session()
 
     # Commands to the station

@@ -1,6 +1,7 @@
 """The half of the app that only looks: panes, traces, help, policies, copies; legal everywhere."""
 
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 from pa_console.schema.world import World
@@ -43,6 +44,7 @@ class BrowsingApp(SessionApp):
             world, station, rulebook, retriever, log, readonly=readonly, player=player, clock=clock
         )
         self._copies, self._evaluations = copies, evaluations
+        self.keys: Mapping[str, str] = {}
 
     def tell(self, text: str, title: str, bad: bool = False) -> None:
         """Show a notice; its text is never read as markup."""
@@ -136,7 +138,7 @@ class BrowsingApp(SessionApp):
         """Show the help page."""
         from pa_console.tui.screens.help import HelpScreen  # noqa: PLC0415
 
-        self.push_screen(HelpScreen(self.situation))
+        self.push_screen(HelpScreen(self.situation, self.keys))
 
     def action_policies(self) -> None:
         """Show the policy browser."""

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from pa_console.orchestrator.compose import Site, load_site
 from pa_console.policy.retriever import Retriever
+from pa_console.settings.sources import Loaded
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.screens.evaluation import EvaluationScreen
 
@@ -17,7 +18,7 @@ class EvaluationApp(ConsoleApp):
         site: Site,
         *,
         copies: Path | None = None,
-        keymap: Path | None = None,
+        settings: Loaded | None = None,
     ) -> None:
         """Show the evaluation in `folder`; the policy browser shows the rules of `site`."""
         super().__init__(
@@ -27,7 +28,7 @@ class EvaluationApp(ConsoleApp):
             Retriever(site.rulebook.rules),
             readonly=True,
             copies=copies,
-            keymap=keymap,
+            settings=settings,
         )
         self._folder = folder
 

@@ -16,25 +16,28 @@ def history_file() -> Path:
 class History:
     """Typed texts, oldest first, with a cursor that up and down move; `file` None keeps nothing."""
 
-    def __init__(self, file: Path | None = None) -> None:
-        self._file = file
+    def __init__(self, file: Path | None = None, kept: int = HISTORY_KEPT) -> None:
+        self._file, self._kept = file, kept
         self._texts: list[str] = []
         if file is not None:
             with suppress(OSError, UnicodeDecodeError):
                 lines = file.read_text(encoding="utf-8").splitlines()
-                self._texts = [line for line in lines if line.strip()][-HISTORY_KEPT:]
+                self._texts = self._newest([line for line in lines if line.strip()])
         self._at = len(self._texts)
         self._draft = ""
 
     def add(self, text: str) -> None:
         """Remember `text` as the newest, once, and write the file if that is possible."""
         text = " ".join(text.split())
-        self._texts = [*(known for known in self._texts if known != text), text][-HISTORY_KEPT:]
+        self._texts = self._newest([*(known for known in self._texts if known != text), text])
         self._at, self._draft = len(self._texts), ""
         if self._file is not None:
             with suppress(OSError):
                 self._file.parent.mkdir(parents=True, exist_ok=True)
                 self._file.write_text("\n".join(self._texts) + "\n", encoding="utf-8")
+
+    def _newest(self, texts: list[str]) -> list[str]:
+        return texts[-self._kept :] if self._kept else []
 
     def move(self, by: int, current: str) -> str:
         """Return the text `by` entries away; what was being typed comes back at the end."""

@@ -1,36 +1,82 @@
-"""The user's own keys: a YAML file that maps action ids to keys."""
+"""The user's own keys: which actions they move, and why a choice cannot be used."""
 
-from pathlib import Path
-from typing import cast
+from collections.abc import Mapping
+from difflib import get_close_matches
 
-from pa_console.schema.document import Document, DocumentError
-from pa_console.tui.actions import ACTIONS
+from textual.binding import Binding, InvalidBinding
+from textual.keys import REPLACED_KEYS, Keys, key_to_character
+
+from pa_console.tui.actions import ACTIONS, ConsoleAction, key_text
+
+RESERVED = {
+    **dict.fromkeys(("tab", "shift+tab", "enter", "up", "down"), "moving about needs it"),
+    **dict.fromkeys(("r", "m", "a"), "the approval panel answers to it"),
+    "ctrl+c": "the terminal's own interrupt",
+}
+_MODIFIERS = frozenset(("ctrl", "shift", "alt", "super", "hyper", "meta"))
+_NAMED = frozenset((*(str(key.value) for key in Keys), *REPLACED_KEYS))
 
 
-def keymap_file() -> Path:
-    """Return where the user's keys are looked for."""
-    from platformdirs import user_config_path  # noqa: PLC0415  (only after the first paint)
+class KeymapError(ValueError):
+    """Keys that cannot be used; `name` is the entry of the keymap that is at fault."""
 
-    return user_config_path("pa-console") / "keymap.yaml"
+    def __init__(self, name: str, problem: str) -> None:
+        self.name, self.problem = name, problem
+        super().__init__(f"keys.{name}: {problem}")
 
 
-def load_keymap(path: Path) -> dict[str, str]:
-    """Read `{action id: "key,key"}`; a missing file is an empty map.
+def own_keys(action: ConsoleAction, keymap: Mapping[str, str]) -> dict[str, str]:
+    """Return the keys of an action by the names that a keymap knows them by."""
+    return {
+        item.id: keymap.get(item.id, item.key) for item in action.bindings if item.id is not None
+    }
 
-    Raises DocumentError for an id that is not in the registry or keys that are not a text.
-    """
-    if not path.is_file():
-        return {}
-    document = Document.read(path)
-    given: object = document.value
-    if not isinstance(given, dict):
-        raise DocumentError(str(path), 1, "", "expected lines like `stop: f9,S`")
-    known = {binding.id for action in ACTIONS for binding in action.bindings if binding.id}
-    result: dict[str, str] = {}
-    for name, keys in cast(dict[object, object], given).items():
-        if name not in known:
-            raise document.error((str(name),), f"unknown action; known: {', '.join(sorted(known))}")
-        if not isinstance(keys, str):
-            raise document.error((str(name),), "expected key names separated by commas")
-        result[str(name)] = keys
-    return result
+
+def shown_keys(action: ConsoleAction, keymap: Mapping[str, str]) -> str:
+    """Return an action's keys, the user's in place of the console's own, as they are written."""
+    return key_text(",".join(own_keys(action, keymap).values()))
+
+
+def key_names() -> dict[str, ConsoleAction]:
+    """Return every name that a keymap may use, with the action that it stands for."""
+    return {name: action for action in ACTIONS for name in own_keys(action, {})}
+
+
+def check_keys(keymap: Mapping[str, str]) -> None:
+    """Raise KeymapError for an unknown name, a key that is none, or one that is taken."""
+    names = key_names()
+    for name, keys in keymap.items():
+        if name not in names:
+            near = get_close_matches(name, names, 1)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            raise KeymapError(name, f"there is no such action{hint}")
+        for key in _split(name, keys):
+            _check_key(name, key)
+    taken: dict[str, str] = {}
+    for name in sorted(names, key=lambda known: known in keymap):
+        for key in _split(name, own_keys(names[name], keymap)[name]):
+            other = taken.setdefault(key, name)
+            if other != name:
+                what = names[other].help
+                problem = (
+                    f"{key_text(key)} is the key of {other} ({what}); give one of them another"
+                )
+                raise KeymapError(name, problem)
+
+
+def _split(name: str, keys: str) -> list[str]:
+    """Return the keys as Textual names them; raises KeymapError when there are none."""
+    try:
+        return [item.key for item in Binding.make_bindings([Binding(keys, "")])]
+    except InvalidBinding as error:
+        problem = "expected key names separated by commas, like f11,ctrl+x"
+        raise KeymapError(name, problem) from error
+
+
+def _check_key(name: str, key: str) -> None:
+    *modifiers, plain = key.split("+")
+    known = plain in _NAMED or key_to_character(plain) is not None
+    if not known or not _MODIFIERS.issuperset(modifiers):
+        raise KeymapError(name, f"{key!r} is not a key; write it like f11, ctrl+x, X or plus")
+    if key in RESERVED:
+        raise KeymapError(name, f"{key_text(key)} cannot be used: {RESERVED[key]}")

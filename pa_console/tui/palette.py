@@ -1,6 +1,6 @@
 """The command palette: the registry's actions that are legal now, what-ifs and speeds."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import Protocol, cast
 
@@ -9,7 +9,8 @@ from textual.types import IgnoreReturnCallbackType
 
 from pa_console.schema.incident import Incident
 from pa_console.schema.world import World
-from pa_console.tui.actions import ACTIONS, Situation, key_text
+from pa_console.tui.actions import ACTIONS, Situation
+from pa_console.tui.keymap import shown_keys
 from pa_console.tui.whatif import RATES, WhatIf, what_ifs
 
 TYPICAL = ("unknown vehicle", "weather")
@@ -23,6 +24,7 @@ class PaletteHost(Protocol):
     """What the palette needs of the app."""
 
     world: World
+    keys: Mapping[str, str]
 
     @property
     def situation(self) -> Situation:
@@ -56,7 +58,7 @@ class ConsoleCommands(Provider):
         for action in ACTIONS:
             if action.palette and not action.refusal(now):
                 run = partial(self._host.run_action, f"app.{action.action}")
-                yield f"{action.help}  [{key_text(action.keys)}]", run, action.group
+                yield f"{action.help}  [{shown_keys(action, self._host.keys)}]", run, action.group
 
     def _simulation(self) -> Iterator[Command]:
         now = self._host.situation

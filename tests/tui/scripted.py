@@ -162,7 +162,6 @@ def console(
         clock=clock or FakeClock(),
         history=tmp / "history.txt",
         copies=tmp / "copies",
-        keymap=tmp / "keymap.yaml",
         **options,
     )
     app.animation_level = "none"

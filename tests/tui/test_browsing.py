@@ -2,13 +2,10 @@
 
 from pathlib import Path
 
-import pytest
 from textual.widgets import Input, OptionList, Select
 
-from pa_console.schema.document import DocumentError
 from pa_console.schema.incident import SpawnTrack
 from pa_console.tui.actions import ACTIONS, Situation
-from pa_console.tui.keymap import load_keymap
 from pa_console.tui.screens.help import help_rows
 from pa_console.tui.screens.policies import PolicyScreen
 from pa_console.tui.widgets.sheet import Sheet
@@ -135,36 +132,6 @@ async def test_a_folder_that_cannot_be_written_is_no_crash(tmp_path: Path) -> No
         await settle(pilot, station)
         assert station.submitted == ["go"]
         assert "M-003" in app.clipboard
-
-
-async def test_the_users_keys_are_used(tmp_path: Path) -> None:
-    (tmp_path / "keymap.yaml").write_text("stop: f12\n")
-    station = ScriptedStation(story.told("executing"))
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
-        await pilot.press("f12")
-        await settle(pilot, station)
-        assert station.stopped == 1
-
-
-@pytest.mark.parametrize("text", ["stopp: f12", "stop: 12", "- f12"])
-def test_wrong_keys_are_explained(tmp_path: Path, text: str) -> None:
-    file = tmp_path / "keymap.yaml"
-    file.write_text(text)
-    with pytest.raises(DocumentError, match=r"keymap\.yaml:1"):
-        load_keymap(file)
-
-
-async def test_wrong_keys_do_not_keep_the_console_from_starting(tmp_path: Path) -> None:
-    (tmp_path / "keymap.yaml").write_text("nonsense: f12\n")
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
-        await pilot.press("f6")
-        await settle(pilot)
-        assert isinstance(app.screen, PolicyScreen)
 
 
 def test_no_key_is_given_twice_and_none_is_tmuxs() -> None:

@@ -46,7 +46,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def evaluation(folder: Path, site: Site) -> EvaluationApp:
     """The evaluation screen alone, as `pa-console eval show` opens it."""
-    app = EvaluationApp(folder, site, copies=folder / "copies", keymap=folder / "keymap.yaml")
+    app = EvaluationApp(folder, site, copies=folder / "copies")
     app.animation_level = "none"
     return app
 

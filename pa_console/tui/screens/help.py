@@ -1,5 +1,6 @@
 """All keys, from the action registry, and the meaning of every sign, from the vocabulary."""
 
+from collections.abc import Mapping
 from itertools import groupby
 
 from textual.app import ComposeResult
@@ -7,7 +8,8 @@ from textual.binding import Binding
 from textual.containers import VerticalScroll
 from textual.screen import ModalScreen
 
-from pa_console.tui.actions import ACTIONS, GROUPS, Situation, key_text
+from pa_console.tui.actions import ACTIONS, GROUPS, Situation
+from pa_console.tui.keymap import shown_keys
 from pa_console.tui.trace.rows import Row, column, row
 from pa_console.tui.vocabulary import NOTE, QUIET, TERMS
 from pa_console.tui.widgets.sheet import Sheet
@@ -24,8 +26,8 @@ _PROMPT = (
 )
 
 
-def help_rows(now: Situation) -> list[Row]:
-    """Return the help page; an action that is not legal now says why."""
+def help_rows(now: Situation, keymap: Mapping[str, str] | None = None) -> list[Row]:
+    """Return the help page with the user's keys; an action that is not legal now says why."""
     rows: list[Row] = []
     for group in GROUPS:
         rows.append(row("", (group, f"bold {NOTE}")))
@@ -34,7 +36,7 @@ def help_rows(now: Situation) -> list[Row]:
                 why = action.refusal(now)
                 rows.append(
                     row(
-                        ["  ", column(key_text(action.keys), 10, "bold")],
+                        ["  ", column(shown_keys(action, keymap or {}), 10, "bold")],
                         action.help,
                         (f"  (now: {why})" if why else "", QUIET),
                     )
@@ -58,14 +60,14 @@ class HelpScreen(ModalScreen[None]):
 
     BINDINGS = [Binding("escape,f1,q,question_mark", "dismiss", "Close")]
 
-    def __init__(self, now: Situation) -> None:
+    def __init__(self, now: Situation, keymap: Mapping[str, str] | None = None) -> None:
         super().__init__()
-        self._now = now
+        self._now, self._keymap = now, keymap
 
     def compose(self) -> ComposeResult:
         """Yield the page."""
         with VerticalScroll(id="help"):
-            yield Sheet(tuple(help_rows(self._now)))
+            yield Sheet(tuple(help_rows(self._now, self._keymap)))
 
     def on_mount(self) -> None:
         """Name the page and let the arrow keys scroll it."""

@@ -92,6 +92,11 @@ class MainScreen(Screen[None]):
             text = TOO_SMALL.format(width=width, height=height)
             self.query_one("#too-small", Static).update(text)
 
+    def use_delays(self, approval_s: float, stale_s: float) -> None:
+        """Take the user's hold delay, and after how long telemetry is called stale; in seconds."""
+        self.query_one(ApprovalPanel).arm_delay_s = approval_s
+        self.query_one(StatusBar).stale_after_s = stale_s
+
     @property
     def compact(self) -> bool:
         """Whether one pane is shown at a time."""

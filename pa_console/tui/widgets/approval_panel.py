@@ -17,7 +17,9 @@ from pa_console.tui.widgets.sheet import Sheet
 from pa_console.tui.widgets.tick import Tick
 
 ARM_DELAY_S = 0.6
-"""Quiet seconds before the panel takes keys; every key before that is dropped and counts anew."""
+"""Quiet seconds before the panel takes keys; every key before that is dropped and counts anew.
+
+The user may choose another delay."""
 
 _FREE_KEYS = ("tab", "shift+tab", "escape")
 
@@ -44,6 +46,7 @@ class ApprovalPanel(Vertical):
     def __init__(self, clock: Clock = time.monotonic) -> None:
         super().__init__(id="approval")
         self._clock = clock
+        self.arm_delay_s = ARM_DELAY_S
         self._trace: MissionTrace | None = None
         self._shown: tuple[str, int, int] | None = None
         self._quiet_since = 0.0
@@ -107,13 +110,13 @@ class ApprovalPanel(Vertical):
 
     def _disarm(self) -> None:
         self._quiet_since = self._clock()
-        self.set_timer(ARM_DELAY_S + 0.05, self.refresh_state)
+        self.set_timer(self.arm_delay_s + 0.05, self.refresh_state)
         self.refresh_state()
 
     @property
     def armed(self) -> bool:
         """Whether the panel takes decisions: quiet for long enough, and none was sent yet."""
-        return not self._sent and self._clock() - self._quiet_since >= ARM_DELAY_S
+        return not self._sent and self._clock() - self._quiet_since >= self.arm_delay_s
 
     def refresh_state(self) -> None:
         """Say why Approve is not possible, and enable it when it is."""

@@ -9,11 +9,13 @@ from pa_console.tui.vocabulary import QUIET, term
 from pa_console.tui.words import clock_text, few
 
 STALE_AFTER_S = 5.0
-"""Wall seconds without telemetry after which the stream is called stale."""
+"""Wall seconds without telemetry after which the stream is called stale; the user may change it."""
 
 
 class StatusBar(Static):
     """Says at a glance whether this is live, how old the picture is, and what the model does."""
+
+    stale_after_s = STALE_AFTER_S
 
     def show(
         self, state: SessionState, title: str, mode: str, rate: float, silent_s: float
@@ -21,7 +23,7 @@ class StatusBar(Static):
         """Show the session; `silent_s` is the wall time since the last telemetry."""
         wide = self.size.width >= 100
         time = clock_text(state.picture.time_s) if state.picture else "--:--"
-        stale = silent_s > STALE_AFTER_S and mode == "LIVE"
+        stale = silent_s > self.stale_after_s and mode == "LIVE"
         worker = term("worker", state.worker.state if state.worker else "none")
         parts: list[tuple[str, str] | Content | str] = []
         if wide:
