@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from pa_console.cli.chosen import settings_of
 from pa_console.cli.output import (
     ModelOption,
     RulesOption,
@@ -21,6 +22,7 @@ from pa_console.session.chain import LogError
 
 
 def console(
+    context: typer.Context,
     world: WorldOption = "checkpoint",
     rules: RulesOption = "checkpoint",
     model: ModelOption = None,
@@ -32,13 +34,17 @@ def console(
     readonly: Annotated[
         bool, typer.Option("--readonly", help="Look only: every command is refused.")
     ] = False,
-    no_mouse: Annotated[
-        bool, typer.Option("--no-mouse", help="Leave the mouse to the terminal.")
-    ] = False,
+    mouse: Annotated[
+        bool,
+        typer.Option("--mouse/--no-mouse", help="Take the mouse, or leave it to the terminal."),
+    ] = True,
 ) -> None:
     """Open the console: live checkpoint, policy browser, missions, trace and approval."""
     if not sys.stdout.isatty():
         raise ValueError("the console needs a terminal; use 'pa-console mission' in scripts")
+    settings = settings_of(
+        context, world=world, rules=rules, model=model or "", alarms=alarms, mouse=mouse
+    )
     left = Event()
 
     def going_on(_done: int, _total: int, _text: str) -> None:
@@ -73,7 +79,8 @@ def console(
         scenario=played,
         respond=alarms,
     )
-    path = new_log_path(default_folder(), station.session)
+    station.rate = settings.values.speed
+    path = new_log_path(settings.values.logs or default_folder(), station.session)
 
     def cannot_write(error: LogError) -> None:
         app.notify(str(error), title="Session log", severity="error", timeout=30, markup=False)
@@ -86,6 +93,7 @@ def console(
             station.retriever,
             log.append,
             readonly=readonly,
+            settings=settings,
         )
-        app.run(mouse=not no_mouse)
+        app.run(mouse=mouse)
     out.print(f"session log: {path}", markup=False, soft_wrap=True)

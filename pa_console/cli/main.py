@@ -8,20 +8,25 @@ import traceback
 from typing import Annotated
 
 import typer
+from typer.core import TyperGroup
 
 from pa_console import __version__
 from pa_console.cli import (
     bench,
     console,
+    doctor,
     evaluate,
     mission,
     models,
     replay,
     rules,
     scenarios,
+    settings,
     train,
     world,
 )
+from pa_console.cli.chosen import choose
+from pa_console.cli.examples import EXAMPLES, add_examples
 from pa_console.cli.output import BAD_INPUT, FAILED, errors
 from pa_console.llm.errors import EngineError, ModelError
 from pa_console.schema.document import DocumentError
@@ -33,7 +38,10 @@ app = typer.Typer(
     name="pa-console",
     help="Command a team of robots in plain language, safely, with a local LLM.",
     epilog="Exit codes: 0 done and verified, 2 bad input, 3 refused or rejected, "
-    "4 executed but not verified, 1 anything else.",
+    "4 executed but not verified, 1 anything else.\n\n"
+    "\b\nCompletion in your shell: pa-console --install-completion\n"
+    "What this machine lacks:  pa-console doctor\n\n"
+    "\b\nExample:\n  pa-console --set theme=pa-console-light console --scenario situation-2",
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -41,6 +49,7 @@ app = typer.Typer(
 app.command("console")(console.console)
 app.command("mission")(mission.mission)
 app.command("replay")(replay.replay)
+app.command("doctor")(doctor.doctor)
 app.add_typer(rules.app, name="rules")
 app.add_typer(models.app, name="models")
 app.add_typer(evaluate.app, name="eval")
@@ -48,6 +57,8 @@ app.add_typer(bench.app, name="bench")
 app.add_typer(scenarios.app, name="scenarios")
 app.add_typer(world.app, name="world")
 app.add_typer(train.app, name="train")
+app.add_typer(settings.app, name="settings")
+add_examples(app, EXAMPLES)
 
 
 @app.callback(invoke_without_command=True)
@@ -56,13 +67,23 @@ def _default(
     version: Annotated[
         bool, typer.Option("--version", help="Show the version and leave.", is_eager=True)
     ] = False,
+    assignments: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="NAME=VALUE", help="A setting for this run only; repeatable."
+        ),
+    ] = None,
 ) -> None:
     """Open the console when no verb is given."""
     if version:
         typer.echo(f"pa-console {__version__}")
         raise typer.Exit
+    choose(context, assignments or ())
     if context.invoked_subcommand is None:
-        console.console()
+        assert isinstance(context.command, TyperGroup)
+        opened = context.command.commands["console"]
+        with opened.make_context("console", [], parent=context) as below:
+            opened.invoke(below)
 
 
 def main() -> None:

@@ -9,6 +9,7 @@ import typer
 from pydantic import TypeAdapter, ValidationError
 from rich.status import Status
 
+from pa_console.cli.chosen import settings_of
 from pa_console.cli.output import (
     JsonOption,
     ModelOption,
@@ -49,6 +50,7 @@ class Approve(StrEnum):
 
 
 def mission(
+    context: typer.Context,
     text: Annotated[
         str | None,
         typer.Argument(help="The mission, in plain language; not needed with --scenario."),
@@ -97,7 +99,9 @@ def mission(
         respond=alarms if alarms is not None else played is not None,
     )
     approver = _ask if approve is Approve.ask else standing_approver(approve.value, override_reason)
-    path = log or new_log_path(default_folder(), station.session)
+    path = log or new_log_path(
+        settings_of(context).values.logs or default_folder(), station.session
+    )
     with (
         LogWriter(path, station.session, signer=signer) as writer,
         errors.status("starting") as status,

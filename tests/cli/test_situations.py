@@ -13,6 +13,7 @@ from pa_console.orchestrator.station import Station
 from pa_console.schema.event import SessionStarted
 from pa_console.session.reader import read_log
 from pa_console.session.verify import verify
+from pa_console.settings.sources import Loaded
 from tests.cli.inside import Call, Done
 from tests.scripted import ScriptedEngine, plan
 
@@ -117,8 +118,11 @@ def test_the_console_opens_on_the_situation(
     class App:
         """A screen that is closed at once."""
 
-        def __init__(self, _world: object, station: Station, *_: object, readonly: bool) -> None:
+        def __init__(
+            self, _world: object, station: Station, *_: object, readonly: bool, settings: Loaded
+        ) -> None:
             assert readonly
+            assert settings.origin("mouse").place == "--mouse"
             opened.append(station)
 
         def run(self, *, mouse: bool) -> None:
@@ -129,8 +133,10 @@ def test_the_console_opens_on_the_situation(
     monkeypatch.setattr("pa_console.tui.app.ConsoleApp", App)
     monkeypatch.setattr("pa_console.session.log.default_folder", lambda: tmp_path)
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
-    done = call("console", "--scenario", str(path), "--seed", "7", "--readonly", "--no-mouse")
+    words = ("--scenario", str(path), "--seed", "7", "--readonly", "--no-mouse")
+    done = call("--set", "speed=4", "console", *words)
     assert done.code == 0, done.err
+    assert opened[0].rate == 4.0
     started = asyncio.run(first_event(opened[0]))
     assert (started.scenario, started.seed, started.readonly) == ("loss", 7, True)
     assert len(started.scenario_sha256) == 64

@@ -1,6 +1,8 @@
 """Every verb as a user runs it: what it prints, its exit code, and that no traceback appears."""
 
 import json
+import os
+import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -10,6 +12,8 @@ import pytest
 from typer.core import TyperGroup
 from typer.main import get_command
 
+from pa_console import __version__
+from pa_console.cli.examples import EXAMPLES
 from pa_console.cli.main import app
 from tests.cli.inside import Call
 
@@ -63,6 +67,36 @@ def test_every_verb_has_help(call: Call, words: tuple[str, ...]) -> None:
     assert done.code == 0
     assert " ".join(("Usage: pa-console", *words)) in done.said
     assert call(*words, "-h").out == done.out
+    assert "Example: pa-console " in done.said
+
+
+@pytest.mark.parametrize("example", EXAMPLES.values())
+def test_every_example_is_a_call_that_the_verb_takes(example: str) -> None:
+    command, words = get_command(app), shlex.split(example)[1:]
+    context = None
+    while True:
+        context = command.make_context("pa-console", words, parent=context)
+        words = [*context._protected_args, *context.args]  # pyright: ignore[reportPrivateUsage]
+        if not isinstance(command, TyperGroup) or not words:
+            break
+        _, below, words = command.resolve_command(context, words)
+        assert below is not None
+        command = below
+    assert not words
+
+
+def test_the_shell_is_told_what_verbs_there_are() -> None:
+    asked = {"_PA_CONSOLE_COMPLETE": "complete_bash", "COMP_WORDS": "pa-console set"}
+    command = [sys.executable, "-m", "pa_console.cli"]
+    done = subprocess.run(
+        command, env={**os.environ, **asked, "COMP_CWORD": "1"}, capture_output=True, text=True,
+        check=False,
+    )  # fmt: skip
+    assert done.stdout.split() == ["settings"]
+
+
+def test_the_version_is_told(call: Call) -> None:
+    assert call("--version").out == f"pa-console {__version__}\n"
 
 
 def test_the_installed_rules_are_listed_and_right() -> None:

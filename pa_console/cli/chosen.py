@@ -1,0 +1,66 @@
+"""Brings the user's settings to the verbs: as defaults of their options, and as a whole."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, cast
+
+import typer
+
+from pa_console.settings.sources import Loaded, load_settings
+
+WITHOUT = ("settings", "doctor")
+"""Verbs that must work with a settings file that cannot be used: they mend it."""
+
+
+def read_assignments(words: Sequence[str]) -> dict[str, object]:
+    """Return what `--set NAME=VALUE` gives; raises ValueError for a word without `=`."""
+    given: dict[str, object] = {}
+    for word in words:
+        name, sign, value = word.partition("=")
+        if not sign:
+            raise ValueError(f"--set {word}: expected NAME=VALUE; see 'pa-console settings show'")
+        if name.startswith("keys."):
+            cast(dict[str, str], given.setdefault("keys", {}))[name.removeprefix("keys.")] = value
+        else:
+            given[name.replace("-", "_")] = value
+    return given
+
+
+def choose(context: typer.Context, words: Sequence[str]) -> None:
+    """Make the settings the defaults of every verb below `context`, with `--set` before them.
+
+    Raises DocumentError for settings that are wrong.
+    """
+    context.obj = read_assignments(words)
+    if context.invoked_subcommand not in WITHOUT:
+        loaded = load_settings(context.obj)
+        loaded.export()
+        context.default_map = _defaults(loaded)
+
+
+def given_settings(context: typer.Context) -> Mapping[str, object]:
+    """Return what `--set` gives."""
+    return cast(Mapping[str, object], context.find_root().obj or {})
+
+
+def settings_of(context: typer.Context, **options: object) -> Loaded:
+    """Return the settings, with those `options` of the verb that were given on its command line."""
+    typed = {
+        name: value
+        for name, value in options.items()
+        if (source := context.get_parameter_source(name)) and source.name == "COMMANDLINE"
+    }
+    return load_settings(given_settings(context)).with_options(typed)
+
+
+def _defaults(loaded: Loaded) -> dict[str, Any]:
+    """Return the settings as defaults of the verbs that open a world, by verb and parameter."""
+    values = loaded.values
+    site = {"world": values.world, "rules": values.rules}
+    model = {"model": values.model} if values.model else {}
+    return {
+        "console": {**site, **model, "alarms": values.alarms, "mouse": values.mouse},
+        "mission": {**site, **model},
+        "replay": {"no_mouse": not values.mouse},
+        "rules": {verb: {"rules": values.rules} for verb in ("list", "search")},
+        "scenarios": {verb: {"world": values.world} for verb in ("list", "show", "check")},
+    }

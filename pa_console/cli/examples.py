@@ -1,0 +1,68 @@
+"""One example of every verb, which ends its help and is a call that the verb takes."""
+
+from collections.abc import Mapping
+
+import typer
+
+EXAMPLES = {
+    "console": "pa-console console --scenario situation-1-unauthorized",
+    "mission": 'pa-console mission "Move the drone to the east gate." --approve auto',
+    "replay": "pa-console replay session.jsonl --verify",
+    "doctor": "pa-console doctor --json",
+    "rules": "pa-console rules list",
+    "rules list": "pa-console rules list --rules my-rules.yaml",
+    "rules search": 'pa-console rules search "unknown vehicle at the gate" --top 5',
+    "rules check": "pa-console rules check my-rules.yaml",
+    "models": "pa-console models list",
+    "models list": "pa-console models list --json",
+    "models pull": "pa-console models pull smollm2-135m",
+    "eval": "pa-console eval --missions paper --variant full --variant paper --repeat 3",
+    "eval report": "pa-console eval report results/night",
+    "eval show": "pa-console eval show results/night",
+    "bench": "pa-console bench --runs 3",
+    "bench scale": "pa-console bench scale --json",
+    "bench retrieval": "pa-console bench retrieval --method related --size 1000",
+    "bench twins": "pa-console bench twins --seeds 3",
+    "bench degradation": "pa-console bench degradation --out degradation",
+    "bench judge": "pa-console bench judge results/night/runs.jsonl --every 5",
+    "scenarios": "pa-console scenarios list",
+    "scenarios list": "pa-console scenarios list --world my-world",
+    "scenarios show": "pa-console scenarios show situation-2",
+    "scenarios check": "pa-console scenarios check my-scenario.yaml",
+    "world": "pa-console world generate --gates 6 --out six.yaml",
+    "world generate": "pa-console world generate --gates 6 --assets 20 --seed 7 --out six.yaml",
+    "world check": "pa-console world check six.yaml",
+    "train": "pa-console train data --out data",
+    "train data": "pa-console train data --out data --seed 3",
+    "train planner": "pa-console train planner --data data --out planner --minutes 60",
+    "train judge": "pa-console train judge --data data --out judge --minutes 60",
+    "train missions": "pa-console train missions --out missions --count 50",
+    "train card": "pa-console train card --run planner --data data --out card.md",
+    "settings": "pa-console settings show",
+    "settings show": "pa-console settings show --json",
+    "settings path": "pa-console settings path",
+    "settings set": "pa-console settings set theme pa-console-light",
+    "settings unset": "pa-console settings unset keys.stop",
+    "settings reset": "pa-console settings reset",
+}
+
+
+def add_examples(app: typer.Typer, examples: Mapping[str, str], above: str = "") -> None:
+    """End the help of every verb below `app` with its example, named by the verb's words."""
+    for command in app.registered_commands:
+        name = command.name or (command.callback.__name__ if command.callback else "")
+        command.epilog = _ended(command.epilog, examples.get(f"{above}{name}".strip()))
+    for group in app.registered_groups:
+        below = group.typer_instance
+        if below is not None and group.name:
+            words = f"{above}{group.name}"
+            group.epilog = _ended(below.info.epilog, examples.get(words))
+            add_examples(below, examples, f"{words} ")
+
+
+def _ended(text: object, example: str | None) -> str:
+    """Return a help's end with its example, whose lines no terminal width joins."""
+    parts = [text] if isinstance(text, str) else []
+    if example is not None:
+        parts.append(f"\b\nExample:\n  {example}")
+    return "\n\n".join(parts)

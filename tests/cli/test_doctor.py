@@ -1,0 +1,115 @@
+"""`pa-console doctor`: what is missing is named with its remedy, and decides the exit code."""
+
+from pathlib import Path
+
+import pytest
+
+from pa_console.cli import doctor, doctor_checks, doctor_places
+from pa_console.cli.doctor_checks import Check, check_build_tools
+from pa_console.cli.doctor_places import (
+    check_colours,
+    check_folder,
+    check_memory,
+    check_model,
+    check_size,
+    check_unicode,
+    load_or_default,
+)
+from tests.cli.inside import Call
+
+MODEL = "smollm2-135m"
+
+
+def test_everything_is_looked_at(call: Call, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PA_CONSOLE_MODEL", MODEL)
+    done = call("doctor", "--json")
+    checks = {check["name"]: check for check in done.json["checks"]}
+    assert checks.keys() >= {
+        "Python", "C++ compiler", "CMake", "textual", "llama-cpp-python", "settings", "model",
+        "memory, cores", "config folder", "log folder", "cache folder", "terminal",
+    }  # fmt: skip
+    assert checks["textual"]["state"] == "ok"
+    assert (done.code == 0) == (not any(c["state"] == "missing" for c in checks.values()))
+
+
+@pytest.mark.parametrize(("state", "code"), [("ok", 0), ("warning", 0), ("missing", 1)])
+def test_only_what_is_missing_fails(
+    call: Call, monkeypatch: pytest.MonkeyPatch, state: doctor_checks.State, code: int
+) -> None:
+    found = Check("thing", state, "as found", "mend it")
+    monkeypatch.setattr(doctor, "_checks", lambda: iter([found]))
+    done = call("doctor")
+    assert done.code == code
+    assert f"thing {state} as found → mend it" in done.said
+    assert call("doctor", "--json").json["ok"] == (code == 0)
+
+
+def test_a_compiler_is_only_missed_while_llama_cpp_is_not_built(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def nowhere(name: str) -> None:
+        return None
+
+    monkeypatch.setattr(doctor_checks.shutil, "which", nowhere)
+    assert {check.state for check in check_build_tools()} == {"ok"}
+
+    def broken(name: str) -> None:
+        raise ImportError(name)
+
+    monkeypatch.setattr(doctor_checks.importlib, "import_module", broken)
+    assert {check.state for check in check_build_tools()} == {"missing"}
+    lost = next(check for check in doctor_checks.check_libraries() if check.name == "textual")
+    assert lost.state == "missing"
+    assert "pip install" in lost.remedy
+
+
+def test_a_model_that_is_not_here_or_not_the_pinned_one_is_told_with_what_to_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PA_CONSOLE_CACHE", str(tmp_path))
+    absent, _ = check_model(MODEL)
+    assert (absent.state, absent.remedy) == ("missing", f"pa-console models pull {MODEL}")
+    (tmp_path / "models").mkdir()
+    (tmp_path / "models" / f"{MODEL}.gguf").write_bytes(b"cut short")
+    wrong, _ = check_model(MODEL)
+    assert wrong.state == "missing"
+    assert "SHA-256" in wrong.found
+    (unknown,) = check_model("gpt-9")
+    assert unknown.state == "missing"
+
+
+def test_settings_that_cannot_be_used_are_told_and_the_rest_is_looked_at(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "settings.yaml"
+    monkeypatch.setenv("PA_CONSOLE_SETTINGS", str(file))
+    file.write_text("speed: 99\n")
+    loaded, check = load_or_default()
+    assert (loaded.values.speed, check.state) == (1.0, "missing")
+    assert f"{file}:1" in check.found
+    file.write_text("theme: nrod\n")
+    assert load_or_default()[1].state == "missing"
+    file.write_text("theme: nord\n")
+    monkeypatch.setenv("PA_CONSOLE_MODLE", "x")
+    assert load_or_default()[1].state == "warning"
+
+
+def test_folders_memory_and_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").write_text("")
+    assert check_folder("logs", tmp_path / "a" / "b", "x").state == "ok"
+    assert check_folder("logs", tmp_path / "file" / "b", "x").state == "missing"
+    monkeypatch.setattr(doctor_places, "LEAST_FREE_MB", 10**12)
+    assert check_folder("logs", tmp_path, "x").state == "warning"
+    memory = tmp_path / "meminfo"
+    memory.write_text("MemTotal: 9 kB\nMemAvailable: 1048576 kB\n")
+    assert check_memory(500, memory).state == "warning"
+    assert "1024 MB free" in check_memory(500, memory).found
+    assert "cannot be told" in check_memory(500, tmp_path / "none").found
+    assert [check_size(*size).state for size in ((80, 24), (79, 24), (59, 17))] == [
+        "ok", "warning", "missing",
+    ]  # fmt: skip
+    assert [check_colours(name, False).state for name in ("truecolor", "256", "standard")] == [
+        "ok", "ok", "warning",
+    ]  # fmt: skip
+    assert check_colours(None, True).state == "ok"
+    assert (check_unicode("UTF-8").state, check_unicode("ascii").state) == ("ok", "missing")
