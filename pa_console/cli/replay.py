@@ -116,8 +116,8 @@ def _resimulate(log: Path, world: str | None, scenario: str | None, json: bool) 
         print_json({**asdict(twin), "first_line": line})
     elif twin.equal:
         out.print(
-            f"{log}: {twin.pictures} pictures, all equal, and {twin.rehearsals} rehearsals of "
-            f"plans; SHA-256 {twin.repeated_sha256}",
+            f"{log}: {twin.pictures} pictures, all equal, and {twin.rehearsals} "
+            f"rehearsal{'s' * (twin.rehearsals != 1)} of plans; SHA-256 {twin.repeated_sha256}",
             markup=False,
             soft_wrap=True,
         )
