@@ -104,6 +104,10 @@ async def test_a_theme_is_shown_at_once_and_what_is_not_in_force_yet_is_told(
         assert app.theme == "pa-console-light"
         assert load_settings().values.theme == "pa-console-light"
         assert "in force now" in note(screen)
+        screen.query_one(Select).clear()
+        await settle(pilot)
+        assert app.theme == DEFAULT_THEME
+        assert "back to the default" in note(screen)
         listing = screen.query_one(OptionList)
         listing.highlighted = listing.get_option_index("speed")
         await settle(pilot)

@@ -50,7 +50,7 @@ class SettingsScreen(Screen[None]):
             with VerticalScroll(id="setting-detail", can_focus=False):
                 yield Sheet(id="setting-help")
                 yield Input(compact=True, id="setting-value")
-                yield Select[str]((), compact=True, id="setting-option")
+                yield Select[str]((), prompt="the default", compact=True, id="setting-option")
                 yield Static(id="setting-note", markup=False)
         yield Footer(show_command_palette=False, compact=True)
 
@@ -130,7 +130,9 @@ class SettingsScreen(Screen[None]):
     @on(Select.Changed, "#setting-option")
     def _chosen(self, event: Select.Changed) -> None:
         value: object = event.value
-        if isinstance(value, str) and value != value_of(self._loaded, self._at):
+        if not isinstance(value, str):
+            self._save("")
+        elif value != value_of(self._loaded, self._at):
             self._save(value)
 
     def _save(self, text: str) -> None:
@@ -168,6 +170,7 @@ class SettingsScreen(Screen[None]):
             options.action_show_overlay()
         else:
             self.query_one("#setting-value", Input).focus()
+            self._note("Enter saves it, Esc leaves it as it was", QUIET)
 
     def action_restore(self) -> None:
         """Take the choice at the pointer out of the file."""
