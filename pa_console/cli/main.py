@@ -16,6 +16,7 @@ from pa_console.cli import (
     console,
     doctor,
     evaluate,
+    export,
     mission,
     models,
     replay,
@@ -50,6 +51,7 @@ app.command("console")(console.console)
 app.command("mission")(mission.mission)
 app.command("replay")(replay.replay)
 app.command("doctor")(doctor.doctor)
+app.add_typer(export.app, name="export")
 app.add_typer(rules.app, name="rules")
 app.add_typer(models.app, name="models")
 app.add_typer(evaluate.app, name="eval")

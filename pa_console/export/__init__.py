@@ -1,0 +1,1 @@
+"""Recorded sessions in other tools' formats: Markdown, MCAP, SVG and asciinema casts."""

@@ -1,0 +1,83 @@
+"""Opens a session log for an export, with as much as is here of what it names."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from pa_console.orchestrator.compose import open_world
+from pa_console.policy.rulebook import load_rules
+from pa_console.resources import find_data
+from pa_console.schema.event import SessionStarted
+from pa_console.schema.rule import Rule
+from pa_console.schema.world import World
+from pa_console.session.chain import LogError
+from pa_console.session.fold import SessionState
+from pa_console.session.mission_trace import MissionTrace
+from pa_console.session.recording import Recording
+from pa_console.session.replay import Player
+
+
+@dataclass(frozen=True)
+class OpenedSession:
+    """A recording with the event that opens it."""
+
+    path: Path
+    recording: Recording
+    started: SessionStarted
+
+    def final_state(self) -> SessionState:
+        """Return the session after its last event, by the fold that the screens show."""
+        player = Player(self.recording)
+        player.seek(player.duration)
+        return player.state
+
+
+def open_session(log: Path) -> OpenedSession:
+    """Read `log` up to its first bad line; raises ValueError or LogError without a beginning."""
+    if not log.is_file():
+        raise ValueError(f"{log}: there is no such log")
+    recording = Recording.read(log)
+    if not len(recording):
+        raise LogError(str(log), 1, "the log is empty")
+    started = recording[0].data
+    if not isinstance(started, SessionStarted):
+        raise LogError(str(log), 1, "the log does not begin with the start of a session")
+    return OpenedSession(log, recording, started)
+
+
+def rules_of(started: SessionStarted, given: str | None) -> tuple[dict[str, Rule], str]:
+    """Return the session's rules by id, and what is not as it was then, empty if nothing.
+
+    Rules that are not installed here leave an empty mapping; raises DocumentError for a file that
+    was `given` or found and cannot be read.
+    """
+    name = given or started.rules
+    path = find_data("rules", name, "rules.yaml")
+    if given is None and not path.is_file():
+        return {}, f"the rules {name!r} of this session are not here: ids without texts"
+    book = load_rules(path)
+    changed = book.sha256 != started.rules_sha256
+    note = "the rules have changed since this session" if changed else ""
+    return {rule.id: rule for rule in book.rules}, note
+
+
+def world_of(started: SessionStarted, given: str | None) -> World | None:
+    """Return the session's world, None when it is not installed here and none was `given`."""
+    name = given or started.world
+    if given is None and not find_data("worlds", name, "world.yaml").is_file():
+        return None
+    return open_world(name)[0]
+
+
+def choose_mission(missions: Mapping[str, MissionTrace], wanted: str | None) -> MissionTrace:
+    """Return the mission `wanted`, or the only one; raises ValueError that lists those known."""
+    if not missions:
+        raise ValueError("the session has no mission")
+    known = ", ".join(missions)
+    if wanted is None:
+        if len(missions) > 1:
+            raise ValueError(f"which mission? Name one with --mission: {known}")
+        return next(iter(missions.values()))
+    if wanted not in missions:
+        raise ValueError(f"--mission {wanted}: there is no such mission; known: {known}")
+    return missions[wanted]

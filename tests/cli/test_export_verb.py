@@ -1,0 +1,120 @@
+"""`pa-console export`: a session opened again by the library of the format."""
+
+import asyncio
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from markdown_it import MarkdownIt
+from mcap.reader import make_reader
+
+from pa_console.export.whole import whole_file, whole_folder
+from pa_console.orchestrator.compose import load_site
+from pa_console.schema.document import Document
+from pa_console.schema.scenario import Scenario
+from tests.cli.inside import Call
+from tests.cli.test_replay_verb import SCENARIO
+from tests.evaluation.sessions import IDENTIFY, RECON, WARN, play
+from tests.scripted import ScriptedEngine
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the log of a session with a mission that an alarm gave."""
+    path = tmp_path_factory.mktemp("export") / "session.jsonl"
+    played = Document("scenario", SCENARIO).parse(Scenario)
+    engine = ScriptedEngine([RECON, IDENTIFY, WARN])
+    asyncio.run(play(load_site("checkpoint", "checkpoint"), engine, played, seed=2, log=path))
+    return path
+
+
+def events(log: Path) -> list[dict[str, Any]]:
+    """Every record of a log but its signatures."""
+    records = [json.loads(line) for line in log.read_text(encoding="utf-8").splitlines()]
+    return [record for record in records if record["kind"] != "log_signed"]
+
+
+def test_markdown_holds_the_whole_trace(call: Call, log: Path, tmp_path: Path) -> None:
+    target = tmp_path / "mission.md"
+    done = call("export", "markdown", str(log), "-o", str(target))
+    assert done.code == 0, done.err
+    text = target.read_text(encoding="utf-8")
+    tokens = MarkdownIt("gfm-like").parse(text)
+    heads = [tokens[n + 1].content for n, t in enumerate(tokens) if t.type == "heading_open"]
+    for head in ("Rules retrieved", "Picture", "Plan", "Checks", "Rehearsal", "Verdict",
+                 "Decision", "Commands", "Verification", "Report", "Measured"):  # fmt: skip
+        assert head in heads, head
+    code = "".join(token.content for token in tokens if token.type == "fence")
+    recorded = events(log)
+    prompts = [e["data"]["user"] for e in recorded if e["kind"] == "prompt_built"]
+    assert prompts
+    assert all(line in code for line in prompts[0].splitlines())
+    hits = [e["data"]["hits"] for e in recorded if e["kind"] == "rules_retrieved"][-1]
+    assert all(f"| {hit['rule_id']} | {hit['score']:.3f} |" in text for hit in hits)
+    assert call("export", "markdown", str(log)).out == text
+
+
+def test_a_mission_that_is_not_there_is_told_with_those_that_are(call: Call, log: Path) -> None:
+    done = call("export", "markdown", str(log), "--mission", "M404")
+    known = [e["mission"] for e in events(log) if e["kind"] == "mission_received"]
+    assert done.code == 2
+    assert "M404" in done.err
+    assert known[0] in done.err
+
+
+def test_mcap_has_every_event_at_its_time(call: Call, log: Path, tmp_path: Path) -> None:
+    target = tmp_path / "session.mcap"
+    done = call("export", "mcap", str(log), "--out", str(target))
+    assert done.code == 0, done.err
+    told: list[tuple[str, int]] = []
+    pictures: list[Any] = []
+    scene: set[str] = set()
+    with target.open("rb") as file:
+        reader = make_reader(file)
+        for schema, channel, message in reader.iter_messages():
+            assert schema is not None
+            content = json.loads(message.data)
+            described = json.loads(schema.data)
+            assert "$ref" not in schema.data.decode()
+            assert set(content) <= set(described["properties"])
+            if channel.topic == "/scene":
+                scene |= {entity["id"] for entity in content["entities"]}
+            elif channel.topic == "/telemetry":
+                told.append(("telemetry", message.log_time))
+                pictures.append(content)
+            elif channel.topic.startswith("/events/"):
+                told.append((content["data"]["kind"], message.log_time))
+        metadata = {item.name: item.metadata for item in reader.iter_metadata()}
+    recorded = events(log)
+    assert sorted(kind for kind, _ in told) == sorted(event["kind"] for event in recorded)
+    assert len({when for _, when in told}) == len({event["t"] for event in recorded})
+    assert pictures == [e["data"]["picture"] for e in recorded if e["kind"] == "telemetry"]
+    assert {"world", *(f"asset {name}" for name in pictures[0]["assets"])} <= scene
+    assert metadata["session"]["seed"] == "2"
+
+
+def test_an_export_never_replaces_its_log(call: Call, log: Path, tmp_path: Path) -> None:
+    before = log.read_bytes()
+    for format_ in ("markdown", "mcap"):
+        assert call("export", format_, str(log), "--out", str(log)).code == 2
+        assert call("export", format_, str(log), "--out", str(tmp_path)).code == 2
+        missing = str(tmp_path / "none" / "file")
+        assert call("export", format_, str(log), "--out", missing).code == 2
+    assert log.read_bytes() == before
+    assert call("export", "mcap", str(tmp_path / "no.jsonl"), "--out", "x.mcap").code == 2
+
+
+def test_an_interrupted_export_leaves_what_was_there(log: Path, tmp_path: Path) -> None:
+    target = tmp_path / "old.mcap"
+    target.write_bytes(b"old")
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), whole_file(target, log) as file:
+        interrupt(file.write(b"half"))
+    with pytest.raises(KeyboardInterrupt), whole_folder(tmp_path / "new") as folder:
+        interrupt((folder / "half.svg").write_text("half"))
+    assert [path.name for path in tmp_path.iterdir()] == ["old.mcap"]
+    assert target.read_bytes() == b"old"
