@@ -14,6 +14,7 @@ from platformdirs import user_config_path
 
 KEY_VARIABLE = "PA_CONSOLE_SIGNING_KEY"
 KEY_FILE = "signing-key.pem"
+KNOWN_FILE = "known-keys"
 LOCK_SECONDS = 10.0
 _FINGERPRINT = re.compile(r"SHA256:[A-Za-z0-9+/]{43}")
 
@@ -77,6 +78,30 @@ def known_keys() -> frozenset[str]:
     except OSError as error:
         raise SigningError(f"{key_path()}: {error.strerror or error}") from error
     return frozenset((signer.fingerprint,)) if signer is not None else frozenset()
+
+
+def named_keys() -> dict[str, str]:
+    """Return the names of the keys that this machine's user knows, by fingerprint.
+
+    They stand in `known-keys` beside the signing key: a fingerprint and a name on each line, lines
+    with # are comments. Raises SigningError with the line that is neither.
+    """
+    path = key_path().with_name(KNOWN_FILE)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return {}
+    except (OSError, UnicodeDecodeError) as error:
+        raise SigningError(f"{path}: cannot be read: {error}") from error
+    known: dict[str, str] = {}
+    for number, line in enumerate(text.splitlines(), start=1):
+        key, _, name = line.strip().partition(" ")
+        if not key or key.startswith("#"):
+            continue
+        if not is_fingerprint(key) or not name.strip():
+            raise SigningError(f"{path}:{number}: expected SHA256:, 43 characters, and a name")
+        known[key] = name.strip()
+    return known
 
 
 def fingerprint(public: str) -> str:

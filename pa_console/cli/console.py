@@ -13,6 +13,7 @@ from pa_console.cli.output import (
     RulesOption,
     ScenarioOption,
     SeedOption,
+    UnsignedOption,
     WorldOption,
     out,
 )
@@ -34,6 +35,7 @@ def console(
     readonly: Annotated[
         bool, typer.Option("--readonly", help="Look only: every command is refused.")
     ] = False,
+    unsigned: UnsignedOption = False,
     mouse: Annotated[
         bool,
         typer.Option("--mouse/--no-mouse", help="Take the mouse, or leave it to the terminal."),
@@ -64,7 +66,7 @@ def console(
             from pa_console.signing import load_signer  # noqa: PLC0415
             from pa_console.tui.app import ConsoleApp  # noqa: PLC0415
 
-            site = load_site(world, rules)
+            site = load_site(world, rules, unsigned=unsigned)
             played = open_scenario(site.world, site.world_path, scenario) if scenario else None
             signer = load_signer()
             engine = Engine(found.result())

@@ -14,7 +14,16 @@ from rich.markup import escape
 from pa_console import __version__
 from pa_console.cli.eval_progress import EvalProgress
 from pa_console.cli.eval_tables import to_rich
-from pa_console.cli.output import JsonOption, RulesOption, WorldOption, errors, out, print_json
+from pa_console.cli.output import (
+    JsonOption,
+    RulesOption,
+    UnsignedOption,
+    WorldOption,
+    errors,
+    out,
+    print_json,
+    warn_of_altered,
+)
 from pa_console.evaluation.jobs import (
     Job,
     LoadedSet,
@@ -89,12 +98,14 @@ def evaluate(
         ),
     ] = False,
     logs: Annotated[bool, typer.Option(help="Keep the event log of every run.")] = True,
+    unsigned: UnsignedOption = False,
     json: JsonOption = False,
 ) -> None:
     """Run missions, score them on the true state, write runs.jsonl, report.md and report.html."""
     if context.invoked_subcommand is not None:
         return
-    site = load_site(world, rules)
+    site = load_site(world, rules, unsigned=unsigned)
+    warn_of_altered(rules, site.rulebook.seal)
     variants = [find_variant(name) for name in variant or ("full",)]
     models = {local.name: local for local in map(find_model, model or (None,))}
     folder = output or evaluations_folder() / f"{datetime.now():%Y%m%d-%H%M%S}"

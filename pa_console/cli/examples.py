@@ -16,6 +16,8 @@ EXAMPLES = {
     "rules list": "pa-console rules list --rules my-rules.yaml",
     "rules search": 'pa-console rules search "unknown vehicle at the gate" --top 5',
     "rules check": "pa-console rules check my-rules.yaml",
+    "rules sign": "pa-console rules sign my-rules.yaml",
+    "rules diff": "pa-console rules diff checkpoint my-rules.yaml",
     "models": "pa-console models list",
     "models list": "pa-console models list --json",
     "models pull": "pa-console models pull smollm2-135m",

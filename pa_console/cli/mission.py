@@ -16,10 +16,12 @@ from pa_console.cli.output import (
     RulesOption,
     ScenarioOption,
     SeedOption,
+    UnsignedOption,
     WorldOption,
     errors,
     out,
     print_json,
+    warn_of_altered,
 )
 from pa_console.cli.trace import print_trace
 from pa_console.llm.catalog import find_model
@@ -81,13 +83,15 @@ def mission(
     ] = None,
     seed: SeedOption = 0,
     log: Annotated[Path | None, typer.Option(help="Where to write the session log.")] = None,
+    unsigned: UnsignedOption = False,
     json: JsonOption = False,
 ) -> None:
     """Plan, check, rehearse, judge, decide, execute and verify one mission, or a situation's."""
     if text is None and scenario is None:
         raise ValueError("give a mission in plain language, or --scenario NAME, or both")
     setup = [_incident(number, text_) for number, text_ in enumerate(event or (), start=1)]
-    site = load_site(world, rules)
+    site = load_site(world, rules, unsigned=unsigned)
+    warn_of_altered(rules, site.rulebook.seal)
     played = open_scenario(site.world, site.world_path, scenario) if scenario else None
     signer = load_signer()
     station = open_station(

@@ -8,6 +8,8 @@ import typer
 from pydantic import TypeAdapter
 from rich.console import Console
 
+from pa_console.schema.rules_seal import RulesSeal
+
 FAILED = 1
 BAD_INPUT = 2
 
@@ -19,6 +21,12 @@ WorldOption = Annotated[
 ]
 RulesOption = Annotated[
     str, typer.Option("--rules", help="A rule file: an installed name or path.")
+]
+UnsignedOption = Annotated[
+    bool,
+    typer.Option(
+        "--unsigned", help="Take rules that were altered since they were signed; the log says so."
+    ),
 ]
 ModelOption = Annotated[
     str | None,
@@ -32,6 +40,17 @@ SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the simu
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else there.")
 ]
+
+
+def warn_of_altered(rules: str, seal: RulesSeal) -> None:
+    """Say on stderr that altered rules are in force."""
+    if seal.altered:
+        errors.print(
+            f"warning: the rules {rules!r} are {seal.words}: {seal.problem}",
+            style="bold red",
+            markup=False,
+            soft_wrap=True,
+        )
 
 
 def print_json(value: Any) -> None:

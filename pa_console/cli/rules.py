@@ -6,7 +6,9 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+from pa_console.cli import rule_sets
 from pa_console.cli.output import JsonOption, RulesOption, errors, out, print_json
+from pa_console.cli.rule_sets import told
 from pa_console.policy.examples import run_example
 from pa_console.policy.retriever import DEFAULT_METHOD, METHODS, Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules
@@ -15,7 +17,9 @@ from pa_console.schema.rule import Rule
 
 BROKEN = 2
 
-app = typer.Typer(help="List, search and check the policy rules.", no_args_is_help=True)
+app = typer.Typer(help="List, search, check, sign and compare rules.", no_args_is_help=True)
+app.command("sign")(rule_sets.sign)
+app.command("diff")(rule_sets.diff)
 
 
 def _load(rules: str) -> Rulebook:
@@ -33,7 +37,8 @@ def list_rules(rules: RulesOption = "checkpoint", json: JsonOption = False) -> N
     if json:
         print_json([rule.model_dump(mode="json") for rule in book.rules])
         return
-    table = Table("rule", "priority", "how", "text", title=f"{book.name}: {len(book.rules)} rules")
+    title = f"{book.name}: {len(book.rules)} rules, {told(book.seal)}"
+    table = Table("rule", "priority", "how", "text", title=title)
     for rule in book.rules:
         table.add_row(rule.id, rule.priority, _how(rule), rule.text)
     out.print(table)
@@ -69,7 +74,10 @@ def check(
     file: Annotated[Path | None, typer.Argument(help="A rule file; default: checkpoint.")] = None,
     json: JsonOption = False,
 ) -> None:
-    """Load a rule file, compile its checks and run every example; exit code 2 if one is wrong."""
+    """Load a rule file, compile its checks and run every example; exit code 2 if one is wrong.
+
+    A set that was altered since it was signed is wrong too.
+    """
     book = _load(str(file) if file is not None else "checkpoint")
     wrong: list[dict[str, str]] = []
     examples = 0
@@ -91,7 +99,7 @@ def check(
     checked = sum(rule.decidable for rule in book.rules)
     if json:
         print_json({"rules": len(book.rules), "checked": checked, "examples": examples,
-                    "wrong": wrong})  # fmt: skip
+                    "wrong": wrong, "seal": book.seal})  # fmt: skip
     else:
         for entry in wrong:
             errors.print(
@@ -102,5 +110,8 @@ def check(
         out.print(
             f"{len(book.rules)} rules, {checked} checked, {examples} examples, {len(wrong)} wrong"
         )
-    if wrong:
+        out.print(f"{book.name}, {told(book.seal)}", markup=False, soft_wrap=True)
+        if book.seal.altered:
+            errors.print(book.seal.problem, markup=False, soft_wrap=True)
+    if wrong or book.seal.altered:
         raise typer.Exit(BROKEN)

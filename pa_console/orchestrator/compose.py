@@ -18,6 +18,7 @@ from pa_console.orchestrator.services import Services
 from pa_console.orchestrator.station import Station
 from pa_console.policy.retriever import DEFAULT_METHOD, Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules
+from pa_console.policy.seal import refuse_altered
 from pa_console.resources import find_data
 from pa_console.schema.event import SessionStarted
 from pa_console.schema.plan import MAX_ACTIONS
@@ -66,11 +67,17 @@ def open_world(name: str) -> tuple[World, Path]:
     return load_world(path), path
 
 
-def load_site(world: str, rules: str) -> Site:
-    """Load a world and a rule file by installed name or path; raises DocumentError."""
+def load_site(world: str, rules: str, *, unsigned: bool = False) -> Site:
+    """Load a world and a rule file by installed name or path; raises DocumentError.
+
+    Rules that were altered since they were signed raise AlteredRulesError, unless `unsigned`.
+    """
     loaded, world_path = open_world(world)
     rules_path = find_data("rules", rules, "rules.yaml")
-    return Site(loaded, world_path, load_rules(rules_path))
+    rulebook = load_rules(rules_path)
+    if not unsigned:
+        refuse_altered(rules_path, rulebook.seal)
+    return Site(loaded, world_path, rulebook)
 
 
 def new_session_id() -> str:
@@ -119,6 +126,7 @@ def open_station(
         world_sha256=site.world_sha256,
         rules=site.rulebook.name,
         rules_sha256=site.rulebook.sha256,
+        rules_seal=site.rulebook.seal,
         model=engine.model.name,
         model_sha256=engine.model.sha256,
         seed=sim.seed,

@@ -12,8 +12,10 @@ from pa_console.policy.expression import (
     WORKFLOW_VARIABLES,
     Expression,
 )
+from pa_console.policy.seal import seal_of
 from pa_console.schema.document import Document, FieldPath
 from pa_console.schema.rule import Ordering, Rule, RuleSet, Workflow
+from pa_console.schema.rules_seal import RulesSeal
 
 MISSION_VARIABLES = frozenset(("mission", "world"))
 LIMIT_VARIABLES = frozenset(("world",))
@@ -125,9 +127,11 @@ class Rulebook:
         sha256: str,
         compiled: tuple[CompiledRule, ...],
         workflows: tuple[CompiledWorkflow, ...] = (),
+        seal: RulesSeal | None = None,
     ) -> None:
+        """`seal` is None for rules that no file holds as they are."""
         self.name, self.sha256, self.compiled = name, sha256, compiled
-        self.workflows = workflows
+        self.workflows, self.seal = workflows, seal or RulesSeal()
         self.rules: tuple[Rule, ...] = tuple(entry.rule for entry in compiled)
         self._by_id = {rule.id: rule for rule in self.rules}
         self.variables = frozenset[str]().union(*(entry.variables for entry in compiled))
@@ -143,11 +147,10 @@ def load_rules(path: Path) -> Rulebook:
 
     Unknown fields, an id that appears twice, a check without a message, and CEL that does not
     compile or uses an unknown name are all errors: a rule is in force as written or not at all.
+    The rulebook's seal says whether the set was altered since it was signed; refusing it is for
+    those who put it in force. Raises SigningError when this machine's keys cannot be read.
     """
-    document = Document.read(path)
-    rule_set = document.parse(RuleSet)
-    _refuse_repeated(document, "rules", (rule.id for rule in rule_set.rules))
-    _refuse_repeated(document, "workflows", (entry.id for entry in rule_set.workflows))
+    document, rule_set = read_rule_set(path)
     place: FieldPath = ()
     rules: list[CompiledRule] = []
     workflows: list[CompiledWorkflow] = []
@@ -161,7 +164,17 @@ def load_rules(path: Path) -> Rulebook:
     except ExpressionError as error:
         raise document.error((*place, *error.field), error.problem) from error
     sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
-    return Rulebook(rule_set.name, sha256, tuple(rules), tuple(workflows))
+    seal = seal_of(path, rule_set)
+    return Rulebook(rule_set.name, sha256, tuple(rules), tuple(workflows), seal)
+
+
+def read_rule_set(path: Path) -> tuple[Document, RuleSet]:
+    """Read the rules at `path` without compiling them; raises DocumentError."""
+    document = Document.read(path)
+    rule_set = document.parse(RuleSet)
+    _refuse_repeated(document, "rules", (rule.id for rule in rule_set.rules))
+    _refuse_repeated(document, "workflows", (entry.id for entry in rule_set.workflows))
+    return document, rule_set
 
 
 def _refuse_repeated(document: Document, part: str, ids: Iterable[str]) -> None:

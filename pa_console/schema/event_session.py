@@ -2,22 +2,26 @@
 
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field, StringConstraints
+from pydantic import Field
 
+from pa_console.schema.base import Hex32, Hex64
 from pa_console.schema.event_base import Payload
 from pa_console.schema.incident import Incident
+from pa_console.schema.rules_seal import RulesSeal
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.variant import Variant
 
 Level = Literal["info", "warning", "alarm"]
 IncidentSource = Literal["operator", "scenario"]
 WorkerState = Literal["loading", "ready", "dead", "unavailable"]
-Hex32 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
-Hex64 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{128}$")]
 
 
 class SessionStarted(Payload):
-    """Pins everything needed to run the session again."""
+    """Pins everything needed to run the session again.
+
+    A session whose `rules_seal` is altered was started with --unsigned; one of before there were
+    seals has none.
+    """
 
     kind: Literal["session_started"] = "session_started"
     session: str
@@ -26,6 +30,7 @@ class SessionStarted(Payload):
     world_sha256: str
     rules: str
     rules_sha256: str
+    rules_seal: RulesSeal | None = None
     model: str
     model_sha256: str
     seed: int

@@ -1,8 +1,8 @@
 """Operational policy as data: rules, their checks and their examples (paper, Appendix B)."""
 
-from typing import Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, StringConstraints, model_validator
 
 from pa_console.schema.base import Positive, StrictModel
 from pa_console.schema.plan import Verb
@@ -10,6 +10,8 @@ from pa_console.schema.plan import Verb
 Domain = Literal["ROE", "WF", "CAP"]
 Priority = Literal["critical", "high", "medium"]
 PRIORITIES: tuple[Priority, ...] = ("critical", "high", "medium")
+Version = Annotated[str, StringConstraints(pattern=r"^([A-Za-z0-9][A-Za-z0-9._+-]{0,31})?$")]
+"""The version of a rule set, in quotes where it looks like a number; empty for none."""
 
 
 class RuleExample(StrictModel):
@@ -144,6 +146,7 @@ class RuleSet(StrictModel):
     """A rule file: every rule in force, and the workflows that they prescribe."""
 
     name: str
+    version: Version = ""
     source: str = ""
     rules: tuple[Rule, ...] = Field(min_length=1)
     workflows: tuple[Workflow, ...] = ()

@@ -13,7 +13,7 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from pa_console.schema.event_session import Hex32, Hex64
+from pa_console.schema.base import Hex32, Hex64
 from pa_console.session.chain import LogError, os_error
 from pa_console.signing import Signer, is_signature
 

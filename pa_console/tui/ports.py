@@ -7,6 +7,7 @@ from pa_console.schema.event import Event
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Mission
 from pa_console.schema.rule import Rule, RuleHit
+from pa_console.schema.rules_seal import RulesSeal
 from pa_console.session.fold import SessionState
 
 Clock = Callable[[], float]
@@ -132,6 +133,16 @@ class PlayerPort(Protocol):
 
 class RulebookPort(Protocol):
     """The rules in force."""
+
+    @property
+    def name(self) -> str:
+        """The name of the rule set."""
+        ...
+
+    @property
+    def seal(self) -> RulesSeal:
+        """Version, content hash and standing of the rule set."""
+        ...
 
     @property
     def rules(self) -> tuple[Rule, ...]:

@@ -12,6 +12,7 @@ from textual.widgets import Footer, Input, OptionList, Select, Static
 from textual.widgets.option_list import Option
 
 from pa_console.schema.rule import PRIORITIES, Ordering, Rule, RuleHit
+from pa_console.schema.rules_seal import RulesSeal
 from pa_console.tui.ports import RetrieverPort, RulebookPort
 from pa_console.tui.trace.rows import Row, column, row
 from pa_console.tui.vocabulary import NOTE, QUIET, term
@@ -33,7 +34,7 @@ class PolicyScreen(Screen[None]):
 
     def __init__(self, rulebook: RulebookPort, retriever: RetrieverPort) -> None:
         super().__init__()
-        self._rules = rulebook.rules
+        self._rules, self._set, self._seal = rulebook.rules, rulebook.name, rulebook.seal
         self._retriever = retriever
         self._hits: dict[str, RuleHit] = {}
         self._wanted: dict[str, str | None] = dict.fromkeys(
@@ -114,7 +115,9 @@ class PolicyScreen(Screen[None]):
         self.query_one("#policy-title", Static).update(
             Content.assemble(
                 ("Policies  ", "bold $text-primary"),
-                (f"{len(rules)} of {len(self._rules)} shown, {count} checked by code", QUIET),
+                f"{self._set} {self._seal.title} ",
+                (self._seal.words, standing_style(self._seal)),
+                (f"  {len(rules)} of {len(self._rules)}, {count} checked by code", QUIET),
             )
         )
 
@@ -145,6 +148,12 @@ class PolicyScreen(Screen[None]):
     def action_search(self) -> None:
         """Type a text to score."""
         self.query_one("#policy-search").focus()
+
+
+def standing_style(seal: RulesSeal) -> str:
+    """Return how the standing of a rule set is written: louder, the less it is vouched for."""
+    styles = {"altered": "bold reverse $text-error", "unknown key": "$text-warning"}
+    return styles.get(seal.standing, NOTE if seal.key else QUIET)
 
 
 def rule_rows(rule: Rule, hit: RuleHit | None) -> list[Row]:

@@ -31,6 +31,8 @@ class StatusBar(Static):
         if wide and state.active is None:
             parts.append((f"{title}  ", QUIET))
         parts += [self._mode(mode), f"  {time} ", (f"×{rate:g}", QUIET)]
+        if state.started is not None and (seal := state.started.rules_seal) and seal.altered:
+            parts += ["  ", (" RULES ALTERED ", "bold reverse $text-error")]
         if stale:
             parts.append((f"  ▲ no telemetry for {silent_s:.0f} s", "bold $text-error"))
         if wide or worker.word != "ready":

@@ -1,0 +1,93 @@
+"""The signature of a rule set, `RULES.sig` beside its file: made, checked, and insisted upon."""
+
+import os
+from pathlib import Path
+
+from pa_console.policy.content import canonical, content_sha256
+from pa_console.schema.document import Document, DocumentError
+from pa_console.schema.rule import RuleSet
+from pa_console.schema.rules_seal import SHORT, RulesSeal, RulesSignature
+from pa_console.signing import Signer, fingerprint, is_signature, known_keys, named_keys
+
+PURPOSE = b"pa-console rule set\n"
+
+
+class AlteredRulesError(ValueError):
+    """A signed rule set that is not what was signed; worded with file, problem and remedy."""
+
+
+def signature_path(rules: Path) -> Path:
+    """Return where the signature of the rule file `rules` is."""
+    return rules.with_name(rules.name + ".sig")
+
+
+def sign_rules(path: Path, rule_set: RuleSet, signer: Signer) -> RulesSignature:
+    """Write the signature of `rule_set`, which is the file at `path`, beside it; raises OSError.
+
+    The signature that was there stays until the new one is whole.
+    """
+    content = content_sha256(rule_set)
+    message = _message(rule_set.name, rule_set.version, content)
+    signature = RulesSignature(
+        name=rule_set.name,
+        version=rule_set.version,
+        content_sha256=content,
+        key=signer.public,
+        signature=signer.sign(message),
+    )
+    target = signature_path(path)
+    new = target.with_name(target.name + ".new")
+    new.write_text(signature.model_dump_json(indent=2) + "\n", encoding="utf-8")
+    os.replace(new, target)
+    return signature
+
+
+def seal_of(path: Path, rule_set: RuleSet) -> RulesSeal:
+    """Return how `rule_set`, read from `path`, stands; it is altered if its signature is not its.
+
+    A signature file that cannot be read is one that was altered too. Raises SigningError when
+    this machine's own keys cannot be read.
+    """
+    unsigned = RulesSeal(version=rule_set.version, content_sha256=content_sha256(rule_set))
+    place = signature_path(path)
+    if not os.path.lexists(place):
+        return unsigned
+    try:
+        signature = Document.read(place).parse(RulesSignature)
+    except DocumentError as error:
+        return _altered(unsigned, f"its signature cannot be read: {error}")
+    message = _message(signature.name, signature.version, signature.content_sha256)
+    if not is_signature(signature.signature, message, signature.key):
+        return _altered(unsigned, f"{place} was edited: no key made that signature")
+    signed = (signature.name, signature.version, signature.content_sha256)
+    if signed != (rule_set.name, rule_set.version, unsigned.content_sha256):
+        return _altered(unsigned, f"signed was {_told(*signed)}; this is another")
+    key = fingerprint(signature.key)
+    if key in known_keys():
+        return unsigned.model_copy(update={"standing": "own key", "key": key})
+    name = named_keys().get(key)
+    standing = "known key" if name is not None else "unknown key"
+    return unsigned.model_copy(update={"standing": standing, "key": key, "signer": name or ""})
+
+
+def refuse_altered(path: Path, seal: RulesSeal) -> None:
+    """Raise AlteredRulesError when the rules at `path` are not what was signed."""
+    if seal.altered:
+        raise AlteredRulesError(
+            f"{path}: ALTERED since it was signed: {seal.problem}. Bring back the signed file; or "
+            f"look through it and sign it anew: pa-console rules sign {path}; or start console, "
+            "mission or eval with --unsigned, which the session's log will say"
+        )
+
+
+def _altered(seal: RulesSeal, problem: str) -> RulesSeal:
+    return seal.model_copy(update={"standing": "altered", "problem": problem})
+
+
+def _told(name: str, version: str, content: str) -> str:
+    return f"{name!r} {f'version {version}' if version else 'without a version'}, {content[:SHORT]}"
+
+
+def _message(name: str, version: str, content: str) -> bytes:
+    """Return the bytes that are signed; no signature of anything else can be taken for it."""
+    return PURPOSE + canonical({"content": content, "name": name, "version": version}).encode()

@@ -1,0 +1,48 @@
+"""Which rule set is in force is seen in the policy browser, and an altered one always."""
+
+from pathlib import Path
+
+from textual.widgets import Static
+
+from pa_console.schema.event import EventPayload
+from pa_console.schema.rules_seal import RulesSeal
+from pa_console.tui.screens.policies import PolicyScreen
+from tests.tui import story
+from tests.tui.scripted import ScriptedStation, console, settle
+from tests.tui.test_mission import shown
+
+ALTERED = RulesSeal(version="3", content_sha256="ab" * 32, standing="altered", problem="edited")
+
+
+def opened_with(seal: RulesSeal) -> list[EventPayload]:
+    """Return the beginning of a session under rules that stand so."""
+    return [story.STARTED.model_copy(update={"rules_seal": seal}), *story.opening()[1:]]
+
+
+async def test_the_policy_browser_names_version_hash_and_standing(tmp_path: Path) -> None:
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await settle(pilot, station)
+        await pilot.press("f6")
+        await settle(pilot)
+        assert isinstance(app.screen, PolicyScreen)
+        title = str(app.screen.query_one("#policy-title", Static).render())
+        assert "site version 3 5ea15ea15ea1 not signed" in title
+
+
+async def test_altered_rules_are_said_in_the_status_bar_at_every_size(tmp_path: Path) -> None:
+    for size in ((60, 18), (120, 36)):
+        station = ScriptedStation(opened_with(ALTERED))
+        app = console(station, tmp_path)
+        async with app.run_test(size=size) as pilot:
+            await settle(pilot, station)
+            assert "RULES ALTERED" in shown(app, "#status")
+
+
+async def test_rules_that_are_not_signed_are_not_shouted_about(tmp_path: Path) -> None:
+    station = ScriptedStation(opened_with(RulesSeal()))
+    app = console(station, tmp_path)
+    async with app.run_test(size=(120, 36)) as pilot:
+        await settle(pilot, station)
+        assert "RULES" not in shown(app, "#status")
