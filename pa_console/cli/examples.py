@@ -16,6 +16,7 @@ EXAMPLES = {
     "rules list": "pa-console rules list --rules my-rules.yaml",
     "rules search": 'pa-console rules search "unknown vehicle at the gate" --top 5',
     "rules check": "pa-console rules check my-rules.yaml",
+    "rules lint": "pa-console rules lint my-rules.yaml --world my-world",
     "rules sign": "pa-console rules sign my-rules.yaml",
     "rules diff": "pa-console rules diff checkpoint my-rules.yaml",
     "models": "pa-console models list",

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from pa_console.cli import rule_sets
+from pa_console.cli import rule_lint, rule_sets
 from pa_console.cli.output import JsonOption, RulesOption, errors, out, print_json
 from pa_console.cli.rule_sets import told
 from pa_console.policy.examples import run_example
@@ -17,9 +17,10 @@ from pa_console.schema.rule import Rule
 
 BROKEN = 2
 
-app = typer.Typer(help="List, search, check, sign and compare rules.", no_args_is_help=True)
+app = typer.Typer(help="List, search, check, lint, sign and compare rules.", no_args_is_help=True)
 app.command("sign")(rule_sets.sign)
 app.command("diff")(rule_sets.diff)
+app.command("lint")(rule_lint.lint)
 
 
 def _load(rules: str) -> Rulebook:

@@ -126,3 +126,15 @@ def test_a_file_that_is_not_there_is_bad_input(call: Call, words: tuple[str, ...
     done = call("rules", *words)
     assert (done.code, done.out) == (2, "")
     assert "none.yaml" in done.err
+
+
+def test_lint_names_file_line_and_rule_and_is_quiet_about_the_installed_rules(
+    call: Call, tmp_path: Path
+) -> None:
+    assert call("rules", "lint").code == 0
+    path = write_rules(tmp_path, {"check": "size(actions) > 0", "message": "m"})
+    done = call("rules", "lint", str(path))
+    assert (done.code, done.err) == (1, "")
+    assert f"{path}:7: ROE-01: no examples" in done.out
+    assert call("rules", "lint", str(path), "--json").json["findings"][0]["line"] == 7
+    assert call("rules", "lint", str(path), "--world", "nowhere").code == 2
