@@ -13,7 +13,7 @@ from pa_console.schema.document import Document
 from pa_console.schema.rule import RuleSet
 from tests.policy.sets import WORDS, as_set, edited, rule_sets, shuffled, texts
 
-FEW = settings(max_examples=60, deadline=None)
+FEW = settings(max_examples=40, deadline=None)
 
 
 @FEW
