@@ -5,32 +5,33 @@ from typing import Annotated
 
 import typer
 
+from pa_console.cli import export_film
 from pa_console.cli.export_progress import ExportBar
-from pa_console.cli.output import errors, out
+from pa_console.cli.export_session import (
+    LogArgument,
+    SessionRules,
+    SessionWorld,
+    opened,
+    written,
+)
+from pa_console.cli.output import errors
 from pa_console.export.markdown import mission_document
 from pa_console.export.mcap_file import write_mcap
 from pa_console.export.opening import (
-    OpenedSession,
     choose_mission,
-    open_session,
     rules_of,
     world_of,
 )
 from pa_console.export.whole import whole_file
 
 app = typer.Typer(
-    help="Write a recorded session as Markdown or MCAP.",
+    help="Write a recorded session as Markdown, MCAP, SVG or asciinema cast.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
 
-LogArgument = Annotated[Path, typer.Argument(help="A session log (JSONL).")]
-SessionWorld = Annotated[
-    str | None, typer.Option("--world", help="The session's world, when it is a file.")
-]
-SessionRules = Annotated[
-    str | None, typer.Option("--rules", help="The session's rules, when they are a file.")
-]
+app.command("svg")(export_film.svg)
+app.command("cast")(export_film.cast)
 
 
 @app.command("markdown")
@@ -88,22 +89,3 @@ def mcap(
     with ExportBar("writing", len(session.recording)) as bar, whole_file(target, log) as file:
         messages = write_mcap(session, site, file, bar.advance)
     written(target, f"{messages} messages")
-
-
-def opened(log: Path) -> OpenedSession:
-    """Read the log, and say on stderr when it could not be read to its end."""
-    with errors.status(f"reading {log.name}"):
-        session = open_session(log)
-    if session.recording.problem is not None:
-        errors.print(
-            f"note: only what comes before this is exported: {session.recording.problem}",
-            style="yellow",
-            markup=False,
-            soft_wrap=True,
-        )
-    return session
-
-
-def written(target: Path, what: str) -> None:
-    """Say where the export is."""
-    out.print(f"{target}: {what}", markup=False, soft_wrap=True)

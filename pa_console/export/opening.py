@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from pa_console.orchestrator.compose import open_world
+from pa_console.orchestrator.compose import Site, load_site, open_world
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data
 from pa_console.schema.event import SessionStarted
@@ -67,6 +67,23 @@ def world_of(started: SessionStarted, given: str | None) -> World | None:
     if given is None and not find_data("worlds", name, "world.yaml").is_file():
         return None
     return open_world(name)[0]
+
+
+def site_of(started: SessionStarted, world: str | None, rules: str | None) -> Site:
+    """Return the world and rules to film a session in, the session's own unless given.
+
+    Raises ValueError when they are not installed here, DocumentError when they cannot be read.
+    """
+    for kind, file, name, given in (
+        ("worlds", "world.yaml", started.world, world),
+        ("rules", "rules.yaml", started.rules, rules),
+    ):
+        if given is None and not find_data(kind, name, file).is_file():
+            raise ValueError(
+                f"{name!r}, the {file} of this session, is not installed here; give the file "
+                f"with --{file.removesuffix('.yaml')}"
+            )
+    return load_site(world or started.world, rules or started.rules, unsigned=True)
 
 
 def choose_mission(missions: Mapping[str, MissionTrace], wanted: str | None) -> MissionTrace:

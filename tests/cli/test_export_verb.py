@@ -2,17 +2,21 @@
 
 import asyncio
 import json
+import re
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 from markdown_it import MarkdownIt
 from mcap.reader import make_reader
 
+from pa_console.export.film import Film, film
 from pa_console.export.whole import whole_file, whole_folder
 from pa_console.orchestrator.compose import load_site
 from pa_console.schema.document import Document
 from pa_console.schema.scenario import Scenario
+from pa_console.session.replay import Player
 from tests.cli.inside import Call
 from tests.cli.test_replay_verb import SCENARIO
 from tests.evaluation.sessions import IDENTIFY, RECON, WARN, play
@@ -94,13 +98,78 @@ def test_mcap_has_every_event_at_its_time(call: Call, log: Path, tmp_path: Path)
     assert metadata["session"]["seed"] == "2"
 
 
+def test_svg_pictures_are_numbered_and_show_the_replay(
+    call: Call, log: Path, tmp_path: Path
+) -> None:
+    target = tmp_path / "pictures"
+    kinds = ("--at", "approval_requested", "--at", "mission_finished")
+    done = call("export", "svg", str(log), *kinds, "--size", "120x36", "-o", str(target))
+    assert done.code == 0, done.err
+    wanted = [e["kind"] for e in events(log) if e["kind"] in kinds]
+    files = sorted(target.iterdir())
+    assert [path.name for path in files] == [
+        f"{number:04}-{kind}.svg" for number, kind in enumerate(wanted, start=1)
+    ]
+    texts = ["".join(ElementTree.parse(path).getroot().itertext()) for path in files]
+    assert all("REPLAY" in text for text in texts)
+    assert "WAITS FOR YOU" in texts[0].replace("\N{NO-BREAK SPACE}", " ")
+    assert "verified" in texts[-1]
+    again = call("export", "svg", str(log), "-o", str(target))
+    assert again.code == 2
+    assert str(target) in again.err
+    wrong = call("export", "svg", str(log), "--at", "lunch", "-o", str(tmp_path / "new"))
+    assert wrong.code == 2
+    assert "mission_finished" in wrong.err
+
+
+def test_a_cast_is_a_terminal_recording(call: Call, log: Path, tmp_path: Path) -> None:
+    target = tmp_path / "session.cast"
+    words = ("--size", "80x24", "--speed", "1", "--fps", "5", "--out", str(target))
+    done = call("export", "cast", str(log), *words)
+    assert done.code == 0, done.err
+    lines = [json.loads(line) for line in target.read_text(encoding="utf-8").splitlines()]
+    header, rows = lines[0], lines[1:]
+    assert (header["version"], header["width"], header["height"]) == (2, 80, 24)
+    times = [row[0] for row in rows]
+    assert times == sorted(times)
+    assert times[0] == 0.0
+    assert {row[1] for row in rows} == {"o", "m"}
+    recorded = events(log)
+    missions = [e["data"]["mission"] for e in recorded if e["kind"] == "mission_received"]
+    assert [row[2] for row in rows if row[1] == "m"] == [f"{m['id']} {m['text']}" for m in missions]
+    written = "".join(row[2] for row in rows if row[1] == "o")
+    cursors = [(int(row), int(col)) for row, col in re.findall(r"\x1b\[(\d+);(\d+)H", written)]
+    assert cursors
+    assert all(row <= 24 and col <= 80 for row, col in cursors)
+    plain = re.sub(r"\x1b\[[\d;?]*[A-Za-z]", "", written)
+    assert "REPLAY" in plain
+    assert f"event {len(recorded)}" in plain
+    assert call("export", "cast", str(log), "--size", "80", "--out", str(target)).code == 2
+    assert call("export", "cast", str(log), "--from", "9999", "--out", str(target)).code == 2
+
+
+async def test_an_interrupted_film_ends(log: Path) -> None:
+    shown: list[int] = []
+
+    async def direct(made: Film) -> None:
+        task.cancel()
+        while True:
+            await made.show()
+            shown.append(1)
+
+    site = load_site("checkpoint", "checkpoint")
+    task = asyncio.create_task(film(site, Player.open(log), (80, 24), direct))
+    with pytest.raises(asyncio.CancelledError):
+        await task
+    assert len(shown) < 3
+
+
 def test_an_export_never_replaces_its_log(call: Call, log: Path, tmp_path: Path) -> None:
     before = log.read_bytes()
-    for format_ in ("markdown", "mcap"):
+    for format_ in ("markdown", "mcap", "cast"):
         assert call("export", format_, str(log), "--out", str(log)).code == 2
-        assert call("export", format_, str(log), "--out", str(tmp_path)).code == 2
-        missing = str(tmp_path / "none" / "file")
-        assert call("export", format_, str(log), "--out", missing).code == 2
+    for target in (tmp_path, tmp_path / "none" / "file"):
+        assert call("export", "markdown", str(log), "--out", str(target)).code == 2
     assert log.read_bytes() == before
     assert call("export", "mcap", str(tmp_path / "no.jsonl"), "--out", "x.mcap").code == 2
 
