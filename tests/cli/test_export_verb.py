@@ -3,6 +3,7 @@
 import asyncio
 import json
 import re
+import sys
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -96,6 +97,16 @@ def test_mcap_has_every_event_at_its_time(call: Call, log: Path, tmp_path: Path)
     assert pictures == [e["data"]["picture"] for e in recorded if e["kind"] == "telemetry"]
     assert {"world", *(f"asset {name}" for name in pictures[0]["assets"])} <= scene
     assert metadata["session"]["seed"] == "2"
+
+
+def test_without_its_package_mcap_says_how_to_get_it(
+    call: Call, log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    done = call("export", "mcap", str(log), "--out", str(tmp_path / "session.mcap"))
+    assert done.code == 2
+    assert "pip install 'pa-console[mcap]'" in done.said
+    assert not list(tmp_path.glob("*session*"))
 
 
 def test_svg_pictures_are_numbered_and_show_the_replay(
