@@ -12,19 +12,17 @@ import pytest_asyncio
 from pydantic import ValidationError
 
 from pa_console.llm.adapters import AdapterFile, LocalAdapter, check_adapters
-from pa_console.llm.cache import hash_file
-from pa_console.llm.catalog import LocalModel, ModelEntry
+from pa_console.llm.catalog import LocalModel, ModelEntry, find_model
 from pa_console.llm.engine import Engine
 from pa_console.llm.errors import ModelError, ModelUnavailableError
 from pa_console.llm.request import Completed, Request
 from pa_console.llm.sources import PathSource
-from tests.llm.random_adapter import write_random_adapter
 
 TALK = Request(
     role="planner",
     system="You talk about the river gate and those who come to it. " * 8,
     user="A truck waits at the river gate. Say what you think of it.",
-    grammar="start: /[A-Za-z ,.]{20,25}/",
+    grammar="start: /.{40,50}/",
     max_tokens=60,
     deadline_s=60,
 )
@@ -32,15 +30,11 @@ OTHER = replace(TALK, user="A truck waits at the hill gate. Say what you think o
 
 
 @pytest.fixture(scope="module")
-def adapted(smallest_model: LocalModel, tmp_path_factory: pytest.TempPathFactory) -> LocalModel:
-    """The smallest model with an adapter for the planner and another for the judge."""
-    folder = tmp_path_factory.mktemp("adapters")
-    files: dict[str, AdapterFile] = {}
-    for seed, role in enumerate(("planner", "judge")):
-        path = write_random_adapter(smallest_model.path, folder / f"{role}.lora.gguf", seed)
-        files[role] = AdapterFile(file=str(path), sha256=hash_file(path))
-    adapters = check_adapters("m", {"planner": files["planner"], "judge": files["judge"]})
-    return replace(smallest_model, adapters=adapters)
+def adapted(smallest_model: LocalModel) -> LocalModel:
+    """The default model: the smallest with the shipped adapters of planner and judge."""
+    model = find_model(None)
+    assert model.path == smallest_model.path
+    return model
 
 
 @pytest_asyncio.fixture(scope="module", loop_scope="module")

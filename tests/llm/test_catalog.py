@@ -10,7 +10,13 @@ from pa_console.llm.errors import ModelError
 from pa_console.llm.sources import PathSource
 from pa_console.schema.document import DocumentError
 
-INSTALLABLE = {"smollm2-135m", "qwen2.5-coder-0.5b", "qwen2.5-coder-1.5b", "gemma-3-270m"}
+INSTALLABLE = {
+    "pa-135m",
+    "smollm2-135m",
+    "qwen2.5-coder-0.5b",
+    "qwen2.5-coder-1.5b",
+    "gemma-3-270m",
+}
 OF_THE_PAPER = {"gemma-2b", "llama-3.1-8b", "mistral-7b", "qwen2.5-7b"}
 
 

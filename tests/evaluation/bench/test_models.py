@@ -24,8 +24,7 @@ from pa_console.evaluation.bench.plain_way import PLAIN_MODULE, PlainWay
 from pa_console.evaluation.bench.planner import Measured, Round, measure_missions
 from pa_console.evaluation.bench.planner import comparisons as mission_comparisons
 from pa_console.evaluation.bench.raw_messages import MeasureSpeed, Speed
-from pa_console.llm.adapters import LocalAdapter
-from pa_console.llm.catalog import Catalog, LocalModel
+from pa_console.llm.catalog import Catalog, LocalModel, find_model
 from pa_console.llm.errors import EngineError
 from pa_console.llm.fetch import pull
 from pa_console.llm.judge import read_verdict
@@ -33,7 +32,6 @@ from pa_console.llm.planner import read_plan
 from pa_console.orchestrator.compose import Site
 from pa_console.schema.base import StrictModel
 from pa_console.schema.event import Role
-from tests.llm.random_adapter import write_random_adapter
 from tests.scripted import ScriptedEngine, plan
 
 N_CTX = 512
@@ -241,12 +239,9 @@ async def test_rounds_become_a_line_a_mission_and_one_for_each_call(site: Site) 
 
 @pytest.mark.parametrize("roles", [("judge",), ()])
 async def test_the_plain_way_has_a_process_for_every_adapter(
-    tiny: LocalModel, site: Site, tmp_path: Path, roles: tuple[Role, ...]
+    tiny: LocalModel, site: Site, roles: tuple[Role, ...]
 ) -> None:
-    adapters = tuple(
-        LocalAdapter(role, write_random_adapter(tiny.path, tmp_path / role, seed), "0" * 64)
-        for seed, role in enumerate(roles)
-    )
+    adapters = tuple(adapter for adapter in find_model(None).adapters if adapter.role in roles)
     model = replace(tiny, adapters=adapters, prompts="compact" if roles else "examples", n_ctx=512)
     engine = ScriptedEngine([plan(("Drone_T04", "report"))], [SHORT_VERDICT])
     engine.model = model
@@ -269,13 +264,11 @@ async def test_the_plain_way_has_a_process_for_every_adapter(
     assert way.memory is None
 
 
-async def test_bare_llama_and_ours_answer_with_the_adapter(
-    tiny: LocalModel, tmp_path: Path
-) -> None:
+async def test_bare_llama_and_ours_answer_with_the_adapter(tiny: LocalModel) -> None:
     ask = MeasureSpeed(
         system="Talk.", user="Of the river.", grammar="start: /[a-z ]{30}/", max_tokens=30
     )
-    adapter = write_random_adapter(tiny.path, tmp_path / "planner", 1)
+    adapter = next(item.path for item in find_model(None).adapters if item.role == "planner")
     answers: list[Speed] = []
     for path in ("", str(adapter)):
         child = await Child.start(RAW_MODULE, load(tiny.path).model_copy(update={"adapter": path}))
