@@ -25,7 +25,7 @@ ABOUT: dict[str, str] = {
     "one-candidate": "one-plan; one plan a prompt, a broken one is repaired at once",
     "four-candidates": "one-plan; of 4 plans the best when the first is broken, as by default",
     "eight-candidates": "one-plan; of 8 plans the best when the first is broken",
-    "first-plan-judged": "one-plan; the judge's objection leads to no other plan",
+    "other-plans-judged": "one-plan; if the judge objects, two other plans are put to it",
     "no-grammar": "one-plan; the planner writes whatever it likes",
     "paper-retrieval": "one-plan with the paper's retrieval",
     "paper": "the paper's retrieval, prompt and judge; no checks, rehearsal, repair or grammar",
@@ -47,7 +47,7 @@ VARIANTS: dict[str, Variant] = {
         _without("one-candidate", candidates=1),
         _without("four-candidates", candidates=4),
         _without("eight-candidates", candidates=8),
-        _without("first-plan-judged", reconsidered=0),
+        _without("other-plans-judged", reconsidered=2),
         _without("no-grammar", grammar=False),
         _without("paper-retrieval", method="paper"),
         _without(

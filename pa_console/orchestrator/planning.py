@@ -116,18 +116,20 @@ class Planning:
     async def judge(self) -> Payloads:
         """Step 6: the JudgeLLM's verdict on `best`; a blocked plan needs none.
 
-        A trained judge's objection is a reason to look at the planner's other answers: the first
-        that nothing blocks and that it passes becomes `best`, else the plan it objected to stays.
+        Where the variant says so, a trained judge's objection is a reason to look at the planner's
+        other answers: the first that nothing blocks and that it passes becomes `best`, else the
+        plan that it objected to stays.
         """
         first = self.best
         async for payload in self._judge():
             yield payload
-        variant = self._services.variant
-        if first is None or not first.objected or not self._services.engine.model.trained("judge"):
+        most = self._services.variant.reconsidered
+        trained = self._services.engine.model.trained("judge")
+        if first is None or not first.objected or not trained or most < 1:
             return
         async for payload in self._proposing.ask_for_others():
             yield payload
-        for _ in range(variant.reconsidered):
+        for _ in range(most):
             async for payload in self._next_sound(first.examination.plan):
                 yield payload
             if self.best is first:

@@ -24,7 +24,7 @@ class Variant(StrictModel):
         default=4, ge=1, le=8, description="plans to choose from when the first one is broken"
     )
     reconsidered: int = Field(
-        default=2, ge=0, description="other plans that a trained judge sees if it objects to one"
+        default=0, ge=0, description="other plans that a trained judge sees if it objects to one"
     )
     grammar: bool = Field(default=True, description="decoding is constrained to executable plans")
     prompt: PromptStyle = "console"

@@ -11,6 +11,7 @@ from pa_console.orchestrator.station import Station
 from pa_console.schema.event import Event
 from pa_console.schema.incident import Incident
 from pa_console.schema.scenario import Scenario
+from pa_console.schema.variant import Variant
 from pa_console.session.fold import MissionTrace, SessionState
 from tests.scripted import ScriptedEngine
 
@@ -22,6 +23,7 @@ class Rig:
 
     def __init__(self, site: Site) -> None:
         self.site = site
+        self.variant = Variant()
         self.events: list[Event] = []
         self.state = SessionState()
 
@@ -31,7 +33,12 @@ class Rig:
         """Return a fresh station on the checkpoint; with `respond`, alarms start missions."""
         played = LoadedScenario(scenario, "0" * 64) if scenario is not None else None
         return open_station(
-            self.site, engine.engine(), SteppedClock(), scenario=played, respond=respond
+            self.site,
+            engine.engine(),
+            SteppedClock(),
+            scenario=played,
+            respond=respond,
+            variant=self.variant,
         )
 
     async def play(

@@ -151,7 +151,7 @@ class OurWay:
             engine=self._engine,
             planner=Planner(self._engine, max_tokens=dialect.plan_tokens),
             judge=Judge(self._engine, max_tokens=dialect.verdict_tokens),
-            variant=Variant(repairs=0, reconsidered=0, workflows=False),
+            variant=Variant(repairs=0, workflows=False),
             dialect=dialect,
         )
 
