@@ -11,7 +11,8 @@ import pytest
 import pa_console
 
 ROOT = Path(pa_console.__file__).parents[1]
-ABOVE = ("pa_console.cli", "pa_console.tui", "pa_console.__main__", "pa_console.training")
+FRONT = ("pa_console.cli", "pa_console.tui", "pa_console.export", "pa_console.__main__")
+ABOVE = (*FRONT, "pa_console.training")
 """The front ends, which may import Textual, and what only they may start."""
 
 WORKER = (

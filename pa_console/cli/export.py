@@ -15,7 +15,6 @@ from pa_console.cli.export_session import (
     written,
 )
 from pa_console.cli.output import errors
-from pa_console.export.markdown import mission_document
 from pa_console.export.mcap_file import write_mcap
 from pa_console.export.opening import (
     choose_mission,
@@ -50,6 +49,8 @@ def markdown(
 
     Prompts, answers and rules that were not broken are folded away.
     """
+    from pa_console.export.markdown import mission_document  # noqa: PLC0415 - loads the screens
+
     session = opened(log)
     trace = choose_mission(session.final_state().missions, mission)
     known, note = rules_of(session.started, rules)

@@ -38,7 +38,10 @@ def test_the_first_source_that_has_a_value_wins_and_is_named(
     }
 
 
-def test_without_a_file_the_defaults_are_in_force(file: Path) -> None:
+def test_without_a_file_the_defaults_are_in_force(
+    file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("PA_CONSOLE_CACHE", raising=False)
     assert load_settings().values == Settings()
     file.write_text("# nothing yet\n")
     assert load_settings().values == Settings()

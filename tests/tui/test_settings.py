@@ -209,6 +209,7 @@ def test_the_consoles_own_keys_are_good_and_two_can_be_swapped() -> None:
 def test_the_screen(snap_compare: Compare, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PA_CONSOLE_SETTINGS", "settings.yaml")
+    monkeypatch.delenv("PA_CONSOLE_CACHE", raising=False)
     Path("settings.yaml").write_text("speed: 2\n")
     station = ScriptedStation(story.opening())
     app = console(station, tmp_path)
