@@ -18,6 +18,7 @@ from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.evaluation.record import RunRecord
 from pa_console.evaluation.results import read_runs
 from pa_console.llm.catalog import LocalModel, find_model
+from pa_console.llm.dialect import DIALECTS
 from pa_console.llm.engine import Engine
 from pa_console.llm.errors import ModelUnavailableError
 from pa_console.llm.judge import Judge
@@ -118,7 +119,9 @@ async def _ask(
     found: list[JudgedRun] = []
     right = 0
     try:
-        verdicts = judge_cases(cases, Judge(engine.engine()), model, outcomes=outcomes)
+        room = DIALECTS[model.prompts].verdict_tokens
+        judge = Judge(engine.engine(), max_tokens=room)
+        verdicts = judge_cases(cases, judge, model, outcomes=outcomes)
         async with aclosing(verdicts) as judged:
             async for run in judged:
                 if unavailable:
