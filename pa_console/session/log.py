@@ -12,6 +12,7 @@ import platformdirs
 from pa_console.schema.event import Event, LogSigned
 from pa_console.session.chain import GENESIS, LogError, os_error, seal
 from pa_console.session.head import head_path, sign_head, write_head
+from pa_console.session.head_keeper import HeadKeeper
 from pa_console.session.log_file import LogFile
 from pa_console.session.reader import read_log
 from pa_console.session.verify import VerifyResult, verify
@@ -72,7 +73,8 @@ class LogWriter:
     Records are written at least every FLUSH_RECORDS records or FLUSH_SECONDS seconds, and are
     safe on the disk at once for DURABLE_KINDS. With a `signer`, the log is signed after its first
     record, after every SIGN_RECORDS records, with the first record after SIGN_SECONDS seconds, and
-    on closing; its signed head follows each time. When the disk refuses, the records are kept in
+    on closing; its signed head follows each time, at the first and the last one before the call
+    returns, else soon after. When the disk refuses, the records are kept in
     memory and written as soon as it takes them again; `on_error` is told once each time that
     begins. Without `on_error` the LogError is raised from `append` or `flush` instead, and the
     event is kept all the same.
@@ -98,6 +100,7 @@ class LogWriter:
         self._signer, self._on_error, self._clock = signer, on_error, clock
         self._pending, self._records = bytearray(), 0
         self._file = LogFile(path, session, signer and signer.public)
+        self._keeper = HeadKeeper(path, self._file.sync)
         self._seq, self._hash = self._file.seq, self._file.hash
         self._last: Event | None = None
         signed = self._file.head.seq if self._file.head is not None else 0
@@ -138,7 +141,7 @@ class LogWriter:
         if self._signer is not None and (
             first or self._unsigned >= SIGN_RECORDS or waited >= SIGN_SECONDS
         ):
-            self._sign(event, self._signer)
+            self._sign(event, self._signer, at_once=first)
             return
         durable = event.data.kind in DURABLE_KINDS
         waited = self._clock() - self._flushed_at
@@ -164,7 +167,7 @@ class LogWriter:
             return
         try:
             if self._signer is not None and self._last is not None:
-                self._sign(self._last, self._signer, closing=True)
+                self._sign(self._last, self._signer, at_once=True, closing=True)
             else:
                 self.flush()
             if self._records:
@@ -172,6 +175,7 @@ class LogWriter:
                 raise LogError(str(self.path), 0, f"{problem}; {self.error and self.error.problem}")
         finally:
             self._open = False
+            self._keeper.close()
             self._file.close()
 
     def __enter__(self) -> Self:
@@ -194,17 +198,17 @@ class LogWriter:
         self._unsigned += 1
         self._pending += line.encode() + b"\n"
 
-    def _sign(self, last: Event, signer: Signer, *, closing: bool = False) -> None:
+    def _sign(self, last: Event, signer: Signer, *, at_once: bool, closing: bool = False) -> None:
         """Vouch for everything up to `last` in the log, and once it is on the disk in its head."""
         signed = LogSigned(key=signer.public, closing=closing, found=self._found)
         self._put(Event(t=last.t, tick=last.tick, data=signed), signer)
         self._unsigned, self._found, self._signed_at = 0, 0, self._clock()
-        self.flush()
+        self.flush(durable=at_once or last.data.kind in DURABLE_KINDS)
         if self.error is not None:
             return
+        keep = self._keeper.keep_now if at_once else self._keeper.keep
         try:
-            head = sign_head(self.session, self._seq, self._hash, closing, signer)
-            write_head(self.path, head, lasting=closing)
+            keep(sign_head(self.session, self._seq, self._hash, closing, signer))
         except OSError as error:
             told, self._headless = self._headless, True
             if not told or self._on_error is None:

@@ -1,11 +1,12 @@
 """A signed log says how far it is signed, whatever became of the console that wrote it."""
 
 import os
+import threading
 from pathlib import Path
 
 import pytest
 
-from pa_console.session.head import head_path, read_head
+from pa_console.session.head import Head, head_path, read_head, write_head
 from pa_console.session.log import SIGN_RECORDS, LogError, LogWriter, read_log, verify
 from pa_console.session.replay import Player
 from tests.session.story import story, telemetry
@@ -79,6 +80,29 @@ def test_a_console_that_dies_leaves_a_log_that_is_signed_up_to_a_line(tmp_path: 
     assert (found.ok, found.intact, found.standing, found.vouched) == (True, False, "open", 2)
     assert f"{found.lines - 2} unsigned records" in found.note
     writer.close()
+    assert verify(log, KNOWN).intact
+
+
+def test_a_slow_disk_keeps_no_record_waiting(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log, awake = tmp_path / "s.jsonl", threading.Event()
+
+    def slow(path: Path, head: Head, *, lasting: bool) -> None:
+        if not lasting:
+            awake.wait()
+        write_head(path, head, lasting=lasting)
+
+    monkeypatch.setattr("pa_console.session.head_keeper.write_head", slow)
+    with LogWriter(log, "s", signer=MINE, clock=lambda: 0.0) as writer:
+        for number in range(2 * SIGN_RECORDS):
+            writer.append(telemetry(number))
+        assert len(signed_lines(log)) == 2
+        behind = read_head(log)
+        assert behind is not None
+        assert behind.seq == 2
+        assert verify(log, KNOWN).ok
+        awake.set()
     assert verify(log, KNOWN).intact
 
 
