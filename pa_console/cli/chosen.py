@@ -1,6 +1,7 @@
 """Brings the user's settings to the verbs: as defaults of their options, and as a whole."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, cast
 
 import typer
@@ -9,6 +10,14 @@ from pa_console.settings.sources import Loaded, load_settings
 
 WITHOUT = ("settings", "doctor")
 """Verbs that must work with a settings file that cannot be used: they mend it."""
+
+
+@dataclass(frozen=True)
+class _Chosen:
+    """What `--set` gives, and the settings with it where they were loaded."""
+
+    given: Mapping[str, object]
+    loaded: Loaded | None = None
 
 
 def read_assignments(words: Sequence[str]) -> dict[str, object]:
@@ -30,16 +39,18 @@ def choose(context: typer.Context, words: Sequence[str]) -> None:
 
     Raises DocumentError for settings that are wrong.
     """
-    context.obj = read_assignments(words)
+    given = read_assignments(words)
+    loaded = None
     if context.invoked_subcommand not in WITHOUT:
-        loaded = load_settings(context.obj)
+        loaded = load_settings(given)
         loaded.export()
         context.default_map = _defaults(loaded)
+    context.obj = _Chosen(given, loaded)
 
 
 def given_settings(context: typer.Context) -> Mapping[str, object]:
     """Return what `--set` gives."""
-    return cast(Mapping[str, object], context.find_root().obj or {})
+    return _chosen(context).given
 
 
 def settings_of(context: typer.Context, **options: object) -> Loaded:
@@ -49,7 +60,13 @@ def settings_of(context: typer.Context, **options: object) -> Loaded:
         for name, value in options.items()
         if (source := context.get_parameter_source(name)) and source.name == "COMMANDLINE"
     }
-    return load_settings(given_settings(context)).with_options(typed)
+    chosen = _chosen(context)
+    return (chosen.loaded or load_settings(chosen.given)).with_options(typed)
+
+
+def _chosen(context: typer.Context) -> _Chosen:
+    found = context.find_root().obj
+    return found if isinstance(found, _Chosen) else _Chosen({})
 
 
 def _defaults(loaded: Loaded) -> dict[str, Any]:
