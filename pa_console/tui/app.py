@@ -11,7 +11,7 @@ from textual.screen import Screen
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Plan
 from pa_console.schema.world import World
-from pa_console.settings.sources import Loaded
+from pa_console.settings.sources import Loaded, load_settings
 from pa_console.tui.actions import bindings, key_text
 from pa_console.tui.history import History, history_file
 from pa_console.tui.palette import ConsoleCommands
@@ -60,12 +60,15 @@ class ConsoleApp(SettingsApp):
         evaluations: Path | None = None,
         settings: Loaded | None = None,
     ) -> None:
-        """Paths and settings that are None are the user's own, in the platform's folders."""
+        """Paths and settings that are None are the user's own, in the platform's folders.
+
+        Raises DocumentError for settings of the user's that are wrong.
+        """
         super().__init__(
             world, station, rulebook, retriever, log,
             readonly=readonly, player=player, clock=clock, copies=copies, evaluations=evaluations,
-            settings=settings,
         )  # fmt: skip
+        self.settings = settings or load_settings()
         self._history = history
         self._drafts: dict[tuple[str, int], str] = {}
         self._editing: tuple[tuple[str, int], Screen[Plan | None]] | None = None

@@ -1,47 +1,16 @@
 """The half of the app that follows the user's settings: theme, keys, delays."""
 
-import time
-from pathlib import Path
-
-from pa_console.schema.world import World
-from pa_console.settings.sources import Loaded, load_settings
+from pa_console.settings.sources import Loaded
 from pa_console.tui.commanding_app import CommandingApp
 from pa_console.tui.keymap import KeymapError, check_keys
-from pa_console.tui.ports import (
-    Clock,
-    LogSink,
-    PlayerPort,
-    RetrieverPort,
-    RulebookPort,
-    StationPort,
-)
 from pa_console.tui.theme import DEFAULT_THEME, THEMES, VARIABLES
 
 
 class SettingsApp(CommandingApp):
     """Puts the settings in force, at the start and whenever the settings screen has saved one."""
 
-    def __init__(
-        self,
-        world: World,
-        station: StationPort | None,
-        rulebook: RulebookPort,
-        retriever: RetrieverPort,
-        log: LogSink | None = None,
-        *,
-        readonly: bool = False,
-        player: PlayerPort | None = None,
-        clock: Clock = time.monotonic,
-        copies: Path | None = None,
-        evaluations: Path | None = None,
-        settings: Loaded | None = None,
-    ) -> None:
-        """Without `settings` the user's own are loaded; raises DocumentError for wrong ones."""
-        super().__init__(
-            world, station, rulebook, retriever, log,
-            readonly=readonly, player=player, clock=clock, copies=copies, evaluations=evaluations,
-        )  # fmt: skip
-        self.settings = settings or load_settings()
+    settings: Loaded
+    """What is in force; whoever builds the app gives it."""
 
     def get_theme_variable_defaults(self) -> dict[str, str]:
         """Return the console's own colour variables for themes without them."""
