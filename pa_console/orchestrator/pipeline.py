@@ -54,7 +54,7 @@ class MissionRun:
         self.mission = mission
         self._services, self._feed, self._open_alarms = services, feed, open_alarms
         self._watch = Stopwatch()
-        self._monitor = Monitor(services.rulebook, services.sim.world)
+        self._monitor = Monitor(services.rulebook, services.sim.world, services.sightings)
         self._planning = Planning(services, mission, self._watch, self._monitor)
         self._deciding = Deciding(
             self._planning, mission, decide, self._watch, judging=services.variant.judging

@@ -11,6 +11,7 @@ from pa_console.llm.judge import Judge
 from pa_console.llm.planner import Planner
 from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
+from pa_console.policy.sightings import Sightings
 from pa_console.schema.event import EventPayload
 from pa_console.schema.mission import Metrics
 from pa_console.schema.variant import Variant
@@ -35,6 +36,12 @@ class Services:
     top_k: int = 3
     variant: Variant = field(default_factory=Variant)
     dialect: Dialect = DIALECTS["examples"]
+    sightings: Sightings = field(init=False)
+    """What was seen where in this session; the station keeps it."""
+
+    def __post_init__(self) -> None:
+        """Begin with nothing seen."""
+        object.__setattr__(self, "sightings", Sightings(self.sim.world))
 
 
 @dataclass

@@ -52,6 +52,7 @@ class Station:
         self._ahead = ReadAhead(services)
         self._last = self._sim.picture()
         self._noticer = Noticer(self._last)
+        services.sightings.look(self._last)
         self._closed = False
 
     @property
@@ -221,6 +222,7 @@ class Station:
         for notice in self._noticer.look(picture):
             self._emit(notice)
         self._last = picture
+        self._services.sightings.look(picture)
         self._emit(ev.TelemetryReceived(picture=picture))
         arrivals = self._intake.look(picture, self._desk.handled)
         for payload, mission in arrivals.payloads:

@@ -16,6 +16,7 @@ from pa_console.policy.expression import make_context
 from pa_console.policy.findings import finding, undecided, violation
 from pa_console.policy.monitor import Monitor
 from pa_console.policy.rulebook import CompiledRule, Rulebook
+from pa_console.policy.sightings import Sightings
 from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan
@@ -35,11 +36,13 @@ def check_plan(
     """Return exactly one finding for every rule in force, in the rulebook's order.
 
     `monitor` has followed the mission so far and stays as it is; without one the mission begins
-    with this plan.
+    with this plan, and nothing was seen before it.
     """
-    variables = plan_variables(plan, rehearsal, mission, world, rulebook.variables)
-    context = make_context(variables)
     history = Monitor(rulebook, world) if monitor is None else monitor
+    variables = plan_variables(
+        plan, rehearsal, mission, world, rulebook.variables, history.sightings
+    )
+    context = make_context(variables)
     broken = broken_orderings(history, rehearsal)
     return tuple(
         _combine(_decide(entry, context), broken.get(entry.rule.id)) for entry in rulebook.compiled
@@ -53,10 +56,16 @@ def check_mission(rulebook: Rulebook, mission: Mission, world: World) -> tuple[F
 
 
 def check_rule(
-    entry: CompiledRule, *, plan: Plan, rehearsal: Rehearsal, mission: Mission, world: World
+    entry: CompiledRule,
+    *,
+    plan: Plan,
+    rehearsal: Rehearsal,
+    mission: Mission,
+    world: World,
+    sightings: Sightings | None = None,
 ) -> Finding:
     """Return the finding for the guard and check of one rule alone."""
-    variables = plan_variables(plan, rehearsal, mission, world, entry.variables)
+    variables = plan_variables(plan, rehearsal, mission, world, entry.variables, sightings)
     return _decide(entry, make_context(variables))
 
 

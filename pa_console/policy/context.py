@@ -23,6 +23,10 @@ assets    list of before.assets, each {id, kind, at, post, position, speed_mps, 
           is its post once the plan has run; `at`, `post` and `goes_to` are '' for no frame.
 gates     list of {name, by, unsure, covered_before, covered_after, longest_gap_s}; `unsure` are
           assets that were last reported there, by which alone no gate is covered.
+sightings list of {track, place, gate, kind, identity, intent, noncombatants, stamp_s, age_s}: where
+          each track was last detected within the past hour, also one that is no longer known. A
+          `place` is a zone in which it was, or a frame within whose radius, else ''; a track has an
+          entry for every place at which it has been. What was found out later counts.
 mission   {id, text, words, source}; `words` is the text in lower case, with plain quotes,
           compatibility forms resolved and single spaces.
 world     {gates, frames, zones, assets, base, standoff_m, coverage_grace_s, low_battery_pct,
@@ -38,6 +42,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 from pa_console.policy.expression import PLAN_VARIABLES
+from pa_console.policy.sightings import Sightings
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import COMMANDS, Action, Plan
 from pa_console.schema.rehearsal import Rehearsal
@@ -54,14 +59,17 @@ _ATTENDING: frozenset[Task] = frozenset(("identifying", "warning", "blocking"))
 _QUOTES = str.maketrans({"’": "'", "‘": "'", "“": '"', "”": '"', "–": "-", "—": "-"})
 
 
-def plan_variables(
+def plan_variables(  # noqa: PLR0917 - what a check may speak of, and of which of it
     plan: Plan,
     rehearsal: Rehearsal,
     mission: Mission,
     world: World,
     wanted: Collection[str] = PLAN_VARIABLES,
+    sightings: Sightings | None = None,
 ) -> Values:
-    """Return the `wanted` variables for judging a rehearsed plan; unknown names in it are fine.
+    """Return the `wanted` variables for judging a rehearsed plan.
+
+    Without `sightings` nothing is known from before the plan.
 
     What nobody asks for is not converted: with many assets that takes most of the time.
     """
@@ -92,6 +100,7 @@ def plan_variables(
         "gates": lambda: _gates(before, timeline),
         "mission": lambda: _mission(mission),
         "world": lambda: world_variables(world),
+        "sightings": lambda: (sightings or Sightings(world)).at(before),
     }
     return {name: made[name]() for name in wanted}
 

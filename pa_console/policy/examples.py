@@ -9,26 +9,30 @@ tracks    tracks before the plan, e.g. {V1: {gate: WestGate, identity: unknown}}
 gates     cover before the plan, where it does not follow from the assets
 after     facts of the picture after the plan, laid over what the plan would bring about
 timeline  facts of the rehearsal, laid over an uneventful one
+sightings what was seen before, e.g. [{track: V1, place: Depot, noncombatants: true, age_s: 40}];
+          of a track that is known at present, its present facts count
 """
 
 import json
 from datetime import UTC, datetime
 from typing import Any
 
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from pa_console.policy.checks import check_rule
 from pa_console.policy.example_moments import run_moments
 from pa_console.policy.example_state import WORLD, carried_out, course, overlay, situation
 from pa_console.policy.rulebook import compile_rule
+from pa_console.policy.sightings import Sighting, Sightings
 from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.rule import Rule, RuleExample
 
-GIVEN = ("assets", "tracks", "gates", "after", "timeline")
+GIVEN = ("assets", "tracks", "gates", "after", "timeline", "sightings")
 MISSION_TEXT = "Secure the checkpoint."
+_SIGHTINGS: TypeAdapter[list[Sighting]] = TypeAdapter(list[Sighting])
 
 
 def run_example(rule: Rule, example: RuleExample) -> Finding:
@@ -42,6 +46,7 @@ def run_example(rule: Rule, example: RuleExample) -> Finding:
             return run_moments(entry, example)
         plan = example_plan(example)
         rehearsal = example_rehearsal(example, plan)
+        sightings = example_sightings(example, rehearsal.before.time_s)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         place = ".".join(str(part) for part in first["loc"])
@@ -51,7 +56,14 @@ def run_example(rule: Rule, example: RuleExample) -> Finding:
     mission = Mission(
         id="example", text=example.mission or MISSION_TEXT, created=datetime(2000, 1, 1, tzinfo=UTC)
     )
-    return check_rule(entry, plan=plan, rehearsal=rehearsal, mission=mission, world=WORLD)
+    return check_rule(
+        entry,
+        plan=plan,
+        rehearsal=rehearsal,
+        mission=mission,
+        world=WORLD,
+        sightings=sightings,
+    )
 
 
 def example_plan(example: RuleExample) -> Plan:
@@ -74,6 +86,19 @@ def example_rehearsal(example: RuleExample, plan: Plan) -> Rehearsal:
     timeline = overlay(course(before, after, plan), given.get("timeline", {}))
     values: dict[str, Any] = {"before": before, "after": after, "timeline": timeline}
     return Rehearsal.model_validate_json(json.dumps(values))
+
+
+def example_sightings(example: RuleExample, now_s: float) -> Sightings:
+    """Return what was seen before the plan of `example`, whose picture is of `now_s`.
+
+    Raises TypeError for entries that are no mappings, ValidationError for an impossible fact.
+    """
+    facts: list[Any] = []
+    for entry in example.given.get("sightings", ()):
+        age_s: float = entry.get("age_s", 0.0)
+        known = {key: value for key, value in entry.items() if key != "age_s"}
+        facts.append({"gate": "", "stamp_s": now_s - age_s} | known)
+    return Sightings(WORLD, _SIGHTINGS.validate_python(facts))
 
 
 def _wrong(rule: Rule, problem: str) -> Finding:

@@ -8,7 +8,7 @@ import cel
 
 PLAN_VARIABLES: frozenset[str] = frozenset(
     ("plan", "actions", "before", "after", "timeline", "tracks", "assets", "gates", "mission",
-     "world")
+     "world", "sightings")
 )  # fmt: skip
 """What a guard or a check may speak of; `policy.context` says what each holds."""
 

@@ -7,6 +7,7 @@ from typing import Literal, NamedTuple, Self
 from pa_console.policy.findings import finding, undecided, violation
 from pa_console.policy.ordering import START, Progress, follow, leave
 from pa_console.policy.rulebook import CompiledOrdering, CompiledRule, Rulebook
+from pa_console.policy.sightings import Sightings
 from pa_console.policy.subjects import Evaluator, Subjects, subjects
 from pa_console.schema.finding import Finding
 from pa_console.schema.moment import Moment
@@ -127,8 +128,12 @@ class Monitor:
     has been right in between.
     """
 
-    def __init__(self, rulebook: Rulebook, world: World) -> None:
-        """Begin with no history."""
+    def __init__(
+        self, rulebook: Rulebook, world: World, sightings: Sightings | None = None
+    ) -> None:
+        """Begin with no history of the mission; `sightings` are kept by whoever takes telemetry."""
+        self.sightings = Sightings(world) if sightings is None else sightings
+        """What was seen where before, for checks; orderings do not need it."""
         self._evaluator = Evaluator(world)
         self._covered_before: set[str] = set()
         self._last: dict[Each, Subjects] = {}
@@ -173,7 +178,7 @@ class Monitor:
         time that passed before it.
         """
         twin = object.__new__(type(self))
-        twin._evaluator = self._evaluator
+        twin.sightings, twin._evaluator = self.sightings, self._evaluator
         twin._covered_before = set(self._covered_before)
         twin._last = self._last
         twin._watches = [watch.copy() for watch in self._watches]
