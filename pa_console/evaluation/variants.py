@@ -26,6 +26,7 @@ ABOUT: dict[str, str] = {
     "four-candidates": "one-plan; of 4 plans the best when the first is broken, as by default",
     "eight-candidates": "one-plan; of 8 plans the best when the first is broken",
     "other-plans-judged": "one-plan; if the judge objects, two other plans are put to it",
+    "ungrounded": "one-plan; the planner's reason may state what the picture denies",
     "no-grammar": "one-plan; the planner writes whatever it likes",
     "paper-retrieval": "one-plan with the paper's retrieval",
     "paper": "the paper's retrieval, prompt and judge; no checks, rehearsal, repair or grammar",
@@ -48,6 +49,7 @@ VARIANTS: dict[str, Variant] = {
         _without("four-candidates", candidates=4),
         _without("eight-candidates", candidates=8),
         _without("other-plans-judged", reconsidered=2),
+        _without("ungrounded", grounded=False),
         _without("no-grammar", grammar=False),
         _without("paper-retrieval", method="paper"),
         _without(

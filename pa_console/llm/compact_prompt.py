@@ -114,7 +114,7 @@ def _places(digest: Digest) -> Iterator[str]:
     """Yield who stands where: gates first, `alone` for a gate's only cover."""
     stands: dict[str, list[str]] = {gate: [] for gate in digest.covered}
     for name in digest.posts:
-        frame = _stands_at(digest, name)
+        frame = stands_at(digest, name)
         if frame:
             stands.setdefault(frame, []).append(name)
     for frame, names in stands.items():
@@ -157,7 +157,7 @@ def asset_state(digest: Digest, name: str) -> str:
     return "free" if any(name in names for names in digest.free.values()) else "busy"
 
 
-def _stands_at(digest: Digest, name: str) -> str:
+def stands_at(digest: Digest, name: str) -> str:
     """Return the frame at which an asset stands, empty while it is on its way."""
     return digest.posts[name].partition(" at ")[2]
 

@@ -16,6 +16,7 @@ from pa_console.llm.compact_prompt import (
     compact_planner_prompt,
 )
 from pa_console.llm.grammar import compact_judge_grammar, judge_grammar
+from pa_console.llm.grounds import grounded_feedback, grounded_reason
 from pa_console.llm.prompts import (
     Prompt,
     fixed_part,
@@ -24,6 +25,7 @@ from pa_console.llm.prompts import (
     planner_prompt,
 )
 from pa_console.schema.event import Role
+from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Digest
 from pa_console.schema.world import World
 
@@ -38,7 +40,11 @@ class Dialect:
     planner: Callable[..., Prompt]
     judge: Callable[..., Prompt]
     outcome: Callable[..., Prompt]
-    verdict: Callable[[Sequence[str]], str]
+    verdict: Callable[[Sequence[str], str], str]
+    reason: Callable[[World, Digest], str]
+    """What a plan's reason can state, as a regular expression; empty: anything."""
+    feedback: Callable[[Role, World, Digest, Plan], str]
+    """The same of what is said of a plan, or of its outcome."""
     ahead: Callable[[Role, World, Digest | None], Prompt]
     """The beginning of a role's prompts that does not depend on a mission; without a picture, of
     a world too large to be told whole."""
@@ -66,6 +72,8 @@ DIALECTS: dict[DialectName, Dialect] = {
         judge_prompt,
         outcome_prompt,
         judge_grammar,
+        lambda _world, _digest: "",
+        lambda _role, _world, _digest, _plan: "",
         _fixed_only,
         700,
         900,
@@ -76,6 +84,8 @@ DIALECTS: dict[DialectName, Dialect] = {
         compact_judge_prompt,
         compact_outcome_prompt,
         compact_judge_grammar,
+        grounded_reason,
+        grounded_feedback,
         _compact_ahead,
         400,
         160,

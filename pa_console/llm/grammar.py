@@ -12,7 +12,7 @@ from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import AssetKind, World
 
 KINDS: tuple[AssetKind, ...] = ("uav", "ugv", "robot")
-REASON_CHARS = 200
+REASON_CHARS = 240
 FEEDBACK_CHARS = 240
 MOST_VIOLATED = 6
 TEXT = r"[ !#-\[\]-~]"
@@ -26,16 +26,18 @@ _OPINION = '{{"id": "{}", "verdict": "'
 _END = '"}'
 
 
-def plan_grammar(
+def plan_grammar(  # noqa: PLR0917
     world: World,
     picture: Picture,
     agents: Collection[str] | None = None,
     frames: Collection[str] | None = None,
     verbs: Collection[Verb] = (),
+    reason: str = "",
 ) -> str:
     """Return the grammar of a plan; with no asset up, the only plan is one without actions.
 
-    Only `agents` are addressed, only `frames` named and only `verbs` given, by default all.
+    Only `agents` are addressed, only `frames` named and only `verbs` given, by default all. The
+    plan's reason matches `reason` (a regular expression in Rust's syntax) if there is one.
     Whether an agent was used is a bit of llguidance's rule parameter, 64 of them (its limit and
     MAX_ACTIONS); raises ValueError when more assets are up.
     """
@@ -51,7 +53,7 @@ def plan_grammar(
     whole = [_literal('{"reason": "'), "REASON", _literal('", "actions": ['), *actions]
     lines = [
         f"start: {' '.join(whole)} {_literal(']}')}",
-        f"REASON: /{TEXT}{{1,{REASON_CHARS}}}/",
+        f"REASON: {_text(reason, REASON_CHARS)}",
     ]
     if up:
         one = [f"{_action(a, kind)} more::set_bit({i})" for i, (a, kind) in enumerate(up.items())]
@@ -63,8 +65,11 @@ def plan_grammar(
     return "\n".join(lines) + "\n"
 
 
-def judge_grammar(rule_ids: Sequence[str]) -> str:
-    """Return the grammar of a verdict: an opinion on each rule in order, feedback, then overall."""
+def judge_grammar(rule_ids: Sequence[str], feedback: str = "") -> str:
+    """Return the grammar of a verdict: an opinion on each rule in order, feedback, then overall.
+
+    The feedback matches `feedback` (a regular expression in Rust's syntax) if there is one.
+    """
     opinions = [
         f"{_literal(_OPINION.format(rule_id))} opinion {_literal(_END)}" for rule_id in rule_ids
     ]
@@ -73,7 +78,7 @@ def judge_grammar(rule_ids: Sequence[str]) -> str:
     whole += ["FEEDBACK", _literal('", "verdict": "'), "verdict", _literal(_END)]
     lines = [
         f"start: {' '.join(whole)}",
-        f"FEEDBACK: /{TEXT}{{1,{FEEDBACK_CHARS}}}/",
+        f"FEEDBACK: {_text(feedback, FEEDBACK_CHARS)}",
         f"verdict: {_choice(('Success', 'Failure'))}",
     ]
     if rule_ids:
@@ -81,8 +86,11 @@ def judge_grammar(rule_ids: Sequence[str]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def compact_judge_grammar(rule_ids: Sequence[str]) -> str:
-    """Return the grammar of a short verdict: feedback, the ids of violated rules, then overall."""
+def compact_judge_grammar(rule_ids: Sequence[str], feedback: str = "") -> str:
+    """Return the grammar of a short verdict: feedback, the ids of violated rules, then overall.
+
+    The feedback matches `feedback` (a regular expression in Rust's syntax) if there is one.
+    """
     whole = [_literal('{"feedback": "'), "FEEDBACK", _literal('", "violated": [')]
     whole += [
         *["violated"] * bool(rule_ids),
@@ -92,13 +100,19 @@ def compact_judge_grammar(rule_ids: Sequence[str]) -> str:
     ]
     lines = [
         f"start: {' '.join(whole)}",
-        f"FEEDBACK: /{TEXT}{{1,{FEEDBACK_CHARS}}}/",
+        f"FEEDBACK: {_text(feedback, FEEDBACK_CHARS)}",
         f"verdict: {_choice(('Success', 'Failure'))}",
     ]
     if rule_ids:
         lines.append(f'violated: "" | id ({_literal(", ")} id){{0,{MOST_VIOLATED - 1}}}')
         lines.append(f"id: {_choice(json.dumps(rule_id) for rule_id in rule_ids)}")
     return "\n".join(lines) + "\n"
+
+
+def _text(pattern: str, most: int) -> str:
+    """Return a lark terminal for readable text of up to `most` characters, such as `pattern`."""
+    readable = f"/{TEXT}{{1,{most}}}/"
+    return f"/{pattern}/ & {readable}" if pattern else readable
 
 
 def _action(agent: str, kind: AssetKind) -> str:

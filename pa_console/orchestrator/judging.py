@@ -68,14 +68,16 @@ def ask_about_plan(
     rules = [rulebook.get(id_) for id_ in judged_rules(case.hits, case.findings)]
     prompt = dialect.judge(world, case.digest, rules, case.task, case.plan, case.rehearsal)
     ids = tuple(rule.id for rule in rules)
-    return JudgeQuestion("judge", prompt, dialect.verdict(ids), ids)
+    feedback = dialect.feedback("judge", world, case.digest, case.plan)
+    return JudgeQuestion("judge", prompt, dialect.verdict(ids, feedback), ids)
 
 
 def ask_about_outcome(dialect: Dialect, world: World, case: OutcomeCase) -> JudgeQuestion:
     """Step 7: return the question whether the task was accomplished."""
     digest = digest_picture(case.picture, world, case.selection)
     prompt = dialect.outcome(world, digest, case.task, case.plan, case.verification)
-    return JudgeQuestion("outcome", prompt, dialect.verdict([]))
+    feedback = dialect.feedback("outcome", world, digest, case.plan)
+    return JudgeQuestion("outcome", prompt, dialect.verdict([], feedback))
 
 
 def judged_rules(hits: Sequence[RuleHit], findings: Sequence[Finding]) -> list[str]:

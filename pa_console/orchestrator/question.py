@@ -51,5 +51,6 @@ def ask_for_plan(  # noqa: PLR0917
     grammar = ANY_TEXT
     if services.variant.grammar:
         chosen = (None, None) if selection is None else (selection.assets, selection.frames)
-        grammar = plan_grammar(world, picture, *chosen, verbs)
+        reason = services.dialect.reason(world, digest) if services.variant.grounded else ""
+        grammar = plan_grammar(world, picture, *chosen, verbs, reason)
     return Question(digest, prompt, grammar, digested - started, perf_counter() - digested)

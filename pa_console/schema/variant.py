@@ -27,5 +27,8 @@ class Variant(StrictModel):
         default=0, ge=0, description="other plans that a trained judge sees if it objects to one"
     )
     grammar: bool = Field(default=True, description="decoding is constrained to executable plans")
+    grounded: bool = Field(
+        default=True, description="a trained planner states only what the picture says"
+    )
     prompt: PromptStyle = "console"
     workflows: bool = Field(default=True, description="a mission may take several plans (WF-01)")

@@ -1,9 +1,10 @@
 """Whether the condition of an order holds in a picture: what an `if` of the operator comes to."""
 
+from pa_console.llm.condition import Condition
 from pa_console.orchestrator.digest import is_free
 from pa_console.schema.telemetry import Picture, Track
 from pa_console.schema.world import AssetKind
-from pa_console.training.order import Ask, Condition, Order
+from pa_console.training.order import Ask, Order
 
 
 def holds(condition: Condition, picture: Picture) -> bool:  # noqa: PLR0911

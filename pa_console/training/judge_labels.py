@@ -9,13 +9,14 @@ from collections.abc import Collection
 from typing import NamedTuple
 
 from pa_console.llm.grammar import FEEDBACK_CHARS, TEXT
+from pa_console.llm.plan_words import planned
 from pa_console.schema.finding import Finding
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.training.asked import asked
 from pa_console.training.conditions import due_asks
 from pa_console.training.corruptions import named_in
-from pa_console.training.judge_words import STILL, Difference, difference, planned
+from pa_console.training.judge_words import STILL, Difference, difference
 from pa_console.training.order import Ask
 from pa_console.training.planner_data import Proven
 from pa_console.training.situations import Situation

@@ -8,6 +8,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from pa_console.llm.condition import Condition
 from pa_console.schema.base import StrictModel
 from pa_console.schema.world import AssetKind
 
@@ -66,33 +67,6 @@ class Ask(StrictModel):
     track_id: str = Field(default="", description="the station's id of the track, when it is named")
     wrong: Wrong | None = None
     strict_who: bool = Field(default=False, description="it has to be these: nobody else will do")
-
-
-Fact = Literal[
-    "track_at",
-    "no_track_at",
-    "authorized",
-    "unauthorized",
-    "hostile",
-    "uncovered",
-    "covered",
-    "low",
-    "not_low",
-    "down",
-    "up",
-    "free",
-    "none_free",
-]
-"""What an order may depend on, as far as the picture tells it."""
-
-
-class Condition(StrictModel):
-    """What must be so for the order to apply."""
-
-    fact: Fact
-    subject: str = Field(default="", description="a gate for tracks and cover, else an asset")
-    track: Literal["vehicle", "person", ""] = ""
-    kind: AssetKind | None = Field(default=None, description="of which one is free, or none")
 
 
 class Order(StrictModel):

@@ -2,9 +2,10 @@
 
 from collections.abc import Iterator
 
+from pa_console.llm.condition import Condition, Fact
 from pa_console.orchestrator.digest import KINDS
 from pa_console.training.conditions import holds
-from pa_console.training.order import Ask, Condition, Fact
+from pa_console.training.order import Ask
 from pa_console.training.order_view import View
 
 FACTS: dict[Fact, float] = {

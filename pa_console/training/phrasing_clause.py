@@ -2,8 +2,9 @@
 
 from collections.abc import Mapping
 
+from pa_console.llm.condition import Condition
 from pa_console.schema.world import AssetKind
-from pa_console.training.order import Ask, Condition, Who
+from pa_console.training.order import Ask, Who
 from pa_console.training.phrase_keys import KEYS
 from pa_console.training.phrasing_voice import Voice
 from pa_console.training.phrasing_who import kind_nouns, named, who_words

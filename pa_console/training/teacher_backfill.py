@@ -93,6 +93,8 @@ def _takeovers(ends: Mapping[str, str], busy: frozenset[str], roster: Roster) ->
         return
     gate = bare[0]
     leaver = next(n for n in roster.picture.gates[gate].by if ends.get(n, gate) != gate)
+    alone = roster.alone_at(leaver) == gate
+    left = f"{leaver}: alone at {gate} (WF-03)" if alone else f"nobody stays at {gate} (WF-03)"
     pool = [n for n in roster.free(KINDS, busy) if roster.stands(n) != gate]
     tried = 0
     for name in pool:
@@ -100,7 +102,7 @@ def _takeovers(ends: Mapping[str, str], busy: frozenset[str], roster: Roster) ->
         if len(roster.bare(after)) >= len(bare):
             continue
         order = going(name, gate, roster.world)
-        why = f"{leaver}: alone at {gate} (WF-03), {roster.offered([name])} takes over"
+        why = f"{left}, {roster.offered([name])} takes over"
         for rest in _takeovers(after, busy | {name}, roster):
             yield Filled((order, *rest.commands), (why, *rest.why))
         tried += 1

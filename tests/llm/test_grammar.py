@@ -19,6 +19,7 @@ from pa_console.schema.plan import COMMANDS, Plan, Verb
 from tests.llm.site import KINDS, WORLD, picture
 
 BYTES = LLTokenizer("byte")
+TOO_LONG = "x" * (REASON_CHARS + 1)
 PLAIN = "".join(chr(code) for code in range(32, 127) if chr(code) not in '"\\')
 
 
@@ -94,7 +95,8 @@ def test_what_is_not_in_the_vocabulary_is_not_writable(action: dict[str, str]):
         '{"reason": "", "actions": [{"agent": "Hawk_1", "command": "hold"}]}',
         '{"actions": [{"agent": "Hawk_1", "command": "hold"}], "reason": "late"}',
         '{"reason": "a\\nb", "actions": [{"agent": "Hawk_1", "command": "hold"}]}',
-        '{"reason": "%s", "actions": [{"agent": "Hawk_1", "command": "hold"}]}' % ("x" * 201),
+        '{"reason": "%s", "actions": [{"agent": "Hawk_1", "command": "hold"}]}'
+        % ("x" * (REASON_CHARS + 1)),
         '{"reason": "two", "actions": [{"agent": "Hawk_1", "command": "hold"}]}, {}',
     ],
 )

@@ -6,10 +6,11 @@ from collections import Counter
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pa_console.llm.condition import Condition, Fact
 from pa_console.schema.telemetry import Identity, Intent, Track
 from pa_console.training.asked import asked
 from pa_console.training.conditions import due_asks, holds
-from pa_console.training.order import Ask, Condition, Fact, Order, Who
+from pa_console.training.order import Ask, Order, Who
 from pa_console.training.order_sampler import TASKS, sample_order
 from pa_console.training.situations import Situation, random_situation, settled
 from pa_console.training.worlds import random_world, shipped_world

@@ -6,11 +6,12 @@ import re
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pa_console.llm.condition import Condition
 from pa_console.schema.mission import MAX_MISSION_TEXT
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.training.misspelling import misspell
-from pa_console.training.order import Ask, Condition, Order, Who
+from pa_console.training.order import Ask, Order, Who
 from pa_console.training.phrase_bank import Split, phrase_bank
 from pa_console.training.phrasing import Phrasing, phrase
 from pa_console.training.phrasing_names import Names, key_of

@@ -1,0 +1,90 @@
+"""What a trained planner or judge may state of the situation: only what the digest says.
+
+A reason begins with what was asked, in words without a colon; what is stated of a place, an asset,
+a track or of who is free has its name before a colon. Such statements are taken from the digest,
+and whether the condition of an order is so is read from it (`condition.py`). All else is left to
+the model.
+"""
+
+from collections.abc import Iterable, Iterator
+from re import escape
+
+from pa_console.llm.compact_prompt import asset_state, stands_at
+from pa_console.llm.condition import conditions, evidence, holds, in_words
+from pa_console.llm.contact import contacts
+from pa_console.llm.facts import WORDS
+from pa_console.llm.plan_words import planned
+from pa_console.schema.event import Role
+from pa_console.schema.plan import Plan
+from pa_console.schema.telemetry import Digest
+from pa_console.schema.world import World
+
+WORD = r"[ !#-9;-\[\]-~]"
+"""Printable ASCII without the quote, the backslash and the colon."""
+_PART = r"[ !#-+\--9<-\[\]-~]"
+"""A character within what commas and semicolons part."""
+_SO = {True: "so", False: "not so", None: "(not )?so"}
+_END = r"( \([A-Z]+-[0-9]+\))?( takes over| stays)?"
+
+
+def grounded_reason(world: World, digest: Digest) -> str:
+    """Return a regular expression (Rust's syntax) for the reasons that `digest` bears out."""
+    part = f" {_either(_facts(world, digest))}{_END}|{_PART}*"
+    return f"{_asked(world, digest)}([;,]({part}))*"
+
+
+def grounded_feedback(role: Role, world: World, digest: Digest, plan: Plan) -> str:
+    """Return a regular expression for what a judge says of `plan`, with what it does as it is.
+
+    Of an outcome, `digest` is of a later moment than the order's condition, which is left to the
+    model.
+    """
+    asked = rf"asked: ({WORD}|:)+" if role == "outcome" else _asked(world, digest)
+    ways = {planned(plan.actions, world, by_name=by_name) for by_name in (True, False)}
+    return f"{asked}; planned: {_either(map(escape, sorted(ways)))}; {WORD}+"
+
+
+def _asked(world: World, digest: Digest) -> str:
+    """Return what was asked, with the truth of each condition that it may be under."""
+    under = (
+        f"{escape(in_words(condition))}: {WORD}+, else: {WORD}+; "
+        f"now: {escape(evidence(condition, digest))}, {_SO[holds(condition, digest)]}"
+        for condition in conditions(world, digest)
+    )
+    return f"asked: ({WORD}+|if {_either(under)})"
+
+
+def _facts(world: World, digest: Digest) -> Iterator[str]:
+    """Yield what can be stated: of assets, of places, of tracks, of who is free."""
+    for name in world.assets:
+        state = asset_state(digest, name) if name in digest.posts else "down"
+        ways = [state, state.partition(",")[0]]
+        ways += [f"alone at {gate}" for gate, sole in digest.sole_cover.items() if sole == name]
+        ways += ["poor link"] * (name in digest.degraded_comms)
+        yield f"{name}: {_either(dict.fromkeys(ways))}"
+    yield "[A-Za-z0-9_]+: no such asset"
+    for frame in world.frames:
+        there = [name for name in digest.posts if stands_at(digest, name) == frame]
+        yield f"{frame}: {_either([*there, f'{len(there)} assets'] if there else ['nobody'])}"
+    for frame in world.frames:
+        here = [contact for contact in contacts(digest.tracks) if contact.gate == frame]
+        ways = [f"{contact.id} {contact.kind}, {contact.step}" for contact in here]
+        ways += ["no track"] * (not any(contact.here for contact in here))
+        yield f"At {frame}: {_either(ways)}"
+    for kind, names in digest.free.items():
+        yield f"Free {WORDS[kind]}: ({_names(names)}none( to look first)?)"
+    every = [name for names in digest.free.values() for name in names]
+    yield f"Free: ({_names(every)}none)"
+
+
+def _names(names: Iterable[str]) -> str:
+    """Return the way to name some of `names`, or how many of them; with a bar after it."""
+    known = tuple(names)
+    if not known:
+        return ""
+    counts = (f"{number} assets" for number in range(2, len(known) + 1))
+    return f"(only )?{_either((*known, *counts))}|"
+
+
+def _either(ways: Iterable[str]) -> str:
+    return f"({'|'.join(ways)})"

@@ -1,0 +1,125 @@
+"""What a trained model may state: the digest's facts, and the truth of a condition."""
+
+import json
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from llguidance import LLMatcher, LLTokenizer
+
+from pa_console.llm.condition import Condition, conditions, evidence, holds, in_words
+from pa_console.llm.contact import contacts
+from pa_console.llm.grammar import compact_judge_grammar, plan_grammar
+from pa_console.llm.grounds import grounded_feedback, grounded_reason
+from pa_console.schema.plan import Action, Plan
+from pa_console.schema.telemetry import Digest
+from tests.llm.site import WORLD, picture
+
+BYTES = LLTokenizer("byte")
+DIGEST = Digest(
+    covered={"RiverGate": 1, "HillGate": 0},
+    uncovered=("HillGate",),
+    free={"uav": ("Hawk_2",), "ugv": (), "robot": ("Guard_1",)},
+    sole_cover={"RiverGate": "Hawk_1"},
+    posts={"Hawk_1": "uav at RiverGate", "Hawk_2": "uav at Depot", "Guard_1": "robot at Depot"},
+    down=("Mule_1",),
+    low_battery=(),
+    degraded_comms=(),
+    tracks=(
+        "Track_01: vehicle approaches RiverGate, 17 m, not identified, not observed, not warned",
+        "Track_02: person leaving at HillGate, 6 m, unauthorized, intent hostile, observed, warned",
+    ),
+)
+PLAN = Plan(reason="", actions=(Action(agent="Hawk_2", command="observe HillGate"),))
+
+
+def accepts(grammar: str, text: str) -> bool:
+    matcher = LLMatcher(BYTES, grammar)
+    tokens = BYTES.tokenize_str(text)
+    return matcher.try_consume_tokens(tokens) == len(tokens) and matcher.is_accepting()
+
+
+def can_plan(reason: str) -> bool:
+    action = {"agent": "Hawk_2", "command": "hold"}
+    grammar = plan_grammar(WORLD, picture(), reason=grounded_reason(WORLD, DIGEST))
+    return accepts(grammar, json.dumps({"reason": reason, "actions": [action]}))
+
+
+def can_say(feedback: str, role: str = "judge") -> bool:
+    text = grounded_feedback("outcome" if role == "outcome" else "judge", WORLD, DIGEST, PLAN)
+    answer = {"feedback": feedback, "violated": [], "verdict": "Success"}
+    return accepts(compact_judge_grammar([], text), json.dumps(answer))
+
+
+@pytest.mark.parametrize(
+    "facts",
+    [
+        "Hawk_2: free",
+        "Hawk_1: alone",
+        "Hawk_1: alone at RiverGate (WF-03), Free drone: Hawk_2 takes over",
+        "Mule_1: down (CAP-10), hold",
+        "Hawk_9: no such asset (CAP-10), hold",
+        "RiverGate: Hawk_1",
+        "HillGate: nobody",
+        "At RiverGate: Track_01 vehicle, not observed, Hawk_2 looks first (WF-01)",
+        "At HillGate: no track, Hawk_2 observes",
+        "At HillGate: Track_02 person, hostile, warned, nothing is due",
+        "Free vehicle: none (CAP-10), hold",
+        "Free robot: only Guard_1 (CAP-10)",
+        "closed zone (ROE-07), hold",
+    ],
+)
+def test_what_the_picture_says_can_be_stated(facts: str) -> None:
+    assert can_plan(f"asked: look at HillGate; {facts}")
+    assert can_plan(f"asked: look at HillGate; others stay; {facts}")
+
+
+@pytest.mark.parametrize(
+    "facts",
+    [
+        "Hawk_1: free",
+        "Hawk_2: alone",
+        "Hawk_1: alone at HillGate (WF-03)",
+        "Mule_1: free",
+        "Hawk_2: down (CAP-10)",
+        "RiverGate: Hawk_2",
+        "RiverGate: nobody",
+        "At RiverGate: no track",
+        "At RiverGate: Track_01 vehicle, not identified",
+        "At HillGate: Track_01 vehicle, not observed",
+        "Free vehicle: Mule_1",
+        "Free drone: Hawk_1",
+        "Free drone: 2 assets",
+    ],
+)
+def test_what_the_picture_denies_cannot_be_stated(facts: str) -> None:
+    assert not can_plan(f"asked: look at HillGate; {facts}")
+
+
+@settings(deadline=None)
+@given(st.sampled_from(list(conditions(WORLD, DIGEST))), st.booleans())
+def test_whether_a_condition_is_so_is_read_from_the_picture(it: Condition, so: bool) -> None:
+    truth = holds(it, DIGEST)
+    now = f"{evidence(it, DIGEST)}, {'so' if so else 'not so'}"
+    asked = f"asked: if {in_words(it)}: look at HillGate, else: nothing; now: {now}"
+    assert can_plan(f"{asked}; Hawk_2: free") is (truth is None or truth is so)
+    does = "planned: 1 drone look at HillGate; it fits"
+    assert can_say(f"{asked}; {does}") is (truth is None or truth is so)
+    assert can_say(f"{asked}; {does}", "outcome")
+
+
+def test_the_judge_says_of_a_plan_what_it_does() -> None:
+    assert can_say("asked: look at HillGate; planned: 1 drone look at HillGate; it fits")
+    assert can_say("asked: Hawk_2 look at HillGate; planned: Hawk_2 look at HillGate; it fits")
+    assert not can_say("asked: look at HillGate; planned: 2 drones look at HillGate; it fits")
+    assert not can_say("asked: look at HillGate; it fits")
+    assert not can_say("asked: look at HillGate; planned: hold; it fits", "outcome")
+
+
+def test_tracks_are_read_back_from_the_digest() -> None:
+    hostile, stranger = contacts(DIGEST.tracks)
+    assert (hostile.id, hostile.gate, hostile.here) == ("Track_02", "HillGate", False)
+    assert (hostile.identity, hostile.intent) == ("unauthorized", "hostile")
+    assert hostile.known == "unauthorized, intent hostile"
+    assert (stranger.id, stranger.kind, stranger.here) == ("Track_01", "vehicle", True)
+    assert (stranger.step, stranger.known) == ("not observed", "not identified")

@@ -1,0 +1,42 @@
+"""Every reason that the teacher gives can be written: it states only what the picture says."""
+
+import json
+import random
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from llguidance import LLMatcher, LLTokenizer
+
+from pa_console.llm import condition as told
+from pa_console.llm.grammar import plan_grammar
+from pa_console.llm.grounds import grounded_reason
+from pa_console.training.conditions import holds
+from pa_console.training.order_sampler import sample_order
+from pa_console.training.situations import random_situation
+from pa_console.training.teacher import teach
+from pa_console.training.worlds import random_world
+
+BYTES = LLTokenizer("byte")
+WHOLE = 190
+"""Shorter reasons are not cut short."""
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 10**6))
+def test_what_the_teacher_says_can_be_said(seed: int) -> None:
+    rng = random.Random(seed)
+    situation = random_situation(rng, random_world(rng))
+    world, picture, digest = situation.world, situation.picture, situation.digest
+    grammar = plan_grammar(world, picture, reason=grounded_reason(world, digest))
+    for _ in range(8):
+        order, _ = sample_order(rng, world, picture, digest)
+        plan = teach(order, world, picture, digest).plan
+        actions = [{"agent": a.agent, "command": a.command} for a in plan.actions]
+        text = json.dumps({"reason": plan.reason, "actions": actions})
+        matcher = LLMatcher(BYTES, grammar)
+        tokens = BYTES.tokenize_str(text)
+        whole = matcher.try_consume_tokens(tokens) == len(tokens)
+        assert (whole and matcher.is_accepting()) or len(plan.reason) > WHOLE, plan.reason
+        if order.condition is not None:
+            truth = told.holds(order.condition, digest)
+            assert truth is None or truth is holds(order.condition, picture)
