@@ -128,10 +128,13 @@ class Rulebook:
         compiled: tuple[CompiledRule, ...],
         workflows: tuple[CompiledWorkflow, ...] = (),
         seal: RulesSeal | None = None,
+        *,
+        rule_set: RuleSet | None = None,
     ) -> None:
-        """`seal` is None for rules that no file holds as they are."""
+        """`seal` and `rule_set`, all that the file says, are None for rules that no file holds."""
         self.name, self.sha256, self.compiled = name, sha256, compiled
         self.workflows, self.seal = workflows, seal or RulesSeal()
+        self.rule_set = rule_set
         self.rules: tuple[Rule, ...] = tuple(entry.rule for entry in compiled)
         self._by_id = {rule.id: rule for rule in self.rules}
         self.variables = frozenset[str]().union(*(entry.variables for entry in compiled))
@@ -151,6 +154,30 @@ def load_rules(path: Path) -> Rulebook:
     those who put it in force. Raises SigningError when this machine's keys cannot be read.
     """
     document, rule_set = read_rule_set(path)
+    rules, workflows = compile_rule_set(document, rule_set)
+    sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
+    seal = seal_of(path, rule_set)
+    return Rulebook(rule_set.name, sha256, rules, workflows, seal, rule_set=rule_set)
+
+
+def read_rule_set(path: Path) -> tuple[Document, RuleSet]:
+    """Read the rules at `path` without compiling them; raises DocumentError."""
+    document = Document.read(path)
+    return document, parse_rule_set(document)
+
+
+def parse_rule_set(document: Document) -> RuleSet:
+    """Return the rule set that `document` is, not compiled; raises DocumentError."""
+    rule_set = document.parse(RuleSet)
+    _refuse_repeated(document, "rules", (rule.id for rule in rule_set.rules))
+    _refuse_repeated(document, "workflows", (entry.id for entry in rule_set.workflows))
+    return rule_set
+
+
+def compile_rule_set(
+    document: Document, rule_set: RuleSet
+) -> tuple[tuple[CompiledRule, ...], tuple[CompiledWorkflow, ...]]:
+    """Return the rules and workflows of `document` ready to run; raises DocumentError."""
     place: FieldPath = ()
     rules: list[CompiledRule] = []
     workflows: list[CompiledWorkflow] = []
@@ -163,18 +190,7 @@ def load_rules(path: Path) -> Rulebook:
             workflows.append(compile_workflow(workflow))
     except ExpressionError as error:
         raise document.error((*place, *error.field), error.problem) from error
-    sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
-    seal = seal_of(path, rule_set)
-    return Rulebook(rule_set.name, sha256, tuple(rules), tuple(workflows), seal)
-
-
-def read_rule_set(path: Path) -> tuple[Document, RuleSet]:
-    """Read the rules at `path` without compiling them; raises DocumentError."""
-    document = Document.read(path)
-    rule_set = document.parse(RuleSet)
-    _refuse_repeated(document, "rules", (rule.id for rule in rule_set.rules))
-    _refuse_repeated(document, "workflows", (entry.id for entry in rule_set.workflows))
-    return document, rule_set
+    return tuple(rules), tuple(workflows)
 
 
 def _refuse_repeated(document: Document, part: str, ids: Iterable[str]) -> None:
