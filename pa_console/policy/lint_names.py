@@ -1,7 +1,7 @@
 """Compares the assets, gates and kinds that a rule's text names with those of its expressions."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from re import Pattern
 
 from pa_console.schema.rule import Rule
@@ -25,6 +25,11 @@ class NameLint:
         self._known = {"gates": tuple(world.gates), "assets": tuple(world.assets)}
         self._named = {name: _spelling(name) for names in self._known.values() for name in names}
         self._kinds = tuple(world.platforms)
+
+    def named(self, rules: Iterable[Rule]) -> frozenset[str]:
+        """Return the assets and gates that texts or expressions of `rules` name."""
+        whole = "\n".join(f"{rule.text}\n{_expressions(rule)}" for rule in rules)
+        return frozenset(name for name, spelling in self._named.items() if spelling.search(whole))
 
     def doubts(self, rule: Rule) -> Iterator[Doubt]:
         """Yield where text and expressions disagree, and names that the world does not have."""

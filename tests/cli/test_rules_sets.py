@@ -131,10 +131,14 @@ def test_a_file_that_is_not_there_is_bad_input(call: Call, words: tuple[str, ...
 def test_lint_names_file_line_and_rule_and_is_quiet_about_the_installed_rules(
     call: Call, tmp_path: Path
 ) -> None:
-    assert call("rules", "lint").code == 0
+    done = call("rules", "lint", "--states", "20")
+    assert done.code == 0
+    assert "searched: 239 states (219 of examples), 2 situations" in done.out
     path = write_rules(tmp_path, {"check": "size(actions) > 0", "message": "m"})
-    done = call("rules", "lint", str(path))
+    done = call("rules", "lint", str(path), "--states", "20")
     assert (done.code, done.err) == (1, "")
-    assert f"{path}:7: ROE-01: no examples" in done.out
-    assert call("rules", "lint", str(path), "--json").json["findings"][0]["line"] == 7
+    assert f"{path}:7: warning: ROE-01: no examples" in done.out
+    document = call("rules", "lint", str(path), "--json", "--states", "0").json
+    assert document["findings"][0]["line"] == 7
+    assert document["counts"] == {"error": 0, "warning": 1, "note": 0}
     assert call("rules", "lint", str(path), "--world", "nowhere").code == 2
