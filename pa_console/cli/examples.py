@@ -19,6 +19,8 @@ EXAMPLES = {
     "rules search": 'pa-console rules search "unknown vehicle at the gate" --top 5',
     "rules check": "pa-console rules check my-rules.yaml",
     "rules lint": "pa-console rules lint my-rules.yaml --world my-world",
+    "rules effect": "pa-console rules effect my-rules.yaml results/night --missions paper",
+    "rules trace": "pa-console rules trace ROE-07 results/night",
     "rules sign": "pa-console rules sign my-rules.yaml",
     "rules diff": "pa-console rules diff checkpoint my-rules.yaml",
     "models": "pa-console models list",

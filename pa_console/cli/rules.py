@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from pa_console.cli import rule_lint, rule_sets
+from pa_console.cli import rule_effect, rule_lint, rule_sets, rule_trace
 from pa_console.cli.output import JsonOption, RulesOption, errors, out, print_json
 from pa_console.cli.rule_sets import told
 from pa_console.policy.examples import run_example
@@ -17,10 +17,14 @@ from pa_console.schema.rule import Rule
 
 BROKEN = 2
 
-app = typer.Typer(help="List, search, check, lint, sign and compare rules.", no_args_is_help=True)
+app = typer.Typer(
+    help="List, search, check, lint, sign, compare, try and trace rules.", no_args_is_help=True
+)
 app.command("sign")(rule_sets.sign)
 app.command("diff")(rule_sets.diff)
 app.command("lint")(rule_lint.lint)
+app.command("effect")(rule_effect.effect)
+app.command("trace")(rule_trace.trace)
 
 
 def _load(rules: str) -> Rulebook:

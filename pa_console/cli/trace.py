@@ -5,6 +5,7 @@ from rich.table import Table
 from rich.text import Text
 
 from pa_console.schema.finding import Verdict
+from pa_console.session.evidence import evidence_of
 from pa_console.session.mission_trace import Attempt, MissionTrace
 
 STYLES = {"verified": "bold green", "unverified": "bold yellow"}
@@ -68,6 +69,12 @@ def _print_attempt(console: Console, attempt: Attempt) -> None:
     if attempt.findings:
         console.print(f"  {len(attempt.findings) - len(broken)} of {len(attempt.findings)} "
                       "rules not broken")  # fmt: skip
+    evidence = evidence_of(attempt)
+    if evidence is not None:
+        at = f"tick {evidence.tick}, {evidence.time_s:.1f} s"
+        console.print(f"  decided by the telemetry of {at}:", markup=False)
+        for name, told in evidence.facts:
+            console.print(f"    {name}: {told}", markup=False, soft_wrap=True)
     if attempt.judged:
         text = _verdict(attempt.verdict) if attempt.verdict else attempt.judge_error
         console.print(f"  judge: {text}", markup=False)

@@ -6,6 +6,7 @@ from pa_console.export.markdown_text import fenced, folded, inline, table
 from pa_console.schema.finding import Finding, Usage, Verdict
 from pa_console.schema.rehearsal import Timeline
 from pa_console.schema.rule import PRIORITIES, Rule
+from pa_console.session.evidence import Evidence, evidence_of
 from pa_console.session.mission_trace import Attempt
 
 
@@ -22,6 +23,9 @@ def attempt_parts(attempt: Attempt, rules: Mapping[str, Rule]) -> Iterator[str]:
     yield from _plan(attempt)
     if attempt.findings:
         yield from _checks(attempt, rules)
+    evidence = evidence_of(attempt)
+    if evidence is not None:
+        yield from _evidence(evidence)
     if attempt.rehearsal is not None:
         yield from _rehearsal(attempt.rehearsal.timeline, attempt.rehearsal_s)
     if attempt.judged or attempt.judge_text:
@@ -83,6 +87,16 @@ def _findings(findings: list[Finding], rules: Mapping[str, Rule]) -> str:
         for found in findings
     ]
     return table(("rule", "priority", "finding", "reason", "text"), rows)
+
+
+def _evidence(evidence: Evidence) -> Iterator[str]:
+    """Yield the telemetry that the checks were given of whatever plan and findings name."""
+    yield "### Telemetry that it was decided by"
+    by = ", ".join(found.rule_id for found in evidence.deciding) or "no rule"
+    stands = "against it" if any(found.broken for found in evidence.deciding) else "for it"
+    yield f"The picture of tick {evidence.tick}, {evidence.time_s:.1f} s; {stands}: {inline(by)}."
+    if evidence.facts:
+        yield table(("name", "telemetry"), evidence.facts)
 
 
 def _rehearsal(timeline: Timeline, seconds: float) -> Iterator[str]:
