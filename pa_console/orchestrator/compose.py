@@ -14,6 +14,7 @@ from pa_console.llm.grammar import plan_grammar
 from pa_console.llm.judge import Judge
 from pa_console.llm.planner import Planner
 from pa_console.orchestrator.clock import Clock
+from pa_console.orchestrator.rules_watch import RulesWatch
 from pa_console.orchestrator.services import Services
 from pa_console.orchestrator.station import Station
 from pa_console.policy.retriever import DEFAULT_METHOD, Retriever
@@ -34,11 +35,12 @@ PINNED_PACKAGES = ("llama-cpp-python", "llguidance", "pymunk", "common-expressio
 
 @dataclass(frozen=True)
 class Site:
-    """A world and the rules in force there, with the hashes of their files."""
+    """A world and the rules in force there, with their files; rules of no file have no path."""
 
     world: World
     world_path: Path
     rulebook: Rulebook
+    rules_path: Path | None = None
 
     @property
     def world_sha256(self) -> str:
@@ -77,7 +79,7 @@ def load_site(world: str, rules: str, *, unsigned: bool = False) -> Site:
     rulebook = load_rules(rules_path)
     if not unsigned:
         refuse_altered(rules_path, rulebook.seal)
-    return Site(loaded, world_path, rulebook)
+    return Site(loaded, world_path, rulebook, rules_path)
 
 
 def new_session_id() -> str:
@@ -97,12 +99,13 @@ def open_station(
     respond: bool = False,
     variant: Variant | None = None,
     sim: Checkpoint | None = None,
+    watch: RulesWatch | None = None,
 ) -> Station:
     """Return a station on `site` whose planner and judge are two roles on `engine`.
 
     The engine is closed with the session unless `keep_engine`. With `respond`, alarms become
     missions by themselves. An evaluation may give a `variant` of the pipeline, and a `sim` of its
-    own: it can then compare with the truth.
+    own: it can then compare with the truth. A console may `watch` its rule file.
     """
     if sim is None:
         sim = Checkpoint(site.world, seed, scenario.scenario if scenario is not None else None)
@@ -140,5 +143,11 @@ def open_station(
         adapters={adapter.path.name: adapter.sha256 for adapter in engine.model.adapters},
     )
     return Station(
-        services, clock, started, readonly=readonly, keep_engine=keep_engine, respond=respond
+        services,
+        clock,
+        started,
+        readonly=readonly,
+        keep_engine=keep_engine,
+        respond=respond,
+        watch=watch,
     )

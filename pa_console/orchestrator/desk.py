@@ -40,6 +40,11 @@ class Desk:
         return self._run is not None
 
     @property
+    def worked_on(self) -> str:
+        """The id of the mission that is being worked on, empty when none is."""
+        return self._run.mission.id if self._run is not None else ""
+
+    @property
     def thinking(self) -> bool:
         """Whether the active mission is being thought about, and no asset moves for it."""
         return self._run is not None and not self._run.moving
@@ -65,6 +70,10 @@ class Desk:
             self._leave(self._run, interrupted=self._work.cancelled())
             self._run, self._work, self._gives_way = None, None, False
             background.start(_run(between))
+
+    def use(self, services: Services) -> None:
+        """Work on missions with these from now on; those that were begun keep what they have."""
+        self._services = services
 
     def queue_changed(self) -> None:
         """Tell the queue if it is not what was told last, and wake whoever waits for it."""

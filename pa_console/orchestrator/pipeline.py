@@ -77,7 +77,8 @@ class MissionRun:
 
     async def payloads(self) -> Payloads:
         """Yield everything that happens; a plan is executed only after an admissible approval."""
-        yield ev.MissionStarted()
+        content = self._services.rulebook.seal.content_sha256
+        yield ev.MissionStarted(rules_content_sha256=content)
         refused = self._refused_at_intake()
         if refused is not None:
             yield refused

@@ -2,8 +2,9 @@
 
 from collections.abc import AsyncIterator, Generator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter
+from typing import Self
 
 from pa_console.llm.dialect import DIALECTS, Dialect
 from pa_console.llm.engine import Engine
@@ -42,6 +43,12 @@ class Services:
     def __post_init__(self) -> None:
         """Begin with nothing seen."""
         object.__setattr__(self, "sightings", Sightings(self.sim.world))
+
+    def with_rules(self, rulebook: Rulebook) -> Self:
+        """Return the same with other rules; what was seen is kept."""
+        changed = replace(self, rulebook=rulebook, retriever=self.retriever.over(rulebook.rules))
+        object.__setattr__(changed, "sightings", self.sightings)
+        return changed
 
 
 @dataclass

@@ -11,6 +11,8 @@ from pa_console.orchestrator.feed import StepFeed
 from pa_console.orchestrator.intake import Intake
 from pa_console.orchestrator.notices import Noticer
 from pa_console.orchestrator.read_ahead import ReadAhead
+from pa_console.orchestrator.rules_reload import RulesReload
+from pa_console.orchestrator.rules_watch import RulesWatch
 from pa_console.orchestrator.services import Services
 from pa_console.orchestrator.stops import Stops
 from pa_console.schema import event as ev
@@ -33,21 +35,22 @@ class Station:
         readonly: bool = False,
         keep_engine: bool = False,
         respond: bool = False,
+        watch: RulesWatch | None = None,
     ) -> None:
         """`started` is the session's first event; `clock` says when the world moves on.
 
         The engine is closed with the session unless `keep_engine`. With `respond`, alarms become
-        missions by themselves.
+        missions by themselves. With `watch`, a changed rule file is taken as soon as it is there.
         """
         self._services, self._clock, self._started = services, clock, started
         self.readonly, self._keep_engine = readonly, keep_engine
-        self.rulebook, self.retriever = services.rulebook, services.retriever
         self._sim = services.sim
         self._feed = StepFeed()
         self._events: asyncio.Queue[ev.Event | None] = asyncio.Queue()
         self._intake = Intake(self.world, started.session, respond=respond and not readonly)
         self._stops = Stops(self._sim)
         self._desk = Desk(services, self._feed, self._intake, self._stops, self._emit)
+        self._reload = RulesReload(services, watch, self._emit, self._desk)
         self._background = Background(self._broken)
         self._ahead = ReadAhead(services)
         self._last = self._sim.picture()
@@ -79,8 +82,8 @@ class Station:
         self._emit(self._started)
         self._emit(ev.TelemetryReceived(picture=self._last))
         self._services.engine.on_state = self.worker_changed
-        serving = self._desk.serve(self._background, self._ahead.load)
-        for work in (self._tick(), serving, self._ahead.load(), self._ahead.serve()):
+        ahead, serving = self._ahead, self._desk.serve(self._background, self._ahead.load)
+        for work in (self._tick(), serving, ahead.load(), ahead.serve(), self._reload.serve()):
             self._background.start(work)
         try:
             while (event := await self._events.get()) is not None:
@@ -89,6 +92,10 @@ class Station:
             await self._background.stop()
             if not self._keep_engine:
                 await self._services.engine.close()
+
+    async def reload_rules(self) -> None:
+        """Take the rules as their file has them now; why they cannot be taken is told."""
+        await self._reload.now()
 
     def typing(self) -> None:
         """Note that the operator types a mission; the model reads the picture meanwhile."""

@@ -51,8 +51,12 @@ class Retriever:
         ordered = sorted(rules, key=lambda rule: rule.id)
         self._ids = [rule.id for rule in ordered]
         self._pinned = np.array([rule.priority == "critical" for rule in ordered], dtype=bool)
-        known = default_vocabulary() if vocabulary is None else vocabulary
-        self._ranking = _MAKERS[method](ordered, known)
+        self._vocabulary = default_vocabulary() if vocabulary is None else vocabulary
+        self._ranking = _MAKERS[method](ordered, self._vocabulary)
+
+    def over(self, rules: Iterable[Rule]) -> "Retriever":
+        """Return the same retriever over other rules."""
+        return Retriever(rules, self.method, self._vocabulary)
 
     def retrieve(self, text: str, k: int = 3) -> tuple[RuleHit, ...]:
         """Return the pinned rules, then the `k` others that score best; no rule twice.

@@ -73,6 +73,10 @@ class Sightings:
             seen._asdict() | {"age_s": picture.time_s - seen.stamp_s} for seen in now._last.values()
         ]
 
+    def copy(self) -> "Sightings":
+        """Return what is remembered now; it stays as it is when this goes on."""
+        return Sightings(self._world, self._last.values())
+
     def _places(self, track: Track) -> Iterator[str]:
         """Yield where the track is: zones, its gate and frames that are no gates."""
         found = [name for name, area in self._zones if area.covers(Point(track.position))]

@@ -48,6 +48,7 @@ from pa_console.schema.event_session import (
     Level,
     LogSigned,
     Noticed,
+    RulesReplaced,
     SessionEnded,
     SessionStarted,
     TelemetryReceived,
@@ -91,6 +92,7 @@ __all__ = (
     "QueueChanged",
     "RepairRequested",
     "Role",
+    "RulesReplaced",
     "RulesRetrieved",
     "SessionEnded",
     "SessionStarted",
@@ -109,7 +111,7 @@ EventPayload = Annotated[
     | TextStreamed | PlanProposed | PlanRehearsed | PlanChecked | PlanJudged | RepairRequested
     | ApprovalRequested | DecisionMade | PlanVoided | CommandSent | CommandReplied
     | MissionVerified | OutcomeJudged | MissionReported | MissionFinished | AllStopped
-    | SessionEnded | LogSigned,
+    | RulesReplaced | SessionEnded | LogSigned,
     Field(discriminator="kind"),
 ]  # fmt: skip
 

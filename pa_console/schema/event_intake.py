@@ -2,6 +2,8 @@
 
 from typing import Literal
 
+from pydantic import Field
+
 from pa_console.schema.alarm import Alarm, QueueEntry
 from pa_console.schema.event_base import Payload
 from pa_console.schema.mission import Mission
@@ -71,6 +73,7 @@ class MissionReceived(Payload):
 
 
 class MissionStarted(Payload):
-    """The mission left the queue and is being worked on."""
+    """The mission left the queue and is being worked on, under one rule set to its end."""
 
     kind: Literal["mission_started"] = "mission_started"
+    rules_content_sha256: str = Field(default="", description="content hash of that rule set")

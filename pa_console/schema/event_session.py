@@ -7,6 +7,7 @@ from pydantic import Field
 from pa_console.schema.base import Hex32, Hex64
 from pa_console.schema.event_base import Payload
 from pa_console.schema.incident import Incident
+from pa_console.schema.rule import RuleSet
 from pa_console.schema.rules_seal import RulesSeal
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.variant import Variant
@@ -42,6 +43,21 @@ class SessionStarted(Payload):
     variant: Variant = Field(default_factory=Variant)
     packages: dict[str, str] = {}
     adapters: dict[str, str] = {}
+
+
+class RulesReplaced(Payload):
+    """Another rule set is in force; a mission that was begun stays under the set it began with.
+
+    `changes` says rule by rule what is different from the set before; `rule_set` is all of it, so
+    that the session can be run again whatever becomes of the file.
+    """
+
+    kind: Literal["rules_replaced"] = "rules_replaced"
+    rules: str
+    rules_sha256: str
+    rules_seal: RulesSeal
+    changes: tuple[str, ...]
+    rule_set: RuleSet
 
 
 class TelemetryReceived(Payload):

@@ -100,6 +100,10 @@ class SessionState:
         match event.data:
             case ev.SessionStarted():
                 self.started = event.data
+            case ev.RulesReplaced() if self.started is not None:
+                names = ("rules", "rules_sha256", "rules_seal")
+                changed = {name: getattr(event.data, name) for name in names}
+                self.started = self.started.model_copy(update=changed)
             case ev.TelemetryReceived(picture=picture):
                 self.picture = picture
             case ev.WorkerChanged(state=state, detail=detail):

@@ -14,8 +14,8 @@ def apply_to_mission(trace: MissionTrace, data: ev.EventPayload) -> None:
 def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
     """Steps 2 to 6."""
     match data:
-        case ev.MissionStarted():
-            trace.stage, trace.preempted = "retrieve", ""
+        case ev.MissionStarted(rules_content_sha256=rules):
+            trace.stage, trace.preempted, trace.rules = "retrieve", "", rules
         case ev.WorkflowMoved():
             before = trace.phase
             trace.workflow.append(data)

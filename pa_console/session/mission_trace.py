@@ -68,10 +68,14 @@ class Verified:
 
 @dataclass
 class MissionTrace:
-    """The state of one mission; `stage` is the step it is in, in the paper's order."""
+    """The state of one mission; `stage` is the step it is in, in the paper's order.
+
+    `rules` is the content hash of the rule set that it is worked on under.
+    """
 
     mission: Mission
     stage: str = "queued"
+    rules: str = ""
     method: str = ""
     hits: tuple[RuleHit, ...] = ()
     retrieval_s: float = 0.0

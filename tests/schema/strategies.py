@@ -11,6 +11,7 @@ from pydantic import BaseModel
 
 from pa_console.schema.event import Event, EventPayload
 from pa_console.schema.plan import COMMANDS, Action
+from pa_console.schema.rule import Priority, Rule, RuleSet
 
 PAYLOADS: tuple[type[BaseModel], ...] = get_args(get_args(EventPayload)[0])
 FRAMES = ("NorthGate", "EastGate", "Checkpoint", "Base")
@@ -29,11 +30,20 @@ def actions() -> st.SearchStrategy[Action]:
     return st.builds(Action, agent=names, command=st.sampled_from(commands))
 
 
+def rule_sets() -> st.SearchStrategy[RuleSet]:
+    """Rule sets with one rule; what a rule's fields may be together is a matter of its own."""
+    rule = st.builds(Rule, id=st.just("WF-01"), domain=st.just("WF"), priority=values(Priority),
+                     text=TEXT.filter(bool))  # fmt: skip
+    return st.builds(RuleSet, name=TEXT, rules=st.tuples(rule))
+
+
 @cache
 def models(model: type[BaseModel]) -> st.SearchStrategy[Any]:
     """Any valid value of `model`."""
     if model is Action:
         return actions()
+    if model is RuleSet:
+        return rule_sets()
     fields = {
         name: values(field.annotation, field.metadata) for name, field in model.model_fields.items()
     }

@@ -1,0 +1,87 @@
+"""Puts a changed rule set in force while a session runs; a broken one changes nothing."""
+
+import asyncio
+from collections.abc import Iterator
+
+from pa_console.orchestrator.desk import Desk, Emit
+from pa_console.orchestrator.rules_watch import RulesWatch
+from pa_console.orchestrator.services import Services
+from pa_console.policy.differences import compare_rules
+from pa_console.policy.rulebook import Rulebook
+from pa_console.schema import event as ev
+from pa_console.schema.rule import RuleSet
+from pa_console.schema.rules_seal import SHORT
+
+LOOK_S = 1.0
+"""How often the file is looked at, in wall seconds."""
+
+MOST_NAMED = 4
+
+
+class RulesReload:
+    """Tells every change of the rules, and why one could not be made."""
+
+    def __init__(
+        self, services: Services, watch: RulesWatch | None, emit: Emit, desk: Desk
+    ) -> None:
+        """Without `watch` the rules stay as they are."""
+        self._services, self._watch, self._emit, self._desk = services, watch, emit, desk
+        self._turn = asyncio.Lock()
+
+    async def serve(self) -> None:
+        """Take every change of the file, for ever."""
+        while self._watch is not None:
+            await asyncio.sleep(LOOK_S)
+            if self._watch.look():
+                await self.now()
+
+    async def now(self) -> None:
+        """Take the rules as the file has them now."""
+        if self._watch is None:
+            return
+        async with self._turn:
+            try:
+                rulebook = await self._watch.load()
+            except ValueError as error:
+                old = self._services.rulebook
+                kept = f"{old.name} {old.seal.content_sha256[:SHORT]} stays in force"
+                self._tell("alarm", f"the changed rules were not taken, {kept}: {error}")
+            else:
+                self._take(rulebook)
+
+    def _take(self, rulebook: Rulebook) -> None:
+        old = self._services.rulebook
+        before, after = old.rule_set, rulebook.rule_set
+        if before is None or after is None or rulebook.seal == old.seal:
+            return
+        self._services = self._services.with_rules(rulebook)
+        self._desk.use(self._services)
+        changes = tuple(_changes(before, after))
+        self._emit(
+            ev.RulesReplaced(
+                rules=rulebook.name,
+                rules_sha256=rulebook.sha256,
+                rules_seal=rulebook.seal,
+                changes=changes,
+                rule_set=after,
+            ),
+            None,
+        )
+        self._tell("warning", _in_words(rulebook, changes, self._desk.worked_on))
+
+    def _tell(self, level: ev.Level, text: str) -> None:
+        self._emit(ev.Noticed(level=level, subject="rules", text=text), None)
+
+
+def _changes(before: RuleSet, after: RuleSet) -> Iterator[str]:
+    """Yield rule by rule what is different, e.g. `ROE-02 changed`."""
+    for change in compare_rules(before, after):
+        yield f"{change.id or 'the set itself'} {change.kind}"
+
+
+def _in_words(rulebook: Rulebook, changes: tuple[str, ...], worked_on: str) -> str:
+    named = ", ".join(changes[:MOST_NAMED]) or "no rule is different"
+    more = f" and {len(changes) - MOST_NAMED} more" if len(changes) > MOST_NAMED else ""
+    standing = rulebook.seal.words
+    pinned = f"; {worked_on} goes on under the set it began with" if worked_on else ""
+    return f"now in force: {rulebook.name} {rulebook.seal.title}, {standing}: {named}{more}{pinned}"
