@@ -62,11 +62,15 @@ def console(
                 open_scenario,
                 open_station,
             )
+            from pa_console.orchestrator.rules_watch import RulesWatch  # noqa: PLC0415
+            from pa_console.policy.retriever import Retriever  # noqa: PLC0415
             from pa_console.session.log import LogWriter, default_folder, new_log_path  # noqa: PLC0415
             from pa_console.signing import load_signer  # noqa: PLC0415
             from pa_console.tui.app import ConsoleApp  # noqa: PLC0415
 
             site = load_site(world, rules, unsigned=unsigned)
+            file = site.rules_path
+            watch = RulesWatch(file, unsigned=unsigned) if file is not None else None
             played = open_scenario(site.world, site.world_path, scenario) if scenario else None
             signer = load_signer()
             engine = Engine(found.result())
@@ -80,6 +84,7 @@ def console(
         readonly=readonly,
         scenario=played,
         respond=alarms,
+        watch=watch,
     )
     station.rate = settings.values.speed
     path = new_log_path(settings.values.logs or default_folder(), station.session)
@@ -92,10 +97,11 @@ def console(
             site.world,
             station,
             site.rulebook,
-            station.retriever,
+            Retriever(site.rulebook.rules),
             log.append,
             readonly=readonly,
             settings=settings,
+            rules_file=file,
         )
         app.run(mouse=mouse)
     out.print(f"session log: {path}", markup=False, soft_wrap=True)

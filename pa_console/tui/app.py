@@ -59,16 +59,19 @@ class ConsoleApp(SettingsApp):
         copies: Path | None = None,
         evaluations: Path | None = None,
         settings: Loaded | None = None,
+        rules_file: Path | None = None,
     ) -> None:
         """Paths and settings that are None are the user's own, in the platform's folders.
 
-        Raises DocumentError for settings of the user's that are wrong.
+        Rules can be edited in the `rules_file` that they are from. Raises DocumentError for
+        settings of the user's that are wrong.
         """
         super().__init__(
             world, station, rulebook, retriever, log,
             readonly=readonly, player=player, clock=clock, copies=copies, evaluations=evaluations,
         )  # fmt: skip
         self.settings = settings or load_settings()
+        self.open_workbench(rules_file)
         self._history = history
         self._drafts: dict[tuple[str, int], str] = {}
         self._editing: tuple[tuple[str, int], Screen[Plan | None]] | None = None
@@ -81,7 +84,7 @@ class ConsoleApp(SettingsApp):
 
     def show_first(self) -> None:
         """Show the screen that the console begins with."""
-        rules = {rule.id: rule for rule in self.rulebook.rules}
+        rules = self.rule_texts
         if self.player is not None:
             self.main = RecordingScreen(self.world, rules, self.player, self.clock)
         else:

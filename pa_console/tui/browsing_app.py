@@ -140,12 +140,6 @@ class BrowsingApp(SessionApp):
 
         self.push_screen(HelpScreen(self.situation, self.keys))
 
-    def action_policies(self) -> None:
-        """Show the policy browser."""
-        from pa_console.tui.screens.policies import PolicyScreen  # noqa: PLC0415
-
-        self.push_screen(PolicyScreen(self.rulebook, self.retriever))
-
     def action_evaluation(self) -> None:
         """Show the newest evaluation, or ask for the folder of one."""
         from pa_console.evaluation.results import (  # noqa: PLC0415

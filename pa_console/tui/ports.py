@@ -68,6 +68,10 @@ class StationPort(Protocol):
         """Take a waiting mission out of the queue; raises ValueError when it does not wait."""
         ...
 
+    async def reload_rules(self) -> None:
+        """Take the rules as their file has them now; why they cannot be taken is an event."""
+        ...
+
     def inject(self, incident: Incident) -> None:
         """Change the simulated checkpoint; raises ValueError for an unknown asset or gate."""
         ...

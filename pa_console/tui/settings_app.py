@@ -1,12 +1,12 @@
 """The half of the app that follows the user's settings: theme, keys, delays."""
 
 from pa_console.settings.sources import Loaded
-from pa_console.tui.commanding_app import CommandingApp
 from pa_console.tui.keymap import KeymapError, check_keys
+from pa_console.tui.rules_app import RulesApp
 from pa_console.tui.theme import DEFAULT_THEME, THEMES, VARIABLES
 
 
-class SettingsApp(CommandingApp):
+class SettingsApp(RulesApp):
     """Puts the settings in force, at the start and whenever the settings screen has saved one."""
 
     settings: Loaded

@@ -50,7 +50,7 @@ class ScriptedStation:
         self.withdrawn: list[str] = []
         self.closed = False
         self.refuse = ""
-        self.typed = 0
+        self.typed = self.reloads = 0
         self._broken = broken
         self._queue: asyncio.Queue[Event | None] = asyncio.Queue()
         self._count = 0
@@ -134,6 +134,10 @@ class ScriptedStation:
     def _refuse(self) -> None:
         if self.refuse:
             raise ValueError(self.refuse)
+
+    async def reload_rules(self) -> None:
+        """Count how often the rules were to be taken anew."""
+        self.reloads += 1
 
     def inject(self, incident: Incident) -> None:
         """Record an incident."""

@@ -128,6 +128,12 @@ class MainScreen(Screen[None]):
         """Return the mission whose trace is shown: the chosen one, else the current one."""
         return state.missions.get(self._selected or "") or state.current
 
+    def show_mission(self, state: SessionState, mission: str) -> None:
+        """Show the trace of a mission, and go there."""
+        self._selected = mission
+        self.refresh_views(state, frozenset(("trace",)), 1.0, 0.0)
+        self.focus_view("trace")
+
     def select(self, state: SessionState, by: int) -> None:
         """Choose the mission before or after; after the last the current one is followed."""
         ids = list(state.missions)

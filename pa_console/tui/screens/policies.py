@@ -1,6 +1,8 @@
-"""The policy browser: every rule, how it is enforced, and how a text would retrieve it."""
+"""The policy browser: every rule, how it is enforced, where it was used; opens the rule editor."""
 
-from collections.abc import Sequence
+import asyncio
+from collections.abc import Callable, Coroutine, Sequence
+from pathlib import Path
 
 from textual import on
 from textual.app import ComposeResult
@@ -11,31 +13,50 @@ from textual.screen import Screen
 from textual.widgets import Footer, Input, OptionList, Select, Static
 from textual.widgets.option_list import Option
 
-from pa_console.schema.rule import PRIORITIES, Ordering, Rule, RuleHit
-from pa_console.schema.rules_seal import RulesSeal
+from pa_console.policy.rule_save import (
+    OpenRule,
+    RulesChangedError,
+    new_rule,
+    open_rule,
+    remove_rule,
+)
+from pa_console.schema.document import DocumentError
+from pa_console.schema.rule import PRIORITIES, Rule, RuleHit
+from pa_console.session.rule_uses import uses_of
 from pa_console.tui.ports import RetrieverPort, RulebookPort
-from pa_console.tui.trace.rows import Row, column, row
+from pa_console.tui.rule_rows import rule_rows, standing_style, use_rows
+from pa_console.tui.screens.confirm import Confirm
+from pa_console.tui.screens.rule_editor import RuleEditor
+from pa_console.tui.trace.rows import column, row
 from pa_console.tui.vocabulary import NOTE, QUIET, term
 from pa_console.tui.widgets.sheet import Sheet
+from pa_console.tui.workbench import Workbench
 
 _DOMAINS = (("ROE  rules of engagement", "ROE"), ("WF  workflow", "WF"), ("CAP  capability", "CAP"))
 _MODES = (("checked by code", "checked"), ("judged by the LLM only", "judged"))
 
 
-class PolicyScreen(Screen[None]):
-    """Filter on the left, the whole rule on the right; typing scores every rule at once."""
+class PolicyScreen(Screen[str]):
+    """Filter on the left, the whole rule on the right; typing scores every rule at once.
+
+    Returns the id of the mission to be shown, empty for none.
+    """
 
     BINDINGS = [
         Binding("escape,f6", "close", "Back"),
         Binding("slash", "search", "Search"),
+        Binding("e", "edit", "Edit"),
+        Binding("n", "new", "New"),
+        Binding("delete", "remove", "Remove"),
+        Binding("m", "mission", "To its mission"),
     ]
 
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (100, "-wide")]
 
-    def __init__(self, rulebook: RulebookPort, retriever: RetrieverPort) -> None:
+    def __init__(self, rulebook: RulebookPort, retriever: RetrieverPort, bench: Workbench) -> None:
         super().__init__()
         self._rules, self._set, self._seal = rulebook.rules, rulebook.name, rulebook.seal
-        self._retriever = retriever
+        self._retriever, self._bench = retriever, bench
         self._hits: dict[str, RuleHit] = {}
         self._wanted: dict[str, str | None] = dict.fromkeys(
             ("policy-domain", "policy-priority", "policy-mode")
@@ -67,6 +88,20 @@ class PolicyScreen(Screen[None]):
         self.query_one("#policy-search", Input).cursor_blink = False
         self._list()
         self.query_one("#policy-search").focus()
+
+    def use(self, rulebook: RulebookPort, retriever: RetrieverPort) -> None:
+        """Show another set, which is in force now; the pointer stays on its rule."""
+        self._rules, self._set, self._seal = rulebook.rules, rulebook.name, rulebook.seal
+        self._retriever = retriever
+        text = self.query_one("#policy-search", Input).value.strip()
+        self._hits = {hit.rule_id: hit for hit in retriever.score_all(text)} if text else {}
+        self._list(self._selected)
+
+    @property
+    def _selected(self) -> str:
+        """The id of the rule at the pointer, empty when none is shown."""
+        option = self.query_one("#policy-list", OptionList).highlighted_option
+        return option.id or "" if option is not None else ""
 
     @on(Input.Changed, "#policy-search")
     def _search(self, event: Input.Changed) -> None:
@@ -102,13 +137,13 @@ class PolicyScreen(Screen[None]):
         hit = self._hits.get(rule.id)
         return hit.score if hit else 0.0
 
-    def _list(self) -> None:
+    def _list(self, at: str = "") -> None:
         rules = self.shown()
         listing = self.query_one("#policy-list", OptionList)
         listing.clear_options()
         listing.add_options(Option(self._line(rule), id=rule.id) for rule in rules)
         if rules:
-            listing.highlighted = 0
+            listing.highlighted = next((n for n, rule in enumerate(rules) if rule.id == at), 0)
         else:
             self.query_one("#policy-sheet", Sheet).show((row("", "No rule passes the filters."),))
         count = sum(rule.decidable for rule in self._rules)
@@ -125,8 +160,10 @@ class PolicyScreen(Screen[None]):
         urgency = term("priority", rule.priority)
         mode = term("rule", "checked" if rule.decidable else "judged")
         score = f"{self._score(rule):4.2f} " if self._hits else ""
+        draft = "✎" if rule.id in self._bench.drafts else " "
         return Content.assemble(
             (score, NOTE),
+            (draft, f"bold {NOTE}"),
             column(rule.id, 7, "bold"),
             (f"{urgency.glyph} ", urgency.style),
             (f"{mode.glyph} ", mode.style),
@@ -137,9 +174,74 @@ class PolicyScreen(Screen[None]):
     def _detail(self, event: OptionList.OptionHighlighted) -> None:
         rule = next((rule for rule in self._rules if rule.id == event.option.id), None)
         if rule is not None:
-            rows = tuple(rule_rows(rule, self._hits.get(rule.id)))
+            uses = uses_of(rule.id, self._bench.missions())
+            rows = (*rule_rows(rule, self._hits.get(rule.id)), *use_rows(uses))
             self.query_one("#policy-sheet", Sheet).show(rows)
             self.query_one("#policy-detail", VerticalScroll).scroll_home(animate=False)
+
+    @on(OptionList.OptionSelected, "#policy-list")
+    def action_edit(self) -> None:
+        """Edit the rule at the pointer, or go on with its draft."""
+        name = self._selected
+        if name:
+            self._begin(lambda path: self._edit(lambda: open_rule(path, name)))
+
+    def action_new(self) -> None:
+        """Write a new rule, of the domain of the one at the pointer."""
+        domain = self._selected.partition("-")[0] or "ROE"
+        self._begin(lambda path: self._edit(lambda: new_rule(path, domain)))
+
+    def action_remove(self) -> None:
+        """Remove the rule at the pointer, after a question."""
+        name = self._selected
+        if name:
+            self._begin(lambda path: self._remove(path, name))
+
+    def action_mission(self) -> None:
+        """Go to the trace of the last mission that the rule at the pointer had to do with."""
+        uses = uses_of(self._selected, self._bench.missions())
+        if uses:
+            self.dismiss(uses[-1].mission)
+        else:
+            self.notify("no mission of this session had to do with it", title="To its mission")
+
+    def _begin(self, work: Callable[[Path], Coroutine[None, None, None]]) -> None:
+        """Begin to change the file, unless it may not be changed here."""
+        path = self._bench.path
+        if path is None or self._bench.closed:
+            self._refused(self._bench.closed)
+        else:
+            self.run_worker(work(path), group="edit", exclusive=True)
+
+    async def _edit(self, take: Callable[[], OpenRule]) -> None:
+        try:
+            opened = await asyncio.to_thread(take)
+        except DocumentError as error:
+            self._refused(str(error))
+            return
+        shown = await self.app.push_screen_wait(RuleEditor(self._bench, opened))
+        self._list(shown or self._selected)
+        self.query_one("#policy-list").focus()
+
+    async def _remove(self, path: Path, name: str) -> None:
+        question = f"Remove {name} from {path}?\nMissions that were begun stay under it."
+        try:
+            opened = await asyncio.to_thread(open_rule, path, name)
+            if not await self.app.push_screen_wait(Confirm(question, yes="Remove", no="Keep")):
+                return
+            try:
+                await asyncio.to_thread(remove_rule, opened)
+            except RulesChangedError as error:
+                question = f"{error}.\nRemove {name} from the file as it is now?"
+                if await self.app.push_screen_wait(Confirm(question, yes="Remove", no="Keep")):
+                    await asyncio.to_thread(remove_rule, opened, anyway=True)
+        except (DocumentError, ValueError, OSError) as error:
+            self._refused(str(error))
+        else:
+            await self._bench.saved()
+
+    def _refused(self, problem: str) -> None:
+        self.notify(problem, title="Rules", severity="error", markup=False)
 
     def action_close(self) -> None:
         """Go back to the console."""
@@ -148,68 +250,3 @@ class PolicyScreen(Screen[None]):
     def action_search(self) -> None:
         """Type a text to score."""
         self.query_one("#policy-search").focus()
-
-
-def standing_style(seal: RulesSeal) -> str:
-    """Return how the standing of a rule set is written: louder, the less it is vouched for."""
-    styles = {"altered": "bold reverse $text-error", "unknown key": "$text-warning"}
-    return styles.get(seal.standing, NOTE if seal.key else QUIET)
-
-
-def rule_rows(rule: Rule, hit: RuleHit | None) -> list[Row]:
-    """Return everything there is to know of one rule."""
-    urgency = term("priority", rule.priority)
-    mode = term("rule", "checked" if rule.decidable else "judged")
-    rows = [
-        row(
-            "",
-            (f"{rule.id}  ", "bold"),
-            (f"{urgency.glyph} {urgency.word}  ", urgency.style),
-            (f"{mode.glyph} {mode.word}", mode.style),
-        ),
-        row(""),
-        row("", rule.text),
-        row(""),
-        row(column("enforced", 9, QUIET), _enforcement(rule)),
-    ]
-    if rule.tags:
-        rows.append(row(column("tags", 9, QUIET), ", ".join(rule.tags)))
-    if hit is not None:
-        parts = "  ".join(f"{name} {value:.3f}" for name, value in hit.components.items())
-        rows.append(row(column("score", 9, QUIET), (f"{hit.score:.3f}  ", NOTE), (parts, QUIET)))
-    for name, value in (
-        ("applies", rule.applies),
-        ("check", rule.check),
-        ("message", rule.message),
-    ):
-        if value:
-            rows += [row(""), row("", (name, f"bold {NOTE}")), row("  ", value.strip())]
-    for order in rule.order:
-        rows += [row(""), row("", (_ordering(order), f"bold {NOTE}"))]
-        rows += [row("  ", part.strip()) for part in (order.event, order.other)]
-        rows.append(row("  ", (order.message, QUIET)))
-    if rule.examples:
-        rows += [row(""), row("", (f"examples ({len(rule.examples)})", f"bold {NOTE}"))]
-    for example in rule.examples:
-        sign = {"pass": "✔ must hold", "fail": "✘ must be broken"}.get(
-            example.expect, "– must not apply"
-        )
-        rows.append(row("  ", (f"{sign}: ", QUIET), example.name))
-        rows += [row("      ", f"{agent}: {command}") for agent, command in example.plan]
-        if example.given:
-            rows.append(row("      given ", (str(example.given), QUIET)))
-        rows += [row("      then ", (str(change), QUIET)) for change in example.moments]
-    return rows
-
-
-def _ordering(order: Ordering) -> str:
-    """Return an ordering's kind, its subjects and its time limit; the two events follow it."""
-    limit = f" {order.seconds} s" if isinstance(order.seconds, float) else f" {order.seconds}"
-    each = f", each {order.each}" if order.each is not None else ""
-    return f"order: {order.kind}{limit if order.seconds is not None else ''}{each}"
-
-
-def _enforcement(rule: Rule) -> str:
-    if not rule.decidable:
-        return "no: the LLM judges it, code cannot"
-    return "blocks a plan for everyone" if rule.enforced else "a warning to be acknowledged"

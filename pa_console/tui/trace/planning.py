@@ -7,6 +7,7 @@ from textual.content import Content
 from pa_console.schema.finding import Finding
 from pa_console.schema.rehearsal import GateTimeline, Rehearsal
 from pa_console.schema.rule import PRIORITIES, Rule
+from pa_console.schema.rules_seal import SHORT
 from pa_console.schema.telemetry import Digest, Selection
 from pa_console.session.mission_trace import Attempt, MissionTrace
 from pa_console.tui.trace.rows import Row, Section, column, row, text_rows
@@ -31,7 +32,7 @@ def title(text: str, mark: Term | None = None, note: str = "") -> Content:
 
 
 def retrieved_rules(trace: MissionTrace, rules: Rules) -> Section:
-    """Step 2: each retrieved rule with its text and every component of its score."""
+    """Step 2: each retrieved rule with its text and every part of its score, and of which set."""
     rows: list[Row] = []
     for hit in trace.hits:
         rule = rules.get(hit.rule_id)
@@ -40,7 +41,8 @@ def retrieved_rules(trace: MissionTrace, rules: Rules) -> Section:
         head = ["  ", column(hit.rule_id, 7, "bold"), (f"{hit.score:.2f} ", "$text-primary")]
         rows.append(row(head, *parts, (scores, QUIET)))
         rows.append(row(" " * 4, rule.text if rule else "(not in this rulebook)"))
-    note = f"{len(trace.hits)} by {trace.method}, {duration_text(trace.retrieval_s)}"
+    under = f", set {trace.rules[:SHORT]}" if trace.rules else ""
+    note = f"{len(trace.hits)} by {trace.method}, {duration_text(trace.retrieval_s)}{under}"
     return Section("rules", title("Rules retrieved", note=note), tuple(rows))
 
 

@@ -1,0 +1,147 @@
+"""What the policy browser and the rule editor tell of a rule, as rows."""
+
+from collections.abc import Iterable, Iterator
+
+from pa_console.orchestrator.rule_trials import Trial
+from pa_console.policy.rule_draft import ExampleResult, RuleDraft
+from pa_console.schema.finding import Finding
+from pa_console.schema.rule import Ordering, Rule, RuleHit
+from pa_console.schema.rules_seal import RulesSeal
+from pa_console.session.rule_uses import RuleUse
+from pa_console.tui.trace.rows import Part, Row, column, row
+from pa_console.tui.vocabulary import BAD, GOOD, NOTE, QUIET, WARN, term
+
+_EXPECTED = {"pass": "must hold", "fail": "must be broken", "not_applicable": "must not apply"}
+_GOT = {"pass": "holds", "fail": "is broken", "not_applicable": "does not apply"}
+
+
+def standing_style(seal: RulesSeal) -> str:
+    """Return how the standing of a rule set is written: louder, the less it is vouched for."""
+    styles = {"altered": "bold reverse $text-error", "unknown key": "$text-warning"}
+    return styles.get(seal.standing, NOTE if seal.key else QUIET)
+
+
+def rule_rows(rule: Rule, hit: RuleHit | None) -> list[Row]:
+    """Return everything there is to know of one rule."""
+    urgency = term("priority", rule.priority)
+    mode = term("rule", "checked" if rule.decidable else "judged")
+    rows = [
+        row(
+            "",
+            (f"{rule.id}  ", "bold"),
+            (f"{urgency.glyph} {urgency.word}  ", urgency.style),
+            (f"{mode.glyph} {mode.word}", mode.style),
+        ),
+        row(""),
+        row("", rule.text),
+        row(""),
+        row(column("enforced", 9, QUIET), _enforcement(rule)),
+    ]
+    if rule.tags:
+        rows.append(row(column("tags", 9, QUIET), ", ".join(rule.tags)))
+    if hit is not None:
+        parts = "  ".join(f"{name} {value:.3f}" for name, value in hit.components.items())
+        rows.append(row(column("score", 9, QUIET), (f"{hit.score:.3f}  ", NOTE), (parts, QUIET)))
+    for name, value in (
+        ("applies", rule.applies),
+        ("check", rule.check),
+        ("message", rule.message),
+    ):
+        if value:
+            rows += [row(""), row("", (name, f"bold {NOTE}")), row("  ", value.strip())]
+    for order in rule.order:
+        rows += [row(""), row("", (_ordering(order), f"bold {NOTE}"))]
+        rows += [row("  ", part.strip()) for part in (order.event, order.other)]
+        rows.append(row("  ", (order.message, QUIET)))
+    if rule.examples:
+        rows += [row(""), row("", (f"examples ({len(rule.examples)})", f"bold {NOTE}"))]
+    for example in rule.examples:
+        sign = {"pass": "✔ must hold", "fail": "✘ must be broken"}.get(
+            example.expect, "– must not apply"
+        )
+        rows.append(row("  ", (f"{sign}: ", QUIET), example.name))
+        rows += [row("      ", f"{agent}: {command}") for agent, command in example.plan]
+        if example.given:
+            rows.append(row("      given ", (str(example.given), QUIET)))
+        rows += [row("      then ", (str(change), QUIET)) for change in example.moments]
+    return rows
+
+
+def _ordering(order: Ordering) -> str:
+    """Return an ordering's kind, its subjects and its time limit; the two events follow it."""
+    limit = f" {order.seconds} s" if isinstance(order.seconds, float) else f" {order.seconds}"
+    each = f", each {order.each}" if order.each is not None else ""
+    return f"order: {order.kind}{limit if order.seconds is not None else ''}{each}"
+
+
+def _enforcement(rule: Rule) -> str:
+    if not rule.decidable:
+        return "no: the LLM judges it, code cannot"
+    return "blocks a plan for everyone" if rule.enforced else "a warning to be acknowledged"
+
+
+def use_rows(uses: Iterable[RuleUse]) -> Iterator[Row]:
+    """Yield the missions of this session in which a rule was retrieved, decided or broken."""
+    yield row("")
+    yield row("", ("in this session", f"bold {NOTE}"))
+    told = False
+    for use in reversed(tuple(uses)):
+        told = True
+        parts: list[Part] = [(f"{use.text}  ", QUIET)]
+        if use.hit is not None:
+            how = "pinned" if use.hit.pinned else "retrieved"
+            parts.append((f"{how} {use.hit.score:.2f}  ", NOTE))
+        parts += [(f"prescribed for {track}  ", NOTE) for track in use.prescribed]
+        for number, found in use.decided:
+            parts += [f"#{number} ", *_finding(found), "  "]
+        if use.refused:
+            parts.append(("refused before it was planned", BAD))
+        yield row(["  ", column(use.mission, 7, "bold")], *parts)
+    if not told:
+        yield row("  ", ("in no mission yet", QUIET))
+
+
+def draft_line(draft: RuleDraft) -> Part:
+    """Return in one line whether a rule can be in force as it is written."""
+    if draft.problem is not None:
+        return f"✘ {draft.problem}", BAD
+    if draft.entry is not None and not draft.entry.rule.decidable:
+        return "✔ can be in force; the LLM judges it, code cannot", GOOD
+    if draft.wrong:
+        return f"▲ compiles, but {len(draft.wrong)} of {len(draft.examples)} examples wrong", WARN
+    count = len(draft.examples)
+    return (f"✔ compiles, {count} examples right", GOOD) if count else ("▲ no examples", WARN)
+
+
+def draft_rows(draft: RuleDraft, trials: Iterable[Trial]) -> Iterator[Row]:
+    """Yield what the examples of a draft come to, and what it would say of known plans."""
+    if draft.examples:
+        yield row("", (f"examples ({len(draft.examples)})", f"bold {NOTE}"))
+    for result in draft.examples:
+        yield _example(result)
+    told = False
+    for trial in trials:
+        if not told:
+            yield row("")
+            yield row("", ("it would find", f"bold {NOTE}"))
+            told = True
+        parts: list[Part] = [*_finding(trial.found)]
+        if trial.flips and trial.before is not None:
+            was = term("finding", trial.before.status)
+            parts.append((f"  was: {was.word}", f"bold {WARN}"))
+        yield row(["  ", (f"{trial.case.title}: ", QUIET)], *parts)
+
+
+def _example(result: ExampleResult) -> Row:
+    if result.right:
+        return row(["  ", ("✔ ", GOOD)], result.name, (f"  {_EXPECTED[result.expect]}", QUIET))
+    got = _GOT.get(result.got, "cannot be decided")
+    said = f"  {_EXPECTED[result.expect]}, but {got}"
+    message = f": {result.message}" if result.message else ""
+    return row(["  ", ("✘ ", BAD)], result.name, (said + message, BAD))
+
+
+def _finding(found: Finding) -> tuple[Part, ...]:
+    mark = term("finding", found.status)
+    message = f" {found.message}" if found.message else ""
+    return (f"{mark.glyph} {mark.word}", mark.style), message

@@ -1,0 +1,88 @@
+"""The half of the app that knows which rules are in force: the browser, the workbench, changes."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from pa_console.policy.retriever import Retriever
+from pa_console.schema import event as ev
+from pa_console.schema.rule import Rule
+from pa_console.schema.rules_seal import RulesSeal
+from pa_console.tui.commanding_app import CommandingApp
+from pa_console.tui.ports import RulebookPort
+from pa_console.tui.session_app import SessionApp
+from pa_console.tui.workbench import Workbench
+
+if TYPE_CHECKING:
+    from pa_console.tui.screens.policies import PolicyScreen
+
+_WATCHED = frozenset(("telemetry", "plan_checked", "rules_replaced", "noticed"))
+
+
+class InForce(NamedTuple):
+    """A rule set as the console sees it."""
+
+    name: str
+    seal: RulesSeal
+    rules: tuple[Rule, ...]
+
+
+class RulesApp(CommandingApp):
+    """Follows every change of the rule set, and lends the browser what it needs to edit it."""
+
+    bench: Workbench
+    rule_texts: dict[str, Rule]
+    """Every rule that was in force in this session, as it is in force now, by id."""
+
+    def open_workbench(self, rules_file: Path | None) -> None:
+        """Begin with the rules of `rules_file`; without it, or read-only, none can be edited."""
+        self.rule_texts = {rule.id: rule for rule in self.rulebook.rules}
+        self._browser: PolicyScreen | None = None
+        closed = "the rules are not open for editing here"
+        if rules_file is not None and self.readonly:
+            closed = "the console is read-only"
+        elif rules_file is not None:
+            closed = ""
+        self.bench = Workbench(
+            self.world,
+            rules_file,
+            closed,
+            seal=lambda: self.rulebook.seal,
+            missions=lambda: tuple(self.shown_state.missions.values()),
+            busy=lambda: self.state.active or "",
+            saved=self._reload,
+        )
+
+    async def _reload(self) -> None:
+        if self.station is not None:
+            await self.station.reload_rules()
+
+    def on_session_app_received(self, message: SessionApp.Received) -> None:
+        """Note what concerns the rules once the event is folded."""
+        if message.event.data.kind in _WATCHED:
+            self.call_later(self._note, message.event)
+
+    def _note(self, event: ev.Event) -> None:
+        self.bench.cases.see(event, self.state)
+        match event.data:
+            case ev.RulesReplaced(rules=name, rules_seal=seal, rule_set=rule_set):
+                rulebook: RulebookPort = InForce(name, seal, rule_set.rules)
+                self.rulebook = rulebook
+                self.retriever = Retriever(rule_set.rules)
+                self.rule_texts.update({rule.id: rule for rule in rule_set.rules})
+                if self._browser is not None and self._browser in self.screen_stack:
+                    self._browser.use(self.rulebook, self.retriever)
+            case ev.Noticed(subject="rules", level=level, text=text):
+                self.tell(text, "Rules", bad=level == "alarm")
+            case _:
+                pass
+
+    def action_policies(self) -> None:
+        """Show the policy browser."""
+        from pa_console.tui.screens.policies import PolicyScreen  # noqa: PLC0415
+
+        def chosen(mission: str | None) -> None:
+            if mission and self.shown is not None:
+                self.shown.show_mission(self.shown_state, mission)
+
+        self._browser = PolicyScreen(self.rulebook, self.retriever, self.bench)
+        self.push_screen(self._browser, chosen)

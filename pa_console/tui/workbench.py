@@ -1,0 +1,34 @@
+"""What the policy browser and the rule editor share: the file, the session's plans, the drafts."""
+
+from collections.abc import Awaitable, Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from pa_console.orchestrator.rule_trials import SessionCases
+from pa_console.policy.rule_save import OpenRule
+from pa_console.schema.rules_seal import RulesSeal
+from pa_console.schema.world import World
+from pa_console.session.mission_trace import MissionTrace
+
+
+@dataclass
+class Workbench:
+    """Lets one console edit one rule file; `closed` says why it may not, empty when it may.
+
+    `drafts` are what was typed and not saved, by rule id, '' for a new rule; they outlive the
+    editor. `saved` is awaited after the file was written, so that it is taken at once.
+    """
+
+    world: World
+    path: Path | None
+    closed: str
+    seal: Callable[[], RulesSeal]
+    missions: Callable[[], Iterable[MissionTrace]]
+    busy: Callable[[], str]
+    saved: Callable[[], Awaitable[None]]
+    cases: SessionCases = field(init=False)
+    drafts: dict[str, tuple[OpenRule, str]] = field(default_factory=dict[str, tuple[OpenRule, str]])
+
+    def __post_init__(self) -> None:
+        """Begin with a session of which nothing is known."""
+        self.cases = SessionCases(self.world)
