@@ -13,8 +13,8 @@ from pa_console.schema.rules_seal import RulesSeal
 FAILED = 1
 BAD_INPUT = 2
 
-out = Console(highlight=False)
-errors = Console(stderr=True, highlight=False)
+out = Console(highlight=False, emoji=False)
+errors = Console(stderr=True, highlight=False, emoji=False)
 
 WorldOption = Annotated[
     str, typer.Option("--world", help="A world: an installed name, a folder or a file.")

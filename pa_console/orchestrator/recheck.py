@@ -12,7 +12,7 @@ from pa_console.orchestrator.rehearsal import order_moments
 from pa_console.policy.checks import check_mission, check_plan
 from pa_console.policy.moments import moment
 from pa_console.policy.monitor import Monitor
-from pa_console.policy.rulebook import Rulebook
+from pa_console.policy.rulebook import Rulebook, compile_rule
 from pa_console.policy.sightings import Sightings
 from pa_console.policy.structure import STRUCTURE_ID
 from pa_console.schema import event as ev
@@ -91,7 +91,11 @@ class Recheck:
     """Goes through a session's events; yields what several sets of rules make of each decision."""
 
     def __init__(self, world: World, rulebooks: Sequence[Rulebook]) -> None:
-        """`world` must be that of the session."""
+        """`world` must be that of the session.
+
+        Of two rulebooks or more, the last is that of the session's beginning; when the session
+        changes its rules, the log tells them, and they take its place.
+        """
         self.state = SessionState()
         self._world, self._rulebooks = world, tuple(rulebooks)
         self._sightings = Sightings(world)
@@ -102,6 +106,8 @@ class Recheck:
         if isinstance(event.data, ev.TelemetryReceived):
             self._sightings.look(event.data.picture)
             yield from self._running(event.data.picture)
+        if isinstance(event.data, ev.RulesReplaced) and len(self._rulebooks) > 1:
+            self._rulebooks = (*self._rulebooks[:-1], _as_told(event.data))
         self.state.apply(event)
         trace = self.state.missions.get(event.mission or "")
         if trace is not None:
@@ -213,3 +219,9 @@ class Recheck:
         plan = attempt.plan if attempt is not None else None
         orders = order_moments(plan, self._world, work.done) if plan is not None else ()
         return moment(picture, self._world, orders, tuple(order.agent for order in orders))
+
+
+def _as_told(replaced: ev.RulesReplaced) -> Rulebook:
+    """Return the rules that a session changed to; raises ExpressionError if they do not compile."""
+    entries = tuple(compile_rule(rule) for rule in replaced.rule_set.rules)
+    return Rulebook(replaced.rules, replaced.rules_sha256, entries, seal=replaced.rules_seal)

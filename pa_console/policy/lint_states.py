@@ -112,7 +112,8 @@ def draw_situation(world: World, dice: random.Random) -> Situation:
             facts = _some(_ASSET_FACTS, dice, 0.25)
             if dice.random() < 0.3:
                 facts["at"] = dice.choice([None, *world.frames])
-            situation.assets[name] = facts
+            if facts:
+                situation.assets[name] = facts
     for number in range(dice.randint(0, MOST_TRACKS)):
         facts = _some(_TRACK_FACTS, dice, 0.4)
         situation.tracks[f"V{number + 1}"] = {"gate": dice.choice(world.gates), **facts}

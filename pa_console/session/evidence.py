@@ -35,12 +35,12 @@ def evidence_of(attempt: Attempt) -> Evidence | None:
     texts = [f"{action.agent} {action.command}" for action in attempt.plan.actions]
     texts += [finding.message for finding in broken]
     named = dict.fromkeys(name for text in texts for name in _NAME.findall(text))
-    facts = tuple(fact for name in named for fact in _facts(name, picture))
-    return Evidence(picture.tick, picture.time_s, broken or held, facts)
+    facts = dict(fact for name in named for fact in _facts(name, picture))
+    return Evidence(picture.tick, picture.time_s, broken or held, tuple(facts.items()))
 
 
 def _facts(name: str, picture: Picture) -> Iterator[tuple[str, str]]:
-    """Yield what telemetry said of an asset, a track, or a gate with the tracks there."""
+    """Yield what telemetry said of an asset, a track, or a gate and each track there."""
     if name in picture.assets:
         yield name, _asset(picture.assets[name], picture.time_s)
     elif name in picture.tracks:
@@ -48,8 +48,9 @@ def _facts(name: str, picture: Picture) -> Iterator[tuple[str, str]]:
     elif name in picture.gates:
         cover = picture.gates[name]
         by = f"covered by {', '.join(cover.by)}" if cover.covered else "not covered"
-        there = [track.id for track in picture.tracks.values() if track.gate == name]
-        yield name, f"{by}; tracks: {', '.join(there) or 'none'}"
+        there = [track for track in picture.tracks.values() if track.gate == name]
+        yield name, f"{by}; tracks: {', '.join(track.id for track in there) or 'none'}"
+        yield from ((track.id, _track(track, picture.time_s)) for track in there)
 
 
 def _asset(asset: AssetTelemetry, now_s: float) -> str:

@@ -138,7 +138,9 @@ def test_lint_names_file_line_and_rule_and_is_quiet_about_the_installed_rules(
     done = call("rules", "lint", str(path), "--states", "20")
     assert (done.code, done.err) == (1, "")
     assert f"{path}:7: warning: ROE-01: no examples" in done.out
+    path.write_text("\n" * 93 + path.read_text())
+    assert f"{path}:100: warning: ROE-01" in call("rules", "lint", str(path), "--states", "0").out
     document = call("rules", "lint", str(path), "--json", "--states", "0").json
-    assert document["findings"][0]["line"] == 7
+    assert document["findings"][0]["line"] == 100
     assert document["counts"] == {"error": 0, "warning": 1, "note": 0}
     assert call("rules", "lint", str(path), "--world", "nowhere").code == 2

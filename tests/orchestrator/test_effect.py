@@ -8,19 +8,21 @@ from typing import Any
 import pytest
 
 from pa_console.orchestrator.clock import SteppedClock
-from pa_console.orchestrator.compose import load_site, open_station
+from pa_console.orchestrator.compose import Site, load_site, open_station
 from pa_console.orchestrator.effect import effect_on_session
 from pa_console.orchestrator.flips import Flip, SessionEffect, rules_turned
 from pa_console.orchestrator.headless import run_missions, standing_approver
 from pa_console.orchestrator.session_site import SessionSites
-from pa_console.policy.rulebook import CompiledRule, Rulebook, compile_rule
+from pa_console.policy.rulebook import CompiledRule, Rulebook, compile_rule, load_rules
 from pa_console.schema import event as ev
 from pa_console.schema.incident import SpawnTrack
-from pa_console.schema.rule import Ordering, Rule
+from pa_console.schema.rule import Ordering, Rule, RuleSet
+from pa_console.schema.rules_seal import RulesSeal
 from pa_console.schema.variant import Variant
+from pa_console.schema.world import Zone
 from tests.evaluation.sessions import IDENTIFY, RECON, WARN, play, scenario
 from tests.orchestrator.conftest import MISSION
-from tests.policy.book import checkpoint_rules
+from tests.policy.book import RULES, checkpoint_rules
 from tests.scripted import ScriptedEngine, plan
 
 Events = Sequence[ev.Event]
@@ -29,10 +31,12 @@ BLOCK = plan(("Ugv_T02", "block WestGate"))
 SPAWN = SpawnTrack(gate="WestGate", distance_m=40.0)
 
 
-def recorded(answer: str, text: str = MISSION) -> Events:
+def recorded(
+    answer: str, text: str = MISSION, site: Site = SITE, spawn: SpawnTrack = SPAWN
+) -> Events:
     """Return the events of one mission, without workflows, whose planner answers the same."""
     engine = ScriptedEngine([answer]).engine()
-    station = open_station(SITE, engine, SteppedClock(), variant=Variant(workflows=False))
+    station = open_station(site, engine, SteppedClock(), variant=Variant(workflows=False))
     events: list[ev.Event] = []
     asyncio.run(
         run_missions(
@@ -40,7 +44,7 @@ def recorded(answer: str, text: str = MISSION) -> Events:
             [text],
             standing_approver("auto"),
             lambda event, _: events.append(event),
-            [SPAWN],
+            [spawn],
         )
     )
     return events
@@ -139,6 +143,25 @@ def test_a_rule_that_sees_what_was_seen_gets_it_from_the_recorded_telemetry(
     assert effect(observed, with_rule(check=seen.format("-1.0"))).flips == []
 
 
+@pytest.mark.parametrize("harmless", [True, False])
+def test_nobody_is_sent_where_a_noncombatant_was_seen_a_minute_ago(harmless: bool) -> None:
+    field = Zone(kind="restricted", polygon=((-90, -15), (-45, -15), (-45, 15), (-90, 15)))
+    world = SITE.world.model_copy(update={"zones": {"Field": field}})
+    entries = checkpoint_rules().compiled
+    open_to_all = tuple(entry for entry in entries if entry.rule.id != "ROE-07")
+    old = Rulebook("open", "", open_to_all)
+    site = Site(world, SITE.world_path, old)
+    spawn = SPAWN.model_copy(update={"noncombatants": harmless})
+    events = recorded(RECON, MISSION, site, spawn)
+    new = load_rules(RULES.parents[1] / "tests" / "policy" / "rule_files" / "noncombatants.yaml")
+    found = effect_on_session(events, world, Rulebook("new", "", open_to_all + new.compiled), old)
+    assert found.gaps == []
+    assert [(flip.kind, flip.rules) for flip in found.flips] == [
+        (kind, ("ROE-11",)) for kind in ("finding", "plan", "decision") if harmless
+    ]
+    assert all("Drone_T04 into Field" in flip.words for flip in found.flips)
+
+
 def test_a_plan_that_nothing_blocks_any_more_is_named(blocked: Events) -> None:
     new = changed("ROE-02", check="true", order=())
     found = effect(blocked, new)
@@ -175,6 +198,22 @@ def test_an_ordering_that_halts_a_running_plan_is_named(observed: Events) -> Non
     halt = next(flip for flip in found.flips if flip.kind == "halt")
     assert halt.was == "went on"
     assert halt.now.startswith("halted at ")
+
+
+def test_rules_that_were_changed_in_the_session_are_those_it_goes_on_with() -> None:
+    book = with_rule(check="size(actions) == 0", priority="medium")
+    events = list(recorded(RECON, site=Site(SITE.world, SITE.world_path, book)))
+    assert {gap.rule for gap in effect(events, book).gaps} == {"ROE-99"}
+    told = ev.RulesReplaced(
+        rules="more",
+        rules_sha256="0" * 64,
+        rules_seal=RulesSeal(),
+        changes=("ROE-99 added",),
+        rule_set=RuleSet(name="more", rules=book.rules),
+    )
+    events.insert(1, events[0].model_copy(update={"data": told}))
+    found = effect(events, book)
+    assert (found.flips, found.gaps) == ([], [])
 
 
 def test_what_does_not_come_out_again_is_a_gap_and_no_flip(observed: Events) -> None:

@@ -107,7 +107,7 @@ def test_a_decision_leads_back_to_the_telemetry_it_was_made_by() -> None:
     assert found is not None
     assert found.deciding == (broken,)
     facts = dict(found.facts)
-    assert list(facts) == ["Ugv_T02", "WestGate", "Drone_T04", "V1"]
+    assert list(facts) == ["Ugv_T02", "WestGate", "V1", "Drone_T04"]
     assert "battery 12 %, link degraded" in facts["Ugv_T02"]
     assert facts["WestGate"] == "covered by Drone_T01; tracks: V1"
     assert "identity unknown" in facts["V1"]
