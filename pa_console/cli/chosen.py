@@ -77,7 +77,7 @@ def _defaults(loaded: Loaded) -> dict[str, Any]:
     return {
         "console": {**site, **model, "alarms": values.alarms, "mouse": values.mouse},
         "mission": {**site, **model},
-        "replay": {"no_mouse": not values.mouse},
+        "replay": {"mouse": values.mouse},
         "rules": {verb: {"rules": values.rules} for verb in ("list", "search")},
         "scenarios": {verb: {"world": values.world} for verb in ("list", "show", "check")},
     }

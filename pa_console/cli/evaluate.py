@@ -12,6 +12,7 @@ import typer
 from rich.markup import escape
 
 from pa_console import __version__
+from pa_console.cli.chosen import settings_of
 from pa_console.cli.eval_progress import EvalProgress
 from pa_console.cli.eval_tables import to_rich
 from pa_console.cli.output import (
@@ -144,13 +145,13 @@ def report(folder: FolderArgument = None, json: JsonOption = False) -> None:
 
 
 @app.command()
-def show(folder: FolderArgument = None) -> None:
+def show(context: typer.Context, folder: FolderArgument = None) -> None:
     """Open an evaluation in the console: its runs, what failed, and the trace of each."""
     chosen = _chosen(folder)
     read_runs(chosen)
     from pa_console.tui.evaluation_app import show_evaluation  # noqa: PLC0415 - Textual is slow
 
-    show_evaluation(chosen)
+    show_evaluation(chosen, settings_of(context))
 
 
 def _chosen(folder: Path | None) -> Path:

@@ -6,18 +6,18 @@ from typing import Annotated
 
 import typer
 
+from pa_console.cli.chosen import settings_of
 from pa_console.cli.output import BAD_INPUT, FAILED, JsonOption, errors, out, print_json
-from pa_console.resources import find_data
 from pa_console.schema.document import DocumentError
-from pa_console.schema.event import SessionStarted
-from pa_console.session.chain import LogError
 from pa_console.session.head import head_path
 from pa_console.session.reader import line_of
 from pa_console.session.verify import verify
+from pa_console.settings.sources import Loaded
 from pa_console.signing import is_fingerprint, known_keys
 
 
 def replay(
+    context: typer.Context,
     log: Annotated[Path, typer.Argument(help="A session log (JSONL).")],
     check: Annotated[
         bool,
@@ -51,41 +51,54 @@ def replay(
     scenario: Annotated[
         str | None, typer.Option("--scenario", help="The session's situation, when it is a file.")
     ] = None,
-    no_mouse: Annotated[bool, typer.Option(help="Leave the mouse to the terminal.")] = False,
+    other: Annotated[
+        Path | None,
+        typer.Option(
+            "--compare",
+            metavar="LOG",
+            help="Find the first event in which LOG tells something else, and what differs; leaves "
+            "with 0 when both tell the same and with 1 when not.",
+        ),
+    ] = None,
+    screen: Annotated[
+        bool, typer.Option("--screen", help="With --compare: show both at that point, on a screen.")
+    ] = False,
+    mouse: Annotated[
+        bool,
+        typer.Option("--mouse/--no-mouse", help="Take the mouse, or leave it to the terminal."),
+    ] = True,
     json: JsonOption = False,
 ) -> None:
-    """Play LOG back in the console, verify it, or run it again and compare.
+    """Play LOG back in the console, verify it, run it again, or compare it with another one.
 
     --verify leaves with 0 only when every line is vouched for by a known key, with 2 when the log
     or its head was damaged, and with 1 when nothing is wrong but not everything is signed.
     """
-    if not log.is_file():
-        raise ValueError(f"{log}: there is no such log")
+    for given in (log, other):
+        if given is not None and not given.is_file():
+            raise ValueError(f"{given}: there is no such log")
     if check:
         _verify(log, frozenset(key or ()), unsigned, json)
     if again:
         _resimulate(log, world, scenario, json)
-    if check or again:
-        return
-    _play(log, world, mouse=not no_mouse)
+    printed = other is not None and not screen
+    if other is not None and printed:
+        from pa_console.cli.replay_compare import compare_logs  # noqa: PLC0415 - only when asked
+
+        compare_logs(log, other, json)
+    if not (check or again or printed):
+        _show(log, other, world, settings_of(context, mouse=mouse))
 
 
-def _play(log: Path, world: str | None, mouse: bool) -> None:
-    """Open the console on a recording, with the world and the rules that it names."""
-    from pa_console.orchestrator.compose import load_site  # noqa: PLC0415 - only when it is shown
-    from pa_console.policy.retriever import Retriever  # noqa: PLC0415
-    from pa_console.session.replay import Player  # noqa: PLC0415
-    from pa_console.tui.app import ConsoleApp  # noqa: PLC0415
+def _show(log: Path, other: Path | None, world: str | None, settings: Loaded) -> None:
+    """Open the console on a recording, or on two at the point where they differ."""
+    from pa_console.cli.replay_compare import show_compared  # noqa: PLC0415 - only when shown
+    from pa_console.cli.replay_play import play  # noqa: PLC0415
 
-    player = Player.open(log)
-    started = player.recording[0].data
-    if not isinstance(started, SessionStarted):
-        raise LogError(str(log), 1, "the log does not begin with the start of a session")
-    site = load_site(_world_of(started, world), started.rules, unsigned=True)
-    if (site.world_sha256, site.rulebook.sha256) != (started.world_sha256, started.rules_sha256):
-        errors.print("note: the world or the rules have changed since this session", style="yellow")
-    retriever = Retriever(site.rulebook.rules)
-    ConsoleApp(site.world, None, site.rulebook, retriever, player=player).run(mouse=mouse)
+    if other is not None:
+        show_compared(log, other, world, settings)
+    else:
+        play(log, world, settings)
 
 
 def _resimulate(log: Path, world: str | None, scenario: str | None, json: bool) -> None:
@@ -93,15 +106,14 @@ def _resimulate(log: Path, world: str | None, scenario: str | None, json: bool) 
 
     A log that cannot be read to its end is compared up to there, and then raises its LogError.
     """
-    from pa_console.evaluation.twin import resimulate  # noqa: PLC0415 - only when it is asked for
+    from pa_console.cli.read_bar import read_recording  # noqa: PLC0415 - only when it is asked for
+    from pa_console.cli.replay_play import started_of, world_of  # noqa: PLC0415
+    from pa_console.evaluation.twin import resimulate  # noqa: PLC0415
     from pa_console.orchestrator.compose import open_scenario, open_world  # noqa: PLC0415
-    from pa_console.session.recording import Recording  # noqa: PLC0415
 
-    recording = Recording.read(log)
-    started = recording[0].data
-    if not isinstance(started, SessionStarted):
-        raise LogError(str(log), 1, "the log does not begin with the start of a session")
-    place, path = open_world(_world_of(started, world))
+    recording = read_recording(log)
+    started = started_of(recording, log)
+    place, path = open_world(world_of(started, world))
     played = scenario or started.scenario
     try:
         situation = open_scenario(place, path, played).scenario if played else None
@@ -162,13 +174,3 @@ def _verify(log: Path, keys: frozenset[str], unsigned: bool, json: bool) -> None
         errors.print(f"{place}: {result.damage}: {result.problem}", markup=False, soft_wrap=True)
     if not accepted:
         raise typer.Exit(FAILED if result.ok else BAD_INPUT)
-
-
-def _world_of(started: SessionStarted, given: str | None) -> str:
-    """Return where the session's world is; raises ValueError when it is not installed here."""
-    name = given or started.world
-    if not find_data("worlds", name, "world.yaml").is_file():
-        raise ValueError(
-            f"the world {name!r} of this session is not installed here; give its file with --world"
-        )
-    return name

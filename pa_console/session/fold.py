@@ -1,6 +1,7 @@
 """Folds the event stream into the state that every view shows; live and replay use the same."""
 
 from collections import deque
+from collections.abc import MutableMapping
 from dataclasses import dataclass, field
 from datetime import datetime
 
@@ -51,28 +52,34 @@ class Stop:
 
 @dataclass
 class SessionState:
-    """The whole session as it stands after the last applied event."""
+    """The whole session as it stands after the last applied event.
+
+    `latest` is the mission that arrived last, `last_active` the one that was worked on last, and
+    `answers` the unfinished mission that answers an alarm, by the alarm's id. `loose_orders` are
+    those of no mission since the last stop.
+    """
 
     started: ev.SessionStarted | None = None
     ended: str = ""
     tick: int = 0
     picture: Picture | None = None
     worker: ev.WorkerChanged | None = None
-    missions: dict[str, MissionTrace] = field(default_factory=dict[str, MissionTrace])
+    missions: MutableMapping[str, MissionTrace] = field(default_factory=dict[str, MissionTrace])
     active: str | None = None
+    last_active: str | None = None
+    latest: str | None = None
     queue: tuple[QueueEntry, ...] = ()
     stop: Stop | None = None
     notices: deque[Notice] = field(default_factory=lambda: deque(maxlen=NOTICES_KEPT))
-    _alarms: dict[str, OpenAlarm] = field(default_factory=dict[str, OpenAlarm])
-    _last: str | None = None
-    _orders: dict[str, CommandTrace] = field(default_factory=dict[str, CommandTrace])
+    open_alarms: dict[str, OpenAlarm] = field(default_factory=dict[str, OpenAlarm])
+    answers: dict[str, str] = field(default_factory=dict[str, str])
+    loose_orders: dict[str, CommandTrace] = field(default_factory=dict[str, CommandTrace])
 
     @property
     def current(self) -> MissionTrace | None:
         """The mission being worked on, else the last one that was, else the latest to arrive."""
-        if (chosen := self.active or self._last) is not None:
-            return self.missions[chosen]
-        return next(reversed(self.missions.values()), None)
+        chosen = self.active or self.last_active or self.latest
+        return self.missions[chosen] if chosen is not None else None
 
     @property
     def scenario(self) -> str:
@@ -82,7 +89,12 @@ class SessionState:
     @property
     def alarms(self) -> tuple[OpenAlarm, ...]:
         """The open alarms: worst priority first, then the nearest, then the oldest."""
-        return tuple(sorted(self._alarms.values(), key=_urgency))
+        return tuple(sorted(self.open_alarms.values(), key=_urgency))
+
+    def is_worse(self, alarm: Alarm) -> bool:
+        """Whether `alarm` is new, or of a worse priority than it was."""
+        known = self.open_alarms.get(alarm.id)
+        return known is None or _rank(alarm) < _rank(known.alarm)
 
     def apply(self, event: ev.Event) -> None:
         """Take one event in; an event of an unknown mission changes no mission."""
@@ -117,9 +129,9 @@ class SessionState:
                 hidden = source == "scenario"
                 self._notice(event, "warning", subject, in_words(incident), hidden=hidden)
             case ev.AllStopped(by=by):
-                orders = self.stop.orders if self.stop is not None else self._orders
+                orders = self.stop.orders if self.stop is not None else self.loose_orders
                 self.stop = Stop(by, event.tick, orders)
-                self._orders = {}
+                self.loose_orders = {}
                 self._notice(event, "alarm", "stop", f"all assets hold, ordered by {by}")
             case ev.SessionEnded(reason=reason):
                 self.ended = reason
@@ -129,19 +141,18 @@ class SessionState:
     def _apply_to_alarms(self, event: ev.Event) -> None:
         match event.data:
             case ev.AlarmRaised(alarm=alarm):
-                known = self._alarms.get(alarm.id)
-                worse = known is None or _rank(alarm) < _rank(known.alarm)
+                known, worse = self.open_alarms.get(alarm.id), self.is_worse(alarm)
                 by = "" if known is None or worse else known.acknowledged_by
-                self._alarms[alarm.id] = OpenAlarm(alarm, by)
+                self.open_alarms[alarm.id] = OpenAlarm(alarm, by)
                 if worse:
                     level = _LEVELS.get(alarm.priority, "info")
                     self._notice(event, level, alarm.subject, alarm.text)
-            case ev.AlarmAcknowledged(alarm_id=alarm_id, by=by) if alarm_id in self._alarms:
-                alarm = self._alarms[alarm_id].alarm
-                self._alarms[alarm_id] = OpenAlarm(alarm, by or "somebody")
+            case ev.AlarmAcknowledged(alarm_id=alarm_id, by=by) if alarm_id in self.open_alarms:
+                alarm = self.open_alarms[alarm_id].alarm
+                self.open_alarms[alarm_id] = OpenAlarm(alarm, by or "somebody")
                 self._notice(event, "info", alarm.subject, f"alarm acknowledged by {by}")
-            case ev.AlarmCleared(alarm_id=alarm_id, reason=reason) if alarm_id in self._alarms:
-                alarm = self._alarms.pop(alarm_id).alarm
+            case ev.AlarmCleared(alarm_id=alarm_id, reason=reason) if alarm_id in self.open_alarms:
+                alarm = self.open_alarms.pop(alarm_id).alarm
                 self._notice(event, "info", alarm.subject, f"alarm over: {reason}")
             case _:
                 pass
@@ -152,10 +163,13 @@ class SessionState:
                 self.queue = entries
             case ev.MissionReceived(mission=mission):
                 self.missions[mission.id] = MissionTrace(mission)
+                self.latest = mission.id
+                if mission.alarm:
+                    self.answers[mission.alarm] = mission.id
                 origin = "by an alarm: " if mission.source == "alarm" else ""
                 self._notice(event, "info", mission.id, f"{origin}{mission.text}")
             case ev.MissionStarted() if event.mission in self.missions:
-                self.active = self._last = event.mission
+                self.active = self.last_active = event.mission
                 self.stop = None
             case ev.MissionStarted():
                 self.active = None
@@ -167,6 +181,7 @@ class SessionState:
                 self._notice(event, "alarm", event.mission or "", f"halted: {'; '.join(reasons)}")
             case ev.MissionFinished(status=status, reason=reason):
                 self._leave(event)
+                self._answered(event.mission)
                 level = "info" if status == "verified" else "warning"
                 self._notice(event, level, event.mission or "", f"{status}: {reason}")
             case _:
@@ -177,9 +192,14 @@ class SessionState:
         if event.mission == self.active:
             self.active = None
 
+    def _answered(self, mission: str | None) -> None:
+        """Note that a mission answers no alarm any more."""
+        for alarm in [alarm for alarm, answer in self.answers.items() if answer == mission]:
+            del self.answers[alarm]
+
     def _apply_to_orders(self, data: ev.EventPayload) -> None:
         """Orders that belong to no mission: those of a stop, told before or after the stop."""
-        orders = self.stop.orders if self.stop is not None else self._orders
+        orders = self.stop.orders if self.stop is not None else self.loose_orders
         match data:
             case ev.CommandSent(command=command):
                 orders[command.agent] = CommandTrace(command)

@@ -5,7 +5,9 @@ from pathlib import Path
 from typing import Self
 
 from pa_console.schema.event import Event
+from pa_console.session.chain import LogError
 from pa_console.session.fold import SessionState
+from pa_console.session.marks import MarkKind
 from pa_console.session.recording import Recording
 
 RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
@@ -15,8 +17,9 @@ class Player:
     """A tape deck for one recording, paused at its beginning at first.
 
     It has no clock: whoever shows it calls `advance`. `state` is the session after the first
-    `index` events; going backward makes a new one, so read `state` afresh after every call.
-    `position` is in seconds from the first event, by the events' own time stamps.
+    `index` events; most moves make a new one, so read `state` afresh after every call.
+    `position` is in seconds from the first event, by the events' own time stamps. Whatever moves
+    raises LogError when the log cannot be read any more, and is then back at the beginning.
     """
 
     def __init__(self, recording: Recording) -> None:
@@ -28,9 +31,12 @@ class Player:
         self._rate = 1.0
 
     @classmethod
-    def open(cls, path: Path) -> Self:
-        """Load the log at `path`; raises LogError when nothing in it can be read."""
-        return cls(Recording.read(path))
+    def open(cls, path: Path, cache: Path | None = None) -> Self:
+        """Open the log at `path`; raises LogError when nothing in it can be read.
+
+        The index of a large log is kept in the folder `cache`.
+        """
+        return cls(Recording.read(path, cache=cache))
 
     @classmethod
     def of(cls, events: Iterable[Event]) -> Self:
@@ -66,20 +72,18 @@ class Player:
         """Make `advance` stand still."""
         self.playing = False
 
-    def advance(self, wall_s: float) -> tuple[Event, ...]:
-        """Let `wall_s` seconds of the viewer's time pass; return the events that came up.
+    def advance(self, wall_s: float) -> frozenset[str]:
+        """Let `wall_s` seconds of the viewer's time pass; return the kinds of what came up.
 
         At the end the player pauses by itself.
         """
         if not self.playing:
-            return ()
+            return frozenset()
         self.position = min(self.position + wall_s * self._rate, self.duration)
-        first, self.index = self.index, self.recording.count_until(self.position)
-        events = tuple(self.recording[index] for index in range(first, self.index))
-        for event in events:
-            self.state.apply(event)
+        first = self.index
+        self._go_to(self.recording.count_until(self.position))
         self.playing = not self.finished
-        return events
+        return self.recording.timeline.kinds_between(first, self.index)
 
     def step(self) -> None:
         """Pause, and go to just after the next event."""
@@ -89,21 +93,37 @@ class Player:
         """Pause, and go to just before the last event that was played."""
         self._step_to(self.index - 1)
 
-    def step_mission(self) -> None:
-        """Pause, and go to just after the next event of a mission, or to the end."""
-        ahead = range(self.index, len(self.recording))
-        found = next((index for index in ahead if self.recording.of_mission(index)), ahead.stop)
-        self._step_to(found + 1)
-
-    def step_mission_back(self) -> None:
-        """Pause, and go to just after the previous event of a mission, or to the beginning."""
-        behind = range(self.index - 2, -1, -1)
-        found = next((index for index in behind if self.recording.of_mission(index)), -1)
-        self._step_to(found + 1)
-
     def step_seconds(self, seconds: float) -> None:
-        """Go `seconds` forward, or backward when negative."""
-        self.seek(self.position + seconds)
+        """Pause, and go `seconds` of the simulation forward, or backward when negative.
+
+        That is by at least one event; without telemetry the events' own seconds are meant.
+        """
+        timeline = self.recording.timeline
+        if timeline.ticks_per_s > 0:
+            now = timeline.ticks[self.index - 1] if self.index else 0
+            index = timeline.count_until_tick(now + seconds * timeline.ticks_per_s)
+        else:
+            index = timeline.count_until(self.position + seconds)
+        least = self.index + (1 if seconds > 0 else -1)
+        self._step_to(max(index, least) if seconds > 0 else min(index, least))
+
+    def to_event(self, index: int) -> None:
+        """Pause, and go to just after event `index`, counted from 0."""
+        self._step_to(index + 1)
+
+    def next_mark(self, kinds: frozenset[MarkKind]) -> bool:
+        """Pause, and go to just after the next mark of these `kinds`; returns whether there is."""
+        found = self.recording.timeline.mark_after(self.index, kinds)
+        if found is not None:
+            self.to_event(found)
+        return found is not None
+
+    def mark_back(self, kinds: frozenset[MarkKind]) -> bool:
+        """Pause, and go to just after the mark before; returns whether there is one."""
+        found = self.recording.timeline.mark_before(self.index - 1, kinds)
+        if found is not None:
+            self.to_event(found)
+        return found is not None
 
     def seek(self, seconds: float) -> None:
         """Go to `seconds` from the first event, or to the nearer end; playing goes on."""
@@ -118,13 +138,21 @@ class Player:
 
     def _go_to(self, index: int) -> None:
         """Make `state` that after `index` events; of skipped telemetry only the last is read."""
-        if index < self.index:
-            self.state, self.index = SessionState(), 0
-        span = range(self.index, index)
-        last = next((i for i in reversed(span) if self.recording.is_telemetry(i)), None)
-        for i in span:
-            if i == last or not self.recording.is_telemetry(i):
-                self.state.apply(self.recording[i])
-            else:
-                self.state.tick = max(self.state.tick, self.recording.tick(i))
-        self.index = index
+        recording, timeline = self.recording, self.recording.timeline
+        frame = recording.frame_before(index)
+        if index < self.index or frame > self.index:
+            state, first, shown = recording.state_at_frame(frame), frame, 0
+        else:
+            state, first, shown = self.state, self.index, self.index
+        try:
+            for told in timeline.told(first, index):
+                state.apply(recording[told])
+            if (picture := timeline.last_telemetry(index)) >= shown:
+                state.apply(recording[picture])
+        except LogError:
+            self.state, self.index, self.position = SessionState(), 0, 0.0
+            self.playing = False
+            raise
+        if index:
+            state.tick = timeline.ticks[index - 1]
+        self.state, self.index = state, index

@@ -11,6 +11,7 @@ from textual.screen import Screen
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Plan
 from pa_console.schema.world import World
+from pa_console.session.replay import Player
 from pa_console.settings.sources import Loaded, load_settings
 from pa_console.tui.actions import bindings, key_text
 from pa_console.tui.history import History, history_file
@@ -18,7 +19,6 @@ from pa_console.tui.palette import ConsoleCommands
 from pa_console.tui.ports import (
     Clock,
     LogSink,
-    PlayerPort,
     RetrieverPort,
     RulebookPort,
     StationPort,
@@ -53,7 +53,7 @@ class ConsoleApp(SettingsApp):
         log: LogSink | None = None,
         *,
         readonly: bool = False,
-        player: PlayerPort | None = None,
+        player: Player | None = None,
         clock: Clock = time.monotonic,
         history: Path | None = None,
         copies: Path | None = None,
@@ -154,34 +154,17 @@ class ConsoleApp(SettingsApp):
             self.tell("the plan no longer waits for a decision", "Modify", bad=True)
 
     def set_rate(self, rate: float) -> None:
-        """Set the speed of the simulation or of the replay."""
-        if self.recording is not None:
-            self.recording.set_rate(rate)
-        elif self.station is not None and not self.readonly:
+        """Set the speed of the simulation."""
+        if self.station is not None and not self.readonly:
             self.station.rate = self.rate = rate
         self.changed(frozenset(("status",)))
 
     def action_change_rate(self, factor: float) -> None:
         """Go faster or slower."""
-        now = self.recording.rate if self.recording is not None else self.rate
-        self.set_rate(next_rate(now, factor, slow=self.recording is not None))
-
-    # A recording
-
-    def action_play_pause(self) -> None:
-        """Play or pause."""
         if self.recording is not None:
-            self.recording.play_pause()
-
-    def action_step(self, by: int) -> None:
-        """One event forward or back."""
-        if self.recording is not None:
-            self.recording.step(by)
-
-    def action_next_mission(self) -> None:
-        """On to where the next mission begins."""
-        if self.recording is not None:
-            self.recording.next_mission()
+            self.recording.change_rate(factor)
+        else:
+            self.set_rate(next_rate(self.rate, factor))
 
     # Leaving
 

@@ -5,11 +5,11 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from pa_console.schema.world import World
+from pa_console.session.replay import Player
 from pa_console.tui.export import export_folder, plan_text, trace_text, write_copy
 from pa_console.tui.ports import (
     Clock,
     LogSink,
-    PlayerPort,
     RetrieverPort,
     RulebookPort,
     StationPort,
@@ -34,7 +34,7 @@ class BrowsingApp(SessionApp):
         log: LogSink | None = None,
         *,
         readonly: bool = False,
-        player: PlayerPort | None = None,
+        player: Player | None = None,
         clock: Clock = time.monotonic,
         copies: Path | None = None,
         evaluations: Path | None = None,

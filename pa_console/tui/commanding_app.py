@@ -3,12 +3,12 @@
 from collections.abc import Callable
 
 from pa_console.schema.incident import Incident
-from pa_console.tui.browsing_app import BrowsingApp
 from pa_console.tui.ports import StationPort
+from pa_console.tui.replaying_app import ReplayingApp
 from pa_console.tui.widgets.alarm_pane import AlarmPane
 
 
-class CommandingApp(BrowsingApp):
+class CommandingApp(ReplayingApp):
     """Carries out the registry's actions that the station may refuse; a refusal is shown."""
 
     def attempt(self, title: str, command: Callable[[StationPort], object]) -> bool:

@@ -37,6 +37,7 @@ class EvaluationApp(ConsoleApp):
         self.push_screen(EvaluationScreen(self._folder, self.clock, over=False))
 
 
-def show_evaluation(folder: Path) -> None:
+def show_evaluation(folder: Path, settings: Loaded) -> None:
     """Open the evaluation in `folder` on the screen and return when it is left."""
-    EvaluationApp(folder, load_site("checkpoint", "checkpoint")).run()
+    site = load_site("checkpoint", "checkpoint")
+    EvaluationApp(folder, site, settings=settings).run(mouse=settings.values.mouse)

@@ -8,7 +8,6 @@ from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Mission
 from pa_console.schema.rule import Rule, RuleHit
 from pa_console.schema.rules_seal import RulesSeal
-from pa_console.session.fold import SessionState
 
 Clock = Callable[[], float]
 """Seconds that only grow; replaced in tests so that no test has to wait."""
@@ -22,7 +21,7 @@ class StationPort(Protocol):
 
     @property
     def rate(self) -> float:
-        """Simulated or recorded seconds per second."""
+        """Simulated seconds per second."""
         ...
 
     @rate.setter
@@ -78,60 +77,6 @@ class StationPort(Protocol):
 
     async def close(self) -> None:
         """End the session."""
-        ...
-
-
-class PlayerPort(Protocol):
-    """A recorded session that can be moved through; read `state` afresh after every call.
-
-    `index` counts the events applied, `position` and `duration` are seconds.
-    """
-
-    state: SessionState
-    index: int
-    position: float
-    playing: bool
-
-    @property
-    def rate(self) -> float:
-        """Simulated or recorded seconds per second."""
-        ...
-
-    @rate.setter
-    def rate(self, rate: float) -> None: ...
-
-    @property
-    def duration(self) -> float:
-        """Seconds from the first event to the last."""
-        ...
-
-    @property
-    def finished(self) -> bool:
-        """Whether every event was played."""
-        ...
-
-    def play(self) -> None:
-        """Let time move."""
-        ...
-
-    def pause(self) -> None:
-        """Stop time."""
-        ...
-
-    def advance(self, wall_s: float) -> Sequence[Event]:
-        """Let `wall_s` seconds pass; return the events that came up."""
-        ...
-
-    def step(self) -> None:
-        """Pause, one event forward."""
-        ...
-
-    def step_back(self) -> None:
-        """Pause, one event back."""
-        ...
-
-    def step_mission(self) -> None:
-        """Pause, and go on to the next event of a mission."""
         ...
 
 

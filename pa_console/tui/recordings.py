@@ -28,42 +28,61 @@ class OpenedLog:
 def open_run(name: str, folder: Path) -> OpenedLog:
     """Open the log `name` of a run in the evaluation's `folder`, wound to its end.
 
-    Its world is found by its hash below `folder`, where generated ones are, else by its name.
-    Raises DocumentError for a log or world that cannot be read, ValueError when there is no such
-    log or its world is not here.
+    Raises what `open_log` does, and ValueError when there is no such log.
     """
     if not name:
         raise ValueError("this run kept no log; without --no-logs the next one will")
     log = folder / name
     if not log.is_file():
         raise ValueError(f"{log}: the log of this run is missing; run the mission again to see it")
-    player = Player.open(log)
+    opened = open_log(log, folder)
+    opened.player.seek(opened.player.duration)
+    return opened
+
+
+def open_log(
+    log: Path,
+    worlds: Path | None = None,
+    otherwise: World | None = None,
+    cache: Path | None = None,
+) -> OpenedLog:
+    """Open a session log at its beginning, with the world and the rules that it names.
+
+    Its world is found by its hash below the folder `worlds`, where generated ones are, by its
+    name, or is the one given for `otherwise`. The index of a large log is kept in `cache`. Raises
+    DocumentError for a log or world that cannot be read, ValueError without a world.
+    """
+    player = Player.open(log, cache)
+    if not len(player.recording):
+        raise LogError(str(log), 1, "the log is empty")
     started = player.recording[0].data
     if not isinstance(started, SessionStarted):
         raise LogError(str(log), 1, "the log does not begin with the start of a session")
-    world, notes = _world(started, folder), list[str]()
+    world, notes = _world(started, worlds), list[str]()
+    if world is None and otherwise is not None:
+        notes.append(f"its world {started.world!r} is not here: {otherwise.name} is shown")
+    world = world or otherwise
     if world is None:
-        raise ValueError(
-            f"{log}: its world {started.world!r} is neither installed nor below {folder}; "
-            "copy its world.yaml there"
-        )
+        known = "is not installed here"
+        if worlds is not None:
+            known = f"is neither installed nor below {worlds}; copy its world.yaml there"
+        raise ValueError(f"{log}: its world {started.world!r} {known}")
     if player.recording.problem is not None:
         notes.append(str(player.recording.problem))
     try:
         book = load_rules(find_data("rules", started.rules, "rules.yaml"))
         rules = {rule.id: rule for rule in book.rules}
         if book.sha256 != started.rules_sha256:
-            notes.append("the rules have changed since this run")
+            notes.append("the rules have changed since this session")
     except (DocumentError, OSError):
         rules = {}
-        notes.append(f"the rules {started.rules!r} of this run are not here: ids without texts")
-    player.seek(player.duration)
+        notes.append(f"the rules {started.rules!r} of this session are not here: ids without texts")
     return OpenedLog(player, world, rules, "; ".join(notes))
 
 
-def _world(started: SessionStarted, folder: Path) -> World | None:
+def _world(started: SessionStarted, folder: Path | None) -> World | None:
     """Return the world of a session: the file with its hash below `folder`, else by its name."""
-    for file in sorted(folder.glob("**/world.yaml")):
+    for file in sorted(folder.glob("**/world.yaml")) if folder is not None else ():
         if hashlib.sha256(file.read_bytes()).hexdigest() == started.world_sha256:
             return open_world(str(file))[0]
     installed = find_data("worlds", started.world, "world.yaml")

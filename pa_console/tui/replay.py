@@ -2,69 +2,106 @@
 
 from textual.content import Content
 
-from pa_console.tui.ports import Clock, PlayerPort
+from pa_console.session.marks import MARK_KINDS, MarkKind
+from pa_console.session.replay import RATES, Player
+from pa_console.tui.moment import read_moment
+from pa_console.tui.ports import Clock
 from pa_console.tui.refresh import ALL_VIEWS, views_of
-from pa_console.tui.vocabulary import QUIET
+from pa_console.tui.vocabulary import QUIET, term
 from pa_console.tui.words import clock_text
+
+MISSIONS = frozenset[MarkKind](("mission",))
+FINDINGS = frozenset(MARK_KINDS) - MISSIONS
+WIDE = 100
+"""Cells from which on the line has room for the signs of the marks."""
 
 
 class ReplayDeck:
-    """Play, pause and step; `views` are the panes that the last move has changed."""
+    """Play, pause, step and jump; `views` are the panes that the last move has changed."""
 
-    def __init__(self, player: PlayerPort, clock: Clock) -> None:
-        self._player, self._clock = player, clock
+    def __init__(self, player: Player, clock: Clock) -> None:
+        self.player, self._clock = player, clock
         self._seen_at = clock()
         self.views = ALL_VIEWS
 
     @property
     def rate(self) -> float:
         """Recorded seconds per wall second."""
-        return self._player.rate
+        return self.player.rate
 
     @rate.setter
     def rate(self, rate: float) -> None:
-        self._player.rate = rate
+        self.player.rate = rate
+
+    def change_rate(self, factor: float) -> None:
+        """Go faster or slower, within what a player can."""
+        self.player.rate = min(max(self.player.rate * factor, RATES[0]), RATES[-1])
 
     def play_on(self) -> bool:
         """Let the wall time since the last call pass; returns whether anything has changed."""
         now = self._clock()
         past, self._seen_at = now - self._seen_at, now
-        was_playing = self._player.playing
-        events = self._player.advance(past)
-        self.views = frozenset(view for e in events for view in views_of(e.data.kind))
+        was_playing = self.player.playing
+        kinds = self.player.advance(past)
+        self.views = frozenset(view for kind in kinds for view in views_of(kind))
         return was_playing
 
     def play_pause(self) -> None:
         """Play, or pause."""
         self._seen_at = self._clock()
-        if self._player.playing:
-            self._player.pause()
+        if self.player.playing:
+            self.player.pause()
         else:
-            self._player.play()
+            self.player.play()
         self.views = ALL_VIEWS
 
     def step(self, by: int) -> None:
         """One event forward or back."""
+        self.views = ALL_VIEWS
         if by > 0:
-            self._player.step()
+            self.player.step()
         else:
-            self._player.step_back()
-        self.views = ALL_VIEWS
+            self.player.step_back()
 
-    def next_mission(self) -> None:
-        """Go on until another mission has arrived, or to the end."""
-        known = len(self._player.state.missions)
-        while not self._player.finished and len(self._player.state.missions) <= known:
-            self._player.step_mission()
+    def step_second(self, by: int) -> None:
+        """One simulated second forward or back."""
         self.views = ALL_VIEWS
+        self.player.step_seconds(by)
 
-    def line(self) -> Content:
-        """Return the banner: that this is a replay, where it stands, and its keys."""
-        player = self._player
+    def jump(self, kinds: frozenset[MarkKind], by: int) -> bool:
+        """Go to the next mark of these `kinds`, or the one before; returns whether there is one."""
+        self.views = ALL_VIEWS
+        return self.player.next_mark(kinds) if by > 0 else self.player.mark_back(kinds)
+
+    def to_event(self, index: int) -> None:
+        """Go to just after event `index`."""
+        self.views = ALL_VIEWS
+        self.player.to_event(index)
+
+    def to_moment(self, text: str) -> None:
+        """Go to what somebody typed; raises ValueError that says what may be typed."""
+        self.to_event(read_moment(text, self.player) - 1)
+
+    def to_share(self, share: float) -> None:
+        """Go to a part of the whole, 0 to 1."""
+        self.views = ALL_VIEWS
+        self.player.seek(share * self.player.duration)
+
+    def line(self, width: int) -> Content:
+        """Return the banner: that this is a replay, where it stands, and how to move it."""
+        player = self.player
         sign = "▶ playing" if player.playing else "■ ended" if player.finished else "‖ paused"
         where = f"{clock_text(player.position)} of {clock_text(player.duration)}"
-        return Content.assemble(
+        total = len(player.recording)
+        parts: list[tuple[str, str] | str] = [
             (" REPLAY ", "bold reverse $text-warning"),
-            f" {sign} ×{player.rate:g}  {where}  event {player.index}  ",
-            ("space play/pause  ← → step  + - speed  n next mission", QUIET),
-        )
+            (f" {sign} ×{player.rate:g} ", "bold"),
+            f" {where}  event {player.index} of {total}  ",
+        ]
+        if width >= WIDE:
+            for kind in reversed(MARK_KINDS):
+                mark = term("mark", kind)
+                parts += [(f"{mark.glyph} ", f"bold {mark.style}"), (f"{mark.word}  ", QUIET)]
+        else:
+            parts.append(("F1 all keys", QUIET))
+        return Content.assemble(*parts)

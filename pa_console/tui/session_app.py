@@ -9,11 +9,11 @@ from textual.message import Message
 from pa_console.schema.event import Event
 from pa_console.schema.world import World
 from pa_console.session.fold import SessionState
+from pa_console.session.replay import Player
 from pa_console.tui.actions import Situation, find_action
 from pa_console.tui.ports import (
     Clock,
     LogSink,
-    PlayerPort,
     RetrieverPort,
     RulebookPort,
     StationPort,
@@ -52,7 +52,7 @@ class SessionApp(App[None]):
         log: LogSink | None = None,
         *,
         readonly: bool = False,
-        player: PlayerPort | None = None,
+        player: Player | None = None,
         clock: Clock = time.monotonic,
     ) -> None:
         """A live console needs `station`, a replay `player`; `clock` is replaced in tests."""

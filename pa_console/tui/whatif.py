@@ -13,16 +13,15 @@ JAM_FACTOR = 2.0
 
 DRIFT_MPS = 1.0
 RATES = (1.0, 2.0, 4.0, 8.0)
-SLOW_RATES = (0.25, 0.5)
 _WEATHERS: tuple[Weather, ...] = ("fog", "rain", "clear")
 
 WhatIf = tuple[str, inc.Incident]
 """Title and what then happens."""
 
 
-def next_rate(rate: float, factor: float, slow: bool) -> float:
-    """Return the speed after one step; below real time only where `slow` allows it."""
-    return min(max(rate * factor, SLOW_RATES[0] if slow else RATES[0]), RATES[-1])
+def next_rate(rate: float, factor: float) -> float:
+    """Return the simulation's speed after one step."""
+    return min(max(rate * factor, RATES[0]), RATES[-1])
 
 
 def what_ifs(world: World) -> Iterator[WhatIf]:

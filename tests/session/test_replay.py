@@ -9,9 +9,13 @@ from hypothesis import strategies as st
 from pa_console.schema import event as ev
 from pa_console.session.fold import SessionState
 from pa_console.session.log import LogError, LogWriter
+from pa_console.session.marks import MARK_KINDS, MarkKind
 from pa_console.session.replay import Player
 from tests.schema.strategies import events
 from tests.session.story import START, at, story, telemetry
+
+ALL = frozenset(MARK_KINDS)
+MOVES = ["step", "back", "second", "second_back", "next", "last"]
 
 
 def folded(happened: list[ev.Event]) -> SessionState:
@@ -37,8 +41,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_replayed_log_ends_as_the_live_session_did(log: Path) -> None:
     player = Player.open(log)
     player.play()
-    shown = player.advance(1000.0)
-    assert list(shown) == kept()
+    assert player.advance(1000.0) == {event.data.kind for event in kept()}
     assert player.state == folded(story())
     assert player.finished
     assert not player.playing
@@ -79,7 +82,7 @@ def test_seeking_to_a_moment_equals_playing_to_it(log: Path, targets: list[float
         assert seeker.state == played.state
 
 
-@given(st.lists(st.sampled_from(["step", "back", "mission", "mission_back"]), max_size=30))
+@given(st.lists(st.sampled_from(MOVES), max_size=30))
 @settings(max_examples=60, deadline=None)
 def test_however_it_was_reached_the_state_is_that_of_the_events_so_far(
     log: Path, moves: list[str]
@@ -88,8 +91,10 @@ def test_however_it_was_reached_the_state_is_that_of_the_events_so_far(
     steps = {
         "step": player.step,
         "back": player.step_back,
-        "mission": player.step_mission,
-        "mission_back": player.step_mission_back,
+        "second": lambda: player.step_seconds(1.0),
+        "second_back": lambda: player.step_seconds(-1.0),
+        "next": lambda: player.next_mark(ALL),
+        "last": lambda: player.mark_back(ALL),
     }
     for move in moves:
         steps[move]()
@@ -99,7 +104,7 @@ def test_however_it_was_reached_the_state_is_that_of_the_events_so_far(
 
 def test_time_passes_at_the_chosen_rate_only_while_playing(log: Path) -> None:
     player = Player.open(log)
-    assert player.advance(1.0) == ()
+    assert player.advance(1.0) == frozenset()
     assert player.position == 0.0
     player.play()
     player.rate = 4.0
@@ -124,22 +129,35 @@ def test_play_at_the_end_starts_over(log: Path) -> None:
     assert player.playing
 
 
-def test_steps_go_by_event_by_mission_event_and_by_seconds(log: Path) -> None:
+def test_steps_go_by_event_and_by_simulated_seconds(log: Path) -> None:
     player = Player.open(log)
     player.play()
     player.step()
     assert (player.index, player.playing) == (1, False)
-    player.step_mission()
-    assert isinstance(kept()[player.index - 1].data, ev.MissionReceived)
-    player.step_mission()
-    player.step_mission()
-    assert isinstance(kept()[player.index - 1].data, ev.PlanProposed)
-    player.step_mission_back()
-    assert isinstance(kept()[player.index - 1].data, ev.MissionStarted)
+    player.step_seconds(1.0)
+    assert player.state.tick == 10
     player.step_seconds(3.0)
-    assert player.position == 4.0
+    assert (player.position, player.state.tick) == (2.0, 20)
+    player.step_seconds(1.0)
+    assert player.state.tick == 50, "where a second has no event, the next one is gone to"
+    player.step_seconds(-3.0)
+    assert player.state.tick == 20
     player.step_seconds(-100.0)
-    assert player.position == 0.0
+    assert (player.index, player.position) == (0, 0.0)
+
+
+def test_jumps_go_to_marks_on_both_sides_and_say_when_there_is_none(log: Path) -> None:
+    player = Player.open(log)
+    mission = frozenset[MarkKind](("mission",))
+    assert player.next_mark(mission)
+    assert isinstance(kept()[player.index - 1].data, ev.MissionReceived)
+    here = player.index
+    assert not player.next_mark(mission)
+    assert not player.mark_back(mission)
+    assert player.index == here
+    player.step()
+    assert player.mark_back(mission)
+    assert player.index == here
 
 
 def test_a_clock_that_was_set_back_does_not_stop_the_replay() -> None:
@@ -168,7 +186,10 @@ def test_a_recording_with_one_event_or_none_is_over_at_once() -> None:
         player.advance(0.1)
         assert (player.finished, player.playing, player.duration) == (True, False, 0.0)
         player.step_back()
-        player.step_mission_back()
+        player.step_seconds(-1.0)
+        player.step_seconds(1.0)
+        player.step_back()
+        player.step_back()
         assert player.index == 0
 
 

@@ -10,9 +10,11 @@ from textual.pilot import Pilot
 from pa_console.schema.event import EventPayload
 from pa_console.session.replay import Player
 from pa_console.tui.app import ConsoleApp
+from pa_console.tui.screens.compare import CompareScreen, Side
 from pa_console.tui.widgets.approval_panel import ApprovalPanel
 from tests.tui import crowd, living, story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, settle
+from tests.tui.site import RULES, WORLD
 from tests.tui.story import stamped
 
 Compare = Callable[..., bool]
@@ -96,6 +98,36 @@ def test_replay(snap_compare: Compare, tmp_path: Path) -> None:
     app = console(None, tmp_path, clock, player=player)
     run = before(None, clock, ("n", *["right"] * 8))
     assert snap_compare(app, terminal_size=(120, 36), run_before=run)
+
+
+@pytest.mark.parametrize(("keys", "size"), [(("G", *"50%", "enter", "S"), "80x24")])
+def test_replay_that_is_told_to_stop(
+    snap_compare: Compare, tmp_path: Path, keys: tuple[str, ...], size: str
+) -> None:
+    clock = FakeClock()
+    player = Player.of(stamped(story.told("finished")))
+    app = console(None, tmp_path, clock, player=player)
+    assert snap_compare(app, terminal_size=SIZES[size], run_before=before(None, clock, keys))
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_two_replays_compared(snap_compare: Compare, tmp_path: Path, size: str) -> None:
+    clock, rules = FakeClock(), {rule.id: rule for rule in RULES}
+    a, b = (
+        Player.of(stamped(story.told("approval", **options)))
+        for options in ({}, {"broken": ("CAP-04",)})
+    )
+    sides = (Side("a", a.recording, WORLD, rules), Side("b", b.recording, WORLD, rules))
+    app = console(None, tmp_path, clock, player=a)
+
+    async def run(pilot: Pilot[Any]) -> None:
+        await settle(pilot)
+        pilot.app.push_screen(CompareScreen(*sides, clock))
+        await pilot.pause()
+        await pilot.app.workers.wait_for_complete()
+        await settle(pilot)
+
+    assert snap_compare(app, terminal_size=SIZES[size], run_before=run)
 
 
 def test_readonly(snap_compare: Compare, tmp_path: Path) -> None:

@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from textual import events
 from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
-from textual.content import Content
 from textual.screen import Screen
 from textual.widgets import Button, Footer, Static
 
@@ -69,11 +68,14 @@ class MainScreen(Screen[None]):
             with Vertical(id="right"):
                 yield TracePane(self._rules, id="trace")
                 yield ApprovalPanel(self._clock)
-        if self.mode == "REPLAY":
-            yield Static(id="replay", markup=False)
+        yield from self.replay_line()
         yield MissionPrompt(self._history, self._closed_why)
         yield Footer(show_command_palette=False, compact=True)
         yield Static(id="too-small", markup=False)
+
+    def replay_line(self) -> ComposeResult:
+        """Yield what says where a recording stands; a live session has none."""
+        yield from ()
 
     def on_mount(self) -> None:
         """Start where missions are typed."""
@@ -182,10 +184,6 @@ class MainScreen(Screen[None]):
                 panel.take_focus()
         elif not panel.display and had_keys:
             prompt.take_cursor()
-
-    def show_replay(self, line: Content) -> None:
-        """Show where the replay stands."""
-        self.query_one("#replay", Static).update(line)
 
     def to_approval(self) -> None:
         """Give the keys to the approval panel."""

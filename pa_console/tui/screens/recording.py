@@ -1,17 +1,26 @@
-"""A recorded session in the main screen: played, paused and stepped; nothing can be commanded."""
+"""A recorded session in the main screen: played, stepped and searched; it takes no command."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import cast
 
+from textual import events
+from textual.app import ComposeResult
 from textual.binding import Binding
+from textual.widgets import Static
 
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
+from pa_console.session.chain import LogError
 from pa_console.session.fold import SessionState
+from pa_console.session.marks import MarkKind
+from pa_console.session.replay import Player
 from pa_console.tui.history import History
-from pa_console.tui.ports import Clock, PlayerPort
+from pa_console.tui.ports import Clock
 from pa_console.tui.refresh import ALL_VIEWS, FRAME_S
+from pa_console.tui.refused_key import KeysHost, refused_command
 from pa_console.tui.replay import ReplayDeck
 from pa_console.tui.screens.main import MainScreen
+from pa_console.tui.widgets.scrubber import Scrubber
 
 CLOSED = "REPLAY: this is a recording, every command is refused"
 
@@ -25,7 +34,7 @@ class RecordingScreen(MainScreen):
         self,
         world: World,
         rules: Mapping[str, Rule],
-        player: PlayerPort,
+        player: Player,
         clock: Clock,
         *,
         over: bool = False,
@@ -33,7 +42,7 @@ class RecordingScreen(MainScreen):
     ) -> None:
         """`over` another screen one can go back; `view` is the pane that is shown at first."""
         super().__init__(world, rules, History(None), closed=CLOSED, mode="REPLAY", clock=clock)
-        self.player, self.rules = player, rules
+        self.world, self.player, self.rules = world, player, rules
         self._deck = ReplayDeck(player, clock)
         self._over, self._view = over, view
         self._dirty: frozenset[str] = ALL_VIEWS
@@ -48,10 +57,21 @@ class RecordingScreen(MainScreen):
         """Recorded seconds per wall second."""
         return self._deck.rate
 
+    def replay_line(self) -> ComposeResult:
+        """Yield the banner and the bar."""
+        yield Static(id="replay", markup=False)
+        yield Scrubber(self.player.recording.timeline, id="scrubber")
+
     def on_mount(self) -> None:
         """Show where the recording stands, and let it play when it is told to."""
         self.set_interval(FRAME_S, self._tick)
-        self.show_replay(self._deck.line())
+        self._moved()
+
+    def on_resize(self, event: events.Resize) -> None:
+        """Choose the layout, and fit the banner, for the terminal's size."""
+        super().on_resize(event)
+        event.prevent_default()
+        self._moved()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Offer to go back only where there is a screen to go back to."""
@@ -61,14 +81,37 @@ class RecordingScreen(MainScreen):
         """Go back to the screen from which the recording was opened."""
         self.dismiss()
 
+    def on_key(self, event: events.Key) -> None:
+        """Say so when a key would have given a command, had this been live."""
+        command = refused_command(event.key, cast(KeysHost, self.app).keys)
+        if command:
+            event.stop()
+            self.notify(
+                "this is a recording; nothing can be commanded in it",
+                title=f"REPLAY: {command} refused",
+                severity="warning",
+                markup=False,
+            )
+
+    def on_scrubber_asked(self, message: Scrubber.Asked) -> None:
+        """Go to the place that was clicked."""
+        message.stop()
+        self.move(lambda deck: deck.to_share(message.share))
+
     def _tick(self) -> None:
-        if self._deck.play_on():
+        try:
+            played = self._deck.play_on()
+        except LogError as error:
+            self._cannot_read(error)
+            played = True
+        if played:
             self._moved()
         self.repaint()
 
     def _moved(self) -> None:
         self._dirty |= self._deck.views
-        self.show_replay(self._deck.line())
+        self.query_one("#replay", Static).update(self._deck.line(self.size.width))
+        self.query_one(Scrubber).show(self.player.position)
 
     def repaint(self) -> None:
         """Repaint the panes that the last moves have changed."""
@@ -77,22 +120,29 @@ class RecordingScreen(MainScreen):
             self.refresh_views(self.state, views, self.rate, 0.0)
             self.app.refresh_bindings()
 
-    def set_rate(self, rate: float) -> None:
+    def move(self, how: Callable[[ReplayDeck], object]) -> None:
+        """Move the recording; a log that cannot be read any more is told."""
+        try:
+            how(self._deck)
+        except LogError as error:
+            self._cannot_read(error)
+        self._moved()
+
+    def _cannot_read(self, error: LogError) -> None:
+        self._dirty = ALL_VIEWS
+        self.notify(str(error), title="Replay", severity="error", timeout=30, markup=False)
+
+    def change_rate(self, factor: float) -> None:
         """Play at another speed."""
-        self._deck.rate = rate
-        self._moved()
+        self.move(lambda deck: deck.change_rate(factor))
+        self._dirty |= frozenset(("status",))
 
-    def play_pause(self) -> None:
-        """Play or pause."""
-        self._deck.play_pause()
-        self._moved()
+    def jump(self, kinds: frozenset[MarkKind], by: int, what: str) -> None:
+        """Go to the next mark of these `kinds`, or the one before; say when there is none."""
 
-    def step(self, by: int) -> None:
-        """One event forward or back."""
-        self._deck.step(by)
-        self._moved()
+        def how(deck: ReplayDeck) -> None:
+            if not deck.jump(kinds, by):
+                where = "after" if by > 0 else "before"
+                self.notify(f"no {what} {where} this moment", title="Replay", markup=False)
 
-    def next_mission(self) -> None:
-        """On to where the next mission begins."""
-        self._deck.next_mission()
-        self._moved()
+        self.move(how)

@@ -29,7 +29,7 @@ class AlarmPane(VirtualRows):
     def show(self, state: SessionState) -> None:
         """Show the session's alarms and queue."""
         self._alarms = state.alarms
-        answers, active = answering(state.missions), state.active or ""
+        answers, active = answering(state), state.active or ""
         keys: list[str] = []
         self._lines, self._subjects = [], {}
         for item in state.alarms:

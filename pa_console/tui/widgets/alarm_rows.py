@@ -56,9 +56,10 @@ def queue_rows(place: int, entry: QueueEntry) -> tuple[Content, Content]:
     return head, Content.assemble("    ", (f"{distance}{entry.reason}", QUIET))
 
 
-def answering(missions: Mapping[str, MissionTrace]) -> dict[str, MissionTrace]:
-    """Return the latest mission that answers each alarm."""
-    return {trace.mission.alarm: trace for trace in missions.values() if trace.mission.alarm}
+def answering(state: SessionState) -> dict[str, MissionTrace]:
+    """Return the unfinished mission that answers each open alarm."""
+    known = [alarm for alarm in state.open_alarms if alarm in state.answers]
+    return {alarm: state.missions[state.answers[alarm]] for alarm in known}
 
 
 def summary(state: SessionState, width: int) -> Content:

@@ -1,0 +1,46 @@
+"""Opens a session log with a bar that says how far it was read."""
+
+import sys
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
+
+from pa_console.cli.live_bar import LiveBar
+from pa_console.llm.cache import cache_folder
+from pa_console.session.recording import Recording
+
+
+class ReadBar(LiveBar):
+    """Counts the bytes of a log that were read, on a terminal."""
+
+    def __init__(self, log: Path) -> None:
+        """Show that `log` is being read."""
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=24),
+            DownloadColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            console=Console(file=sys.stderr),
+            transient=True,
+            redirect_stdout=False,
+            redirect_stderr=False,
+            disable=not sys.stderr.isatty(),
+        )
+        self._task = self._progress.add_task(f"reading {log.name}", total=None)
+
+    def show(self, done: int, total: int) -> None:
+        """Note that `done` of `total` bytes were read."""
+        self._progress.update(self._task, completed=done, total=total)
+
+
+def index_folder() -> Path:
+    """Return where the indexes of large logs are kept."""
+    return cache_folder() / "replay"
+
+
+def read_recording(log: Path) -> Recording:
+    """Open `log` for a replay; raises LogError when not even one line of it is good."""
+    with ReadBar(log) as bar:
+        return Recording.read(log, bar.show, cache=index_folder())

@@ -1,0 +1,63 @@
+"""Opens the console on a recording."""
+
+from pathlib import Path
+
+from pa_console.cli.output import errors
+from pa_console.cli.read_bar import read_recording
+from pa_console.orchestrator.compose import Site, load_site
+from pa_console.resources import find_data
+from pa_console.schema.event import SessionStarted
+from pa_console.session.chain import LogError
+from pa_console.session.recording import Recording
+from pa_console.settings.sources import Loaded
+
+
+def play(log: Path, world: str | None, settings: Loaded) -> None:
+    """Show the recording, with the world and the rules that it names."""
+    from pa_console.policy.retriever import Retriever  # noqa: PLC0415 - only when it is shown
+    from pa_console.session.replay import Player  # noqa: PLC0415
+    from pa_console.tui.app import ConsoleApp  # noqa: PLC0415
+
+    recording = read_recording(log)
+    site = site_of(recording, log, world)
+    app = ConsoleApp(
+        site.world,
+        None,
+        site.rulebook,
+        Retriever(site.rulebook.rules),
+        player=Player(recording),
+        settings=settings,
+    )
+    app.run(mouse=settings.values.mouse)
+
+
+def site_of(recording: Recording, log: Path, world: str | None) -> Site:
+    """Return the world and the rules of a session, and say when they have changed since.
+
+    Raises LogError for what is no session, ValueError when its world is not installed here.
+    """
+    started = started_of(recording, log)
+    site = load_site(world_of(started, world), started.rules, unsigned=True)
+    if (site.world_sha256, site.rulebook.sha256) != (started.world_sha256, started.rules_sha256):
+        errors.print("note: the world or the rules have changed since this session", style="yellow")
+    return site
+
+
+def started_of(recording: Recording, log: Path) -> SessionStarted:
+    """Return how the session was started; raises LogError when the log does not begin with that."""
+    if not len(recording):
+        raise LogError(str(log), 1, "the log is empty")
+    started = recording[0].data
+    if not isinstance(started, SessionStarted):
+        raise LogError(str(log), 1, "the log does not begin with the start of a session")
+    return started
+
+
+def world_of(started: SessionStarted, given: str | None) -> str:
+    """Return where the session's world is; raises ValueError when it is not installed here."""
+    name = given or started.world
+    if not find_data("worlds", name, "world.yaml").is_file():
+        raise ValueError(
+            f"the world {name!r} of this session is not installed here; give its file with --world"
+        )
+    return name

@@ -1,0 +1,152 @@
+"""Two recordings side by side, at the first event in which they differ."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Self
+
+from textual import events
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.screen import ModalScreen
+from textual.widgets import Footer, Static
+
+from pa_console.schema.rule import Rule
+from pa_console.schema.world import World
+from pa_console.session.chain import LogError
+from pa_console.session.compare import Comparison, Difference, compare
+from pa_console.session.recording import Recording
+from pa_console.session.replay import Player
+from pa_console.tui.compare_rows import around, change_rows, heading
+from pa_console.tui.ports import Clock
+from pa_console.tui.recordings import OpenedLog
+from pa_console.tui.screens.recording import RecordingScreen
+from pa_console.tui.widgets.map_view import MapView
+from pa_console.tui.widgets.sheet import Sheet
+
+TALL = 30
+"""Rows from which on there is room for the maps."""
+
+
+@dataclass(frozen=True)
+class Side:
+    """One of the two recordings, with what its screens need."""
+
+    name: str
+    recording: Recording
+    world: World
+    rules: Mapping[str, Rule]
+
+    @classmethod
+    def of(cls, name: str, opened: OpenedLog) -> Self:
+        """Return the side of a log that was opened under `name`."""
+        return cls(name, opened.player.recording, opened.world, opened.rules)
+
+
+class CompareScreen(ModalScreen[None]):
+    """The events around the difference in both, the maps where there is room, and what differs."""
+
+    BINDINGS = [
+        Binding("escape,q", "dismiss", "Back"),
+        Binding("n", "other", "Beyond telemetry"),
+        Binding("a", "open(0)", "Open A"),
+        Binding("b", "open(1)", "Open B"),
+    ]
+
+    def __init__(self, a: Side, b: Side, clock: Clock) -> None:
+        super().__init__()
+        self._sides, self._clock = (a, b), clock
+        self._found: Comparison | None = None
+        self._beyond = False
+        self._problem = ""
+
+    def compose(self) -> ComposeResult:
+        """Yield the title, a column for each recording, and what differs."""
+        yield Static(" COMPARE  reading …", id="compare-title", markup=False)
+        with Horizontal(id="compare-sides"):
+            for place, side in enumerate(self._sides):
+                with Vertical(classes="compare-side"):
+                    yield Static(id=f"compare-name-{place}", markup=False)
+                    yield MapView(side.world, id=f"compare-map-{place}")
+                    yield Sheet(id=f"compare-events-{place}")
+        with VerticalScroll(id="compare-changes"):
+            yield Sheet(id="compare-rows")
+        yield Footer(show_command_palette=False, compact=True)
+
+    def on_mount(self) -> None:
+        """Compare, once the screen is there."""
+        self.query_one("#compare-changes").border_title = "What differs"
+        self.query_one("#compare-changes").focus()
+        self.run_worker(self._compare, thread=True, exit_on_error=False)
+
+    def _compare(self) -> None:
+        try:
+            self._found = compare(self._sides[0].recording, self._sides[1].recording)
+        except LogError as error:
+            self._problem = str(error)
+        self.app.call_from_thread(self._show)
+
+    def on_resize(self, event: events.Resize) -> None:
+        """Make room for the maps, or for nothing but the events."""
+        self.set_class(event.size.height < TALL, "-low")
+        self.call_after_refresh(self._show)
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Offer the second difference only where there is one."""
+        if action == "other":
+            return self._found is not None and self._found.beyond is not None
+        return super().check_action(action, parameters)
+
+    @property
+    def shown(self) -> Difference | None:
+        """The difference that is looked at."""
+        if self._found is None:
+            return None
+        return self._found.beyond if self._beyond else self._found.first
+
+    def action_other(self) -> None:
+        """Go from a difference in telemetry to the first one beyond it, or back."""
+        self._beyond = not self._beyond
+        self._show()
+
+    def action_open(self, place: int) -> None:
+        """Open one of the recordings at the difference."""
+        side = self._sides[place]
+        player = Player(side.recording)
+        player.to_event(self._at(place))
+        self.app.push_screen(
+            RecordingScreen(side.world, side.rules, player, self._clock, over=True)
+        )
+
+    def _at(self, place: int) -> int:
+        """Return the event of the difference, or the last one there is."""
+        last = len(self._sides[place].recording) - 1
+        if self.shown is None:
+            return last
+        return min((self.shown.a, self.shown.b)[place], last)
+
+    def _show(self) -> None:
+        if not self.is_attached or (self._found is None and not self._problem):
+            return
+        self.query_one("#compare-title", Static).update(
+            heading(self._found, self.shown, self._problem, beyond=self._beyond)
+        )
+        try:
+            for place, side in enumerate(self._sides):
+                self._show_side(place, side)
+        except LogError as error:
+            self.notify(str(error), title="Compare", severity="error", markup=False)
+        names = (self._sides[0].name, self._sides[1].name)
+        rows = change_rows(self._found, self.shown, names) if self._found is not None else ()
+        self.query_one("#compare-rows", Sheet).show(rows)
+        self.refresh_bindings()
+
+    def _show_side(self, place: int, side: Side) -> None:
+        at = (self.shown.a, self.shown.b)[place] if self.shown else len(side.recording)
+        sheet = self.query_one(f"#compare-events-{place}", Sheet)
+        sheet.show(around(side.recording, at, max(sheet.size.width, 20)))
+        player = Player(side.recording)
+        player.to_event(self._at(place))
+        self.query_one(f"#compare-map-{place}", MapView).show(player.state.picture)
+        name = self.query_one(f"#compare-name-{place}", Static)
+        name.update(f"{'AB'[place]}  {side.name}")

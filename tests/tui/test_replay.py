@@ -1,0 +1,240 @@
+"""A recording is looked through from the keyboard, and takes no command."""
+
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+from textual.pilot import Pilot
+from textual.widgets import Input, Static
+
+from pa_console.schema import event as ev
+from pa_console.schema.incident import FailAsset
+from pa_console.schema.mission import Decision
+from pa_console.session.log import LogWriter
+from pa_console.session.replay import Player
+from pa_console.tui.app import ConsoleApp
+from pa_console.tui.moment import read_moment
+from pa_console.tui.screens.compare import CompareScreen, Side
+from pa_console.tui.screens.find_event import FindEvent, HitRows
+from pa_console.tui.screens.recording import RecordingScreen
+from pa_console.tui.widgets.scrubber import Scrubber
+from pa_console.tui.widgets.sheet import Sheet
+from tests.tui import story
+from tests.tui.scripted import FakeClock, console, settle
+from tests.tui.site import RULES, WORLD
+from tests.tui.story import stamped
+
+SIZE = (80, 24)
+
+
+def happened() -> list[ev.Event]:
+    """A mission with a refusal, a fault and an end, with telemetry in between."""
+    told = [event for event in stamped(story.told("finished")) if not event.data.transient]
+    refused = ev.DecisionMade(
+        attempt=1, decision=Decision(kind="reject", reason="too far"), accepted=True
+    )
+    broken = ev.IncidentHappened(incident=FailAsset(asset="Drone_T01"))
+    last = told[-1]
+    for number, data in enumerate((refused, broken), start=1):
+        told.append(
+            last.model_copy(
+                update={"t": last.t + timedelta(seconds=20 * number), "mission": None, "data": data}
+            )
+        )
+    return told
+
+
+def player() -> Player:
+    return Player.of(happened())
+
+
+def index_of(kind: str) -> int:
+    return next(n for n, event in enumerate(happened()) if event.data.kind == kind)
+
+
+def notices(app: ConsoleApp) -> list[str]:
+    return [f"{n.title}: {n.message}" for n in app._notifications]  # pyright: ignore[reportPrivateUsage]
+
+
+async def press(pilot: Pilot[Any], *keys: str) -> None:
+    await pilot.press(*keys)
+    await settle(pilot)
+
+
+async def test_one_goes_through_a_recording_by_events_seconds_missions_and_findings(
+    tmp_path: Path,
+) -> None:
+    tape = player()
+    app = console(None, tmp_path, player=tape)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot)
+        await press(pilot, "n")
+        assert tape.index == index_of("mission_received") + 1
+        await press(pilot, "n")
+        assert "no mission after this moment" in notices(app)[-1]
+        await press(pilot, "G", *"end", "enter", "W")
+        assert tape.index == len(tape.recording) - 1, "the refusal, one event before the fault"
+        await press(pilot, "w")
+        assert tape.finished
+        before = tape.state.tick
+        await press(pilot, "h")
+        assert tape.state.tick <= before - 10
+        await press(pilot, "l")
+        assert tape.state.tick == before
+        await press(pilot, "N")
+        assert tape.index == index_of("mission_received") + 1
+
+
+async def test_the_rate_goes_from_a_quarter_to_thirty_two(tmp_path: Path) -> None:
+    tape = player()
+    app = console(None, tmp_path, player=tape)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot)
+        await press(pilot, *["plus"] * 7)
+        assert tape.rate == 32.0
+        await press(pilot, *["minus"] * 9)
+        assert tape.rate == 0.25
+        assert "×0.25" in str(app.screen.query_one("#replay", Static).render())
+
+
+async def test_every_command_is_refused_with_a_notice(tmp_path: Path) -> None:
+    app = console(None, tmp_path, player=player())
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot)
+        await press(pilot, "n")
+        for number, key in enumerate(("S", "f9", "i", "slash", "c", "k", "a", "r", "m", "x")):
+            await press(pilot, key)
+            assert len(notices(app)) == number + 1
+            assert "refused: this is a recording" in notices(app)[-1]
+
+
+async def test_a_place_on_the_bar_is_gone_to_and_marks_stand_on_it(tmp_path: Path) -> None:
+    tape = player()
+    app = console(None, tmp_path, player=tape)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot)
+        bar = str(app.screen.query_one(Scrubber).render())
+        assert [bar.count(sign) for sign in "◆✘‼"] == [1, 1, 1]
+        await pilot.click(Scrubber, offset=(40, 0))
+        await settle(pilot)
+        assert tape.position == pytest.approx(tape.duration / 2, abs=1.0)
+
+
+async def test_words_are_searched_and_the_event_found_is_gone_to(tmp_path: Path) -> None:
+    tape = player()
+    app = console(None, tmp_path, player=tape)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot)
+        await press(pilot, "s", *"FAR reject")
+        await app.workers.wait_for_complete()
+        assert isinstance(app.screen, FindEvent)
+        assert "too far" in app.screen.query_one(HitRows).text
+        await press(pilot, "enter", "enter")
+        assert tape.index == len(happened()) - 1
+        await press(pilot, "s", *"nowhere to be found")
+        await app.workers.wait_for_complete()
+        assert "0 found" in str(app.screen.query_one("#find-note", Static).render())
+        await press(pilot, "escape")
+        assert isinstance(app.screen, RecordingScreen)
+
+
+def test_moments_are_read_in_every_way_that_is_offered() -> None:
+    tape = player()
+    last = tape.recording.timeline
+    count, duration = len(last), last.duration
+    assert read_moment("end", tape) == count
+    assert read_moment("#3", tape) == 3
+    assert read_moment("#999999", tape) == count
+    assert read_moment("0:03", tape) == read_moment("3", tape) == 4
+    assert read_moment("100%", tape) == count
+    tape.seek(3.0)
+    assert read_moment("+2", tape) == 6
+    assert read_moment("-2", tape) == 2
+    assert read_moment("-99", tape) == 0
+    assert read_moment("@09:30:03", tape) == 4
+    assert read_moment("@09:29", tape) == last.count_until(duration)
+    with pytest.raises(ValueError, match="is no moment"):
+        read_moment("later", tape)
+    with pytest.raises(ValueError, match="is no moment"):
+        read_moment("101%", tape)
+
+
+async def test_a_moment_that_is_none_is_told_and_can_be_mended(tmp_path: Path) -> None:
+    tape = player()
+    app = console(None, tmp_path, player=tape)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot)
+        await press(pilot, "G", *"soon", "enter")
+        assert "is no moment" in str(app.screen.query_one("#ask-note", Static).render())
+        app.screen.query_one(Input).value = "#2"
+        await press(pilot, "enter")
+        assert tape.index == 2
+
+
+def sides(changed: list[ev.Event]) -> tuple[Side, Side]:
+    rules = {rule.id: rule for rule in RULES}
+    a, b = (Player.of(events).recording for events in (happened(), changed))
+    return Side("a.jsonl", a, WORLD, rules), Side("b.jsonl", b, WORLD, rules)
+
+
+def otherwise() -> list[ev.Event]:
+    """The same, but that the mission was refused for another reason."""
+    told = happened()
+    decision = Decision(kind="reject", reason="too late")
+    data = ev.DecisionMade(attempt=1, decision=decision, accepted=True)
+    return [*told[:-2], told[-2].model_copy(update={"data": data}), told[-1]]
+
+
+async def test_two_recordings_are_shown_side_by_side_and_each_can_be_opened(
+    tmp_path: Path,
+) -> None:
+    app = console(None, tmp_path, player=player())
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot)
+        app.push_screen(CompareScreen(*sides(otherwise()), FakeClock()))
+        await pilot.pause()
+        await app.workers.wait_for_complete()
+        await settle(pilot)
+        place = len(happened()) - 1
+        assert f"at event {place}" in str(app.screen.query_one("#compare-title", Static).render())
+        told = str(app.screen.query_one("#compare-rows", Sheet).render())
+        assert "decision.reason" in told
+        assert "too far" in told
+        assert "too late" in told
+        await press(pilot, "b")
+        screen = app.screen
+        assert isinstance(screen, RecordingScreen)
+        assert screen.player.index == place
+
+
+async def test_another_log_is_asked_for_and_one_that_is_none_is_told(tmp_path: Path) -> None:
+    log = tmp_path / "other.jsonl"
+    with LogWriter(log, "S2") as writer:
+        for event in otherwise():
+            writer.append(event)
+    app = console(None, tmp_path, player=player())
+    async with app.run_test(size=(120, 36)) as pilot:
+        await settle(pilot)
+        await press(pilot, "C", *"none", "enter")
+        assert "there is no such log" in str(app.screen.query_one("#ask-note", Static).render())
+        app.screen.query_one(Input).value = str(log)
+        await press(pilot, "enter")
+        await app.workers.wait_for_complete()
+        await settle(pilot)
+        assert "first difference" in str(app.screen.query_one("#compare-title", Static).render())
+
+
+async def test_a_log_that_changes_under_a_replay_is_told_and_nothing_breaks(
+    tmp_path: Path,
+) -> None:
+    log = tmp_path / "log.jsonl"
+    with LogWriter(log, "S1") as writer:
+        for event in happened():
+            writer.append(event)
+    app = console(None, tmp_path, player=Player.open(log))
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot)
+        log.write_bytes(b"x" * log.stat().st_size)
+        await press(pilot, "right")
+        assert "has changed since the log was opened" in notices(app)[-1]
