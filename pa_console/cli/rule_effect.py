@@ -138,7 +138,7 @@ def _print(effects: Effects) -> None:
     for place, found in effects.found.items():
         if not found.flips and not found.gaps and place not in effects.notes:
             continue
-        _line(f"{place}: session {found.session}")
+        _line(f"{place}: session {found.session}" if found.session else f"{place}:")
         if place in effects.notes:
             _line(f"  note: {effects.notes[place]}")
         for flip in found.flips:
@@ -155,9 +155,10 @@ def _print(effects: Effects) -> None:
     kinds = [(kind, sum(f.kind == kind for f in effects.flips)) for kind in FLIP_KINDS]
     parts = ", ".join(f"{count} {kind}" for kind, count in kinds if count) or "none"
     _line(
-        f"sessions {len(every)}, missions {sum(e.missions for e in every)}, plans "
-        f"{sum(e.plans for e in every)}, findings {sum(e.compared for e in every)}; turned: "
-        f"{parts}; cannot be checked again: {len(effects.gaps)}; not read: {len(effects.unread)}"
+        f"sessions {sum(bool(e.session) for e in every)}, missions "
+        f"{sum(e.missions for e in every)}, plans {sum(e.plans for e in every)}, findings "
+        f"{sum(e.compared for e in every)}; turned: {parts}; "
+        f"cannot be checked again: {len(effects.gaps)}; not read: {len(effects.unread)}"
     )
 
 

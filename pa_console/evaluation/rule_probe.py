@@ -47,7 +47,7 @@ def effect_on_mission(  # noqa: PLR0917 - a mission, both sets of rules, and how
 
     `tried` is called after every plan. Raises ValueError for a set-up that cannot be brought about.
     """
-    effect = SessionEffect(session=case.id, missions=1)
+    effect = SessionEffect(missions=1)
     mission = Mission(id=case.id, text=case.command, created=EPOCH)
     intake = [blocking(check_mission(book, mission, world)) for book in (was, new)]
     if bool(intake[0]) != bool(intake[1]):
