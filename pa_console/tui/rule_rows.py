@@ -2,6 +2,8 @@
 
 from collections.abc import Iterable, Iterator
 
+from textual.content import Content
+
 from pa_console.orchestrator.rule_trials import Trial
 from pa_console.policy.rule_draft import ExampleResult, RuleDraft
 from pa_console.schema.finding import Finding
@@ -19,6 +21,20 @@ def standing_style(seal: RulesSeal) -> str:
     """Return how the standing of a rule set is written: louder, the less it is vouched for."""
     styles = {"altered": "bold reverse $text-error", "unknown key": "$text-warning"}
     return styles.get(seal.standing, NOTE if seal.key else QUIET)
+
+
+def rule_line(rule: Rule, score: float | None, *, draft: bool) -> Content:
+    """Return a rule as one line of the list, with its score and whether a draft of it waits."""
+    urgency = term("priority", rule.priority)
+    mode = term("rule", "checked" if rule.decidable else "judged")
+    return Content.assemble(
+        ("" if score is None else f"{score:4.2f} ", NOTE),
+        ("✎" if draft else " ", f"bold {NOTE}"),
+        column(rule.id, 7, "bold"),
+        (f"{urgency.glyph} ", urgency.style),
+        (f"{mode.glyph} ", mode.style),
+        rule.text,
+    )
 
 
 def rule_rows(rule: Rule, hit: RuleHit | None) -> list[Row]:

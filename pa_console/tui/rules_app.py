@@ -8,14 +8,15 @@ from pa_console.schema import event as ev
 from pa_console.schema.rule import Rule
 from pa_console.schema.rules_seal import RulesSeal
 from pa_console.tui.commanding_app import CommandingApp
-from pa_console.tui.ports import RulebookPort
+from pa_console.tui.ports import RetrieverPort, RulebookPort
 from pa_console.tui.session_app import SessionApp
 from pa_console.tui.workbench import Workbench
 
 if TYPE_CHECKING:
     from pa_console.tui.screens.policies import PolicyScreen
 
-_WATCHED = frozenset(("telemetry", "plan_checked", "rules_replaced", "noticed"))
+_USES = frozenset(("rules_retrieved", "plan_checked", "workflow_moved"))
+_WATCHED = _USES | {"telemetry", "rules_replaced", "noticed"}
 
 
 class InForce(NamedTuple):
@@ -29,6 +30,8 @@ class InForce(NamedTuple):
 class RulesApp(CommandingApp):
     """Follows every change of the rule set, and lends the browser what it needs to edit it."""
 
+    rulebook: RulebookPort
+    retriever: RetrieverPort
     bench: Workbench
     rule_texts: dict[str, Rule]
     """Every rule that was in force in this session, as it is in force now, by id."""
@@ -63,14 +66,16 @@ class RulesApp(CommandingApp):
 
     def _note(self, event: ev.Event) -> None:
         self.bench.cases.see(event, self.state)
+        browser = self._browser if self._browser in self.screen_stack else None
+        if browser is not None and event.data.kind in _USES:
+            browser.show_detail()
         match event.data:
             case ev.RulesReplaced(rules=name, rules_seal=seal, rule_set=rule_set):
-                rulebook: RulebookPort = InForce(name, seal, rule_set.rules)
-                self.rulebook = rulebook
+                self.rulebook = InForce(name, seal, rule_set.rules)
                 self.retriever = Retriever(rule_set.rules)
                 self.rule_texts.update({rule.id: rule for rule in rule_set.rules})
-                if self._browser is not None and self._browser in self.screen_stack:
-                    self._browser.use(self.rulebook, self.retriever)
+                if browser is not None:
+                    browser.use(self.rulebook, self.retriever)
             case ev.Noticed(subject="rules", level=level, text=text):
                 self.tell(text, "Rules", bad=level == "alarm")
             case _:

@@ -9,8 +9,10 @@ import pytest
 from textual.pilot import Pilot
 from textual.widgets import OptionList, Static, TextArea
 
-from pa_console.policy.rulebook import Rulebook, load_rules
+from pa_console.policy.rulebook import Rulebook, load_rules, read_rule_set
+from pa_console.policy.seal import sign_rules
 from pa_console.schema.event import EventPayload, Noticed, RulesReplaced
+from pa_console.signing import KEY_VARIABLE, load_signer
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.outside import editor_command
 from pa_console.tui.screens.confirm import Confirm
@@ -209,6 +211,28 @@ async def test_a_file_that_cannot_be_written_leaves_the_draft(rules: Path) -> No
         assert "the file is read-only. The draft is kept" in notices(app)[0]
         assert rules.read_text() == RULES
         assert "priority: high" in app.bench.drafts["ROE-02"][1]
+
+
+async def test_a_signed_set_is_said_to_be_altered_and_can_be_signed_anew(
+    rules: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(KEY_VARIABLE, str(rules.parent / "mine.pem"))
+    sign_rules(rules, read_rule_set(rules)[1], load_signer())
+    app, station = opened(rules)
+    async with app.run_test(size=SIZE) as pilot:
+        editor = await edit(pilot, station, "e")
+        await write(pilot, editor, "critical", "high")
+        await pilot.press("ctrl+s")
+        assert "is not what was signed any more" in await answer(pilot, "y")
+        await until(pilot, lambda: station.reloads)
+        app.rulebook = load_rules(rules)
+        assert app.rulebook.seal.standing == "own key"
+        monkeypatch.setenv(KEY_VARIABLE, str(rules.parent / "other.pem"))
+        app.rulebook = load_rules(rules)
+        await write(pilot, editor, "priority: high", "priority: medium")
+        await pilot.press("ctrl+s")
+        assert "signed by an unknown key. Once saved it is ALTERED" in await answer(pilot, "n")
+        assert "priority: high" in rules.read_text()
 
 
 async def test_a_rule_is_added_without_python_and_removed_after_a_question(rules: Path) -> None:

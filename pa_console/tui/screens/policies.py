@@ -13,22 +13,17 @@ from textual.screen import Screen
 from textual.widgets import Footer, Input, OptionList, Select, Static
 from textual.widgets.option_list import Option
 
-from pa_console.policy.rule_save import (
-    OpenRule,
-    RulesChangedError,
-    new_rule,
-    open_rule,
-    remove_rule,
-)
+from pa_console.policy import rule_save
+from pa_console.policy.rule_save import OpenRule, RulesChangedError
 from pa_console.schema.document import DocumentError
 from pa_console.schema.rule import PRIORITIES, Rule, RuleHit
 from pa_console.session.rule_uses import uses_of
 from pa_console.tui.ports import RetrieverPort, RulebookPort
-from pa_console.tui.rule_rows import rule_rows, standing_style, use_rows
+from pa_console.tui.rule_rows import rule_line, rule_rows, standing_style, use_rows
 from pa_console.tui.screens.confirm import Confirm
 from pa_console.tui.screens.rule_editor import RuleEditor
-from pa_console.tui.trace.rows import column, row
-from pa_console.tui.vocabulary import NOTE, QUIET, term
+from pa_console.tui.trace.rows import row
+from pa_console.tui.vocabulary import QUIET
 from pa_console.tui.widgets.sheet import Sheet
 from pa_console.tui.workbench import Workbench
 
@@ -57,6 +52,7 @@ class PolicyScreen(Screen[str]):
         super().__init__()
         self._rules, self._set, self._seal = rulebook.rules, rulebook.name, rulebook.seal
         self._retriever, self._bench = retriever, bench
+        self._saved = ""
         self._hits: dict[str, RuleHit] = {}
         self._wanted: dict[str, str | None] = dict.fromkeys(
             ("policy-domain", "policy-priority", "policy-mode")
@@ -95,7 +91,8 @@ class PolicyScreen(Screen[str]):
         self._retriever = retriever
         text = self.query_one("#policy-search", Input).value.strip()
         self._hits = {hit.rule_id: hit for hit in retriever.score_all(text)} if text else {}
-        self._list(self._selected)
+        self._list(self._saved or self._selected)
+        self._saved = ""
 
     @property
     def _selected(self) -> str:
@@ -157,39 +154,33 @@ class PolicyScreen(Screen[str]):
         )
 
     def _line(self, rule: Rule) -> Content:
-        urgency = term("priority", rule.priority)
-        mode = term("rule", "checked" if rule.decidable else "judged")
-        score = f"{self._score(rule):4.2f} " if self._hits else ""
-        draft = "✎" if rule.id in self._bench.drafts else " "
-        return Content.assemble(
-            (score, NOTE),
-            (draft, f"bold {NOTE}"),
-            column(rule.id, 7, "bold"),
-            (f"{urgency.glyph} ", urgency.style),
-            (f"{mode.glyph} ", mode.style),
-            rule.text,
-        )
+        score = self._score(rule) if self._hits else None
+        return rule_line(rule, score, draft=rule.id in self._bench.drafts)
 
     @on(OptionList.OptionHighlighted)
     def _detail(self, event: OptionList.OptionHighlighted) -> None:
-        rule = next((rule for rule in self._rules if rule.id == event.option.id), None)
-        if rule is not None:
-            uses = uses_of(rule.id, self._bench.missions())
-            rows = (*rule_rows(rule, self._hits.get(rule.id)), *use_rows(uses))
+        self.show_detail(event.option.id or "")
+        self.query_one("#policy-detail", VerticalScroll).scroll_home(animate=False)
+
+    def show_detail(self, rule_id: str = "") -> None:
+        """Show a rule, the one at the pointer by default, and what it was to the session so far."""
+        name = rule_id or self._selected
+        for rule in (rule for rule in self._rules if rule.id == name):
+            uses = uses_of(name, self._bench.missions())
+            rows = (*rule_rows(rule, self._hits.get(name)), *use_rows(uses))
             self.query_one("#policy-sheet", Sheet).show(rows)
-            self.query_one("#policy-detail", VerticalScroll).scroll_home(animate=False)
 
     @on(OptionList.OptionSelected, "#policy-list")
     def action_edit(self) -> None:
         """Edit the rule at the pointer, or go on with its draft."""
         name = self._selected
         if name:
-            self._begin(lambda path: self._edit(lambda: open_rule(path, name)))
+            self._begin(lambda path: self._edit(lambda: rule_save.open_rule(path, name)))
 
     def action_new(self) -> None:
         """Write a new rule, of the domain of the one at the pointer."""
         domain = self._selected.partition("-")[0] or "ROE"
-        self._begin(lambda path: self._edit(lambda: new_rule(path, domain)))
+        self._begin(lambda path: self._edit(lambda: rule_save.new_rule(path, domain)))
 
     def action_remove(self) -> None:
         """Remove the rule at the pointer, after a question."""
@@ -203,7 +194,7 @@ class PolicyScreen(Screen[str]):
         if uses:
             self.dismiss(uses[-1].mission)
         else:
-            self.notify("no mission of this session had to do with it", title="To its mission")
+            self._refused("no mission of this session had to do with it")
 
     def _begin(self, work: Callable[[Path], Coroutine[None, None, None]]) -> None:
         """Begin to change the file, unless it may not be changed here."""
@@ -220,21 +211,22 @@ class PolicyScreen(Screen[str]):
             self._refused(str(error))
             return
         shown = await self.app.push_screen_wait(RuleEditor(self._bench, opened))
+        self._saved = shown if shown not in {rule.id for rule in self._rules} else ""
         self._list(shown or self._selected)
         self.query_one("#policy-list").focus()
 
     async def _remove(self, path: Path, name: str) -> None:
         question = f"Remove {name} from {path}?\nMissions that were begun stay under it."
         try:
-            opened = await asyncio.to_thread(open_rule, path, name)
+            opened = await asyncio.to_thread(rule_save.open_rule, path, name)
             if not await self.app.push_screen_wait(Confirm(question, yes="Remove", no="Keep")):
                 return
             try:
-                await asyncio.to_thread(remove_rule, opened)
+                await asyncio.to_thread(rule_save.remove_rule, opened)
             except RulesChangedError as error:
                 question = f"{error}.\nRemove {name} from the file as it is now?"
                 if await self.app.push_screen_wait(Confirm(question, yes="Remove", no="Keep")):
-                    await asyncio.to_thread(remove_rule, opened, anyway=True)
+                    await asyncio.to_thread(rule_save.remove_rule, opened, anyway=True)
         except (DocumentError, ValueError, OSError) as error:
             self._refused(str(error))
         else:
