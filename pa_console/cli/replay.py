@@ -8,12 +8,13 @@ import typer
 
 from pa_console.cli.chosen import settings_of
 from pa_console.cli.output import BAD_INPUT, FAILED, JsonOption, errors, out, print_json
-from pa_console.schema.document import DocumentError
 from pa_console.session.head import head_path
-from pa_console.session.reader import line_of
 from pa_console.session.verify import verify
 from pa_console.settings.sources import Loaded
 from pa_console.signing import is_fingerprint, known_keys
+
+PlaceNames = tuple[str | None, str | None, str | None]
+"""World, scenario and rules of a session, where they are files."""
 
 
 def replay(
@@ -23,9 +24,13 @@ def replay(
         bool,
         typer.Option(
             "--verify",
-            help="Check the hash chain, the signatures and the signed head; name the first bad "
-            "line and what was done to it.",
+            help="Check the hash chain, the signatures and the signed head, name the first bad "
+            "line and what was done to it; then run the session again.",
         ),
+    ] = False,
+    chain_only: Annotated[
+        bool,
+        typer.Option("--chain-only", help="With --verify: do not run the session again."),
     ] = False,
     key: Annotated[
         list[str] | None,
@@ -41,8 +46,8 @@ def replay(
         bool,
         typer.Option(
             "--resimulate",
-            help="Run the session again: its telemetry and the rehearsals of its plans must come "
-            "out equal; name the first line that does not.",
+            help="Only run the session again: its telemetry, the rehearsals of its plans and what "
+            "the rules say of them must come out equal; name what does not.",
         ),
     ] = False,
     world: Annotated[
@@ -50,6 +55,9 @@ def replay(
     ] = None,
     scenario: Annotated[
         str | None, typer.Option("--scenario", help="The session's situation, when it is a file.")
+    ] = None,
+    rules: Annotated[
+        str | None, typer.Option("--rules", help="The session's rules, when they are a file.")
     ] = None,
     other: Annotated[
         Path | None,
@@ -71,16 +79,20 @@ def replay(
 ) -> None:
     """Play LOG back in the console, verify it, run it again, or compare it with another one.
 
-    --verify leaves with 0 only when every line is vouched for by a known key, with 2 when the log
-    or its head was damaged, and with 1 when nothing is wrong but not everything is signed.
+    --verify leaves with 0 only when every line is vouched for by a known key and the session came
+    out equal, with 2 when the log or its head was damaged, and with 1 when it is sound but not all
+    signed, or could not be run again to the same end.
     """
     for given in (log, other):
         if given is not None and not given.is_file():
             raise ValueError(f"{given}: there is no such log")
+    place = (world, scenario, rules)
     if check:
-        _verify(log, frozenset(key or ()), unsigned, json)
-    if again:
-        _resimulate(log, world, scenario, json)
+        _verify(log, frozenset(key or ()), unsigned, json, None if chain_only else place)
+    elif again:
+        from pa_console.cli.replay_again import Place, show_again  # noqa: PLC0415 - when asked
+
+        show_again(log, Place(*place), json)
     printed = other is not None and not screen
     if other is not None and printed:
         from pa_console.cli.replay_compare import compare_logs  # noqa: PLC0415 - only when asked
@@ -101,63 +113,30 @@ def _show(log: Path, other: Path | None, world: str | None, settings: Loaded) ->
         play(log, world, settings)
 
 
-def _resimulate(log: Path, world: str | None, scenario: str | None, json: bool) -> None:
-    """Run a recorded session again in a fresh simulation; compare telemetry and rehearsals.
+def _verify(
+    log: Path, keys: frozenset[str], unsigned: bool, json: bool, place: PlaceNames | None
+) -> None:
+    """Say how sound a log is, and what came of running it again at `place` if it is sound.
 
-    A log that cannot be read to its end is compared up to there, and then raises its LogError.
+    Leaves with FAILED for one that is sound but not vouched for, or that came out otherwise.
     """
-    from pa_console.cli.read_bar import read_recording  # noqa: PLC0415 - only when it is asked for
-    from pa_console.cli.replay_play import started_of, world_of  # noqa: PLC0415
-    from pa_console.evaluation.twin import resimulate  # noqa: PLC0415
-    from pa_console.orchestrator.compose import open_scenario, open_world  # noqa: PLC0415
-
-    recording = read_recording(log)
-    started = started_of(recording, log)
-    place, path = open_world(world_of(started, world))
-    played = scenario or started.scenario
-    try:
-        situation = open_scenario(place, path, played).scenario if played else None
-    except DocumentError as error:
-        if scenario is not None:
-            raise
-        raise ValueError(f"{error}; give the session's own file with --scenario") from error
-    with errors.status(f"running {len(recording)} events again"):
-        twin = resimulate((recording[index] for index in range(len(recording))), place, situation)
-    line = line_of(log, twin.first_event) if twin.first_event is not None else None
-    if json:
-        print_json({**asdict(twin), "first_line": line})
-    elif twin.equal:
-        out.print(
-            f"{log}: {twin.pictures} pictures, all equal, and {twin.rehearsals} "
-            f"rehearsal{'s' * (twin.rehearsals != 1)} of plans; SHA-256 {twin.repeated_sha256}",
-            markup=False,
-            soft_wrap=True,
-        )
-    else:
-        place = f"{log}:{line}" if line is not None else str(log)
-        errors.print(
-            f"{place}: {twin.different} of {twin.pictures} pictures and "
-            f"{twin.different_rehearsals} of {twin.rehearsals} rehearsals differ, first at "
-            f"{twin.first_difference}",
-            markup=False,
-            soft_wrap=True,
-        )
-    if not twin.equal:
-        raise typer.Exit(1)
-    if recording.problem is not None:
-        raise recording.problem
-
-
-def _verify(log: Path, keys: frozenset[str], unsigned: bool, json: bool) -> None:
-    """Say how sound a log is; leaves with FAILED for one that is sound but not vouched for."""
     for given in keys:
         if not is_fingerprint(given):
             raise ValueError(f"--key {given}: a fingerprint is SHA256: and 43 characters")
     own = known_keys()
     result = verify(log, own | keys)
     accepted = result.intact or (unsigned and result.ok and result.standing == "not signed")
+    again, problem = None, ""
+    if place is not None and result.ok:
+        from pa_console.cli.replay_again import Place, print_again, run_again  # noqa: PLC0415
+
+        try:
+            again = run_again(log, Place(*place))
+        except ValueError as error:
+            problem = f"not run again: {error}"
     if json:
-        print_json({"intact": result.intact, **asdict(result)})
+        run = {"problem": problem} if again is None else again.document()
+        print_json({"intact": result.intact, **asdict(result), "again": run})
     elif result.ok:
         by = f"signed by {result.key}{' (the key of this machine)' * (result.key in own)}"
         standing = {
@@ -172,5 +151,9 @@ def _verify(log: Path, keys: frozenset[str], unsigned: bool, json: bool) -> None
         place = f"{log}:{result.first_bad_line}" if result.first_bad_line else str(head_path(log))
         place += f"-{result.last_bad_line}" if result.last_bad_line else ""
         errors.print(f"{place}: {result.damage}: {result.problem}", markup=False, soft_wrap=True)
-    if not accepted:
+    if again is not None and not json:
+        print_again(log, again)
+    if problem and not json:
+        errors.print(f"{log}: {problem}; or verify with --chain-only", markup=False, soft_wrap=True)
+    if not accepted or problem or (again is not None and not again.equal):
         raise typer.Exit(FAILED if result.ok else BAD_INPUT)

@@ -72,7 +72,7 @@ def test_a_tampered_command_differs(call: Call, folder: Path, tmp_path: Path) ->
     log = tampered(folder, tmp_path / "forged.jsonl", "command_sent", "WestGate", "EastGate")
     done = resimulate(call, folder, log)
     assert done.code == 1
-    assert done.out == ""
+    assert "pictures, all equal" not in done.out
     assert "differ, first at tick" in done.said
     shown = resimulate(call, folder, log, "--json")
     assert shown.code == 1
@@ -144,3 +144,26 @@ def test_something_that_is_no_log_is_refused(call: Call, tmp_path: Path) -> None
     assert done.code == 2
     assert f"{path}:1" in done.err
     assert call("replay", str(tmp_path / "none.jsonl"), "--resimulate").code == 2
+
+
+def test_the_audit_runs_an_intact_log_again(call: Call, folder: Path, tmp_path: Path) -> None:
+    log, played = folder / "session.jsonl", str(folder / "one-van.yaml")
+    whole = call("replay", str(log), "--verify", "--unsigned", "--scenario", played)
+    assert whole.code == 0, whole.said
+    assert "chain intact" in whole.said
+    assert "pictures, all equal" in whole.said
+    assert "plans of 1 missions decided again, all equal" in whole.said
+    nowhere = call("replay", str(log), "--verify", "--unsigned")
+    assert nowhere.code == 1
+    assert "not run again: " in nowhere.said
+    assert "--scenario" in nowhere.said
+    only = call("replay", str(log), "--verify", "--unsigned", "--chain-only")
+    assert only.code == 0
+
+
+def test_a_decision_of_other_rules_is_found(call: Call, folder: Path, tmp_path: Path) -> None:
+    log = tampered(folder, tmp_path / "f.jsonl", "plan_checked", '"complies"', '"violates"')
+    done = resimulate(call, folder, log)
+    assert done.code == 1
+    assert "pictures, all equal" in done.said
+    assert "recorded " in done.said

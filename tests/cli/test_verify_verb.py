@@ -18,11 +18,11 @@ def log(tmp_path: Path) -> Path:
 
 
 def test_an_intact_log_is_told_with_who_signed_it(call: Call, log: Path) -> None:
-    done = call("replay", str(log), "--verify")
+    done = call("replay", str(log), "--verify", "--chain-only")
     assert done.code == 0, done.err
     assert f"{log}: 37 lines, chain intact, signed by SHA256:" in done.said
     assert "the key of this machine" in done.said
-    document = call("replay", str(log), "--verify", "--json").json
+    document = call("replay", str(log), "--verify", "--chain-only", "--json").json
     assert (document["intact"], document["ok"], document["standing"]) == (True, True, "signed")
     assert document["lines"] == document["vouched"] == 37
     assert document["key"] == load_signer().fingerprint
@@ -31,17 +31,20 @@ def test_an_intact_log_is_told_with_who_signed_it(call: Call, log: Path) -> None
 def test_damage_is_told_with_its_line_and_kind(call: Call, log: Path) -> None:
     lines = log.read_bytes().splitlines(keepends=True)
     log.write_bytes(b"".join([*lines[:6], edited(lines[6]), *lines[7:]]))
-    done = call("replay", str(log), "--verify")
+    done = call("replay", str(log), "--verify", "--chain-only")
     assert (done.code, done.out) == (2, "")
     assert f"{log}:7: edited-field: " in done.said
-    shown = call("replay", str(log), "--verify", "--json")
+    shown = call("replay", str(log), "--verify", "--chain-only", "--json")
     assert shown.code == 2
     assert (shown.json["damage"], shown.json["first_bad_line"]) == ("edited-field", 7)
     log.write_bytes(b"".join(relinked([rehashed(lines[0], tick=9), *lines[1:]])))
-    assert f"{log}:1-2: rewritten: " in call("replay", str(log), "--verify").said
+    assert f"{log}:1-2: rewritten: " in call("replay", str(log), "--verify", "--chain-only").said
     log.write_bytes(b"".join(lines))
     head_path(log).unlink()
-    assert f"{head_path(log)}: head-missing: " in call("replay", str(log), "--verify").said
+    assert (
+        f"{head_path(log)}: head-missing: "
+        in call("replay", str(log), "--verify", "--chain-only").said
+    )
 
 
 def test_a_log_without_signatures_is_accepted_only_when_asked_for(
@@ -51,21 +54,21 @@ def test_a_log_without_signatures_is_accepted_only_when_asked_for(
     with LogWriter(log, "S1") as writer:
         for event in long_story():
             writer.append(event)
-    done = call("replay", str(log), "--verify")
+    done = call("replay", str(log), "--verify", "--chain-only")
     assert done.code == 1
     assert "chain intact, not signed" in done.said
-    assert call("replay", str(log), "--verify", "--unsigned").code == 0
-    assert call("replay", str(log), "--verify", "--json").json["intact"] is False
+    assert call("replay", str(log), "--verify", "--chain-only", "--unsigned").code == 0
+    assert call("replay", str(log), "--verify", "--chain-only", "--json").json["intact"] is False
 
 
 def test_a_log_of_another_machine_needs_the_fingerprint_of_its_key(
     call: Call, tmp_path: Path
 ) -> None:
     log = write_signed(tmp_path / "s.jsonl", signer=OTHER)
-    done = call("replay", str(log), "--verify", "--unsigned")
+    done = call("replay", str(log), "--verify", "--chain-only", "--unsigned")
     assert done.code == 2
     assert f"{log}:2: unknown-key: signed by an unknown key, {OTHER.fingerprint}" in done.said
-    known = call("replay", str(log), "--verify", "--key", OTHER.fingerprint)
+    known = call("replay", str(log), "--verify", "--chain-only", "--key", OTHER.fingerprint)
     assert known.code == 0
     assert "the key of this machine" not in known.said
     wrong = call("replay", str(log), "--verify", "--key", "mine")
@@ -76,11 +79,14 @@ def test_a_log_of_another_machine_needs_the_fingerprint_of_its_key(
 def test_a_session_that_goes_on_is_neither_intact_nor_damaged(call: Call, tmp_path: Path) -> None:
     log = tmp_path / "s.jsonl"
     with LogWriter(log, "S1", signer=load_signer(), clock=lambda: 0.0) as writer:
-        assert "not signed yet. The log is empty." in call("replay", str(log), "--verify").said
+        assert (
+            "not signed yet. The log is empty."
+            in call("replay", str(log), "--verify", "--chain-only").said
+        )
         for event in long_story()[:5]:
             writer.append(event)
         writer.flush()
-        done = call("replay", str(log), "--verify")
+        done = call("replay", str(log), "--verify", "--chain-only")
     assert done.code == 1
     assert "up to line 2 only" in done.said
     assert "4 unsigned records" in done.said

@@ -1,0 +1,145 @@
+"""Runs a recorded session again: telemetry, rehearsals, and what the rules say of every plan."""
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from pa_console.cli.output import FAILED, errors, out, print_json
+from pa_console.cli.read_bar import read_recording
+from pa_console.cli.replay_play import started_of, world_of
+from pa_console.evaluation.twin import Twin, resimulate
+from pa_console.orchestrator.compose import open_scenario, open_world
+from pa_console.orchestrator.effect import effect_on_session
+from pa_console.orchestrator.flips import SessionEffect
+from pa_console.orchestrator.session_site import SessionSites
+from pa_console.schema.document import DocumentError
+from pa_console.schema.event import Event
+from pa_console.schema.scenario import Scenario
+from pa_console.schema.world import World
+from pa_console.session.chain import LogError
+from pa_console.session.reader import line_of
+from pa_console.session.recording import Recording
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a session took place, when it is not installed here as it was then."""
+
+    world: str | None = None
+    scenario: str | None = None
+    rules: str | None = None
+
+
+@dataclass(frozen=True)
+class Again:
+    """What came of a session that was run again; `line` is that of the first other telemetry.
+
+    `decided` is None when the rules of the session are not here.
+    """
+
+    twin: Twin
+    line: int | None
+    decided: SessionEffect | None
+    problem: LogError | None
+
+    @property
+    def equal(self) -> bool:
+        """Whether everything came out as it was recorded."""
+        return self.twin.equal and self.decided is not None and not self.decided.flips
+
+    def document(self) -> dict[str, Any]:
+        """Return all of it for `--json`."""
+        decided = None if self.decided is None else asdict(self.decided)
+        return {**asdict(self.twin), "first_line": self.line, "decided": decided}
+
+
+def run_again(log: Path, place: Place) -> Again:
+    """Run the session of `log` again with what it recorded of operator and models.
+
+    Raises ValueError (DocumentError) when its world or scenario is not here, LogError for what is
+    no session.
+    """
+    recording = read_recording(log)
+    started = started_of(recording, log)
+    world, path = open_world(world_of(started, place.world))
+    situation = _situation(world, path, place.scenario, started.scenario)
+    with errors.status(f"running {len(recording)} events again"):
+        twin = resimulate(_events(recording), world, situation)
+        rules = SessionSites(rules=[place.rules] if place.rules else ()).rules_of(started)
+        decided = None if rules is None else effect_on_session(_events(recording), world, rules)
+    line = line_of(log, twin.first_event) if twin.first_event is not None else None
+    return Again(twin, line, decided, recording.problem)
+
+
+def show_again(log: Path, place: Place, json: bool) -> None:
+    """Run the session of `log` again and say what came of it; leaves with 1 for a difference.
+
+    A log that cannot be read to its end is compared up to there, and then raises its LogError.
+    """
+    again = run_again(log, place)
+    if json:
+        print_json(again.document())
+    else:
+        print_again(log, again)
+    if not again.equal:
+        raise typer.Exit(FAILED)
+    if again.problem is not None:
+        raise again.problem
+
+
+def print_again(log: Path, again: Again) -> None:
+    """Print what came out equal, and what did not."""
+    twin, decided = again.twin, again.decided
+    if twin.equal:
+        _say(
+            f"{log}: {twin.pictures} pictures, all equal, and {twin.rehearsals} "
+            f"rehearsal{'s' * (twin.rehearsals != 1)} of plans; SHA-256 {twin.repeated_sha256}"
+        )
+    else:
+        at = f"{log}:{again.line}" if again.line is not None else str(log)
+        _object(
+            f"{at}: {twin.different} of {twin.pictures} pictures and "
+            f"{twin.different_rehearsals} of {twin.rehearsals} rehearsals differ, first at "
+            f"{twin.first_difference}"
+        )
+    if decided is None:
+        _object(
+            f"{log}: the rules of this session are not here as they were: what they said of its "
+            "plans was not decided again; give their file with --rules"
+        )
+        return
+    for flip in decided.flips:
+        where = f"{flip.mission} attempt {flip.attempt}" if flip.attempt else flip.mission
+        rules = ", ".join(flip.rules)
+        _object(f"{log}: {where}: {flip.kind} {rules}: recorded {flip.was}, again {flip.now}")
+    if not decided.flips:
+        left = f"; {len(decided.gaps)} could not be" if decided.gaps else ""
+        _say(
+            f"{log}: {decided.compared} findings on {decided.plans} plans of {decided.missions} "
+            f"missions decided again, all equal{left}"
+        )
+
+
+def _situation(world: World, path: Path, given: str | None, recorded: str) -> Scenario | None:
+    played = given or recorded
+    try:
+        return open_scenario(world, path, played).scenario if played else None
+    except DocumentError as error:
+        if given is not None:
+            raise
+        raise ValueError(f"{error}; give the session's own file with --scenario") from error
+
+
+def _events(recording: Recording) -> Iterator[Event]:
+    return (recording[index] for index in range(len(recording)))
+
+
+def _say(text: str) -> None:
+    out.print(text, markup=False, soft_wrap=True)
+
+
+def _object(text: str) -> None:
+    errors.print(text, markup=False, soft_wrap=True)
