@@ -178,7 +178,7 @@ def _changes(a: object, b: object, path: str = "") -> tuple[Change, ...]:
         pairs = zip_longest(cast(list[object], a), cast(list[object], b), fillvalue=ABSENT)
         parts = [_changes(x, y, f"{path}[{_name(x, place)}]") for place, (x, y) in enumerate(pairs)]
         return tuple(change for part in parts for change in part)
-    return () if a == b else (Change(path, _text(cast(object, a)), _text(cast(object, b))),)
+    return () if a == b else (Change(path, _text(cast(object, a)), _text(b)),)
 
 
 def _name(value: object, place: int) -> str:

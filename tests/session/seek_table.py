@@ -106,7 +106,10 @@ def timed(work: Callable[[], object]) -> tuple[float, float]:
 def row(what: str, times: list[tuple[float, float]]) -> None:
     """Print a line of the table."""
     wall, cpu = ([pair[n] for pair in times] for n in (0, 1))
-    p95 = [quantiles(one, n=20)[-1] if len(one) > 1 else one[0] for one in (wall, cpu)]
+    p95 = [
+        quantiles(one, n=20, method="inclusive")[-1] if len(one) > 1 else one[0]
+        for one in (wall, cpu)
+    ]
     print(
         f"{what:34} wall {median(wall):9.1f} {p95[0]:9.1f} {max(wall):9.1f}"
         f"   CPU {median(cpu):9.1f} {p95[1]:9.1f} {max(cpu):9.1f}"

@@ -102,6 +102,7 @@ async def test_every_command_is_refused_with_a_notice(tmp_path: Path) -> None:
     app = console(None, tmp_path, player=player())
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot)
+        assert "Type one below" not in str(app.screen.query_one("#trace-head", Sheet).render())
         await press(pilot, "n")
         for number, key in enumerate(("S", "f9", "i", "slash", "c", "k", "a", "r", "m", "x")):
             await press(pilot, key)

@@ -21,7 +21,7 @@ from pa_console.tui.widgets.event_list import EventList
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
 from pa_console.tui.widgets.status_bar import StatusBar
-from pa_console.tui.widgets.trace_pane import TracePane
+from pa_console.tui.widgets.trace_pane import NO_MISSION, TracePane
 from pa_console.tui.widgets.view_bar import VIEWS, ViewBar
 
 LEAST_SIZE = (60, 18)
@@ -66,12 +66,16 @@ class MainScreen(Screen[None]):
                 yield AssetPane(self._world, id="assets")
                 yield EventList(all_known=self.mode == "REPLAY", id="events")
             with Vertical(id="right"):
-                yield TracePane(self._rules, id="trace")
+                yield TracePane(self._rules, self._before_missions, id="trace")
                 yield ApprovalPanel(self._clock)
         yield from self.replay_line()
         yield MissionPrompt(self._history, self._closed_why)
         yield Footer(show_command_palette=False, compact=True)
         yield Static(id="too-small", markup=False)
+
+    @property
+    def _before_missions(self) -> str:
+        return "No mission yet." if self._closed_why else NO_MISSION
 
     def replay_line(self) -> ComposeResult:
         """Yield what says where a recording stands; a live session has none."""

@@ -76,16 +76,18 @@ class SectionView(Vertical):
 class TracePane(Vertical):
     """Shows the trace of the selected mission; follows its end unless scrolled away from it."""
 
-    def __init__(self, rules: Rules, **kwargs: str) -> None:
+    def __init__(self, rules: Rules, nothing: str = NO_MISSION, **kwargs: str) -> None:
+        """`nothing` is shown before the first mission."""
         super().__init__(id=kwargs.get("id"))
         self._rules = rules
+        self._nothing = row("", (nothing, "$quiet"))
         self._trace: MissionTrace | None = None
         self._views: dict[str, SectionView] = {}
         self.border_title = "Trace"
 
     def compose(self) -> ComposeResult:
         """Yield the fixed head and the scrolled sections."""
-        yield Sheet((row("", (NO_MISSION, "$quiet")),), id="trace-head")
+        yield Sheet((self._nothing,), id="trace-head")
         yield Static("", id="trace-progress", markup=False)
         yield VerticalScroll(id="trace-body")
 
@@ -102,7 +104,7 @@ class TracePane(Vertical):
             self._views = {}
             body.anchor()
         self._trace = trace
-        head = headline(trace) if trace is not None else [row("", (NO_MISSION, "$quiet"))]
+        head = headline(trace) if trace is not None else [self._nothing]
         self.query_one("#trace-head", Sheet).show(tuple(head))
         self._show_progress()
         parts = sections(trace, self._rules) if trace else []
