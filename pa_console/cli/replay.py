@@ -1,20 +1,13 @@
 """`pa-console replay`: verify a session log, or play it back."""
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from pa_console.cli.chosen import settings_of
-from pa_console.cli.output import BAD_INPUT, FAILED, JsonOption, errors, out, print_json
-from pa_console.session.head import head_path
-from pa_console.session.verify import verify
+from pa_console.cli.output import JsonOption
 from pa_console.settings.sources import Loaded
-from pa_console.signing import is_fingerprint, known_keys
-
-PlaceNames = tuple[str | None, str | None, str | None]
-"""World, scenario and rules of a session, where they are files."""
 
 
 def replay(
@@ -86,13 +79,16 @@ def replay(
     for given in (log, other):
         if given is not None and not given.is_file():
             raise ValueError(f"{given}: there is no such log")
-    place = (world, scenario, rules)
-    if check:
-        _verify(log, frozenset(key or ()), unsigned, json, None if chain_only else place)
-    elif again:
-        from pa_console.cli.replay_again import Place, show_again  # noqa: PLC0415 - when asked
+    if check or again:
+        from pa_console.cli.replay_again import Place, show_again  # noqa: PLC0415 - only when asked
+        from pa_console.cli.replay_verify import Trust, show_verified  # noqa: PLC0415
 
-        show_again(log, Place(*place), json)
+        place = Place(world, scenario, rules)
+        if check:
+            trust = Trust(frozenset(key or ()), unsigned)
+            show_verified(log, trust, None if chain_only else place, json)
+        else:
+            show_again(log, place, json)
     printed = other is not None and not screen
     if other is not None and printed:
         from pa_console.cli.replay_compare import compare_logs  # noqa: PLC0415 - only when asked
@@ -111,49 +107,3 @@ def _show(log: Path, other: Path | None, world: str | None, settings: Loaded) ->
         show_compared(log, other, world, settings)
     else:
         play(log, world, settings)
-
-
-def _verify(
-    log: Path, keys: frozenset[str], unsigned: bool, json: bool, place: PlaceNames | None
-) -> None:
-    """Say how sound a log is, and what came of running it again at `place` if it is sound.
-
-    Leaves with FAILED for one that is sound but not vouched for, or that came out otherwise.
-    """
-    for given in keys:
-        if not is_fingerprint(given):
-            raise ValueError(f"--key {given}: a fingerprint is SHA256: and 43 characters")
-    own = known_keys()
-    result = verify(log, own | keys)
-    accepted = result.intact or (unsigned and result.ok and result.standing == "not signed")
-    again, problem = None, ""
-    if place is not None and result.ok:
-        from pa_console.cli.replay_again import Place, print_again, run_again  # noqa: PLC0415
-
-        try:
-            again = run_again(log, Place(*place))
-        except ValueError as error:
-            problem = f"not run again: {error}"
-    if json:
-        run = {"problem": problem} if again is None else again.document()
-        print_json({"intact": result.intact, **asdict(result), "again": run})
-    elif result.ok:
-        by = f"signed by {result.key}{' (the key of this machine)' * (result.key in own)}"
-        standing = {
-            "signed": f"{by}.",
-            "open": f"{by} up to line {result.vouched} only." if result.key else "not signed yet.",
-            "not signed": "not signed: nothing shows that it was not written anew.",
-        }[result.standing]
-        told = f"{log}: {result.lines} lines, chain intact, {standing}"
-        told += f" {result.note[:1].upper()}{result.note[1:]}." if result.note else ""
-        out.print(told, markup=False, soft_wrap=True)
-    else:
-        place = f"{log}:{result.first_bad_line}" if result.first_bad_line else str(head_path(log))
-        place += f"-{result.last_bad_line}" if result.last_bad_line else ""
-        errors.print(f"{place}: {result.damage}: {result.problem}", markup=False, soft_wrap=True)
-    if again is not None and not json:
-        print_again(log, again)
-    if problem and not json:
-        errors.print(f"{log}: {problem}; or verify with --chain-only", markup=False, soft_wrap=True)
-    if not accepted or problem or (again is not None and not again.equal):
-        raise typer.Exit(FAILED if result.ok else BAD_INPUT)

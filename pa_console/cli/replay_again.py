@@ -64,11 +64,15 @@ def run_again(log: Path, place: Place) -> Again:
     """
     recording = read_recording(log)
     started = started_of(recording, log)
-    world, path = open_world(world_of(started, place.world))
+    sites = SessionSites(rules=[place.rules] if place.rules else ())
+    try:
+        world, path = open_world(world_of(started, place.world))
+    except ValueError:
+        world, path = sites.world_of(started, log), log
     situation = _situation(world, path, place.scenario, started.scenario)
     with errors.status(f"running {len(recording)} events again"):
         twin = resimulate(_events(recording), world, situation)
-        rules = SessionSites(rules=[place.rules] if place.rules else ()).rules_of(started)
+        rules = sites.rules_of(started)
         decided = None if rules is None else effect_on_session(_events(recording), world, rules)
     line = line_of(log, twin.first_event) if twin.first_event is not None else None
     return Again(twin, line, decided, recording.problem)
