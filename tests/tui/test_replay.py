@@ -239,3 +239,17 @@ async def test_a_log_that_changes_under_a_replay_is_told_and_nothing_breaks(
         log.write_bytes(b"x" * log.stat().st_size)
         await press(pilot, "right")
         assert "has changed since the log was opened" in notices(app)[-1]
+
+
+async def test_the_screen_follows_the_terminal_as_it_grows_and_shrinks(tmp_path: Path) -> None:
+    app = console(None, tmp_path, player=player())
+    async with app.run_test(size=(120, 36)) as pilot:
+        await settle(pilot)
+        for width, height in ((80, 24), (120, 36), (80, 24)):
+            await pilot.resize_terminal(width, height)
+            await settle(pilot)
+            bottom = app.screen.query_one("Footer").region
+            assert (bottom.right, bottom.bottom) == (width, height)
+            banner = app.screen.query_one("#replay", Static).region
+            assert banner.width == width
+            assert app.screen.has_class("-compact") == (width == 80)

@@ -67,11 +67,9 @@ class RecordingScreen(MainScreen):
         self.set_interval(FRAME_S, self._tick)
         self._moved()
 
-    def on_resize(self, event: events.Resize) -> None:
-        """Choose the layout, and fit the banner, for the terminal's size."""
-        super().on_resize(event)
-        event.prevent_default()
-        self._moved()
+    def on_resize(self, event: events.Resize) -> None:  # noqa: ARG002 - the size is the screen's
+        """Fit the banner to the terminal's size, once the layout has been chosen for it."""
+        self.call_after_refresh(self._moved)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Offer to go back only where there is a screen to go back to."""
