@@ -65,10 +65,7 @@ def run_again(log: Path, place: Place) -> Again:
     recording = read_recording(log)
     started = started_of(recording, log)
     sites = SessionSites(rules=[place.rules] if place.rules else ())
-    try:
-        world, path = open_world(world_of(started, place.world))
-    except ValueError:
-        world, path = sites.world_of(started, log), log
+    world, path = open_world(world_of(started, place.world, log))
     situation = _situation(world, path, place.scenario, started.scenario)
     with errors.status(f"running {len(recording)} events again"):
         twin = resimulate(_events(recording), world, situation)

@@ -5,6 +5,7 @@ from pathlib import Path
 from pa_console.cli.output import errors
 from pa_console.cli.read_bar import read_recording
 from pa_console.orchestrator.compose import Site, load_site
+from pa_console.orchestrator.session_site import SessionSites
 from pa_console.resources import find_data
 from pa_console.schema.event import SessionStarted
 from pa_console.session.chain import LogError
@@ -37,7 +38,7 @@ def site_of(recording: Recording, log: Path, world: str | None) -> Site:
     Raises LogError for what is no session, ValueError when its world is not installed here.
     """
     started = started_of(recording, log)
-    site = load_site(world_of(started, world), started.rules, unsigned=True)
+    site = load_site(world_of(started, world, log), started.rules, unsigned=True)
     if (site.world_sha256, site.rulebook.sha256) != (started.world_sha256, started.rules_sha256):
         errors.print("note: the world or the rules have changed since this session", style="yellow")
     return site
@@ -53,11 +54,17 @@ def started_of(recording: Recording, log: Path) -> SessionStarted:
     return started
 
 
-def world_of(started: SessionStarted, given: str | None) -> str:
-    """Return where the session's world is; raises ValueError when it is not installed here."""
+def world_of(started: SessionStarted, given: str | None, log: Path) -> str:
+    """Return where the session's world is: given, installed, or in the evaluation of its log.
+
+    Raises ValueError when it is nowhere.
+    """
     name = given or started.world
-    if not find_data("worlds", name, "world.yaml").is_file():
+    if find_data("worlds", name, "world.yaml").is_file():
+        return name
+    beside = None if given else SessionSites().world_file(started, log)
+    if beside is None:
         raise ValueError(
             f"the world {name!r} of this session is not installed here; give its file with --world"
         )
-    return name
+    return str(beside)

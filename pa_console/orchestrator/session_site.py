@@ -33,10 +33,7 @@ class SessionSites:
         Raises DocumentError when the file cannot be used any more.
         """
         if started.world_sha256 not in self._worlds:
-            path = next(
-                (p for p in self._files(started, log) if self._hash(p) == started.world_sha256),
-                None,
-            )
+            path = self.world_file(started, log)
             if path is None:
                 raise ValueError(
                     f"the world {started.world!r} of this session is not here as it was then "
@@ -44,6 +41,11 @@ class SessionSites:
                 )
             self._worlds[started.world_sha256] = load_world(path)
         return self._worlds[started.world_sha256]
+
+    def world_file(self, started: SessionStarted, log: Path) -> Path | None:
+        """Return the file of a session's world, None when none here has its hash."""
+        files = self._files(started, log)
+        return next((path for path in files if self._hash(path) == started.world_sha256), None)
 
     def rules_of(self, started: SessionStarted) -> Rulebook | None:
         """Return the rules of a session, None when none here are what they were."""
