@@ -119,9 +119,16 @@ def test_the_console_opens_on_the_situation(
         """A screen that is closed at once."""
 
         def __init__(
-            self, _world: object, station: Station, *_: object, readonly: bool, settings: Loaded
+            self,
+            _world: object,
+            station: Station,
+            *_: object,
+            readonly: bool,
+            settings: Loaded,
+            rules_file: Path,
         ) -> None:
             assert readonly
+            assert rules_file.is_file()
             assert settings.origin("mouse").place == "--mouse"
             opened.append(station)
 

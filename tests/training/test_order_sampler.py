@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.llm.condition import Condition, Fact
+from pa_console.orchestrator.digest import digest_picture
 from pa_console.schema.telemetry import Identity, Intent, Track
 from pa_console.training.asked import asked
 from pa_console.training.conditions import due_asks, holds
@@ -145,7 +146,8 @@ def test_what_is_known_of_a_track_decides_a_condition(
     condition = Condition(fact=fact, subject="EastGate", track="vehicle")
     assert holds(condition, picture) == (fact in (identity, intent))
     order = Order(asks=(Ask(task="look", place="WestGate"),), condition=condition)
-    told = asked(order, QUIET.world, picture, QUIET.digest).partition("now: ")[2]
+    digest = digest_picture(picture, QUIET.world)
+    told = asked(order, QUIET.world, picture, digest).partition("now: ")[2]
     assert told.startswith(f"At EastGate: Track_01 vehicle, {words}, ")
     elsewhere = condition.model_copy(update={"subject": "WestGate"})
     assert not holds(elsewhere, picture)
