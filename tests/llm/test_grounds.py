@@ -47,7 +47,7 @@ def can_plan(reason: str) -> bool:
 
 def can_say(feedback: str, role: str = "judge") -> bool:
     text = grounded_feedback("outcome" if role == "outcome" else "judge", WORLD, DIGEST, PLAN)
-    answer = {"feedback": feedback, "violated": [], "verdict": "Success"}
+    answer: dict[str, object] = {"feedback": feedback, "violated": [], "verdict": "Success"}
     return accepts(compact_judge_grammar([], text), json.dumps(answer))
 
 
