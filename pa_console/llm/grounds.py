@@ -23,6 +23,8 @@ WORD = r"[ !#-9;-\[\]-~]"
 """Printable ASCII without the quote, the backslash and the colon."""
 _PART = r"[ !#-+\--9<-\[\]-~]"
 """A character within what commas and semicolons part."""
+_UNCONDITIONAL = rf"([ !#-9;-\[\]-hj-~]|i[ !#-9;-\[\]-eg-~]){WORD}*"
+"""Words that do not begin as a condition does: the names in one are those of the digest."""
 _SO = {True: "so", False: "not so", None: "(not )?so"}
 _END = r"( \([A-Z]+-[0-9]+\))?( takes over| stays)?"
 
@@ -51,7 +53,7 @@ def _asked(world: World, digest: Digest) -> str:
         f"now: {escape(evidence(condition, digest))}, {_SO[holds(condition, digest)]}"
         for condition in conditions(world, digest)
     )
-    return f"asked: ({WORD}+|if {_either(under)})"
+    return f"asked: ({_UNCONDITIONAL}|if {_either(under)})"
 
 
 def _facts(world: World, digest: Digest) -> Iterator[str]:

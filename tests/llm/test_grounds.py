@@ -108,6 +108,14 @@ def test_whether_a_condition_is_so_is_read_from_the_picture(it: Condition, so: b
     assert can_say(f"{asked}; {does}", "outcome")
 
 
+def test_a_condition_is_about_something_that_is_there() -> None:
+    so = "look at HillGate, else: nothing; now: Hawk_1: alone, so; Hawk_2: free"
+    assert can_plan(f"asked: if Hawk_1 up: {so}")
+    assert not can_plan(f"asked: if Hawk_7 up: {so}")
+    assert not can_plan("asked: if Hawk_7 up? look at HillGate; Hawk_2: free")
+    assert can_plan("asked: identify at HillGate; Free robot: Guard_1")
+
+
 def test_the_judge_says_of_a_plan_what_it_does() -> None:
     assert can_say("asked: look at HillGate; planned: 1 drone look at HillGate; it fits")
     assert can_say("asked: Hawk_2 look at HillGate; planned: Hawk_2 look at HillGate; it fits")
