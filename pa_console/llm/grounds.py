@@ -25,6 +25,8 @@ _PART = r"[ !#-+\--9<-\[\]-~]"
 """A character within what commas and semicolons part."""
 _UNCONDITIONAL = rf"([ !#-9;-\[\]-hj-~]|i[ !#-9;-\[\]-eg-~]){WORD}*"
 """Words that do not begin as a condition does: the names in one are those of the digest."""
+_ONCE = f"asked: ({WORD}+|if {WORD}+: {WORD}+, else: {WORD}+; now: {WORD}+(: {WORD}+)?)"
+"""What was asked at a moment of which the digest is not."""
 _SO = {True: "so", False: "not so", None: "(not )?so"}
 _END = r"( \([A-Z]+-[0-9]+\))?( takes over| stays)?"
 
@@ -41,7 +43,7 @@ def grounded_feedback(role: Role, world: World, digest: Digest, plan: Plan) -> s
     Of an outcome, `digest` is of a later moment than the order's condition, which is left to the
     model.
     """
-    asked = rf"asked: ({WORD}|:)+" if role == "outcome" else _asked(world, digest)
+    asked = _ONCE if role == "outcome" else _asked(world, digest)
     ways = {planned(plan.actions, world, by_name=by_name) for by_name in (True, False)}
     return f"{asked}; planned: {_either(map(escape, sorted(ways)))}; {WORD}+"
 

@@ -122,6 +122,10 @@ def test_the_judge_says_of_a_plan_what_it_does() -> None:
     assert not can_say("asked: look at HillGate; planned: 2 drones look at HillGate; it fits")
     assert not can_say("asked: look at HillGate; it fits")
     assert not can_say("asked: look at HillGate; planned: hold; it fits", "outcome")
+    assert not can_say(
+        "asked: look; planned: 1 drone HillGate; done; planned: 1 drone look at HillGate; done",
+        "outcome",
+    )
 
 
 def test_tracks_are_read_back_from_the_digest() -> None:
