@@ -112,12 +112,7 @@ def compact_outcome_prompt(
 
 def _places(digest: Digest) -> Iterator[str]:
     """Yield who stands where: gates first, `alone` for a gate's only cover."""
-    stands: dict[str, list[str]] = {gate: [] for gate in digest.covered}
-    for name in digest.posts:
-        frame = stands_at(digest, name)
-        if frame:
-            stands.setdefault(frame, []).append(name)
-    for frame, names in stands.items():
+    for frame, names in standing(digest).items():
         words = ", ".join(names) or "nobody"
         if frame in digest.uncovered:
             words += ", uncovered"
@@ -155,6 +150,16 @@ def asset_state(digest: Digest, name: str) -> str:
     if guards:
         return "alone"
     return "free" if any(name in names for names in digest.free.values()) else "busy"
+
+
+def standing(digest: Digest) -> dict[str, list[str]]:
+    """Return who stands at each gate, and at each other frame where somebody does."""
+    stands: dict[str, list[str]] = {gate: [] for gate in digest.covered}
+    for name in digest.posts:
+        frame = stands_at(digest, name)
+        if frame:
+            stands.setdefault(frame, []).append(name)
+    return stands
 
 
 def stands_at(digest: Digest, name: str) -> str:

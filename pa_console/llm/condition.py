@@ -9,7 +9,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from pa_console.llm.compact_prompt import asset_state, stands_at
+from pa_console.llm.compact_prompt import asset_state, standing
 from pa_console.llm.contact import Contact, contacts
 from pa_console.llm.facts import WORDS
 from pa_console.schema.base import StrictModel
@@ -58,13 +58,19 @@ def conditions(world: World, digest: Digest) -> Iterator[Condition]:
                 yield Condition(fact=fact, subject=gate, track=kind)
         for fact in _COVER:
             yield Condition(fact=fact, subject=gate)
-    for name in world.assets:
-        if digest.selection is None or name in digest.posts or name in digest.down:
-            for fact in _STATE:
-                yield Condition(fact=fact, subject=name)
+    for name in told_assets(world, digest):
+        for fact in _STATE:
+            yield Condition(fact=fact, subject=name)
     for fact in _SPARE:
         for team in (*WORDS, None):
             yield Condition(fact=fact, kind=team)
+
+
+def told_assets(world: World, digest: Digest) -> list[str]:
+    """Return the assets of which `digest` tells: of a large world, those that were selected."""
+    if digest.selection is None:
+        return list(world.assets)
+    return [name for name in world.assets if name in digest.posts or name in digest.down]
 
 
 def in_words(condition: Condition) -> str:
@@ -148,8 +154,7 @@ def holds(condition: Condition, digest: Digest) -> bool | None:  # noqa: PLR0911
 def guard(gate: str, digest: Digest) -> str:
     """Return who stands at a gate, the first of several, or that nobody does."""
     sole = digest.sole_cover.get(gate)
-    there = (name for name in digest.posts if stands_at(digest, name) == gate)
-    return sole or next(there, "nobody")
+    return sole or next(iter(standing(digest).get(gate, ())), "nobody")
 
 
 def _listed(gate: str, digest: Digest) -> str:

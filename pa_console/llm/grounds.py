@@ -9,8 +9,8 @@ the model.
 from collections.abc import Iterable, Iterator
 from re import escape
 
-from pa_console.llm.compact_prompt import asset_state, stands_at
-from pa_console.llm.condition import conditions, evidence, holds, in_words
+from pa_console.llm.compact_prompt import asset_state, standing
+from pa_console.llm.condition import conditions, evidence, holds, in_words, told_assets
 from pa_console.llm.contact import contacts
 from pa_console.llm.facts import WORDS
 from pa_console.llm.plan_words import planned
@@ -27,6 +27,8 @@ _UNCONDITIONAL = rf"([ !#-9;-\[\]-hj-~]|i[ !#-9;-\[\]-eg-~]){WORD}*"
 """Words that do not begin as a condition does: the names in one are those of the digest."""
 _ONCE = f"asked: ({WORD}+|if {WORD}+: {WORD}+, else: {WORD}+; now: {WORD}+(: {WORD}+)?)"
 """What was asked at a moment of which the digest is not."""
+MOST_PLANNED = 140
+"""Longer words for a plan leave too little room beside them."""
 _SO = {True: "so", False: "not so", None: "(not )?so"}
 _END = r"( \([A-Z]+-[0-9]+\))?( takes over| stays)?"
 
@@ -40,12 +42,13 @@ def grounded_reason(world: World, digest: Digest) -> str:
 def grounded_feedback(role: Role, world: World, digest: Digest, plan: Plan) -> str:
     """Return a regular expression for what a judge says of `plan`, with what it does as it is.
 
-    Of an outcome, `digest` is of a later moment than the order's condition, which is left to the
-    model.
+    A plan of many words is told in the model's own. Of an outcome, `digest` is of a later moment
+    than the order's condition, which is left to the model.
     """
     asked = _ONCE if role == "outcome" else _asked(world, digest)
-    ways = {planned(plan.actions, world, by_name=by_name) for by_name in (True, False)}
-    return f"{asked}; planned: {_either(map(escape, sorted(ways)))}; {WORD}+"
+    every = {planned(plan.actions, world, by_name=by_name) for by_name in (True, False)}
+    ways = sorted(escape(words) for words in every if len(words) <= MOST_PLANNED)
+    return f"{asked}; planned: {_either(ways or [f'{WORD}+'])}; {WORD}+"
 
 
 def _asked(world: World, digest: Digest) -> str:
@@ -60,18 +63,19 @@ def _asked(world: World, digest: Digest) -> str:
 
 def _facts(world: World, digest: Digest) -> Iterator[str]:
     """Yield what can be stated: of assets, of places, of tracks, of who is free."""
-    for name in world.assets:
+    for name in told_assets(world, digest):
         state = asset_state(digest, name) if name in digest.posts else "down"
         ways = [state, state.partition(",")[0]]
         ways += [f"alone at {gate}" for gate, sole in digest.sole_cover.items() if sole == name]
         ways += ["poor link"] * (name in digest.degraded_comms)
         yield f"{name}: {_either(dict.fromkeys(ways))}"
     yield "[A-Za-z0-9_]+: no such asset"
-    for frame in world.frames:
-        there = [name for name in digest.posts if stands_at(digest, name) == frame]
+    stand = {frame: list[str]() for frame in _frames(world, digest)} | standing(digest)
+    for frame, there in stand.items():
         yield f"{frame}: {_either([*there, f'{len(there)} assets'] if there else ['nobody'])}"
-    for frame in world.frames:
-        here = [contact for contact in contacts(digest.tracks) if contact.gate == frame]
+    tracks = contacts(digest.tracks)
+    for frame in stand:
+        here = [contact for contact in tracks if contact.gate == frame]
         ways = [f"{contact.id} {contact.kind}, {contact.step}" for contact in here]
         ways += ["no track"] * (not any(contact.here for contact in here))
         yield f"At {frame}: {_either(ways)}"
@@ -79,6 +83,13 @@ def _facts(world: World, digest: Digest) -> Iterator[str]:
         yield f"Free {WORDS[kind]}: ({_names(names)}none( to look first)?)"
     every = [name for names in digest.free.values() for name in names]
     yield f"Free: ({_names(every)}none)"
+
+
+def _frames(world: World, digest: Digest) -> Iterable[str]:
+    """Return the frames of which `digest` tells: of a large world, those that were selected."""
+    if digest.selection is None:
+        return world.frames
+    return dict.fromkeys((*digest.covered, *digest.selection.frames))
 
 
 def _names(names: Iterable[str]) -> str:

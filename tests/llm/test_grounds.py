@@ -1,6 +1,7 @@
 """What a trained model may state: the digest's facts, and the truth of a condition."""
 
 import json
+from typing import Literal
 
 import pytest
 from hypothesis import given, settings
@@ -10,9 +11,10 @@ from llguidance import LLMatcher, LLTokenizer
 from pa_console.llm.condition import Condition, conditions, evidence, holds, in_words
 from pa_console.llm.contact import contacts
 from pa_console.llm.grammar import compact_judge_grammar, plan_grammar
-from pa_console.llm.grounds import grounded_feedback, grounded_reason
+from pa_console.llm.grounds import MOST_PLANNED, grounded_feedback, grounded_reason
+from pa_console.llm.plan_words import planned
 from pa_console.schema.plan import Action, Plan
-from pa_console.schema.telemetry import Digest
+from pa_console.schema.telemetry import Digest, Selection
 from tests.llm.site import WORLD, picture
 
 BYTES = LLTokenizer("byte")
@@ -39,9 +41,9 @@ def accepts(grammar: str, text: str) -> bool:
     return matcher.try_consume_tokens(tokens) == len(tokens) and matcher.is_accepting()
 
 
-def can_plan(reason: str) -> bool:
+def can_plan(reason: str, digest: Digest = DIGEST) -> bool:
     action = {"agent": "Hawk_2", "command": "hold"}
-    grammar = plan_grammar(WORLD, picture(), reason=grounded_reason(WORLD, DIGEST))
+    grammar = plan_grammar(WORLD, picture(), reason=grounded_reason(WORLD, digest))
     return accepts(grammar, json.dumps({"reason": reason, "actions": [action]}))
 
 
@@ -114,6 +116,39 @@ def test_a_condition_is_about_something_that_is_there() -> None:
     assert not can_plan(f"asked: if Hawk_7 up: {so}")
     assert not can_plan("asked: if Hawk_7 up? look at HillGate; Hawk_2: free")
     assert can_plan("asked: identify at HillGate; Free robot: Guard_1")
+
+
+def test_of_a_large_world_only_what_was_selected_can_be_stated() -> None:
+    chosen = Selection(gates={"RiverGate": ""}, assets={"Hawk_1": ""}, frames=("RiverGate",))
+    digest = DIGEST.model_copy(
+        update={
+            "covered": {"RiverGate": 1},
+            "uncovered": (),
+            "posts": {"Hawk_1": "uav at RiverGate"},
+            "down": (),
+            "selection": chosen,
+        }
+    )
+    assert can_plan("asked: look at RiverGate; Hawk_1: alone", digest)
+    for fact in ("Hawk_2: down", "Mule_1: down", "HillGate: nobody"):
+        assert not can_plan(f"asked: look at RiverGate; {fact}", digest)
+
+
+@given(st.integers(1, 40), st.sampled_from(("judge", "outcome")))
+@settings(deadline=None)
+def test_something_can_be_said_of_every_plan(count: int, role: Literal["judge", "outcome"]) -> None:
+    frames, agents = list(WORLD.frames), list(WORLD.assets)
+    actions = tuple(
+        Action(agent=agents[n % len(agents)], command=f"move_to {frames[n // 4 % len(frames)]}")
+        for n in range(count)
+    )
+    plan = Plan(reason="", actions=actions)
+    words = planned(actions, WORLD, by_name=False)
+    told = words if len(words) <= MOST_PLANNED else "many things"
+    text = grounded_feedback(role, WORLD, DIGEST, plan)
+    answer: dict[str, object] = {"feedback": f"asked: hold; planned: {told}; no", "violated": []}
+    grammar = compact_judge_grammar([], text)
+    assert accepts(grammar, json.dumps({**answer, "verdict": "Failure"}))
 
 
 def test_the_judge_says_of_a_plan_what_it_does() -> None:
