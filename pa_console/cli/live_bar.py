@@ -1,9 +1,11 @@
 """A progress bar that lives as long as its `with` block."""
 
+import sys
 from types import TracebackType
 from typing import Self
 
-from rich.progress import Progress
+from rich.console import Console
+from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
 
 
 class LiveBar:
@@ -22,3 +24,22 @@ class LiveBar:
         at: TracebackType | None,
     ) -> None:
         self._progress.stop()
+
+
+def transient_bar(counted: ProgressColumn) -> Progress:
+    """Return a bar with what is `counted`, gone once it has stopped, on a terminal only.
+
+    It keeps to the stderr that it began with, whoever captures that.
+    """
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=24),
+        counted,
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        console=Console(file=sys.stderr),
+        transient=True,
+        redirect_stdout=False,
+        redirect_stderr=False,
+        disable=not sys.stderr.isatty(),
+    )

@@ -1,12 +1,10 @@
 """Opens a session log with a bar that says how far it was read."""
 
-import sys
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import DownloadColumn
 
-from pa_console.cli.live_bar import LiveBar
+from pa_console.cli.live_bar import LiveBar, transient_bar
 from pa_console.llm.cache import cache_folder
 from pa_console.session.recording import Recording
 
@@ -16,18 +14,7 @@ class ReadBar(LiveBar):
 
     def __init__(self, log: Path) -> None:
         """Show that `log` is being read."""
-        self._progress = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(bar_width=24),
-            DownloadColumn(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
-            console=Console(file=sys.stderr),
-            transient=True,
-            redirect_stdout=False,
-            redirect_stderr=False,
-            disable=not sys.stderr.isatty(),
-        )
+        self._progress = transient_bar(DownloadColumn())
         self._task = self._progress.add_task(f"reading {log.name}", total=None)
 
     def show(self, done: int, total: int) -> None:
