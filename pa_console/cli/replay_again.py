@@ -12,7 +12,7 @@ from pa_console.cli.read_bar import read_recording
 from pa_console.cli.replay_play import started_of, world_of
 from pa_console.evaluation.twin import Twin, resimulate
 from pa_console.orchestrator.compose import open_scenario, open_world
-from pa_console.orchestrator.effect import effect_on_session
+from pa_console.orchestrator.effect import decided_again
 from pa_console.orchestrator.flips import SessionEffect
 from pa_console.orchestrator.session_site import SessionSites
 from pa_console.schema.document import DocumentError
@@ -70,7 +70,7 @@ def run_again(log: Path, place: Place) -> Again:
     with errors.status(f"running {len(recording)} events again"):
         twin = resimulate(_events(recording), world, situation)
         rules = sites.rules_of(started)
-        decided = None if rules is None else effect_on_session(_events(recording), world, rules)
+        decided = None if rules is None else decided_again(_events(recording), world, rules)
     line = line_of(log, twin.first_event) if twin.first_event is not None else None
     return Again(twin, line, decided, recording.problem)
 

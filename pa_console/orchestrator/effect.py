@@ -32,8 +32,22 @@ def effect_on_session(
     does not come out again even with them is a gap, not a flip; without them, nobody knows which
     orderings a running plan broke. Raises what reading `events` does.
     """
-    again = Recheck(world, (new,) if was is None else (new, was))
-    effect = _Session(again, new, was is not None)
+    return _follow(events, Recheck(world, (new,), was), new, has_old=was is not None)
+
+
+def decided_again(events: Iterable[ev.Event], world: World, own: Rulebook) -> SessionEffect:
+    """Return which decisions of a recorded session do not come out again under its own rules.
+
+    `own` are the rules that it began with; others that it changed to are in its log. Raises what
+    reading `events` does.
+    """
+    return _follow(events, Recheck(world, (), own), own, has_old=False)
+
+
+def _follow(
+    events: Iterable[ev.Event], again: Recheck, rules: Rulebook, *, has_old: bool
+) -> SessionEffect:
+    effect = _Session(again, rules, has_old)
     for event in events:
         effect.see(event)
     return effect.found

@@ -90,14 +90,16 @@ class _Work:
 class Recheck:
     """Goes through a session's events; yields what several sets of rules make of each decision."""
 
-    def __init__(self, world: World, rulebooks: Sequence[Rulebook]) -> None:
-        """`world` must be that of the session.
+    def __init__(
+        self, world: World, others: Sequence[Rulebook], own: Rulebook | None = None
+    ) -> None:
+        """`world` must be that of the session; what `others` find is told first, then its own.
 
-        Of two rulebooks or more, the last is that of the session's beginning; when the session
-        changes its rules, the log tells them, and they take its place.
+        `own` are the rules of the session's beginning; when the session changes them, the log tells
+        the new ones, and they take their place.
         """
         self.state = SessionState()
-        self._world, self._rulebooks = world, tuple(rulebooks)
+        self._world, self._others, self._own = world, tuple(others), own
         self._sightings = Sightings(world)
         self._work: dict[str, _Work] = {}
 
@@ -106,8 +108,8 @@ class Recheck:
         if isinstance(event.data, ev.TelemetryReceived):
             self._sightings.look(event.data.picture)
             yield from self._running(event.data.picture)
-        if isinstance(event.data, ev.RulesReplaced) and len(self._rulebooks) > 1:
-            self._rulebooks = (*self._rulebooks[:-1], _as_told(event.data))
+        if isinstance(event.data, ev.RulesReplaced) and self._own is not None:
+            self._own = _as_told(event.data)
         self.state.apply(event)
         trace = self.state.missions.get(event.mission or "")
         if trace is not None:
@@ -149,7 +151,7 @@ class Recheck:
 
     def _begin(self, mission: Mission) -> _Work:
         """Begin with the rules that are in force: a mission stays under them to its end."""
-        books = self._rulebooks
+        books = self._others if self._own is None else (*self._others, self._own)
         monitors = tuple(Monitor(book, self._world, self._sightings) for book in books)
         return _Work(books, monitors, mission)
 

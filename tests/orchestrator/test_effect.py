@@ -9,7 +9,7 @@ import pytest
 
 from pa_console.orchestrator.clock import SteppedClock
 from pa_console.orchestrator.compose import Site, load_site, open_station
-from pa_console.orchestrator.effect import effect_on_session
+from pa_console.orchestrator.effect import decided_again, effect_on_session
 from pa_console.orchestrator.flips import Flip, SessionEffect, rules_turned
 from pa_console.orchestrator.headless import run_missions, standing_approver
 from pa_console.orchestrator.session_site import SessionSites
@@ -214,6 +214,10 @@ def test_rules_that_were_changed_in_the_session_are_those_it_goes_on_with() -> N
     events.insert(1, events[0].model_copy(update={"data": told}))
     found = effect(events, book)
     assert (found.flips, found.gaps) == ([], [])
+    began_with = checkpoint_rules()
+    assert effect_on_session(events, SITE.world, began_with).flips
+    again = decided_again(events, SITE.world, began_with)
+    assert (again.plans, again.flips) == (1, [])
 
 
 def test_what_does_not_come_out_again_is_a_gap_and_no_flip(observed: Events) -> None:
