@@ -10,7 +10,6 @@ from pa_console.llm.facts import (
     FEW_FRAMES,
     WORDS,
     plan_facts,
-    rehearsal_facts,
     told,
     verification_facts,
 )
@@ -78,23 +77,20 @@ def compact_planner_prompt(  # noqa: PLR0917
     return Prompt(start.system, start.user + "\n".join(lines))
 
 
-def compact_judge_prompt(  # noqa: PLR0917
+def compact_judge_prompt(
     world: World,
     digest: Digest,
     rules: Sequence[Rule],
     mission: Mission,
-    plan: Plan,
-    rehearsal: Rehearsal,
+    _plan: Plan,
+    _rehearsal: Rehearsal,
 ) -> Prompt:
-    """Return the judge's prompt; neither the plan's reason nor the checks' findings are in it."""
-    lines = [
-        *_rules(rules),
-        mission_line(mission),
-        f"Plan: {plan_facts(world, plan)}",
-        rehearsal_facts(world, rehearsal),
-    ]
+    """Return the judge's prompt, without the plan: who has seen one finds it in every order.
+
+    What is planned comes into the answer, after what was asked.
+    """
     start = ahead("judge", world, digest)
-    return Prompt(start.system, start.user + "\n".join(lines))
+    return Prompt(start.system, start.user + "\n".join([*_rules(rules), mission_line(mission)]))
 
 
 def compact_outcome_prompt(

@@ -4,7 +4,7 @@ A model without adapters needs instructions and examples in every prompt; one wi
 trained on short prompts and short verdicts (`compact_prompt.py`).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -15,8 +15,12 @@ from pa_console.llm.compact_prompt import (
     compact_outcome_prompt,
     compact_planner_prompt,
 )
-from pa_console.llm.grammar import compact_judge_grammar, judge_grammar
-from pa_console.llm.grounds import grounded_feedback, grounded_reason
+from pa_console.llm.grammar import (
+    compact_judge_grammar,
+    compact_opening_grammar,
+    judge_grammar,
+)
+from pa_console.llm.grounds import grounded_asked, grounded_feedback, grounded_reason
 from pa_console.llm.prompts import (
     Prompt,
     fixed_part,
@@ -40,11 +44,14 @@ class Dialect:
     planner: Callable[..., Prompt]
     judge: Callable[..., Prompt]
     outcome: Callable[..., Prompt]
-    verdict: Callable[[Sequence[str], str], str]
+    verdict: Callable[..., str]
     reason: Callable[[World, Digest], str]
     """What a plan's reason can state, as a regular expression; empty: anything."""
     feedback: Callable[[Role, World, Digest, Plan], str]
     """The same of what is said of a plan, or of its outcome."""
+    opening: Callable[[World, Digest], str] | None
+    """The grammar of how a verdict on a plan begins: with what was asked, so that the console can
+    compare the plan with it; None: the judge compares on its own."""
     ahead: Callable[[Role, World, Digest | None], Prompt]
     """The beginning of a role's prompts that does not depend on a mission; without a picture, of
     a world too large to be told whole."""
@@ -65,6 +72,10 @@ def _compact_ahead(role: Role, world: World, digest: Digest | None) -> Prompt:
     return ahead(role, world, digest)
 
 
+def _compact_opening(world: World, digest: Digest) -> str:
+    return compact_opening_grammar(grounded_asked(world, digest))
+
+
 DIALECTS: dict[DialectName, Dialect] = {
     "examples": Dialect(
         "examples",
@@ -74,6 +85,7 @@ DIALECTS: dict[DialectName, Dialect] = {
         judge_grammar,
         lambda _world, _digest: "",
         lambda _role, _world, _digest, _plan: "",
+        None,
         _fixed_only,
         700,
         900,
@@ -86,9 +98,10 @@ DIALECTS: dict[DialectName, Dialect] = {
         compact_judge_grammar,
         grounded_reason,
         grounded_feedback,
+        _compact_opening,
         _compact_ahead,
         400,
-        160,
+        200,
     ),
 }
 """The dialects by the name that a catalogue entry gives."""

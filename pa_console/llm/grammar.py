@@ -6,6 +6,7 @@ kind and frames that exist. The text depends on nothing but its arguments, so it
 
 import json
 from collections.abc import Collection, Iterable, Sequence
+from typing import Literal
 
 from pa_console.schema.plan import COMMANDS, MAX_ACTIONS, Verb
 from pa_console.schema.telemetry import Picture
@@ -14,12 +15,18 @@ from pa_console.schema.world import AssetKind, World
 KINDS: tuple[AssetKind, ...] = ("uav", "ugv", "robot")
 REASON_CHARS = 240
 FEEDBACK_CHARS = 240
+COMPARED_CHARS = 480
+"""The longest feedback in which the console says how a plan compares with what was asked."""
 MOST_VIOLATED = 6
 TEXT = r"[ !#-\[\]-~]"
 """Printable ASCII without the quote and the backslash: nothing to escape in JSON."""
 
 ANY_TEXT = r"start: /(?s:.)*/" + "\n"
 """The grammar of whatever a model cares to write (evaluations only)."""
+
+PLANNED = "; planned: "
+"""What stands between what was asked and what is planned, in a short verdict."""
+Opinion = Literal["Success", "Failure"]
 
 _AGENT = '{{"agent": "{}", "command": "'
 _OPINION = '{{"id": "{}", "verdict": "'
@@ -86,10 +93,25 @@ def judge_grammar(rule_ids: Sequence[str], feedback: str = "") -> str:
     return "\n".join(lines) + "\n"
 
 
-def compact_judge_grammar(rule_ids: Sequence[str], feedback: str = "") -> str:
+def compact_opening_grammar(asked: str) -> str:
+    """Return the grammar of how a short verdict begins: with what was asked, such as `asked`.
+
+    `asked` is a regular expression in Rust's syntax.
+    """
+    whole = [_literal('{"feedback": "'), "ASKED", _literal(PLANNED)]
+    return f"start: {' '.join(whole)}\nASKED: {_text(asked, FEEDBACK_CHARS)}\n"
+
+
+def compact_judge_grammar(
+    rule_ids: Sequence[str],
+    feedback: str = "",
+    verdicts: Sequence[Opinion] = ("Success", "Failure"),
+    most: int = FEEDBACK_CHARS,
+) -> str:
     """Return the grammar of a short verdict: feedback, the ids of violated rules, then overall.
 
-    The feedback matches `feedback` (a regular expression in Rust's syntax) if there is one.
+    The feedback has `most` characters and matches `feedback` (a regular expression in Rust's
+    syntax) if there is one; the verdict is one of `verdicts`.
     """
     whole = [_literal('{"feedback": "'), "FEEDBACK", _literal('", "violated": [')]
     whole += [
@@ -100,8 +122,8 @@ def compact_judge_grammar(rule_ids: Sequence[str], feedback: str = "") -> str:
     ]
     lines = [
         f"start: {' '.join(whole)}",
-        f"FEEDBACK: {_text(feedback, FEEDBACK_CHARS)}",
-        f"verdict: {_choice(('Success', 'Failure'))}",
+        f"FEEDBACK: {_text(feedback, most)}",
+        f"verdict: {_choice(verdicts)}",
     ]
     if rule_ids:
         lines.append(f'violated: "" | id ({_literal(", ")} id){{0,{MOST_VIOLATED - 1}}}')

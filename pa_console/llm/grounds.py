@@ -36,7 +36,7 @@ _END = r"( \([A-Z]+-[0-9]+\))?( takes over| stays)?"
 def grounded_reason(world: World, digest: Digest) -> str:
     """Return a regular expression (Rust's syntax) for the reasons that `digest` bears out."""
     part = f" {_either(_facts(world, digest))}{_END}|{_PART}*"
-    return f"{_asked(world, digest)}([;,]({part}))*"
+    return f"{grounded_asked(world, digest)}([;,]({part}))*"
 
 
 def grounded_feedback(role: Role, world: World, digest: Digest, plan: Plan) -> str:
@@ -45,14 +45,14 @@ def grounded_feedback(role: Role, world: World, digest: Digest, plan: Plan) -> s
     A plan of many words is told in the model's own. Of an outcome, `digest` is of a later moment
     than the order's condition, which is left to the model.
     """
-    asked = _ONCE if role == "outcome" else _asked(world, digest)
+    asked = _ONCE if role == "outcome" else grounded_asked(world, digest)
     every = {planned(plan.actions, world, by_name=by_name) for by_name in (True, False)}
     ways = sorted(escape(words) for words in every if len(words) <= MOST_PLANNED)
     return f"{asked}; planned: {_either(ways or [f'{WORD}+'])}; {WORD}+"
 
 
-def _asked(world: World, digest: Digest) -> str:
-    """Return what was asked, with the truth of each condition that it may be under."""
+def grounded_asked(world: World, digest: Digest) -> str:
+    """Return a regular expression for what was asked; `digest` decides each condition in it."""
     under = (
         f"{escape(in_words(condition))}: {WORD}+, else: {WORD}+; "
         f"now: {escape(evidence(condition, digest))}, {_SO[holds(condition, digest)]}"

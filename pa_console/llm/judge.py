@@ -1,17 +1,18 @@
 """The judge role (paper, Section IV-F): an independent verdict on a plan or an outcome."""
 
-from collections.abc import AsyncGenerator, Sequence
+from collections.abc import AsyncGenerator, Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
 from pydantic import Field, ValidationError
 
-from pa_console.llm.asking import ask
+from pa_console.llm.asking import Answer, ask
 from pa_console.llm.engine import Engine
-from pa_console.llm.grammar import FEEDBACK_CHARS
+from pa_console.llm.grammar import COMPARED_CHARS
 from pa_console.llm.prompts import Prompt
 from pa_console.llm.request import Request
 from pa_console.schema.base import StrictModel
+from pa_console.schema.event import Role
 from pa_console.schema.finding import JudgeOpinion, RuleOpinion, Usage, Verdict
 
 MAX_TOKENS = 900
@@ -40,25 +41,43 @@ class Judge:
         self,
         prompt: Prompt,
         grammar: str,
-        role: Literal["judge", "outcome"] = "judge",
+        role: Role = "judge",
         rule_ids: Sequence[str] = (),
+        goes_on: Callable[[str], str] | None = None,
     ) -> AsyncGenerator[str | Judgement]:
         """Give the answer to `prompt` in pieces, then one Judgement; never raises EngineError.
 
         `role` says whose fixed part the prompt begins with: of plans, or of outcomes. `rule_ids`
-        are the rules on which an opinion is wanted.
+        are the rules on which an opinion is wanted. With `goes_on`, `grammar` is of the beginning
+        of the answer; given that, it returns the grammar of the whole, which begins with it.
         """
+        begun = Answer("", Usage())
+        if goes_on is not None:
+            async for item in self._ask(prompt, grammar, role):
+                if isinstance(item, str):
+                    yield item
+                else:
+                    begun = item
+            if begun.error:
+                yield Judgement(begun.text, None, begun.error, begun.usage)
+                return
+            grammar = goes_on(begun.text)
+        text, given = "", len(begun.text)
+        async for item in self._ask(prompt, grammar, role):
+            if isinstance(item, str):
+                text += item
+                if len(text) > given:
+                    yield text[given:]
+                    given = len(text)
+                continue
+            verdict, error = (None, item.error) if item.error else read_verdict(item.text, rule_ids)
+            yield Judgement(item.text, verdict, error, begun.usage.going_on(item.usage))
+
+    def _ask(self, prompt: Prompt, grammar: str, role: Role) -> AsyncGenerator[str | Answer]:
         request = Request(
             role, prompt.system, prompt.user, grammar, self._max_tokens, self._deadline_s
         )
-        async for item in ask(self._engine, request):
-            if isinstance(item, str):
-                yield item
-            elif item.error:
-                yield Judgement(item.text, None, item.error, item.usage)
-            else:
-                verdict, error = read_verdict(item.text, rule_ids)
-                yield Judgement(item.text, verdict, error, item.usage)
+        return ask(self._engine, request)
 
 
 class _Opinion(StrictModel):
@@ -73,7 +92,7 @@ class _Answer(StrictModel):
     """
 
     rules: tuple[_Opinion, ...] = ()
-    feedback: str = Field(max_length=FEEDBACK_CHARS)
+    feedback: str = Field(max_length=COMPARED_CHARS)
     violated: tuple[str, ...] | None = None
     verdict: Literal["Success", "Failure"]
 

@@ -1,13 +1,15 @@
 """What the judge is asked: of a plan before it is executed, and of its outcome afterwards."""
 
-from collections.abc import AsyncGenerator, Sequence
+from collections.abc import AsyncGenerator, Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from pa_console.llm.dialect import Dialect
 from pa_console.llm.judge import Judge, Judgement
 from pa_console.llm.prompts import Prompt
+from pa_console.orchestrator.comparing import compared_grammar
 from pa_console.orchestrator.digest import digest_picture
+from pa_console.orchestrator.plan_moves import PlanMoves
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission, Verification
@@ -52,10 +54,13 @@ class JudgeQuestion:
     prompt: Prompt
     grammar: str
     rule_ids: tuple[str, ...] = ()
+    goes_on: Callable[[str], str] | None = None
+    """Where `grammar` is of the beginning alone: the grammar of the whole, for what it begins with.
+    """
 
     def put_to(self, judge: Judge) -> AsyncGenerator[str | Judgement]:
         """Ask `judge`; gives the answer in pieces, then one Judgement."""
-        return judge.judge(self.prompt, self.grammar, self.role, self.rule_ids)
+        return judge.judge(self.prompt, self.grammar, self.role, self.rule_ids, self.goes_on)
 
 
 def ask_about_plan(
@@ -68,8 +73,15 @@ def ask_about_plan(
     rules = [rulebook.get(id_) for id_ in judged_rules(case.hits, case.findings)]
     prompt = dialect.judge(world, case.digest, rules, case.task, case.plan, case.rehearsal)
     ids = tuple(rule.id for rule in rules)
-    feedback = dialect.feedback("judge", world, case.digest, case.plan)
-    return JudgeQuestion("judge", prompt, dialect.verdict(ids, feedback), ids)
+    if dialect.opening is None:
+        feedback = dialect.feedback("judge", world, case.digest, case.plan)
+        return JudgeQuestion("judge", prompt, dialect.verdict(ids, feedback), ids)
+    moves = PlanMoves(world, case.rehearsal.before, case.plan)
+
+    def goes_on(opening: str) -> str:
+        return compared_grammar(opening, moves, ids)
+
+    return JudgeQuestion("judge", prompt, dialect.opening(world, case.digest), ids, goes_on)
 
 
 def ask_about_outcome(dialect: Dialect, world: World, case: OutcomeCase) -> JudgeQuestion:

@@ -57,3 +57,17 @@ class Usage(StrictModel):
     )
     first_token_s: float = 0.0
     seconds: float = 0.0
+
+    def going_on(self, whole: "Usage") -> "Usage":
+        """Return what an answer cost that began with this and was then written as a `whole`."""
+        if not self.prompt_tokens:
+            return whole
+        return Usage(
+            prompt_tokens=self.prompt_tokens,
+            cached_tokens=self.cached_tokens,
+            completion_tokens=whole.completion_tokens,
+            sampled_tokens=self.sampled_tokens + whole.sampled_tokens,
+            guessed_tokens=self.guessed_tokens + whole.guessed_tokens,
+            first_token_s=self.first_token_s,
+            seconds=self.seconds + whole.seconds,
+        )

@@ -9,13 +9,16 @@ from dataclasses import replace
 from pa_console.llm.compact_prompt import ahead, compact_judge_prompt
 from pa_console.llm.grammar import MOST_VIOLATED
 from pa_console.llm.prompts import Prompt
+from pa_console.orchestrator.comparing import compare
 from pa_console.orchestrator.judging import judged_rules
+from pa_console.orchestrator.plan_moves import PlanMoves
 from pa_console.orchestrator.safeguards import Examination
 from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.mission_set import MissionCase
 from pa_console.schema.plan import Action
 from pa_console.schema.rule import Rule
+from pa_console.training.asked import asked
 from pa_console.training.corruptions import (
     Variant,
     right_variants,
@@ -67,9 +70,15 @@ def judge_samples(  # noqa: PLR0917
             hits = retriever.retrieve(told.case.command, TOP_K)
             rules = [rulebook.get(rule_id) for rule_id in judged_rules(hits, found.findings)]
             prompt = _prompt(told.case, situation, rules, found)
-            answer = answer_of(label, [rule.id for rule in rules])
+            words = asked(told.order, situation.world, situation.picture, situation.digest)
+            plan = PlanMoves(situation.world, found.rehearsal.before, found.plan)
+            compared = compare(f"asked: {words}", plan)
+            if label.right and compared.gaps:
+                continue
+            said = label._replace(feedback=f"asked: {words}{compared.words}")
+            answer = answer_of(said, [rule.id for rule in rules])
             kind = f"{told.kind.partition('/')[0]}/{variant.how}/{verdict_word(label.right)}"
-            yield make_sample(group.name, "judge", prompt, picture, answer, kind)
+            yield make_sample(group.name, "judge", prompt, picture, answer, kind, compared.words)
 
 
 def answer_of(label: Label, rule_ids: Sequence[str]) -> str:

@@ -22,10 +22,19 @@ class Sample(StrictModel):
     task: Role
     kind: str = Field(description="what it is a sample of, for tables: e.g. go/plain")
     weight: float = Field(default=1.0, gt=0.0, description="of its answer in the loss")
+    given: str = Field(
+        default="", description="the part of the answer that the grammar writes: nothing to learn"
+    )
 
 
 def make_sample(  # noqa: PLR0917
-    group: str, task: Role, prompt: Prompt, picture: str, answer: str, kind: str
+    group: str,
+    task: Role,
+    prompt: Prompt,
+    picture: str,
+    answer: str,
+    kind: str,
+    given: str = "",
 ) -> Sample:
     """Split `prompt` after `picture`; raises ValueError when it does not begin with it."""
     if not prompt.user.startswith(picture):
@@ -38,6 +47,7 @@ def make_sample(  # noqa: PLR0917
         answer=answer,
         task=task,
         kind=kind,
+        given=given,
     )
 
 

@@ -7,6 +7,7 @@ from time import perf_counter
 from pa_console.evaluation.bench.situations import LOW_PCT, bring_vehicle
 from pa_console.llm.dialect import DIALECTS
 from pa_console.llm.engine import Engine
+from pa_console.llm.facts import plan_facts
 from pa_console.llm.judge import Judge
 from pa_console.llm.planner import Planner
 from pa_console.orchestrator.compose import Site
@@ -35,6 +36,8 @@ class Pair:
     planner: PromptBuilt
     judge: PromptBuilt
     judged_rules: tuple[str, ...]
+    judged_plan: str
+    """What the verdict is about, in words: not every judge's prompt tells it."""
     planning_s: float
     judging_s: float
     seconds: float
@@ -105,7 +108,8 @@ class OurWay:
         prompts = {event.role: event for event in events if isinstance(event, PromptBuilt)}
         proposed = next(e for e in events if isinstance(e, PlanProposed) and e.author == "planner")
         judged = next((event for event in events if isinstance(event, PlanJudged)), None)
-        if judged is None or "judge" not in prompts:
+        best = planning.best
+        if judged is None or best is None or "judge" not in prompts:
             raise ValueError(
                 f"{self._site.world.name}: not even a report can be judged under these rules; "
                 f"measure another world, or other parts with --only"
@@ -115,6 +119,7 @@ class OurWay:
             planner=prompts["planner"],
             judge=prompts["judge"],
             judged_rules=tuple(opinion.rule_id for opinion in opinions),
+            judged_plan=plan_facts(self._site.world, best.examination.plan),
             planning_s=watch.seconds["planning_s"],
             judging_s=watch.seconds["judging_s"],
             seconds=seconds,

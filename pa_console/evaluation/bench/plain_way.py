@@ -59,11 +59,13 @@ class PlainWay:
                 max_tokens=most or self._dialect.plan_tokens,
             ),
         )
+        told = pair.judged_plan in pair.judge.user
+        user = pair.judge.user if told else f"{pair.judge.user}\nPlan: {pair.judged_plan}"
         verdict = await self._ask(
             "judge",
             PlainAsk(
                 system=pair.judge.system,
-                user=pair.judge.user,
+                user=user,
                 answer_schema=verdict_schema(self._dialect.name, pair.judged_rules),
                 max_tokens=most or self._dialect.verdict_tokens,
             ),

@@ -37,13 +37,13 @@ class Batch:
         lengths = tuple(len(branch.targets) for branch in pack.branches)
         tokens = np.concatenate([pack.prefix, *(branch.tokens for branch in pack.branches)])
         targets = np.concatenate([branch.targets for branch in pack.branches])
-        weights = np.repeat([branch.weight for branch in pack.branches], lengths)
+        weights = np.concatenate([branch.weights for branch in pack.branches])
         return cls(
             tokens=torch.from_numpy(tokens).long().to(device),
             layout=Layout.make(len(pack.prefix), [len(b.tokens) for b in pack.branches], device),
             rows=torch.tensor(rows, device=device),
             targets=torch.from_numpy(targets).long().to(device),
-            weights=torch.from_numpy(weights.astype(np.float32)).to(device),
+            weights=torch.from_numpy(weights).to(device),
             lengths=lengths,
         )
 
@@ -84,9 +84,11 @@ class Score:
 
 @torch.no_grad()
 def score(base: Base, pairs: Sequence[Pair], pack: Pack) -> Score:
-    """Return how well the answers of `pack` are predicted; weights do not count."""
+    """Return how well the answers of `pack` are predicted, but for what a grammar writes."""
     batch = Batch.make(pack, base.embedding.device)
     states = hidden(base, pairs, batch.tokens, batch.layout).index_select(0, batch.rows)
     losses, hits = score_answers(states, base.head, batch.targets)
-    right = sum(bool(part.all()) for part in torch.split(hits, list(batch.lengths)))
-    return Score(len(batch.lengths), len(losses), losses.sum().item(), right)
+    learnt = batch.weights > 0
+    right = sum(bool(part.all()) for part in torch.split(hits | ~learnt, list(batch.lengths)))
+    loss = losses[learnt].sum().item()
+    return Score(len(batch.lengths), int(learnt.sum().item()), loss, right)

@@ -26,12 +26,13 @@ class Branch:
     """One sample behind the shared prefix.
 
     `tokens` are the rest of the prompt, then the answer without its end; `targets` is the answer
-    with its end: what the last `len(targets)` of `tokens` are to predict.
+    with its end: what the last `len(targets)` of `tokens` are to predict, each with its weight. A
+    weight of zero is that of a token which the grammar writes.
     """
 
     tokens: Tokens
     targets: Tokens
-    weight: float
+    weights: NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class Pack:
     @property
     def loss_weight(self) -> float:
         """Sum of the weights of all tokens that are to be predicted."""
-        return sum(branch.weight * len(branch.targets) for branch in self.branches)
+        return float(sum(branch.weights.sum() for branch in self.branches))
 
 
 class Tokeniser:
@@ -70,6 +71,18 @@ class Tokeniser:
             *self._runtime.tokenise(sample.answer, special=False),
             self._runtime.end_token,
         ]
+
+    def weights(self, sample: Sample) -> NDArray[np.float32]:
+        """Return the weight of every token of `answer`: none within what is given."""
+        tokens = self.answer(sample)
+        weights = np.full(len(tokens), sample.weight, np.float32)
+        if sample.given:
+            lengths = [len(self._runtime.token_text(token)) for token in tokens[:-1]]
+            ends = np.cumsum(lengths)
+            begin = sample.answer.index(sample.given)
+            inside = (ends - lengths >= begin) & (ends <= begin + len(sample.given))
+            weights[:-1][inside] = 0.0
+        return weights
 
 
 def make_packs(samples: Iterable[Sample], tokeniser: Tokeniser, most_tokens: int) -> list[Pack]:
@@ -92,7 +105,7 @@ def _pack_group(
     prompts = [tokeniser.prompt(sample) for sample in samples]
     shared = _shared(prompts)
     branches = [
-        _branch(prompt[shared:], tokeniser.answer(sample), sample.weight)
+        _branch(prompt[shared:], tokeniser.answer(sample), tokeniser.weights(sample))
         for prompt, sample in zip(prompts, samples, strict=True)
     ]
     prefix = np.array(prompts[0][:shared], np.int32)
@@ -107,8 +120,8 @@ def _pack_group(
     yield Pack(prefix, tuple(together))
 
 
-def _branch(rest: Sequence[int], answer: Sequence[int], weight: float) -> Branch:
-    return Branch(np.array([*rest, *answer[:-1]], np.int32), np.array(answer, np.int32), weight)
+def _branch(rest: Sequence[int], answer: Sequence[int], weights: NDArray[np.float32]) -> Branch:
+    return Branch(np.array([*rest, *answer[:-1]], np.int32), np.array(answer, np.int32), weights)
 
 
 def _shared(prompts: Sequence[Sequence[int]]) -> int:

@@ -1,0 +1,212 @@
+"""Whether a plan does what an order was understood to ask for, and nothing else.
+
+Reading the order is the model's part (`llm/reading.py`). What cannot be done counts for nothing,
+and neither does what the rules ask for besides: who takes over a gate, who looks first.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+from pa_console.llm.facts import WORDS
+from pa_console.llm.reading import Reading, Wish, WishTask
+from pa_console.orchestrator.hindrance import hindrance, unfit
+from pa_console.orchestrator.plan_moves import PlanMoves
+
+_MEETS: frozenset[WishTask] = frozenset(("identify", "warn", "block", "respond"))
+
+
+def gaps(moves: PlanMoves, reading: Reading) -> tuple[str, ...]:
+    """Return in words what `reading` asks for and the plan lacks, then what nobody asked for."""
+    due = [wish for wish in reading.wishes if not hindrance(wish, moves.world, moves.before)]
+    lacking = [text for wish in due for text in _LACKING[wish.task](moves, wish)]
+    unmet = [
+        f"nobody sent to deal with {wish.place}"
+        for wish in due
+        if wish.task in _MEETS and not moves.dealt_with(wish.place) and moves.spare("uav")
+        if wish.task != "block" or not reading.others_stay
+    ]
+    return tuple(dict.fromkeys((*lacking, *unmet, *_unasked(moves, due, reading))))
+
+
+def _unasked(moves: PlanMoves, due: Sequence[Wish], reading: Reading) -> Iterator[str]:
+    """Yield what the plan does beyond the wishes that are due and what the rules ask for."""
+    moving = [wish for wish in due if wish.task not in ("report", "hold")]
+    if not moving:
+        busy = (a.agent for a in moves.plan.actions if a.verb not in ("hold", "report"))
+        yield from (f"{name} is not to move" for name in busy)
+        return
+    served = [w for w in moving if w.task in _MEETS or any(_may(moves, n, w) for n in moves.moved)]
+    for name in moves.moved:
+        asked = any(_may(moves, name, wish) for wish in moving)
+        if not asked and not _besides(moves, name, served, reading):
+            yield f"{name} not asked for"
+    if not any(wish.task in _MEETS for wish in due):
+        places = {wish.place for wish in moving}
+        for action in moves.plan.actions:
+            if action.verb in ("identify", "warn", "block") and action.target not in places:
+                yield f"{action.command} not asked for"
+
+
+def _besides(moves: PlanMoves, name: str, served: Sequence[Wish], reading: Reading) -> bool:
+    """Whether `name` takes over a gate (WF-03), looks first (WF-02) or meets a track (WF-01)."""
+    goal = moves.ends(name)
+    guards = moves.guards(goal)
+    if not reading.others_stay and any(n in guards for n in moves.moved if n != name):
+        return True
+    if goal not in moves.world.gates or not moves.tracks(goal):
+        return False
+    looks = moves.kind(name) == "uav" and not reading.others_stay
+    meets = bool(moves.commands(goal, names=[name]))
+    return (looks or meets) and any(wish.place == goal for wish in served)
+
+
+def _may(moves: PlanMoves, name: str, wish: Wish) -> bool:
+    """Whether `name` may move for `wish`."""
+    if name in (*wish.team.names, wish.leaving):
+        return True
+    goal, fits = moves.ends(name), wish.team.kind in (None, moves.kind(name))
+    match wish.task:
+        case "go" | "mass":
+            return not wish.team.names and goal == wish.place and fits
+        case "home":
+            return not wish.team.names and goal == moves.world.base and fits
+        case "look":
+            return goal == wish.place and moves.kind(name) == "uav"
+        case "cover" | "relieve":
+            return goal == _post(moves, wish)
+        case "stand_down":
+            return goal == moves.world.base and moves.post(name) == wish.place
+        case "identify" | "warn" | "block" | "respond":
+            return goal == wish.place
+        case _:
+            return False
+
+
+# What each task needs: functions that yield what of a wish the plan lacks.
+
+
+def _there(moves: PlanMoves, wish: Wish) -> Iterator[str]:
+    """Yield who of those asked for is not sent; as many as are to be had must be."""
+    place, team = moves.world.base if wish.task == "home" else wish.place, wish.team
+    yield from _absent(moves, wish, place)
+    if team.names:
+        return
+    sent, spare = len(moves.sent(place, team.kind)), moves.spare(team.kind)
+    wanted = 1 if team.number == "all" else team.number
+    word = "asset" if team.kind is None else WORDS[team.kind]
+    if sent < wanted and spare:
+        yield f"{sent} of {wanted} {word} to {place}"
+    elif wish.task == "mass" and spare:
+        yield f"{', '.join(spare)} not sent to {place}"
+    elif wish.task == "go" and sent > wanted and team.kind != "uav" and team.number != "all":
+        yield f"{sent} instead of {wanted} {word} to {place}"
+
+
+def _absent(moves: PlanMoves, wish: Wish, place: str) -> Iterator[str]:
+    """Yield who was named and is not sent, unless a gate needs him."""
+    for name in _fit(moves, wish):
+        if moves.ends(name) != place and (name not in moves.alone or moves.spare()):
+            yield f"{name} is not sent to {place}"
+
+
+def _looked(moves: PlanMoves, wish: Wish) -> Iterator[str]:
+    yield from _absent(moves, wish, wish.place)
+    if not wish.team.names and not moves.commands(wish.place, ["observe"]) and moves.spare("uav"):
+        yield f"nobody observes {wish.place}"
+
+
+def _identified(moves: PlanMoves, wish: Wish) -> Iterator[str]:
+    """Yield those who were named and do not go to the track that is to be dealt with."""
+    names = _fit(moves, wish)
+    if not names or not moves.tracks(wish.place):
+        return
+    if all(name in moves.alone for name in names) and not moves.spare():
+        return
+    if not any(a.agent in names and a.target == wish.place for a in moves.plan.actions):
+        yield f"{', '.join(names)} not sent to {wish.place}"
+
+
+def _blocked(moves: PlanMoves, wish: Wish) -> Iterator[str]:
+    """Yield that a lane is not closed, unless whoever is there has to be met first (WF-01)."""
+    due = all(track.intent == "hostile" and track.warned for track in moves.tracks(wish.place))
+    if due and not moves.commands(wish.place, ["block"], _fit(moves, wish)):
+        yield f"nobody blocks {wish.place}"
+
+
+def _taken_over(moves: PlanMoves, wish: Wish) -> Iterator[str]:
+    place = _post(moves, wish)
+    if wish.task == "relieve" and moves.goals.get(wish.leaving) != moves.world.base:
+        yield f"{wish.leaving} does not go home"
+    if not any(name != wish.leaving for name in moves.sent(place)) and moves.spare():
+        yield f"nobody takes over {place}"
+
+
+def _swapped(moves: PlanMoves, wish: Wish) -> Iterator[str]:
+    first, second = wish.team.names
+    for one, other in ((first, second), (second, first)):
+        if moves.ends(one) != moves.post(other):
+            yield f"{one} does not take the place of {other}"
+
+
+def _stood_down(moves: PlanMoves, wish: Wish) -> Iterator[str]:
+    """Yield that not exactly one guard stays, or that nobody goes home."""
+    left = [name for name in moves.guards(wish.place) if moves.ends(name) == wish.place]
+    if wish.place in moves.world.gates and len(left) != 1:
+        yield f"{len(left)} stay at {wish.place}"
+    if not moves.sent(moves.world.base):
+        yield "nobody goes home"
+
+
+def _reported(moves: PlanMoves, wish: Wish) -> Iterator[str]:
+    told = {action.agent for action in moves.plan.actions if action.verb == "report"}
+    team = wish.team
+    if team.names:
+        yield from (f"no report by {n}" for n in _fit(moves, wish) if n not in told)
+        return
+    asked = [
+        name
+        for name, asset in moves.before.assets.items()
+        if asset.available and team.kind in (None, asset.kind)
+        if all(asset.post == at for at in (wish.place, team.origin) if at)
+    ]
+    wanted = len(asked) if team.number == "all" or wish.place else team.number
+    if len(told.intersection(asked)) < wanted:
+        yield f"{len(told.intersection(asked))} of {wanted} reports"
+
+
+def _held(moves: PlanMoves, wish: Wish) -> Iterator[str]:
+    yield from (f"{name} is not to move" for name in wish.team.names if name in moves.moved)
+
+
+def _nothing(_moves: PlanMoves, _wish: Wish) -> Iterator[str]:
+    """Yield nothing: what is due is known by the track's own workflow, or not readable."""
+    yield from ()
+
+
+def _post(moves: PlanMoves, wish: Wish) -> str:
+    """Return the place that is to be taken over: as said, or that of the asset that leaves."""
+    return wish.place or (moves.post(wish.leaving) if wish.leaving else "")
+
+
+def _fit(moves: PlanMoves, wish: Wish) -> list[str]:
+    names = wish.team.names
+    return [name for name in names if not unfit(name, wish, moves.world, moves.before)]
+
+
+_LACKING: Mapping[WishTask, Callable[[PlanMoves, Wish], Iterator[str]]] = {
+    "go": _there,
+    "mass": _there,
+    "home": _there,
+    "look": _looked,
+    "identify": _identified,
+    "warn": _nothing,
+    "respond": _nothing,
+    "block": _blocked,
+    "cover": _taken_over,
+    "relieve": _taken_over,
+    "swap": _swapped,
+    "stand_down": _stood_down,
+    "report": _reported,
+    "hold": _held,
+    "refused": _nothing,
+    "unreadable": _nothing,
+}
