@@ -5,30 +5,53 @@ and neither does what the rules ask for besides: who takes over a gate, who look
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 from pa_console.llm.facts import WORDS
 from pa_console.llm.reading import Reading, Wish, WishTask
 from pa_console.orchestrator.hindrance import hindrance, unfit
 from pa_console.orchestrator.plan_moves import PlanMoves
+from pa_console.schema.world import AssetKind
 
 _MEETS: frozenset[WishTask] = frozenset(("identify", "warn", "block", "respond"))
+
+
+@dataclass(frozen=True)
+class _Case:
+    """A plan, and the wishes of its order that can be carried out."""
+
+    moves: PlanMoves
+    due: tuple[Wish, ...]
+    others_stay: bool
+
+    def spare(self, wish: Wish, kind: AssetKind | None = None) -> list[str]:
+        """Return who is free, of one kind if that is given, and does nothing but for `wish`."""
+        moves, others = self.moves, [each for each in self.due if each != wish]
+        return [
+            name
+            for name in moves.free(kind)
+            if not moves.takes_over(name)
+            and not (name in moves.moved and any(_may(moves, name, each) for each in others))
+        ]
 
 
 def gaps(moves: PlanMoves, reading: Reading) -> tuple[str, ...]:
     """Return in words what `reading` asks for and the plan lacks, then what nobody asked for."""
     due = [wish for wish in reading.wishes if not hindrance(wish, moves.world, moves.before)]
-    lacking = [text for wish in due for text in _LACKING[wish.task](moves, wish)]
+    case = _Case(moves, tuple(due), reading.others_stay)
+    lacking = [text for wish in due for text in _LACKING[wish.task](case, wish)]
     unmet = [
         f"nobody sent to deal with {wish.place}"
         for wish in due
-        if wish.task in _MEETS and not moves.dealt_with(wish.place) and moves.spare("uav")
+        if wish.task in _MEETS and not moves.dealt_with(wish.place) and case.spare(wish, "uav")
         if wish.task != "block" or not reading.others_stay
     ]
-    return tuple(dict.fromkeys((*lacking, *unmet, *_unasked(moves, due, reading))))
+    return tuple(dict.fromkeys((*lacking, *unmet, *_unasked(case))))
 
 
-def _unasked(moves: PlanMoves, due: Sequence[Wish], reading: Reading) -> Iterator[str]:
+def _unasked(case: _Case) -> Iterator[str]:
     """Yield what the plan does beyond the wishes that are due and what the rules ask for."""
+    moves, due = case.moves, case.due
     moving = [wish for wish in due if wish.task not in ("report", "hold")]
     if not moving:
         busy = (a.agent for a in moves.plan.actions if a.verb not in ("hold", "report"))
@@ -37,7 +60,7 @@ def _unasked(moves: PlanMoves, due: Sequence[Wish], reading: Reading) -> Iterato
     served = [w for w in moving if w.task in _MEETS or any(_may(moves, n, w) for n in moves.moved)]
     for name in moves.moved:
         asked = any(_may(moves, name, wish) for wish in moving)
-        if not asked and not _besides(moves, name, served, reading):
+        if not asked and not _besides(case, name, served):
             yield f"{name} not asked for"
     if not any(wish.task in _MEETS for wish in due):
         places = {wish.place for wish in moving}
@@ -46,15 +69,14 @@ def _unasked(moves: PlanMoves, due: Sequence[Wish], reading: Reading) -> Iterato
                 yield f"{action.command} not asked for"
 
 
-def _besides(moves: PlanMoves, name: str, served: Sequence[Wish], reading: Reading) -> bool:
+def _besides(case: _Case, name: str, served: Sequence[Wish]) -> bool:
     """Whether `name` takes over a gate (WF-03), looks first (WF-02) or meets a track (WF-01)."""
-    goal = moves.ends(name)
-    guards = moves.guards(goal)
-    if not reading.others_stay and any(n in guards for n in moves.moved if n != name):
+    moves, goal = case.moves, case.moves.ends(name)
+    if moves.takes_over(name) and not case.others_stay:
         return True
     if goal not in moves.world.gates or not moves.tracks(goal):
         return False
-    looks = moves.kind(name) == "uav" and not reading.others_stay
+    looks = moves.kind(name) == "uav" and not case.others_stay
     meets = bool(moves.commands(goal, names=[name]))
     return (looks or meets) and any(wish.place == goal for wish in served)
 
@@ -84,87 +106,88 @@ def _may(moves: PlanMoves, name: str, wish: Wish) -> bool:
 # What each task needs: functions that yield what of a wish the plan lacks.
 
 
-def _there(moves: PlanMoves, wish: Wish) -> Iterator[str]:
+def _there(case: _Case, wish: Wish) -> Iterator[str]:
     """Yield who of those asked for is not sent; as many as are to be had must be."""
-    place, team = moves.world.base if wish.task == "home" else wish.place, wish.team
-    yield from _absent(moves, wish, place)
+    place, team = case.moves.world.base if wish.task == "home" else wish.place, wish.team
+    yield from _absent(case, wish, place)
     if team.names:
         return
-    sent, spare = len(moves.sent(place, team.kind)), moves.spare(team.kind)
+    sent, spare = len(case.moves.sent(place, team.kind)), case.spare(wish, team.kind)
     wanted = 1 if team.number == "all" else team.number
     word = "asset" if team.kind is None else WORDS[team.kind]
-    if sent < wanted and spare:
+    if sent < wanted and len(spare) > sent:
         yield f"{sent} of {wanted} {word} to {place}"
-    elif wish.task == "mass" and spare:
-        yield f"{', '.join(spare)} not sent to {place}"
+    elif wish.task == "mass" and (left := [n for n in spare if case.moves.ends(n) != place]):
+        yield f"{', '.join(left)} not sent to {place}"
     elif wish.task == "go" and sent > wanted and team.kind != "uav" and team.number != "all":
         yield f"{sent} instead of {wanted} {word} to {place}"
 
 
-def _absent(moves: PlanMoves, wish: Wish, place: str) -> Iterator[str]:
+def _absent(case: _Case, wish: Wish, place: str) -> Iterator[str]:
     """Yield who was named and is not sent, unless a gate needs him."""
-    for name in _fit(moves, wish):
-        if moves.ends(name) != place and (name not in moves.alone or moves.spare()):
+    for name in _fit(case, wish):
+        if case.moves.ends(name) != place and (name not in case.moves.alone or case.spare(wish)):
             yield f"{name} is not sent to {place}"
 
 
-def _looked(moves: PlanMoves, wish: Wish) -> Iterator[str]:
-    yield from _absent(moves, wish, wish.place)
-    if not wish.team.names and not moves.commands(wish.place, ["observe"]) and moves.spare("uav"):
+def _looked(case: _Case, wish: Wish) -> Iterator[str]:
+    yield from _absent(case, wish, wish.place)
+    observed = wish.team.names or case.moves.commands(wish.place, ["observe"])
+    if not observed and case.spare(wish, "uav"):
         yield f"nobody observes {wish.place}"
 
 
-def _identified(moves: PlanMoves, wish: Wish) -> Iterator[str]:
+def _identified(case: _Case, wish: Wish) -> Iterator[str]:
     """Yield those who were named and do not go to the track that is to be dealt with."""
-    names = _fit(moves, wish)
-    if not names or not moves.tracks(wish.place):
+    names = _fit(case, wish)
+    if not names or not case.moves.tracks(wish.place):
         return
-    if all(name in moves.alone for name in names) and not moves.spare():
+    if all(name in case.moves.alone for name in names) and not case.spare(wish):
         return
-    if not any(a.agent in names and a.target == wish.place for a in moves.plan.actions):
+    if not any(a.agent in names and a.target == wish.place for a in case.moves.plan.actions):
         yield f"{', '.join(names)} not sent to {wish.place}"
 
 
-def _blocked(moves: PlanMoves, wish: Wish) -> Iterator[str]:
+def _blocked(case: _Case, wish: Wish) -> Iterator[str]:
     """Yield that a lane is not closed, unless whoever is there has to be met first (WF-01)."""
-    due = all(track.intent == "hostile" and track.warned for track in moves.tracks(wish.place))
-    if due and not moves.commands(wish.place, ["block"], _fit(moves, wish)):
+    due = all(track.intent == "hostile" and track.warned for track in case.moves.tracks(wish.place))
+    if due and not case.moves.commands(wish.place, ["block"], _fit(case, wish)):
         yield f"nobody blocks {wish.place}"
 
 
-def _taken_over(moves: PlanMoves, wish: Wish) -> Iterator[str]:
-    place = _post(moves, wish)
-    if wish.task == "relieve" and moves.goals.get(wish.leaving) != moves.world.base:
+def _taken_over(case: _Case, wish: Wish) -> Iterator[str]:
+    place = _post(case.moves, wish)
+    if wish.task == "relieve" and case.moves.goals.get(wish.leaving) != case.moves.world.base:
         yield f"{wish.leaving} does not go home"
-    if not any(name != wish.leaving for name in moves.sent(place)) and moves.spare():
+    if not any(name != wish.leaving for name in case.moves.sent(place)) and case.spare(wish):
         yield f"nobody takes over {place}"
 
 
-def _swapped(moves: PlanMoves, wish: Wish) -> Iterator[str]:
+def _swapped(case: _Case, wish: Wish) -> Iterator[str]:
     first, second = wish.team.names
     for one, other in ((first, second), (second, first)):
-        if moves.ends(one) != moves.post(other):
+        if case.moves.ends(one) != case.moves.post(other):
             yield f"{one} does not take the place of {other}"
 
 
-def _stood_down(moves: PlanMoves, wish: Wish) -> Iterator[str]:
+def _stood_down(case: _Case, wish: Wish) -> Iterator[str]:
     """Yield that not exactly one guard stays, or that nobody goes home."""
-    left = [name for name in moves.guards(wish.place) if moves.ends(name) == wish.place]
-    if wish.place in moves.world.gates and len(left) != 1:
+    left = [name for name in case.moves.guards(wish.place) if case.moves.ends(name) == wish.place]
+    if wish.place in case.moves.world.gates and len(left) != 1:
         yield f"{len(left)} stay at {wish.place}"
-    if not moves.sent(moves.world.base):
+    if not case.moves.sent(case.moves.world.base):
         yield "nobody goes home"
 
 
-def _reported(moves: PlanMoves, wish: Wish) -> Iterator[str]:
-    told = {action.agent for action in moves.plan.actions if action.verb == "report"}
+def _reported(case: _Case, wish: Wish) -> Iterator[str]:
+    told = {action.agent for action in case.moves.plan.actions if action.verb == "report"}
     team = wish.team
     if team.names:
-        yield from (f"no report by {n}" for n in _fit(moves, wish) if n not in told)
+        yield from (f"no report by {n}" for n in _fit(case, wish) if n not in told)
         return
     asked = [
         name
-        for name, asset in moves.before.assets.items()
+        for name, asset in case.moves.before.assets.items()
         if asset.available and team.kind in (None, asset.kind)
         if all(asset.post == at for at in (wish.place, team.origin) if at)
     ]
@@ -173,11 +196,11 @@ def _reported(moves: PlanMoves, wish: Wish) -> Iterator[str]:
         yield f"{len(told.intersection(asked))} of {wanted} reports"
 
 
-def _held(moves: PlanMoves, wish: Wish) -> Iterator[str]:
-    yield from (f"{name} is not to move" for name in wish.team.names if name in moves.moved)
+def _held(case: _Case, wish: Wish) -> Iterator[str]:
+    yield from (f"{name} is not to move" for name in wish.team.names if name in case.moves.moved)
 
 
-def _nothing(_moves: PlanMoves, _wish: Wish) -> Iterator[str]:
+def _nothing(_case: _Case, _wish: Wish) -> Iterator[str]:
     """Yield nothing: what is due is known by the track's own workflow, or not readable."""
     yield from ()
 
@@ -187,12 +210,12 @@ def _post(moves: PlanMoves, wish: Wish) -> str:
     return wish.place or (moves.post(wish.leaving) if wish.leaving else "")
 
 
-def _fit(moves: PlanMoves, wish: Wish) -> list[str]:
+def _fit(case: _Case, wish: Wish) -> list[str]:
     names = wish.team.names
-    return [name for name in names if not unfit(name, wish, moves.world, moves.before)]
+    return [name for name in names if not unfit(name, wish, case.moves.world, case.moves.before)]
 
 
-_LACKING: Mapping[WishTask, Callable[[PlanMoves, Wish], Iterator[str]]] = {
+_LACKING: Mapping[WishTask, Callable[[_Case, Wish], Iterator[str]]] = {
     "go": _there,
     "mass": _there,
     "home": _there,

@@ -52,14 +52,18 @@ class PlanMoves:
         """Return where an asset is posted once the plan has run, '' for nowhere."""
         return self.goals.get(name) or self.post(name)
 
-    def spare(self, kind: AssetKind | None = None) -> list[str]:
-        """Return who is free, of one kind if that is given, and has no part in the plan."""
+    def free(self, kind: AssetKind | None = None) -> list[str]:
+        """Return who could be sent somewhere before the plan, of one kind if that is given."""
         return [
             name
             for name, asset in self.before.assets.items()
-            if name not in self.plan.agents and kind in (None, asset.kind)
-            if is_free(asset, self.alone)
+            if kind in (None, asset.kind) and is_free(asset, self.alone)
         ]
+
+    def takes_over(self, name: str) -> bool:
+        """Whether an asset moves to a gate that one of its guards leaves (WF-03)."""
+        guards = self.guards(self.ends(name)) if name in self.moved else ()
+        return any(guard in self.moved for guard in guards if guard != name)
 
     def sent(self, place: str, kind: AssetKind | None = None) -> list[str]:
         """Return who moves to a place, of one kind if that is given."""

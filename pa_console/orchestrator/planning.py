@@ -5,7 +5,10 @@ from dataclasses import dataclass
 from time import perf_counter
 
 from pa_console.llm.judge import Judgement
+from pa_console.llm.reading import Reading, read_reason
+from pa_console.orchestrator.fulfilment import gaps
 from pa_console.orchestrator.judging import PlanCase, ask_about_plan
+from pa_console.orchestrator.plan_moves import PlanMoves
 from pa_console.orchestrator.proposing import Proposing
 from pa_console.orchestrator.safeguards import Examination, examine
 from pa_console.orchestrator.services import Payloads, Services, Stopwatch
@@ -23,8 +26,16 @@ class Candidate:
 
     attempt: int
     examination: Examination
+    gaps: int = 0
+    """In how many points the plan is not what the planner itself says was asked."""
     verdict: Verdict | None = None
     judge_error: str = ""
+
+    @property
+    def badness(self) -> tuple[int, ...]:
+        """Blocking findings, gaps, then warnings: the smaller the better."""
+        blocking, warnings = self.examination.badness
+        return blocking, self.gaps, warnings
 
     @property
     def objected(self) -> bool:
@@ -41,6 +52,7 @@ class Planning:
         """`monitor` has followed the mission's history so far; it is only read."""
         self._services, self._watch, self._monitor = services, stopwatch, monitor
         self._proposing = Proposing(services, mission, stopwatch)
+        self._reading: Reading | None = None
         self.best: Candidate | None = None
         self.error = ""
         """Why there is no `best`."""
@@ -79,7 +91,7 @@ class Planning:
         `reasons` say what was wrong with the `previous` plan. The least bad plan becomes `best`;
         a mere warning is for the operator to acknowledge.
         """
-        self.best, self.error = None, ""
+        self.best, self.error, self._reading = None, "", None
         seen: set[Plan] = set()
         for last in [False] * self._services.variant.repairs + [True]:
             async for payload in self._proposing.ask(reasons, previous):
@@ -91,12 +103,14 @@ class Planning:
                     return
                 reasons = (proposal.error,)
             else:
+                if self._services.variant.fitting:
+                    self._reading = self._reading or read_reason(proposal.plan.reason)
                 async for payload in self._examine(self.attempts, proposal.plan):
                     yield payload
-                if self._latest.blocked and not seen:
+                if not self._sound and not seen:
                     async for payload in self._first_sound():
                         yield payload
-                reasons = self._latest.faults
+                reasons = self.best.examination.faults if self.best is not None else ()
             repeated = proposal.plan in seen
             if not reasons or last or repeated:
                 return
@@ -107,7 +121,7 @@ class Planning:
 
     async def take(self, plan: Plan) -> Payloads:
         """Step 6 for a plan that the operator wrote: it is examined like any other."""
-        self.best = None
+        self.best = self._reading = None
         async for payload in self._proposing.take(plan):
             yield payload
         async for payload in self._examine(self.attempts, plan):
@@ -148,11 +162,19 @@ class Planning:
         fresh = await self._safeguards(plan)
         return fresh if fresh.blocked else None
 
+    @property
+    def _sound(self) -> bool:
+        """Whether `best` is what the planner says was asked, and nothing blocks it."""
+        return self.best is not None and not any(self.best.badness[:2])
+
     async def _first_sound(self) -> Payloads:
-        """Examine the planner's other answers until nothing blocks one."""
+        """Examine the planner's other answers until one is sound; the best of them becomes `best`.
+
+        What was asked is taken from its first answer, the most likely one.
+        """
         async for payload in self._proposing.ask_for_others():
             yield payload
-        while self._latest.blocked and self._proposing.others:
+        while not self._sound and self._proposing.others:
             async for payload in self._examine(*self._proposing.others.pop(0)):
                 yield payload
 
@@ -208,8 +230,16 @@ class Planning:
                 attempt=attempt, rehearsal=found.rehearsal, seconds=found.rehearsal_s
             )
         yield ev.PlanChecked(attempt=attempt, findings=found.findings, seconds=found.checks_s)
-        if self.best is None or found.badness < self.best.examination.badness:
-            self.best = Candidate(attempt, found)
+        candidate = Candidate(attempt, found, self._gaps(found))
+        if self.best is None or candidate.badness < self.best.badness:
+            self.best = candidate
+
+    def _gaps(self, found: Examination) -> int:
+        """Return in how many points a plan is not what the planner says was asked."""
+        if self._reading is None or not self._reading.readable or found.rehearsal is None:
+            return 0
+        moves = PlanMoves(self._services.sim.world, found.rehearsal.before, found.plan)
+        return len(gaps(moves, self._reading))
 
     async def _safeguards(self, plan: Plan) -> Examination:
         services = self._services

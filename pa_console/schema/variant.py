@@ -23,6 +23,10 @@ class Variant(StrictModel):
     candidates: int = Field(
         default=4, ge=1, le=8, description="plans to choose from when the first one is broken"
     )
+    fitting: bool = Field(
+        default=True,
+        description="others are looked at when the first is not what its planner says was asked",
+    )
     reconsidered: int = Field(
         default=0, ge=0, description="other plans that a trained judge sees if it objects to one"
     )

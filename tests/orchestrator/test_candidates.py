@@ -44,6 +44,33 @@ async def test_a_sound_first_plan_asks_for_no_others(rig: Rig) -> None:
     assert [e.data.text for e in rig.events if e.data.kind == "plan_proposed"] == [SOUND]
 
 
+ASTRAY = plan(
+    ("Drone_T04", "move_to WestGate"), reason="asked: 1 drone to EastGate; Free drone: Drone_T04"
+)
+
+
+async def test_a_plan_that_is_not_what_its_planner_says_was_asked_gives_way(rig: Rig) -> None:
+    trace = await rig.run(ScriptedEngine([ASTRAY], others=[REPORT, SOUND]))
+    assert trace.status == "verified"
+    assert rig.state.picture is not None
+    assert rig.state.picture.assets["Drone_T04"].at == "EastGate"
+    asked = [e.data.attempt for e in rig.events if e.data.kind == "approval_requested"]
+    assert asked == [3]
+
+
+async def test_if_no_other_plan_is_nearer_to_what_was_asked_the_first_stays(rig: Rig) -> None:
+    await rig.run(ScriptedEngine([ASTRAY], others=[STRIPS, ASTRAY]))
+    asked = [e.data.attempt for e in rig.events if e.data.kind == "approval_requested"]
+    assert asked == [1]
+    assert "repair_requested" not in rig.kinds()
+
+
+async def test_without_fitting_the_first_sound_plan_stays(rig: Rig) -> None:
+    rig.variant = Variant(fitting=False)
+    await rig.run(ScriptedEngine([ASTRAY], others=[SOUND]))
+    assert rig.kinds().count("plan_proposed") == 1
+
+
 async def test_when_none_is_sound_the_faults_go_back_to_the_planner(rig: Rig) -> None:
     await rig.run(ScriptedEngine([STRIPS, SOUND], others=[STRIPS_TOO]))
     kinds = [

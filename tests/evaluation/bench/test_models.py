@@ -193,7 +193,8 @@ async def test_our_way_can_have_the_picture_read_before(site: Site) -> None:
         assert all(gate in user for gate in site.world.gates)
     assert pair.usable == 2
     await ours.ask_the_rest(mission)
-    assert [request.role for request in engine.requests] == ["planner", "judge", "outcome"]
+    roles = [request.role for request in engine.requests]
+    assert roles == ["planner", "judge", "judge", "outcome"]
 
 
 @pytest.mark.parametrize("answer", ["no plan at all", plan(*[("Nobody", "hold")] * 2)])

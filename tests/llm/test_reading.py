@@ -1,0 +1,92 @@
+"""What a model says was asked is read back as it was meant, clause by clause."""
+
+import random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pa_console.llm.reading import Reading, Team, Wish, read_asked, read_reason
+from pa_console.training.asked import asked
+from pa_console.training.conditions import due_asks
+from pa_console.training.order import Ask
+from pa_console.training.order_sampler import sample_order
+from pa_console.training.situations import settled
+from pa_console.training.worlds import shipped_world
+
+NOW = settled(shipped_world())
+
+
+def team_of(ask: Ask) -> Team:
+    """Return who is meant as far as words tell it: nobody named is one asset of any kind."""
+    who = ask.who
+    if ask.task == "swap" or who.names:
+        return Team(names=who.names)
+    return Team(kind=who.kind, number=who.count, origin=who.origin)
+
+
+@given(st.integers(0, 10_000))
+def test_what_was_asked_is_read_as_it_was_meant(seed: int) -> None:
+    order, _ = sample_order(random.Random(seed), NOW.world, NOW.picture, NOW.digest)
+    words = f"asked: {asked(order, NOW.world, NOW.picture, NOW.digest)}"
+    reading = read_asked(words)
+    assert reading is not None
+    assert reading.readable, words
+    assert reading.others_stay == order.others_stay
+    due = due_asks(order, NOW.picture)
+    assert len(reading.wishes) == len(due)
+    for wish, ask in zip(reading.wishes, due, strict=True):
+        if ask.wrong is not None:
+            continue
+        assert wish.task == ask.task
+        assert wish.team == team_of(ask)
+        assert wish.leaving == ask.leaving or ask.task == "cover"
+        assert wish.place == ask.place or ask.task in ("home", "swap")
+
+
+@given(st.text(max_size=80))
+def test_any_text_has_a_reading_or_none(text: str) -> None:
+    found = read_asked(f"asked: {text}")
+    assert found is not None
+    assert read_reason(text) is None or text.startswith("asked: ")
+
+
+@pytest.mark.parametrize(
+    "order",
+    [
+        "use force at EastGate",
+        "chase beyond the perimeter",
+        "leave all gates without guard",
+        "set rules aside, 1 drone to EastGate",
+        "Ugv_T01 block EastGate without warning",
+        "1 robot warn person at EastGate without identification",
+    ],
+)
+def test_what_no_order_may_have_is_told_apart(order: str) -> None:
+    reading = read_asked(f"asked: {order}")
+    assert reading is not None
+    assert [wish.task for wish in reading.wishes] == ["refused"]
+
+
+def test_the_facts_of_a_reason_are_no_part_of_the_order() -> None:
+    reason = "asked: 1 drone look at EastGate; others stay; Free drone: Drone_T04"
+    assert read_reason(reason) == Reading(
+        (Wish("look", Team(kind="uav"), "EastGate"),), others_stay=True
+    )
+
+
+@pytest.mark.parametrize(("so", "place"), [("so", "EastGate"), ("not so", "WestGate")])
+def test_of_a_condition_the_case_that_applies_counts(so: str, place: str) -> None:
+    reading = read_asked(
+        "asked: if drone free: 1 drone to EastGate, else: 1 drone to WestGate; "
+        f"now: Free drone: Drone_T04, {so}"
+    )
+    assert reading is not None
+    assert [wish.place for wish in reading.wishes] == [place]
+
+
+def test_a_clause_in_other_words_is_kept_and_means_nothing() -> None:
+    reading = read_asked("asked: dance at EastGate tonight; 1 drone to EastGate")
+    assert reading is not None
+    assert not reading.readable
+    assert [wish.task for wish in reading.wishes] == ["unreadable", "go"]

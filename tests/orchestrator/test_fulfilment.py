@@ -1,0 +1,193 @@
+"""A plan is compared with what was asked: what is missing, and what nobody asked for."""
+
+import json
+import random
+
+import pytest
+
+from pa_console.llm.reading import read_asked
+from pa_console.orchestrator.comparing import compare, compared_grammar
+from pa_console.orchestrator.fulfilment import gaps
+from pa_console.orchestrator.plan_moves import PlanMoves
+from pa_console.policy.rulebook import load_rules
+from pa_console.resources import data_folder
+from pa_console.schema.incident import FailAsset, Incident, SetBattery, SpawnTrack
+from pa_console.schema.plan import Action, Plan
+from pa_console.training.asked import asked
+from pa_console.training.planner_data import Recipe, make_group
+from pa_console.training.situations import settled
+from pa_console.training.worlds import shipped_world
+from tests.llm.test_grammar import accepts
+
+WORLD = shipped_world()
+
+
+def moves(*orders: str, setup: tuple[Incident, ...] = ()) -> PlanMoves:
+    """Return a plan of orders written as `Agent command`, in the settled checkpoint."""
+    actions = [Action(agent=o.split()[0], command=o.partition(" ")[2]) for o in orders]
+    now = settled(WORLD, setup=setup)
+    return PlanMoves(WORLD, now.picture, Plan(reason="r", actions=tuple(actions)))
+
+
+def found(words: str, plan: PlanMoves) -> tuple[str, ...]:
+    reading = read_asked(f"asked: {words}")
+    assert reading is not None
+    assert reading.readable
+    return gaps(plan, reading)
+
+
+CAR = (SpawnTrack(gate="EastGate", distance_m=12.0),)
+
+
+@pytest.mark.parametrize(
+    ("words", "orders"),
+    [
+        ("1 drone to EastGate", ["Drone_T04 move_to EastGate"]),
+        ("1 drone to EastGate", ["Drone_T04 observe EastGate"]),
+        ("Drone_T04 to EastGate", ["Drone_T04 move_to EastGate"]),
+        ("Drone_T04 look at EastGate", ["Drone_T04 observe EastGate"]),
+        ("look at WestGate", ["Drone_T01 observe WestGate"]),
+        ("Robot_T01 home", ["Robot_T01 return_to_base"]),
+        (
+            "all free to WestGate",
+            [f"{n} move_to WestGate" for n in ("Drone_T04", "Ugv_T02", "Robot_T01", "Robot_T02")],
+        ),
+        (
+            "relieve Ugv_T01 at EastGate",
+            ["Drone_T04 move_to EastGate", "Ugv_T01 return_to_base"],
+        ),
+        (
+            "swap Drone_T04 and Drone_T02",
+            ["Drone_T04 move_to NorthGate", "Drone_T02 move_to Checkpoint"],
+        ),
+        ("report by Drone_T01", ["Drone_T01 report"]),
+        ("report by 1 robot", ["Robot_T01 report"]),
+        ("Drone_T01 hold", ["Drone_T01 hold"]),
+        ("use force at EastGate", ["Drone_T04 hold"]),
+        ("1 drone to unknown place", ["Drone_T04 hold"]),
+        ("Drone_T09 to EastGate", ["Drone_T04 hold"]),
+        ("1 drone warn at EastGate", ["Drone_T04 hold"]),
+        ("block SouthGate", ["Ugv_T02 block SouthGate"]),
+        ("Drone_T02 to EastGate", ["Drone_T04 move_to NorthGate", "Drone_T02 move_to EastGate"]),
+        ("use force at EastGate; 1 drone to WestGate", ["Drone_T04 move_to WestGate"]),
+    ],
+)
+def test_a_plan_that_does_what_was_asked_has_no_gap(words: str, orders: list[str]) -> None:
+    assert found(words, moves(*orders)) == ()
+
+
+@pytest.mark.parametrize(
+    ("words", "orders", "gap"),
+    [
+        ("1 drone to EastGate", ["Drone_T04 move_to WestGate"], "0 of 1 drone to EastGate"),
+        ("1 drone to EastGate", ["Drone_T04 hold"], "0 of 1 drone to EastGate"),
+        ("1 vehicle to EastGate", ["Drone_T04 move_to EastGate"], "0 of 1 vehicle to EastGate"),
+        ("1 robot to EastGate", ["Robot_T01 move_to EastGate", "Robot_T02 move_to EastGate"],
+         "2 instead of 1 robot to EastGate"),
+        ("Robot_T01 to EastGate", ["Robot_T02 move_to EastGate"],
+         "Robot_T01 is not sent to EastGate"),
+        ("1 drone to EastGate", ["Drone_T04 move_to EastGate", "Ugv_T02 move_to WestGate"],
+         "Ugv_T02 not asked for"),
+        ("look at EastGate", ["Drone_T04 move_to EastGate"], "nobody observes EastGate"),
+        ("all free to WestGate", ["Drone_T04 move_to WestGate"],
+         "Ugv_T02, Robot_T01, Robot_T02 not sent to WestGate"),
+        ("relieve Ugv_T01 at EastGate", ["Drone_T04 move_to EastGate"], "Ugv_T01 does not go home"),
+        ("relieve Ugv_T01 at EastGate", ["Ugv_T01 return_to_base"], "nobody takes over EastGate"),
+        ("swap Drone_T04 and Drone_T02", ["Drone_T04 move_to NorthGate"],
+         "Drone_T02 does not take the place of Drone_T04"),
+        ("report by Drone_T01", ["Drone_T02 report"], "no report by Drone_T01"),
+        ("report by all robots", ["Robot_T01 report"], "1 of 2 reports"),
+        ("Drone_T01 hold", ["Drone_T01 move_to EastGate"], "Drone_T01 is not to move"),
+        ("use force at EastGate", ["Ugv_T02 block EastGate"], "Ugv_T02 is not to move"),
+        ("1 drone to EastGate; others stay",
+         ["Drone_T04 move_to EastGate", "Robot_T01 move_to EastGate"], "Robot_T01 not asked for"),
+        ("block SouthGate", ["Ugv_T02 move_to SouthGate"], "nobody blocks SouthGate"),
+        ("1 vehicle to EastGate", ["Ugv_T02 move_to EastGate", "Robot_T01 warn WestGate"],
+         "warn WestGate not asked for"),
+        ("stand down EastGate", ["Drone_T04 return_to_base"], "Drone_T04 not asked for"),
+    ],
+)  # fmt: skip
+def test_what_is_missing_or_not_asked_for_is_named(words: str, orders: list[str], gap: str) -> None:
+    assert gap in found(words, moves(*orders))
+
+
+def test_whoever_looks_first_and_whoever_meets_a_track_belongs_to_it() -> None:
+    words = "1 robot identify vehicle at EastGate"
+    both = ("Drone_T04 observe EastGate", "Robot_T01 identify EastGate")
+    assert found(words, moves(*both, setup=CAR)) == ()
+    assert found(words, moves(both[0], setup=CAR)) == ()
+    assert found("unknown vehicle at EastGate", moves("Drone_T04 hold", setup=CAR)) == (
+        "nobody sent to deal with EastGate",
+    )
+
+
+def test_who_cannot_go_is_not_missed() -> None:
+    broken = (FailAsset(asset="Drone_T04"),)
+    assert found("Drone_T04 to EastGate", moves("Robot_T01 hold", setup=broken)) == ()
+    low = (SetBattery(asset="Drone_T04", percent=9.0),)
+    assert found("Drone_T04 to EastGate", moves("Robot_T01 hold", setup=low)) == ()
+    assert found("Drone_T04 home", moves("Drone_T04 hold", setup=low)) == (
+        "Drone_T04 is not sent to Base",
+    )
+
+
+def test_nobody_is_missed_of_a_kind_that_has_nobody_free() -> None:
+    broken = (FailAsset(asset="Ugv_T02"),)
+    assert found("1 vehicle to WestGate", moves("Drone_T04 hold", setup=broken)) == ()
+    other = moves("Drone_T04 move_to WestGate", setup=broken)
+    assert found("1 vehicle to WestGate", other) == ("Drone_T04 not asked for",)
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_proven_plans_have_few_gaps(number: int) -> None:
+    rulebook = load_rules(data_folder() / "rules" / "checkpoint.yaml")
+    group = make_group(Recipe(number, 31, 6), rulebook, frozenset())
+    now = group.situation
+    open_ = 0
+    for proven in group.proven:
+        words = asked(proven.order, now.world, now.picture, now.digest)
+        compared = compare(f"asked: {words}", PlanMoves(now.world, now.picture, proven.plan))
+        assert compared.gaps is not None
+        open_ += bool(compared.gaps)
+    assert open_ <= 1
+
+
+def answer(feedback: str, verdict: str) -> str:
+    return json.dumps({"feedback": feedback, "violated": [], "verdict": verdict})
+
+
+OPENING = '{"feedback": "asked: 1 drone to EastGate; planned: '
+
+
+def test_a_plan_that_is_not_what_was_asked_cannot_be_called_a_success() -> None:
+    grammar = compared_grammar(OPENING, moves("Drone_T04 move_to WestGate"))
+    said = "asked: 1 drone to EastGate; planned: 1 drone to WestGate; "
+    said += "0 of 1 drone to EastGate; Drone_T04 not asked for"
+    assert accepts(grammar, answer(said, "Failure"))
+    assert not accepts(grammar, answer(said, "Success"))
+
+
+def test_whether_a_plan_that_fits_is_a_success_is_for_the_model_to_say() -> None:
+    grammar = compared_grammar(OPENING, moves("Drone_T04 move_to EastGate"))
+    said = "asked: 1 drone to EastGate; planned: 1 drone to EastGate; it fits"
+    assert accepts(grammar, answer(said, "Success"))
+    assert accepts(grammar, answer(said, "Failure"))
+    assert not accepts(grammar, answer(said.replace("it fits", "wrong"), "Failure"))
+
+
+def test_what_the_console_cannot_read_is_left_to_the_model() -> None:
+    opening = '{"feedback": "asked: dance at EastGate tonight; planned: '
+    grammar = compared_grammar(opening, moves("Drone_T04 move_to EastGate"))
+    said = "asked: dance at EastGate tonight; planned: 1 drone to EastGate; no dance"
+    assert accepts(grammar, answer(said, "Success"))
+    assert accepts(grammar, answer(said, "Failure"))
+
+
+def test_a_plan_of_any_length_leaves_a_readable_verdict() -> None:
+    rng = random.Random(1)
+    names = sorted(WORLD.assets)
+    orders = [f"{name} move_to {rng.choice(WORLD.gates)}" for name in names]
+    grammar = compared_grammar(OPENING, moves(*orders))
+    compared = compare("asked: 1 drone to EastGate", moves(*orders))
+    said = f"asked: 1 drone to EastGate{compared.words}"
+    assert accepts(grammar, answer(said, "Failure"))
