@@ -20,7 +20,7 @@ from pa_console.llm.grammar import (
     compact_opening_grammar,
     judge_grammar,
 )
-from pa_console.llm.grounds import grounded_asked, grounded_feedback, grounded_reason
+from pa_console.llm.grounds import grounded_asked, grounded_outcome, grounded_reason
 from pa_console.llm.prompts import (
     Prompt,
     fixed_part,
@@ -47,8 +47,8 @@ class Dialect:
     verdict: Callable[..., str]
     reason: Callable[[World, Digest], str]
     """What a plan's reason can state, as a regular expression; empty: anything."""
-    feedback: Callable[[Role, World, Digest, Plan], str]
-    """The same of what is said of a plan, or of its outcome."""
+    outcome_words: Callable[[World, Plan], str]
+    """The same of what is said of a plan's outcome."""
     opening: Callable[[World, Digest], str] | None
     """The grammar of how a verdict on a plan begins: with what was asked, so that the console can
     compare the plan with it; None: the judge compares on its own."""
@@ -84,7 +84,7 @@ DIALECTS: dict[DialectName, Dialect] = {
         outcome_prompt,
         judge_grammar,
         lambda _world, _digest: "",
-        lambda _role, _world, _digest, _plan: "",
+        lambda _world, _plan: "",
         None,
         _fixed_only,
         700,
@@ -97,7 +97,7 @@ DIALECTS: dict[DialectName, Dialect] = {
         compact_outcome_prompt,
         compact_judge_grammar,
         grounded_reason,
-        grounded_feedback,
+        grounded_outcome,
         _compact_opening,
         _compact_ahead,
         400,

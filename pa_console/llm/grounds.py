@@ -14,7 +14,6 @@ from pa_console.llm.condition import conditions, evidence, holds, in_words, told
 from pa_console.llm.contact import contacts
 from pa_console.llm.facts import WORDS
 from pa_console.llm.plan_words import planned
-from pa_console.schema.event import Role
 from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Digest
 from pa_console.schema.world import World
@@ -39,16 +38,15 @@ def grounded_reason(world: World, digest: Digest) -> str:
     return f"{grounded_asked(world, digest)}([;,]({part}))*"
 
 
-def grounded_feedback(role: Role, world: World, digest: Digest, plan: Plan) -> str:
-    """Return a regular expression for what a judge says of `plan`, with what it does as it is.
+def grounded_outcome(world: World, plan: Plan) -> str:
+    """Return a regular expression for what a judge says of an outcome, with the plan as it is.
 
-    A plan of many words is told in the model's own. Of an outcome, `digest` is of a later moment
-    than the order's condition, which is left to the model.
+    A plan of many words is told in the model's own, and so is the condition of an order: the
+    picture is of a later moment than it.
     """
-    asked = _ONCE if role == "outcome" else grounded_asked(world, digest)
     every = {planned(plan.actions, world, by_name=by_name) for by_name in (True, False)}
     ways = sorted(escape(words) for words in every if len(words) <= MOST_PLANNED)
-    return f"{asked}; planned: {_either(ways or [f'{WORD}+'])}; {WORD}+"
+    return f"{_ONCE}; planned: {_either(ways or [f'{WORD}+'])}; {WORD}+"
 
 
 def grounded_asked(world: World, digest: Digest) -> str:

@@ -11,6 +11,7 @@ from pa_console.llm.facts import WORDS
 from pa_console.llm.reading import Reading, Wish, WishTask
 from pa_console.orchestrator.hindrance import hindrance, unfit
 from pa_console.orchestrator.plan_moves import PlanMoves
+from pa_console.orchestrator.premises import ENCOUNTERS
 from pa_console.schema.world import AssetKind
 
 _MEETS: frozenset[WishTask] = frozenset(("identify", "warn", "block", "respond"))
@@ -34,6 +35,19 @@ class _Case:
             and not (name in moves.moved and any(_may(moves, name, each) for each in others))
         ]
 
+    def can_deal(self, wish: Wish) -> bool:
+        """Whether somebody could look at the place of `wish`, or deal with whoever is there.
+
+        A drone can, from where it stands or as a spare one; a robot once a track was seen (WF-02).
+        """
+        moves = self.moves
+        seen = all(track.observed for track in moves.tracks(wish.place))
+        kinds: tuple[AssetKind, ...] = ("uav", "robot") if seen else ("uav",)
+        there = (n for n, a in moves.before.assets.items() if a.available and a.post == wish.place)
+        if any(moves.kind(name) in kinds for name in there):
+            return True
+        return not self.others_stay and any(self.spare(wish, kind) for kind in kinds)
+
 
 def gaps(moves: PlanMoves, reading: Reading) -> tuple[str, ...]:
     """Return in words what `reading` asks for and the plan lacks, then what nobody asked for."""
@@ -43,8 +57,7 @@ def gaps(moves: PlanMoves, reading: Reading) -> tuple[str, ...]:
     unmet = [
         f"nobody sent to deal with {wish.place}"
         for wish in due
-        if wish.task in _MEETS and not moves.dealt_with(wish.place) and case.spare(wish, "uav")
-        if wish.task != "block" or not reading.others_stay
+        if wish.task in _MEETS and not moves.dealt_with(wish.place) and case.can_deal(wish)
     ]
     return tuple(dict.fromkeys((*lacking, *unmet, *_unasked(case))))
 
@@ -62,11 +75,11 @@ def _unasked(case: _Case) -> Iterator[str]:
         asked = any(_may(moves, name, wish) for wish in moving)
         if not asked and not _besides(case, name, served):
             yield f"{name} not asked for"
-    if not any(wish.task in _MEETS for wish in due):
-        places = {wish.place for wish in moving}
-        for action in moves.plan.actions:
-            if action.verb in ("identify", "warn", "block") and action.target not in places:
-                yield f"{action.command} not asked for"
+    places = {wish.place for wish in moving}
+    for action in moves.plan.actions:
+        meets = action.verb in ENCOUNTERS and action.target not in places
+        if meets and not moves.takes_over(action.agent):
+            yield f"{action.command} not asked for"
 
 
 def _besides(case: _Case, name: str, served: Sequence[Wish]) -> bool:

@@ -74,8 +74,7 @@ def ask_about_plan(
     prompt = dialect.judge(world, case.digest, rules, case.task, case.plan, case.rehearsal)
     ids = tuple(rule.id for rule in rules)
     if dialect.opening is None:
-        feedback = dialect.feedback("judge", world, case.digest, case.plan)
-        return JudgeQuestion("judge", prompt, dialect.verdict(ids, feedback), ids)
+        return JudgeQuestion("judge", prompt, dialect.verdict(ids), ids)
     moves = PlanMoves(world, case.rehearsal.before, case.plan)
 
     def goes_on(opening: str) -> str:
@@ -88,8 +87,8 @@ def ask_about_outcome(dialect: Dialect, world: World, case: OutcomeCase) -> Judg
     """Step 7: return the question whether the task was accomplished."""
     digest = digest_picture(case.picture, world, case.selection)
     prompt = dialect.outcome(world, digest, case.task, case.plan, case.verification)
-    feedback = dialect.feedback("outcome", world, digest, case.plan)
-    return JudgeQuestion("outcome", prompt, dialect.verdict([], feedback))
+    words = dialect.outcome_words(world, case.plan)
+    return JudgeQuestion("outcome", prompt, dialect.verdict([], words))
 
 
 def judged_rules(hits: Sequence[RuleHit], findings: Sequence[Finding]) -> list[str]:

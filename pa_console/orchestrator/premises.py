@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from pa_console.orchestrator.rehearsal import device_commands
 from pa_console.policy.context import goes_to
 from pa_console.schema.command import DeviceCommand
-from pa_console.schema.plan import Action, Plan
+from pa_console.schema.plan import Action, Plan, Verb
 from pa_console.schema.rehearsal import Timeline
 from pa_console.schema.telemetry import AssetTelemetry, Picture
 from pa_console.schema.world import World
 
-ENCOUNTERS = ("observe", "identify", "warn", "block")
+ENCOUNTERS: tuple[Verb, ...] = ("observe", "identify", "warn", "block")
 """The commands that deal with whoever is at the gate."""
 
 

@@ -1,7 +1,6 @@
 """What a trained model may state: the digest's facts, and the truth of a condition."""
 
 import json
-from typing import Literal
 
 import pytest
 from hypothesis import given, settings
@@ -10,8 +9,8 @@ from llguidance import LLMatcher, LLTokenizer
 
 from pa_console.llm.condition import Condition, conditions, evidence, holds, in_words
 from pa_console.llm.contact import contacts
-from pa_console.llm.grammar import compact_judge_grammar, plan_grammar
-from pa_console.llm.grounds import MOST_PLANNED, grounded_feedback, grounded_reason
+from pa_console.llm.grammar import compact_judge_grammar, compact_opening_grammar, plan_grammar
+from pa_console.llm.grounds import MOST_PLANNED, grounded_asked, grounded_outcome, grounded_reason
 from pa_console.llm.plan_words import planned
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Digest, Selection
@@ -47,10 +46,15 @@ def can_plan(reason: str, digest: Digest = DIGEST) -> bool:
     return accepts(grammar, json.dumps({"reason": reason, "actions": [action]}))
 
 
-def can_say(feedback: str, role: str = "judge") -> bool:
-    text = grounded_feedback("outcome" if role == "outcome" else "judge", WORLD, DIGEST, PLAN)
+def can_say(feedback: str) -> bool:
     answer: dict[str, object] = {"feedback": feedback, "violated": [], "verdict": "Success"}
-    return accepts(compact_judge_grammar([], text), json.dumps(answer))
+    grammar = compact_judge_grammar([], grounded_outcome(WORLD, PLAN))
+    return accepts(grammar, json.dumps(answer))
+
+
+def can_begin(asked: str) -> bool:
+    grammar = compact_opening_grammar(grounded_asked(WORLD, DIGEST))
+    return accepts(grammar, f'{{"feedback": "{asked}; planned: ')
 
 
 @pytest.mark.parametrize(
@@ -106,8 +110,8 @@ def test_whether_a_condition_is_so_is_read_from_the_picture(it: Condition, so: b
     asked = f"asked: if {in_words(it)}: look at HillGate, else: nothing; now: {now}"
     assert can_plan(f"{asked}; Hawk_2: free") is (truth is None or truth is so)
     does = "planned: 1 drone look at HillGate; it fits"
-    assert can_say(f"{asked}; {does}") is (truth is None or truth is so)
-    assert can_say(f"{asked}; {does}", "outcome")
+    assert can_begin(asked) is (truth is None or truth is so)
+    assert can_say(f"{asked}; {does}")
 
 
 def test_a_condition_is_about_something_that_is_there() -> None:
@@ -134,32 +138,29 @@ def test_of_a_large_world_only_what_was_selected_can_be_stated() -> None:
         assert not can_plan(f"asked: look at RiverGate; {fact}", digest)
 
 
-@given(st.integers(1, 40), st.sampled_from(("judge", "outcome")))
+@given(st.integers(1, 40))
 @settings(deadline=None)
-def test_something_can_be_said_of_every_plan(count: int, role: Literal["judge", "outcome"]) -> None:
+def test_something_can_be_said_of_every_outcome(count: int) -> None:
     frames, agents = list(WORLD.frames), list(WORLD.assets)
     actions = tuple(
         Action(agent=agents[n % len(agents)], command=f"move_to {frames[n // 4 % len(frames)]}")
         for n in range(count)
     )
-    plan = Plan(reason="", actions=actions)
     words = planned(actions, WORLD, by_name=False)
     told = words if len(words) <= MOST_PLANNED else "many things"
-    text = grounded_feedback(role, WORLD, DIGEST, plan)
     answer: dict[str, object] = {"feedback": f"asked: hold; planned: {told}; no", "violated": []}
-    grammar = compact_judge_grammar([], text)
-    assert accepts(grammar, json.dumps({**answer, "verdict": "Failure"}))
+    text = grounded_outcome(WORLD, Plan(reason="", actions=actions))
+    assert accepts(compact_judge_grammar([], text), json.dumps({**answer, "verdict": "Failure"}))
 
 
-def test_the_judge_says_of_a_plan_what_it_does() -> None:
+def test_of_an_outcome_the_plan_is_told_as_it_is() -> None:
     assert can_say("asked: look at HillGate; planned: 1 drone look at HillGate; it fits")
     assert can_say("asked: Hawk_2 look at HillGate; planned: Hawk_2 look at HillGate; it fits")
     assert not can_say("asked: look at HillGate; planned: 2 drones look at HillGate; it fits")
     assert not can_say("asked: look at HillGate; it fits")
-    assert not can_say("asked: look at HillGate; planned: hold; it fits", "outcome")
+    assert not can_say("asked: look at HillGate; planned: hold; it fits")
     assert not can_say(
-        "asked: look; planned: 1 drone HillGate; done; planned: 1 drone look at HillGate; done",
-        "outcome",
+        "asked: look; planned: 1 drone HillGate; done; planned: 1 drone look at HillGate; done"
     )
 
 
