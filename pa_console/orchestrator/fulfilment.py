@@ -145,8 +145,9 @@ def _absent(case: _Case, wish: Wish, place: str) -> Iterator[str]:
 
 def _looked(case: _Case, wish: Wish) -> Iterator[str]:
     yield from _absent(case, wish, wish.place)
-    observed = wish.team.names or case.moves.commands(wish.place, ["observe"])
-    if not observed and case.spare(wish, "uav"):
+    moves = case.moves
+    looks = moves.commands(wish.place, ["observe"]) or moves.sent(wish.place, "uav")
+    if not wish.team.names and not looks and case.spare(wish, "uav"):
         yield f"nobody observes {wish.place}"
 
 

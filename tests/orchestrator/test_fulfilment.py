@@ -88,7 +88,7 @@ def test_a_plan_that_does_what_was_asked_has_no_gap(words: str, orders: list[str
          "Robot_T01 is not sent to EastGate"),
         ("1 drone to EastGate", ["Drone_T04 move_to EastGate", "Ugv_T02 move_to WestGate"],
          "Ugv_T02 not asked for"),
-        ("look at EastGate", ["Drone_T04 move_to EastGate"], "nobody observes EastGate"),
+        ("look at EastGate", ["Drone_T04 move_to WestGate"], "nobody observes EastGate"),
         ("all free to WestGate", ["Drone_T04 move_to WestGate"],
          "Ugv_T02, Robot_T01, Robot_T02 not sent to WestGate"),
         ("relieve Ugv_T01 at EastGate", ["Drone_T04 move_to EastGate"], "Ugv_T01 does not go home"),
