@@ -66,6 +66,7 @@ def _facts(world: World, digest: Digest) -> Iterator[str]:
         ways = [state, state.partition(",")[0]]
         ways += [f"alone at {gate}" for gate, sole in digest.sole_cover.items() if sole == name]
         ways += ["poor link"] * (name in digest.degraded_comms)
+        ways += [digest.posts.get(name, "").partition(" ")[2]] * (name in digest.posts)
         yield f"{name}: {_either(dict.fromkeys(ways))}"
     yield "[A-Za-z0-9_]+: no such asset"
     stand = {frame: list[str]() for frame in _frames(world, digest)} | standing(digest)

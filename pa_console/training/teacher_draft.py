@@ -9,7 +9,7 @@ from pa_console.training.order import Ask
 
 Command = tuple[str, str]
 """An agent and its command."""
-MOST_LISTED = 3
+MOST_LISTED = 6
 """More names than these are only counted in a reason."""
 
 

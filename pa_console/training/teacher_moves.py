@@ -1,7 +1,7 @@
 """Drafts for asks that move assets: go, look, cover, relieve, swap, home, stand down, mass."""
 
 from pa_console.training.order import Ask
-from pa_console.training.teacher_draft import Desk, Draft, going, refusal
+from pa_console.training.teacher_draft import Desk, Draft, going, listed, refusal
 from pa_console.training.teacher_roster import Roster
 from pa_console.training.teacher_teams import (
     MOST_OPTIONS,
@@ -87,7 +87,6 @@ def relieve(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
         return cover(ask, desk, roster)
     if not place or place == roster.world.base:
         return [refusal(ask, f"{lost} guards no place", "CAP-10")]
-    low = f"{lost}: low, " if roster.low(lost) else ""
     return [
         Draft(
             ask.model_copy(update={"place": place}),
@@ -95,7 +94,7 @@ def relieve(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
                 going(name, place, roster.world),
                 (lost, "return_to_base"),
             ),
-            (f"{low}{roster.offered([name])} takes over",),
+            (f"{roster.whereabouts(lost)}, {roster.offered([name])} takes over",),
         )
         for name in guards(ask, desk, roster, place)
     ] or [refusal(ask, f"nobody is free for {place}", "WF-03")]
@@ -108,7 +107,7 @@ def swap(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
     if not all(posts) or posts[0] == posts[1] or {first, second} & desk.used:
         return [refusal(ask, "they cannot change places", "CAP-10")]
     moves = going(first, posts[1], roster.world), going(second, posts[0], roster.world)
-    return [Draft(ask, moves, (f"{posts[0]} and {posts[1]} stay covered",))]
+    return [Draft(ask, moves, (f"{roster.whereabouts(first)}, {roster.whereabouts(second)}",))]
 
 
 def home(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
@@ -155,7 +154,7 @@ def stand_down(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
         why = f"only {there[0]} is there" if there else "nobody is there"
         return [Draft(ask, why=(why,))]
     commands = tuple((name, "return_to_base") for name in leaving)
-    return [Draft(ask, commands, (f"{sound[0]} stays",))]
+    return [Draft(ask, commands, (f"{ask.place}: {listed(there)}, {sound[0]} stays",))]
 
 
 def mass(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:

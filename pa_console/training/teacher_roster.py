@@ -10,8 +10,8 @@ from pa_console.schema.telemetry import Digest, Picture, Track
 from pa_console.schema.world import AssetKind, World
 from pa_console.training.conditions import tracks_at
 
-MOST_TOLD = 3
-"""More names than these are only counted in a reason."""
+MOST_TOLD, MOST_OFFERED = 3, 6
+"""More names than these are not told with their states, nor one by one, in a reason."""
 
 
 @dataclass(frozen=True)
@@ -74,16 +74,20 @@ class Roster:
         return [name for name in self.digest.posts if self.up(name)]
 
     def told(self, names: Sequence[str]) -> str:
-        """Return the states of a few assets as the compact picture has them, or their number."""
+        """Return the states of a few assets as the compact picture has them."""
         if len(names) > MOST_TOLD:
-            return f"{len(names)} assets"
+            return "all of them"
         return ", ".join(f"{name}: {asset_state(self.digest, name)}" for name in names)
+
+    def whereabouts(self, name: str) -> str:
+        """Return where an asset stands or goes, as the compact picture has it."""
+        return f"{name}: {self.digest.posts[name].partition(' ')[2]}"
 
     def offered(self, names: Sequence[str], *, short: bool = False) -> str:
         """Return who is taken of the free ones, begun as the compact picture begins its list."""
         kinds = {self.kind(name) for name in names}
         label = f"Free {WORDS[self.kind(names[0])]}" if len(kinds) == 1 else "Free"
-        few = ", ".join(names) if len(names) <= MOST_TOLD else f"{len(names)} assets"
+        few = ", ".join(names) if len(names) <= MOST_OFFERED else f"{len(names)} assets"
         return f"{label}: {'only ' if short else ''}{few}"
 
     def bare(self, goals: Mapping[str, str]) -> tuple[str, ...]:
