@@ -138,8 +138,9 @@ def _there(case: _Case, wish: Wish) -> Iterator[str]:
 
 def _absent(case: _Case, wish: Wish, place: str) -> Iterator[str]:
     """Yield who was named and is not sent, unless a gate needs him."""
+    relief = case.spare(wish) and not case.others_stay
     for name in _fit(case, wish):
-        if case.moves.ends(name) != place and (name not in case.moves.alone or case.spare(wish)):
+        if case.moves.ends(name) != place and (relief or name not in case.moves.alone):
             yield f"{name} is not sent to {place}"
 
 
@@ -186,7 +187,8 @@ def _swapped(case: _Case, wish: Wish) -> Iterator[str]:
 
 def _stood_down(case: _Case, wish: Wish) -> Iterator[str]:
     """Yield that not exactly one guard stays, or that nobody goes home."""
-    left = [name for name in case.moves.guards(wish.place) if case.moves.ends(name) == wish.place]
+    there = {*case.moves.guards(wish.place), *case.moves.sent(wish.place)}
+    left = [name for name in there if case.moves.ends(name) == wish.place]
     if wish.place in case.moves.world.gates and len(left) != 1:
         yield f"{len(left)} stay at {wish.place}"
     if not case.moves.sent(case.moves.world.base):
