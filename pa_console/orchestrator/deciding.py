@@ -3,7 +3,8 @@
 from collections.abc import Awaitable, Callable
 
 from pa_console.orchestrator.approval import inadmissible, request_approval
-from pa_console.orchestrator.planning import Candidate, Planning
+from pa_console.orchestrator.candidate import Candidate
+from pa_console.orchestrator.planning import Planning
 from pa_console.orchestrator.services import Payloads, Stopwatch
 from pa_console.schema import event as ev
 from pa_console.schema.mission import Decision, Mission, MissionStatus

@@ -8,11 +8,12 @@ import asyncio
 from collections.abc import Callable, Iterator, Sequence
 from time import perf_counter
 
+from pa_console.orchestrator.candidate import Candidate
 from pa_console.orchestrator.course import Course
 from pa_console.orchestrator.deciding import Decide, Deciding
 from pa_console.orchestrator.execution import Execution
 from pa_console.orchestrator.feed import StepFeed
-from pa_console.orchestrator.planning import Candidate, Planning
+from pa_console.orchestrator.planning import Planning
 from pa_console.orchestrator.report import ReportFacts, after_action_report
 from pa_console.orchestrator.results import Results
 from pa_console.orchestrator.services import Payloads, Services, Stopwatch

@@ -1,11 +1,11 @@
 """Steps 2 to 6 of a mission: from its words to a plan that was checked, rehearsed and judged."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from time import perf_counter
 
 from pa_console.llm.judge import Judgement
 from pa_console.llm.reading import Reading, read_reason
+from pa_console.orchestrator.candidate import Candidate
 from pa_console.orchestrator.fulfilment import gaps
 from pa_console.orchestrator.judging import PlanCase, ask_about_plan
 from pa_console.orchestrator.plan_moves import PlanMoves
@@ -14,33 +14,9 @@ from pa_console.orchestrator.safeguards import Examination, examine
 from pa_console.orchestrator.services import Payloads, Services, Stopwatch
 from pa_console.policy.monitor import Monitor
 from pa_console.schema import event as ev
-from pa_console.schema.finding import Verdict
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan, Verb
 from pa_console.schema.telemetry import Selection
-
-
-@dataclass
-class Candidate:
-    """A plan that went through the safeguards, and the judge's answer once there is one."""
-
-    attempt: int
-    examination: Examination
-    gaps: int = 0
-    """In how many points the plan is not what the planner itself says was asked."""
-    verdict: Verdict | None = None
-    judge_error: str = ""
-
-    @property
-    def badness(self) -> tuple[int, ...]:
-        """Blocking findings, gaps, then warnings: the smaller the better."""
-        blocking, warnings = self.examination.badness
-        return blocking, self.gaps, warnings
-
-    @property
-    def objected(self) -> bool:
-        """Whether the judge says that the plan is not right."""
-        return self.verdict is not None and self.verdict.verdict == "Failure"
 
 
 class Planning:
