@@ -51,18 +51,17 @@ class Judge:
         are the rules on which an opinion is wanted. With `goes_on`, `grammar` is of the beginning
         of the answer; given that, it returns the grammar of the whole, which begins with it.
         """
-        begun = Answer("", Usage())
+        begun: Answer | None = None
         if goes_on is not None:
             async for item in self._ask(prompt, grammar, role):
                 if isinstance(item, str):
                     yield item
-                else:
-                    begun = item
-            if begun.error:
-                yield Judgement(begun.text, None, begun.error, begun.usage)
-                return
-            grammar = goes_on(begun.text)
-        text, given = "", len(begun.text)
+                    continue
+                if item.error:
+                    yield Judgement(item.text, None, item.error, item.usage)
+                    return
+                begun, grammar = item, goes_on(item.text)
+        text, given = "", len(begun.text) if begun is not None else 0
         async for item in self._ask(prompt, grammar, role):
             if isinstance(item, str):
                 text += item
@@ -70,8 +69,9 @@ class Judge:
                     yield text[given:]
                     given = len(text)
                 continue
+            usage = item.usage if begun is None else begun.usage.going_on(item.usage)
             verdict, error = (None, item.error) if item.error else read_verdict(item.text, rule_ids)
-            yield Judgement(item.text, verdict, error, begun.usage.going_on(item.usage))
+            yield Judgement(item.text, verdict, error, usage)
 
     def _ask(self, prompt: Prompt, grammar: str, role: Role) -> AsyncGenerator[str | Answer]:
         request = Request(

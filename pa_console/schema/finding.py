@@ -60,8 +60,6 @@ class Usage(StrictModel):
 
     def going_on(self, whole: "Usage") -> "Usage":
         """Return what an answer cost that began with this and was then written as a `whole`."""
-        if not self.prompt_tokens:
-            return whole
         return Usage(
             prompt_tokens=self.prompt_tokens,
             cached_tokens=self.cached_tokens,
