@@ -96,10 +96,12 @@ def judge_grammar(rule_ids: Sequence[str], feedback: str = "") -> str:
 def compact_opening_grammar(asked: str) -> str:
     """Return the grammar of how a short verdict begins: with what was asked, such as `asked`.
 
-    `asked` is a regular expression in Rust's syntax.
+    `asked` is a regular expression in Rust's syntax. It ends in one terminal with what follows: the
+    lexer is greedy, and a terminal of its own would have to be left before the next one is seen.
     """
-    whole = [_literal('{"feedback": "'), "ASKED", _literal(PLANNED)]
-    return f"start: {' '.join(whole)}\nASKED: {_text(asked, FEEDBACK_CHARS)}\n"
+    begins = _text(f"({asked}){PLANNED}", FEEDBACK_CHARS)
+    opening = _literal('{"feedback": "')
+    return f"start: {opening} ASKED\nASKED: {begins}\n"
 
 
 def compact_judge_grammar(
