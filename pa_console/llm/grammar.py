@@ -6,6 +6,7 @@ kind and frames that exist. The text depends on nothing but its arguments, so it
 
 import json
 from collections.abc import Collection, Iterable, Sequence
+from re import escape
 from typing import Literal
 
 from pa_console.schema.plan import COMMANDS, MAX_ACTIONS, Verb
@@ -131,6 +132,11 @@ def compact_judge_grammar(
         lines.append(f'violated: "" | id ({_literal(", ")} id){{0,{MOST_VIOLATED - 1}}}')
         lines.append(f"id: {_choice(json.dumps(rule_id) for rule_id in rule_ids)}")
     return "\n".join(lines) + "\n"
+
+
+def exactly(text: str) -> str:
+    """Return a regular expression (Rust's syntax, between slashes) for `text` as it is."""
+    return escape(text).replace("/", r"\/")
 
 
 def _text(pattern: str, most: int) -> str:

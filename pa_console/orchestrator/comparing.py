@@ -7,10 +7,9 @@ model ends with its verdict.
 
 import json
 from collections.abc import Sequence
-from re import escape
 from typing import NamedTuple
 
-from pa_console.llm.grammar import COMPARED_CHARS, PLANNED, compact_judge_grammar
+from pa_console.llm.grammar import COMPARED_CHARS, PLANNED, compact_judge_grammar, exactly
 from pa_console.llm.grounds import MOST_PLANNED, WORD
 from pa_console.llm.plan_words import planned
 from pa_console.llm.reading import read_asked
@@ -27,11 +26,11 @@ class Compared(NamedTuple):
     gaps: tuple[str, ...] | None
 
     @property
-    def words(self) -> str:
+    def told(self) -> str:
         """What is planned, and how it compares; open at the end where that is for the model."""
         if self.gaps is None:
-            return f"{PLANNED}{self.planned}; "
-        return f"{PLANNED}{self.planned}; {'; '.join(self.gaps) or FITS}"
+            return f"{self.planned}; "
+        return f"{self.planned}; {'; '.join(self.gaps) or FITS}"
 
 
 def compare(asked: str, moves: PlanMoves) -> Compared:
@@ -51,7 +50,7 @@ def compared_grammar(opening: str, moves: PlanMoves, rule_ids: Sequence[str] = (
     """
     asked = opening.partition(': "')[2].removesuffix(PLANNED)
     compared = compare(asked, moves)
-    said = escape((asked + compared.words)[:COMPARED_CHARS])
+    said = exactly((asked + PLANNED + compared.told)[:COMPARED_CHARS])
     if compared.gaps is None:
         said += f"{WORD}+"
     verdicts = ("Failure",) if compared.gaps else ("Success", "Failure")

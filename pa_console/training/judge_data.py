@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from pa_console.llm.compact_prompt import ahead, compact_judge_prompt
-from pa_console.llm.grammar import MOST_VIOLATED
+from pa_console.llm.grammar import MOST_VIOLATED, PLANNED
 from pa_console.llm.prompts import Prompt
 from pa_console.orchestrator.comparing import compare
 from pa_console.orchestrator.judging import judged_rules
@@ -54,8 +54,9 @@ def judge_samples(  # noqa: PLR0917
 ) -> Iterator[Sample]:
     """Yield samples of about as many right plans as wrong ones for every mission of `group`.
 
-    Missions that their words alone refuse are left out: no plan for them is ever judged. `dropped`
-    counts why plans were not taken. Equal states of `rng` give equal samples.
+    Missions that their words alone refuse, and plans that the safeguards block, are left out: they
+    are never judged. `dropped` counts why plans were not taken. Equal states of `rng` give equal
+    samples.
     """
     situation = group.situation
     picture = ahead("judge", situation.world, situation.digest).user
@@ -65,7 +66,7 @@ def judge_samples(  # noqa: PLR0917
             continue
         for variant, verified, label in _labelled(told, group, rulebook, rng, dropped):
             found = verified.checked.examination
-            if found.rehearsal is None:
+            if found.rehearsal is None or found.blocked:
                 continue
             hits = retriever.retrieve(told.case.command, TOP_K)
             rules = [rulebook.get(rule_id) for rule_id in judged_rules(hits, found.findings)]
@@ -75,10 +76,10 @@ def judge_samples(  # noqa: PLR0917
             compared = compare(f"asked: {words}", plan)
             if label.right and compared.gaps:
                 continue
-            said = label._replace(feedback=f"asked: {words}{compared.words}")
+            said = label._replace(feedback=f"asked: {words}{PLANNED}{compared.told}")
             answer = answer_of(said, [rule.id for rule in rules])
             kind = f"{told.kind.partition('/')[0]}/{variant.how}/{verdict_word(label.right)}"
-            yield make_sample(group.name, "judge", prompt, picture, answer, kind, compared.words)
+            yield make_sample(group.name, "judge", prompt, picture, answer, kind, compared.told)
 
 
 def answer_of(label: Label, rule_ids: Sequence[str]) -> str:

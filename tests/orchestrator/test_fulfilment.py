@@ -189,5 +189,5 @@ def test_a_plan_of_any_length_leaves_a_readable_verdict() -> None:
     orders = [f"{name} move_to {rng.choice(WORLD.gates)}" for name in names]
     grammar = compared_grammar(OPENING, moves(*orders))
     compared = compare("asked: 1 drone to EastGate", moves(*orders))
-    said = f"asked: 1 drone to EastGate{compared.words}"
+    said = f"asked: 1 drone to EastGate; planned: {compared.told}"
     assert accepts(grammar, answer(said, "Failure"))
