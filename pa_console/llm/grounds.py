@@ -24,6 +24,8 @@ _PART = r"[ !#-+\--9<-\[\]-~]"
 """A character within what commas and semicolons part."""
 _UNCONDITIONAL = rf"([ !#-9;-\[\]-hj-~]|i[ !#-9;-\[\]-eg-~]){WORD}*"
 """Words that do not begin as a condition does: the names in one are those of the digest."""
+_ORDER = r"([A-Zabcdefghj-z0-9_]|i[A-Zabcdeg-z0-9_])[A-Za-z0-9_,; ]*"
+"""The same in names, numbers and plain words alone."""
 _ONCE = f"asked: ({WORD}+|if {WORD}+: {WORD}+, else: {WORD}+; now: {WORD}+(: {WORD}+)?)"
 """What was asked at a moment of which the digest is not."""
 MOST_PLANNED = 140
@@ -35,7 +37,7 @@ _END = r"( \([A-Z]+-[0-9]+\))?( takes over| stays)?"
 def grounded_reason(world: World, digest: Digest) -> str:
     """Return a regular expression (Rust's syntax) for the reasons that `digest` bears out."""
     part = f" {_either(_facts(world, digest))}{_END}|{_PART}*"
-    return f"{grounded_asked(world, digest)}([;,]({part}))*"
+    return f"{_asked(world, digest, _UNCONDITIONAL)}([;,]({part}))*"
 
 
 def grounded_outcome(world: World, plan: Plan) -> str:
@@ -50,13 +52,21 @@ def grounded_outcome(world: World, plan: Plan) -> str:
 
 
 def grounded_asked(world: World, digest: Digest) -> str:
-    """Return a regular expression for what was asked; `digest` decides each condition in it."""
+    """Return a regular expression for what a judge says was asked, in words like those of orders.
+
+    Facts of the picture, which come with colons, brackets and rule ids, have no place in it.
+    """
+    return _asked(world, digest, _ORDER)
+
+
+def _asked(world: World, digest: Digest, unconditional: str) -> str:
+    """Return what was asked; `digest` decides each condition that it may be under."""
     under = (
         f"{escape(in_words(condition))}: {WORD}+, else: {WORD}+; "
         f"now: {escape(evidence(condition, digest))}, {_SO[holds(condition, digest)]}"
         for condition in conditions(world, digest)
     )
-    return f"asked: ({_UNCONDITIONAL}|if {_either(under)})"
+    return f"asked: ({unconditional}|if {_either(under)})"
 
 
 def _facts(world: World, digest: Digest) -> Iterator[str]:

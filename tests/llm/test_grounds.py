@@ -171,3 +171,10 @@ def test_tracks_are_read_back_from_the_digest() -> None:
     assert hostile.known == "unauthorized, intent hostile"
     assert (stranger.id, stranger.kind, stranger.here) == ("Track_01", "vehicle", True)
     assert (stranger.step, stranger.known) == ("not observed", "not identified")
+
+
+def test_the_judge_says_what_was_asked_without_any_facts() -> None:
+    assert can_begin("asked: 1 drone look at HillGate; Hawk_2 home")
+    assert can_begin("asked: use force at HillGate; others stay")
+    assert not can_begin("asked: 1 drone look at HillGate; Free drone: Hawk_2")
+    assert not can_begin("asked: 1 drone look at HillGate; Hawk_2 alone (WF-03), hold")
