@@ -1,5 +1,6 @@
 """The half of the app that knows which rules are in force: the browser, the workbench, changes."""
 
+import asyncio
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -66,20 +67,28 @@ class RulesApp(CommandingApp):
 
     def _note(self, event: ev.Event) -> None:
         self.bench.cases.see(event, self.state)
-        browser = self._browser if self._browser in self.screen_stack else None
-        if browser is not None and event.data.kind in _USES:
+        if event.data.kind in _USES and (browser := self._shown_browser):
             browser.show_detail()
         match event.data:
             case ev.RulesReplaced(rules=name, rules_seal=seal, rule_set=rule_set):
-                self.rulebook = InForce(name, seal, rule_set.rules)
-                self.retriever = Retriever(rule_set.rules)
                 self.rule_texts.update({rule.id: rule for rule in rule_set.rules})
-                if browser is not None:
-                    browser.use(self.rulebook, self.retriever)
+                taken = InForce(name, seal, rule_set.rules)
+                self.run_worker(self._use(taken), group="rules in force", exclusive=True)
             case ev.Noticed(subject="rules", level=level, text=text):
                 self.tell(text, "Rules", bad=level == "alarm")
             case _:
                 pass
+
+    async def _use(self, taken: InForce) -> None:
+        """Show other rules once they are indexed; the screen goes on meanwhile."""
+        self.retriever = await asyncio.to_thread(Retriever, taken.rules)
+        self.rulebook = taken
+        if browser := self._shown_browser:
+            browser.use(self.rulebook, self.retriever)
+
+    @property
+    def _shown_browser(self) -> "PolicyScreen | None":
+        return self._browser if self._browser in self.screen_stack else None
 
     def action_policies(self) -> None:
         """Show the policy browser."""
