@@ -100,6 +100,7 @@ def test_the_installed_rules_are_listed_and_right(call: Call) -> None:
     assert len(call("rules", "list", "--json").json) == 30
     checked = call("rules", "check", "--json").json
     assert checked["rules"] == 30
+    assert checked["seal"]["version"]
     assert checked["wrong"] == []
 
 
