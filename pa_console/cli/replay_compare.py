@@ -8,7 +8,7 @@ import typer
 from rich.text import Text
 
 from pa_console.cli.output import FAILED, errors, out, print_json
-from pa_console.cli.read_bar import index_folder, read_recording
+from pa_console.cli.read_bar import read_recording
 from pa_console.cli.replay_play import run_console, site_of
 from pa_console.session.compare import Comparison, Difference, compare
 from pa_console.session.event_words import event_in_words, kind_in_words
@@ -57,7 +57,7 @@ def show_compared(first: Path, second: Path, world: str | None, settings: Loaded
     rules = {rule.id: rule for rule in site.rulebook.rules}
     sides = (
         Side(first.name, recording, site.world, rules),
-        Side.of(second.name, open_log(second, otherwise=site.world, cache=index_folder())),
+        Side.of(second.name, open_log(second, otherwise=site.world)),
     )
     run_console(partial(ComparingApp, sides), site, recording, settings)
 
