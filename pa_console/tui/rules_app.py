@@ -9,6 +9,7 @@ from pa_console.schema import event as ev
 from pa_console.schema.rule import Rule
 from pa_console.schema.rules_seal import RulesSeal
 from pa_console.tui.commanding_app import CommandingApp
+from pa_console.tui.drafts import Drafts
 from pa_console.tui.ports import RetrieverPort, RulebookPort
 from pa_console.tui.session_app import SessionApp
 from pa_console.tui.workbench import Workbench
@@ -37,8 +38,11 @@ class RulesApp(CommandingApp):
     rule_texts: dict[str, Rule]
     """Every rule that was in force in this session, as it is in force now, by id."""
 
-    def open_workbench(self, rules_file: Path | None) -> None:
-        """Begin with the rules of `rules_file`; without it, or read-only, none can be edited."""
+    def open_workbench(self, rules_file: Path | None, drafts: Path | None) -> None:
+        """Begin with the rules of `rules_file`; without it, or read-only, none can be edited.
+
+        `drafts` is the folder of what was typed and not saved, None for the user's own.
+        """
         self.rule_texts = {rule.id: rule for rule in self.rulebook.rules}
         self._browser: PolicyScreen | None = None
         closed = "the rules are not open for editing here"
@@ -54,6 +58,7 @@ class RulesApp(CommandingApp):
             missions=lambda: tuple(self.shown_state.missions.values()),
             busy=lambda: self.state.active or "",
             saved=self._reload,
+            drafts=Drafts(None if closed else rules_file, drafts),
         )
 
     async def _reload(self) -> None:

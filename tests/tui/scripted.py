@@ -166,6 +166,7 @@ def console(
         clock=clock or FakeClock(),
         history=tmp / "history.txt",
         copies=tmp / "copies",
+        drafts=tmp / "drafts",
         **options,
     )
     app.animation_level = "none"

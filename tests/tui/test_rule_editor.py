@@ -181,6 +181,28 @@ async def test_a_draft_outlives_the_editor_and_can_be_discarded(rules: Path) -> 
         assert rules.read_text() == RULES
 
 
+async def test_a_draft_outlives_the_console_until_it_is_saved(rules: Path) -> None:
+    app, station = opened(rules)
+    async with app.run_test(size=SIZE) as pilot:
+        editor = await edit(pilot, station, "down", "e")
+        await write(pilot, editor, "high", "medium")
+        kept = {path: path.read_bytes() for path in rules.parent.glob("drafts/*")}
+    assert len(kept) == 1, "what is typed is on the disk before the console is left"
+    app, station = opened(rules)
+    async with app.run_test(size=SIZE) as pilot:
+        editor = await edit(pilot, station, "down", "e")
+        assert "priority: medium" in editor.text
+        await pilot.press("ctrl+s")
+        await until(pilot, lambda: station.reloads)
+    assert "priority: medium" in rules.read_text()
+    assert not app.bench.drafts
+    assert not list(rules.parent.glob("drafts/*"))
+    for path, content in kept.items():
+        path.write_bytes(content[:-9])
+    app, _ = opened(rules)
+    assert not app.bench.drafts, "a file that is cut short is no draft, and no error"
+
+
 async def test_a_file_changed_meanwhile_is_asked_about(rules: Path) -> None:
     app, station = opened(rules)
     theirs = RULES.replace("# cover", "# theirs")
