@@ -31,6 +31,16 @@ print(json.dumps(sorted({name.partition(".")[0] for name in sys.modules})))
 """
 
 
+STARTED = "import pa_console.cli.main, sys; print(*sys.modules)"
+VERBS_LOADED = """
+import sys
+from pa_console.cli.verbs import VERBS, load_verb
+for name in VERBS:
+    load_verb(name)
+print(*sys.modules)
+"""
+
+
 def core_modules() -> list[str]:
     paths = sorted((ROOT / "pa_console").rglob("*.py"))
     names = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in paths]
@@ -62,12 +72,22 @@ def test_only_the_worker_needs_the_model_libraries() -> None:
     assert imported_by(list(WORKER)) >= {"llama_cpp", "llguidance"}
 
 
-def test_the_command_line_starts_without_what_trains_and_without_a_screen() -> None:
-    command = [sys.executable, "-c", "import pa_console.cli.main, sys; print(*sys.modules)"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    started = set(done.stdout.split())
-    assert "pa_console.cli.train" in started
-    assert not started & {"pa_console.training", "torch", "gguf", "textual", "llama_cpp"}
+def loaded_by(script: str) -> set[str]:
+    """The modules that a fresh interpreter has after `script`, which prints them."""
+    command = [sys.executable, "-c", script]
+    return set(subprocess.run(command, capture_output=True, text=True, check=True).stdout.split())
+
+
+def test_the_command_line_starts_without_what_its_verbs_need() -> None:
+    started = loaded_by(STARTED)
+    assert "pa_console.cli.verbs" in started
+    assert not started & {"pydantic", "numpy", "shapely", "pa_console.evaluation", "textual"}
+
+
+def test_every_verb_is_there_without_what_trains_and_without_a_screen() -> None:
+    loaded = loaded_by(VERBS_LOADED)
+    assert {"pa_console.cli.train", "pa_console.evaluation"} <= loaded
+    assert not loaded & {"pa_console.training", "torch", "gguf", "textual", "llama_cpp"}
 
 
 def test_the_probe_would_see_a_screen() -> None:

@@ -63,7 +63,6 @@ def console(
                 open_station,
             )
             from pa_console.orchestrator.rules_watch import RulesWatch  # noqa: PLC0415
-            from pa_console.policy.retriever import Retriever  # noqa: PLC0415
             from pa_console.session.log import LogWriter, default_folder, new_log_path  # noqa: PLC0415
             from pa_console.signing import load_signer  # noqa: PLC0415
             from pa_console.tui.app import ConsoleApp  # noqa: PLC0415
@@ -97,7 +96,7 @@ def console(
             site.world,
             station,
             site.rulebook,
-            Retriever(site.rulebook.rules),
+            station.retriever,
             log.append,
             readonly=readonly,
             settings=settings,

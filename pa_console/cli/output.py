@@ -2,13 +2,13 @@
 
 import json
 import sys
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from pydantic import TypeAdapter
 from rich.console import Console
 
-from pa_console.schema.rules_seal import RulesSeal
+if TYPE_CHECKING:  # every start of the command line would wait for it
+    from pa_console.schema.rules_seal import RulesSeal
 
 FAILED = 1
 BAD_INPUT = 2
@@ -42,7 +42,7 @@ JsonOption = Annotated[
 ]
 
 
-def warn_of_altered(rules: str, seal: RulesSeal) -> None:
+def warn_of_altered(rules: str, seal: "RulesSeal") -> None:
     """Say on stderr that altered rules are in force."""
     if seal.altered:
         errors.print(
@@ -55,5 +55,7 @@ def warn_of_altered(rules: str, seal: RulesSeal) -> None:
 
 def print_json(value: Any) -> None:
     """Print `value`, dataclasses and pydantic models included, as one indented JSON document."""
+    from pydantic import TypeAdapter  # noqa: PLC0415 - only when it is asked for
+
     plain = TypeAdapter(Any).dump_python(value, mode="json")
     sys.stdout.write(json.dumps(plain, indent=2, ensure_ascii=False) + "\n")

@@ -5,8 +5,8 @@ from pathlib import Path
 from rich.progress import DownloadColumn
 
 from pa_console.cli.live_bar import LiveBar, transient_bar
-from pa_console.llm.cache import cache_folder
 from pa_console.session.recording import Recording
+from pa_console.tui.recordings import index_folder
 
 
 class ReadBar(LiveBar):
@@ -20,11 +20,6 @@ class ReadBar(LiveBar):
     def show(self, done: int, total: int) -> None:
         """Note that `done` of `total` bytes were read."""
         self._progress.update(self._task, completed=done, total=total)
-
-
-def index_folder() -> Path:
-    """Return where the indexes of large logs are kept."""
-    return cache_folder() / "replay"
 
 
 def read_recording(log: Path) -> Recording:

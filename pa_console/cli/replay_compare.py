@@ -1,14 +1,15 @@
 """`pa-console replay A --compare B`: the first point where two sessions differ, and how."""
 
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 import typer
 from rich.text import Text
 
 from pa_console.cli.output import FAILED, errors, out, print_json
-from pa_console.cli.read_bar import index_folder, read_recording
-from pa_console.cli.replay_play import site_of
+from pa_console.cli.read_bar import read_recording
+from pa_console.cli.replay_play import run_console, site_of
 from pa_console.session.compare import Comparison, Difference, compare
 from pa_console.session.event_words import event_in_words, kind_in_words
 from pa_console.session.recording import Recording
@@ -47,9 +48,7 @@ def compare_logs(first: Path, second: Path, json: bool) -> None:
 
 def show_compared(first: Path, second: Path, world: str | None, settings: Loaded) -> None:
     """Open the console on the first log, with both at the point of difference over it."""
-    from pa_console.policy.retriever import Retriever  # noqa: PLC0415 - only when it is shown
-    from pa_console.session.replay import Player  # noqa: PLC0415
-    from pa_console.tui.comparing_app import ComparingApp  # noqa: PLC0415
+    from pa_console.tui.comparing_app import ComparingApp  # noqa: PLC0415 - only when it is shown
     from pa_console.tui.recordings import open_log  # noqa: PLC0415
     from pa_console.tui.screens.compare import Side  # noqa: PLC0415
 
@@ -58,19 +57,9 @@ def show_compared(first: Path, second: Path, world: str | None, settings: Loaded
     rules = {rule.id: rule for rule in site.rulebook.rules}
     sides = (
         Side(first.name, recording, site.world, rules),
-        Side.of(second.name, open_log(second, otherwise=site.world, cache=index_folder())),
+        Side.of(second.name, open_log(second, otherwise=site.world)),
     )
-
-    app = ComparingApp(
-        sides,
-        site.world,
-        None,
-        site.rulebook,
-        Retriever(site.rulebook.rules),
-        player=Player(recording),
-        settings=settings,
-    )
-    app.run(mouse=settings.values.mouse)
+    run_console(partial(ComparingApp, sides), site, recording, settings)
 
 
 def _print(found: Comparison, both: tuple[Recording, Recording], names: tuple[Path, Path]) -> None:

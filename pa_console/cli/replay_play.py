@@ -1,6 +1,8 @@
 """Opens the console on a recording."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pa_console.cli.output import errors
 from pa_console.cli.read_bar import read_recording
@@ -12,16 +14,26 @@ from pa_console.session.chain import LogError
 from pa_console.session.recording import Recording
 from pa_console.settings.sources import Loaded
 
+if TYPE_CHECKING:  # the screen's library is slow to import
+    from pa_console.tui.app import ConsoleApp
+
 
 def play(log: Path, world: str | None, settings: Loaded) -> None:
     """Show the recording, with the world and the rules that it names."""
-    from pa_console.policy.retriever import Retriever  # noqa: PLC0415 - only when it is shown
-    from pa_console.session.replay import Player  # noqa: PLC0415
-    from pa_console.tui.app import ConsoleApp  # noqa: PLC0415
+    from pa_console.tui.app import ConsoleApp  # noqa: PLC0415 - only when it is shown
 
     recording = read_recording(log)
-    site = site_of(recording, log, world)
-    app = ConsoleApp(
+    run_console(ConsoleApp, site_of(recording, log, world), recording, settings)
+
+
+def run_console(
+    make: Callable[..., "ConsoleApp"], site: Site, recording: Recording, settings: Loaded
+) -> None:
+    """Run the console that `make` makes over the recording, until it is left."""
+    from pa_console.policy.retriever import Retriever  # noqa: PLC0415 - only when it is shown
+    from pa_console.session.replay import Player  # noqa: PLC0415
+
+    app = make(
         site.world,
         None,
         site.rulebook,

@@ -28,6 +28,11 @@ class RulesReload:
         self._services, self._watch, self._emit, self._desk = services, watch, emit, desk
         self._turn = asyncio.Lock()
 
+    @property
+    def services(self) -> Services:
+        """What missions are worked on with from now on."""
+        return self._services
+
     async def serve(self) -> None:
         """Take every change of the file, for ever."""
         while self._watch is not None:
@@ -47,14 +52,15 @@ class RulesReload:
                 kept = f"{old.name} {old.seal.content_sha256[:SHORT]} stays in force"
                 self._tell("alarm", f"the changed rules were not taken, {kept}: {error}")
             else:
-                self._take(rulebook)
+                await self._take(rulebook)
 
-    def _take(self, rulebook: Rulebook) -> None:
+    async def _take(self, rulebook: Rulebook) -> None:
+        """Put `rulebook` in force; the world goes on while its rules are indexed."""
         old = self._services.rulebook
         before, after = old.rule_set, rulebook.rule_set
         if before is None or after is None or rulebook.seal == old.seal:
             return
-        self._services = self._services.with_rules(rulebook)
+        self._services = await asyncio.to_thread(self._services.with_rules, rulebook)
         self._desk.use(self._services)
         changes = tuple(_changes(before, after))
         self._emit(

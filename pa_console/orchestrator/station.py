@@ -15,6 +15,7 @@ from pa_console.orchestrator.rules_reload import RulesReload
 from pa_console.orchestrator.rules_watch import RulesWatch
 from pa_console.orchestrator.services import Services
 from pa_console.orchestrator.stops import Stops
+from pa_console.policy.retriever import Retriever
 from pa_console.schema import event as ev
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Mission
@@ -67,6 +68,11 @@ class Station:
     def world(self) -> World:
         """The world that is simulated."""
         return self._sim.world
+
+    @property
+    def retriever(self) -> Retriever:
+        """What finds rules among those that are in force now."""
+        return self._reload.services.retriever
 
     @property
     def rate(self) -> float:

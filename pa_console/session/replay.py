@@ -7,6 +7,7 @@ from typing import Self
 from pa_console.schema.event import Event
 from pa_console.session.chain import LogError
 from pa_console.session.fold import SessionState
+from pa_console.session.log_index import Progress
 from pa_console.session.marks import MarkKind
 from pa_console.session.recording import Recording
 
@@ -31,12 +32,13 @@ class Player:
         self._rate = 1.0
 
     @classmethod
-    def open(cls, path: Path, cache: Path | None = None) -> Self:
+    def open(cls, path: Path, cache: Path | None = None, progress: Progress | None = None) -> Self:
         """Open the log at `path`; raises LogError when nothing in it can be read.
 
-        The index of a large log is kept in the folder `cache`.
+        The index of a large log is kept in the folder `cache`; `progress` is told how many bytes
+        of it were read.
         """
-        return cls(Recording.read(path, cache=cache))
+        return cls(Recording.read(path, progress, cache=cache))
 
     @classmethod
     def of(cls, events: Iterable[Event]) -> Self:

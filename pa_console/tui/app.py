@@ -60,6 +60,7 @@ class ConsoleApp(SettingsApp):
         evaluations: Path | None = None,
         settings: Loaded | None = None,
         rules_file: Path | None = None,
+        drafts: Path | None = None,
     ) -> None:
         """Paths and settings that are None are the user's own, in the platform's folders.
 
@@ -71,7 +72,7 @@ class ConsoleApp(SettingsApp):
             readonly=readonly, player=player, clock=clock, copies=copies, evaluations=evaluations,
         )  # fmt: skip
         self.settings = settings or load_settings()
-        self.open_workbench(rules_file)
+        self.open_workbench(rules_file, drafts)
         self._history = history
         self._drafts: dict[tuple[str, int], str] = {}
         self._editing: tuple[tuple[str, int], Screen[Plan | None]] | None = None

@@ -4,6 +4,7 @@ import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
+from pa_console.llm.cache import cache_folder
 from pa_console.orchestrator.compose import open_world
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data
@@ -12,6 +13,7 @@ from pa_console.schema.event import SessionStarted
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
 from pa_console.session.chain import LogError
+from pa_console.session.log_index import Progress
 from pa_console.session.replay import Player
 
 
@@ -25,17 +27,27 @@ class OpenedLog:
     note: str = ""
 
 
-def open_run(name: str, folder: Path) -> OpenedLog:
-    """Open the log `name` of a run in the evaluation's `folder`, wound to its end.
+def index_folder() -> Path:
+    """Return where the indexes of large logs are kept."""
+    return cache_folder() / "replay"
 
-    Raises what `open_log` does, and ValueError when there is no such log.
-    """
+
+def log_of_run(name: str, folder: Path) -> Path:
+    """Return the log `name` of a run in the evaluation's `folder`; ValueError without one."""
     if not name:
         raise ValueError("this run kept no log; without --no-logs the next one will")
     log = folder / name
     if not log.is_file():
         raise ValueError(f"{log}: the log of this run is missing; run the mission again to see it")
-    opened = open_log(log, folder)
+    return log
+
+
+def open_run(log: Path, folder: Path, progress: Progress | None = None) -> OpenedLog:
+    """Open the log of a run in the evaluation's `folder`, wound to its end.
+
+    Raises what `open_log` does.
+    """
+    opened = open_log(log, folder, progress=progress)
     opened.player.seek(opened.player.duration)
     return opened
 
@@ -44,15 +56,16 @@ def open_log(
     log: Path,
     worlds: Path | None = None,
     otherwise: World | None = None,
-    cache: Path | None = None,
+    progress: Progress | None = None,
 ) -> OpenedLog:
     """Open a session log at its beginning, with the world and the rules that it names.
 
     Its world is found by its hash below the folder `worlds`, where generated ones are, by its
-    name, or is the one given for `otherwise`. The index of a large log is kept in `cache`. Raises
-    DocumentError for a log or world that cannot be read, ValueError without a world.
+    name, or is the one given for `otherwise`. `progress` is told how many bytes of a log were read
+    whose index was not kept. Raises DocumentError for a log or world that cannot be read,
+    ValueError without a world.
     """
-    player = Player.open(log, cache)
+    player = Player.open(log, index_folder(), progress)
     if not len(player.recording):
         raise LogError(str(log), 1, "the log is empty")
     started = player.recording[0].data

@@ -1,8 +1,10 @@
 """The half of the app that moves a recording, searches it and compares it with another one."""
 
+from functools import partial
 from pathlib import Path
 
 from pa_console.schema.document import DocumentError
+from pa_console.session.log_index import Progress
 from pa_console.tui.browsing_app import BrowsingApp
 from pa_console.tui.moment import ACCEPTED, read_moment
 from pa_console.tui.replay import FINDINGS, MISSIONS
@@ -73,18 +75,25 @@ class ReplayingApp(BrowsingApp):
         from pa_console.tui.recordings import open_log  # noqa: PLC0415
         from pa_console.tui.screens.ask_line import AskLine  # noqa: PLC0415
         from pa_console.tui.screens.compare import CompareScreen, Side  # noqa: PLC0415
+        from pa_console.tui.screens.reading_log import ReadingLog, is_large  # noqa: PLC0415
 
-        def read(text: str) -> Side:
+        def opened(path: Path, progress: Progress | None = None) -> Side:
+            log = open_log(path, otherwise=recording.world, progress=progress)
+            return Side.of(path.name, log)
+
+        def read(text: str) -> Side | Path:
             path = Path(text).expanduser()
             if not path.is_file():
                 raise ValueError(f"{path}: there is no such log")
             try:
-                return Side.of(path.name, open_log(path, otherwise=recording.world))
+                return path if is_large(path) else opened(path)
             except (DocumentError, OSError) as error:
                 raise ValueError(str(error)) from error
 
-        def given(other: Side | None) -> None:
-            if other is not None:
+        def given(other: Side | Path | None) -> None:
+            if isinstance(other, Path):
+                self.push_screen(ReadingLog(other, partial(opened, other)), given)
+            elif other is not None:
                 own = Side("this one", recording.player.recording, recording.world, recording.rules)
                 self.push_screen(CompareScreen(own, other, self.clock))
 

@@ -1,5 +1,6 @@
 """The half of the app that knows which rules are in force: the browser, the workbench, changes."""
 
+import asyncio
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -8,6 +9,7 @@ from pa_console.schema import event as ev
 from pa_console.schema.rule import Rule
 from pa_console.schema.rules_seal import RulesSeal
 from pa_console.tui.commanding_app import CommandingApp
+from pa_console.tui.drafts import Drafts
 from pa_console.tui.ports import RetrieverPort, RulebookPort
 from pa_console.tui.session_app import SessionApp
 from pa_console.tui.workbench import Workbench
@@ -36,8 +38,11 @@ class RulesApp(CommandingApp):
     rule_texts: dict[str, Rule]
     """Every rule that was in force in this session, as it is in force now, by id."""
 
-    def open_workbench(self, rules_file: Path | None) -> None:
-        """Begin with the rules of `rules_file`; without it, or read-only, none can be edited."""
+    def open_workbench(self, rules_file: Path | None, drafts: Path | None) -> None:
+        """Begin with the rules of `rules_file`; without it, or read-only, none can be edited.
+
+        `drafts` is the folder of what was typed and not saved, None for the user's own.
+        """
         self.rule_texts = {rule.id: rule for rule in self.rulebook.rules}
         self._browser: PolicyScreen | None = None
         closed = "the rules are not open for editing here"
@@ -53,6 +58,7 @@ class RulesApp(CommandingApp):
             missions=lambda: tuple(self.shown_state.missions.values()),
             busy=lambda: self.state.active or "",
             saved=self._reload,
+            drafts=Drafts(None if closed else rules_file, drafts),
         )
 
     async def _reload(self) -> None:
@@ -66,20 +72,28 @@ class RulesApp(CommandingApp):
 
     def _note(self, event: ev.Event) -> None:
         self.bench.cases.see(event, self.state)
-        browser = self._browser if self._browser in self.screen_stack else None
-        if browser is not None and event.data.kind in _USES:
+        if event.data.kind in _USES and (browser := self._shown_browser):
             browser.show_detail()
         match event.data:
             case ev.RulesReplaced(rules=name, rules_seal=seal, rule_set=rule_set):
-                self.rulebook = InForce(name, seal, rule_set.rules)
-                self.retriever = Retriever(rule_set.rules)
                 self.rule_texts.update({rule.id: rule for rule in rule_set.rules})
-                if browser is not None:
-                    browser.use(self.rulebook, self.retriever)
+                taken = InForce(name, seal, rule_set.rules)
+                self.run_worker(self._use(taken), group="rules in force", exclusive=True)
             case ev.Noticed(subject="rules", level=level, text=text):
                 self.tell(text, "Rules", bad=level == "alarm")
             case _:
                 pass
+
+    async def _use(self, taken: InForce) -> None:
+        """Show other rules once they are indexed; the screen goes on meanwhile."""
+        self.retriever = await asyncio.to_thread(Retriever, taken.rules)
+        self.rulebook = taken
+        if browser := self._shown_browser:
+            browser.use(self.rulebook, self.retriever)
+
+    @property
+    def _shown_browser(self) -> "PolicyScreen | None":
+        return self._browser if self._browser in self.screen_stack else None
 
     def action_policies(self) -> None:
         """Show the policy browser."""

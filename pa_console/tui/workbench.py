@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pa_console.orchestrator.rule_trials import SessionCases
-from pa_console.policy.rule_save import OpenRule
 from pa_console.schema.rules_seal import RulesSeal
 from pa_console.schema.world import World
 from pa_console.session.mission_trace import MissionTrace
+from pa_console.tui.drafts import Drafts
 
 
 @dataclass
@@ -16,7 +16,8 @@ class Workbench:
     """Lets one console edit one rule file; `closed` says why it may not, empty when it may.
 
     `drafts` are what was typed and not saved, by rule id, '' for a new rule; they outlive the
-    editor. `saved` is awaited after the file was written, so that it is taken at once.
+    editor and the console. `saved` is awaited after the file was written, so that it is taken at
+    once.
     """
 
     world: World
@@ -27,7 +28,7 @@ class Workbench:
     busy: Callable[[], str]
     saved: Callable[[], Awaitable[None]]
     cases: SessionCases = field(init=False)
-    drafts: dict[str, tuple[OpenRule, str]] = field(default_factory=dict[str, tuple[OpenRule, str]])
+    drafts: Drafts = field(default_factory=Drafts)
 
     def __post_init__(self) -> None:
         """Begin with a session of which nothing is known."""

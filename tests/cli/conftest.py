@@ -4,8 +4,14 @@ from pathlib import Path
 
 import pytest
 
+from pa_console.cli import console, mission
+from pa_console.llm.catalog import LocalModel
 from pa_console.signing import KEY_VARIABLE
 from tests.cli.inside import Call, caller
+from tests.scripted import ScriptedEngine, plan
+
+FILL = plan(("Drone_T04", "move_to EastGate"))
+"""A plan that every rule admits."""
 
 
 @pytest.fixture(autouse=True)
@@ -18,3 +24,20 @@ def _a_key_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None: 
 def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Call:
     """Return what runs a verb in this process."""
     return caller(monkeypatch, capsys)
+
+
+@pytest.fixture
+def engine(monkeypatch: pytest.MonkeyPatch) -> ScriptedEngine:
+    """Put a scripted LLM in the place of the real one."""
+    scripted = ScriptedEngine([FILL])
+
+    def find_model(_: str | None, *_progress: object) -> LocalModel:
+        return scripted.model
+
+    def new_engine(_: LocalModel) -> ScriptedEngine:
+        return scripted
+
+    for verb in (mission, console):
+        monkeypatch.setattr(verb, "find_model", find_model)
+        monkeypatch.setattr(verb, "Engine", new_engine)
+    return scripted

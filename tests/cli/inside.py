@@ -43,6 +43,7 @@ def caller(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) 
             main()
         printed = capsys.readouterr()
         assert "internal error" not in printed.err
+        assert "Traceback" not in printed.out + printed.err
         assert isinstance(ended.value.code, int)
         return Done(ended.value.code, printed.out, printed.err)
 

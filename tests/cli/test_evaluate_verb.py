@@ -1,6 +1,5 @@
 """`pa-console eval`: a real model on somebody's own missions, resumed, reported; wrong input."""
 
-import json
 import signal
 import subprocess
 import sys
@@ -10,7 +9,7 @@ import pytest
 
 from pa_console.evaluation.results import read_runs
 from pa_console.session.verify import verify
-from tests.cli.test_verbs import run
+from tests.cli.inside import Call
 
 MISSIONS = """\
 name: own
@@ -42,17 +41,19 @@ def missions(tmp_path: Path) -> Path:
     return path
 
 
-def test_runs_are_scored_kept_resumed_and_reported(tmp_path: Path, missions: Path) -> None:
+def test_runs_are_scored_kept_resumed_and_reported(
+    call: Call, tmp_path: Path, missions: Path
+) -> None:
     out = tmp_path / "out"
     asked = ("eval", "--missions", str(missions), *MODEL, "--out", str(out))
-    first = run(*asked, "--only", "A2", "--json")
-    assert first.returncode == 0, first.stderr
-    [record] = json.loads(first.stdout)["runs"]
+    first = call(*asked, "--only", "A2", "--json")
+    assert first.code == 0, first.err
+    [record] = first.json["runs"]
     assert (record["run"], record["strict"]) == ("smollm2-135m/full/own/A2/0", True)
-    second = run(*asked)
-    assert second.returncode == 0, second.stderr
-    assert "1 of 2 runs were there already" in second.stderr
-    assert "Success by mission set" in second.stdout
+    second = call(*asked)
+    assert second.code == 0, second.err
+    assert "1 of 2 runs were there already" in second.said
+    assert "Success by mission set" in second.said
     runs = read_runs(out)
     assert [r.mission for r in runs] == ["A2", "A1"]
     assert all(verify(out / r.log).ok for r in runs)
@@ -61,8 +62,7 @@ def test_runs_are_scored_kept_resumed_and_reported(tmp_path: Path, missions: Pat
     assert "smollm2-135m" in page
     assert "http://" not in page.replace("http://www.w3.org", "")
     assert "## " in (out / "report.md").read_text()
-    again = run("eval", "report", str(out), "--json")
-    assert len(json.loads(again.stdout)["runs"]) == 2
+    assert len(call("eval", "report", str(out), "--json").json["runs"]) == 2
 
 
 def test_ctrl_c_keeps_what_was_made_and_says_how_to_go_on(tmp_path: Path, missions: Path) -> None:
@@ -95,19 +95,21 @@ def test_ctrl_c_keeps_what_was_made_and_says_how_to_go_on(tmp_path: Path, missio
     ],
 )
 def test_wrong_input_is_named_with_its_remedy(
-    tmp_path: Path, arguments: tuple[str, ...], said: str
+    call: Call, tmp_path: Path, arguments: tuple[str, ...], said: str
 ) -> None:
     out = () if arguments[0] in ("report", "show") else ("--out", str(tmp_path / "out"))
-    done = run("eval", *arguments, *out)
-    assert done.returncode == 2
-    assert said in done.stderr.replace("\n", " ")
+    done = call("eval", *arguments, *out)
+    assert done.code == 2
+    assert said in done.said
     assert not (tmp_path / "out").exists()
 
 
-def test_a_wrong_mission_file_is_named_with_line_and_field(tmp_path: Path, missions: Path) -> None:
+def test_a_wrong_mission_file_is_named_with_line_and_field(
+    call: Call, tmp_path: Path, missions: Path
+) -> None:
     missions.write_text(MISSIONS.replace("run.refused", "run.refuzed"))
-    done = run("eval", "--missions", str(missions), "--out", str(tmp_path / "out"))
-    assert done.returncode == 2
-    assert "own.yaml:17" in done.stderr.replace("\n", "")
-    assert "missions.1.success.0" in done.stderr.replace("\n", "")
+    done = call("eval", "--missions", str(missions), "--out", str(tmp_path / "out"))
+    assert done.code == 2
+    assert "own.yaml:17" in done.err.replace("\n", "")
+    assert "missions.1.success.0" in done.err.replace("\n", "")
     assert not (tmp_path / "out").exists()

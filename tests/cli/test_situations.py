@@ -7,15 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.cli import console, mission
-from pa_console.llm.catalog import LocalModel
 from pa_console.orchestrator.station import Station
 from pa_console.schema.event import SessionStarted
 from pa_console.session.reader import read_log
 from pa_console.session.verify import verify
 from pa_console.settings.sources import Loaded
 from tests.cli.inside import Call, Done
-from tests.scripted import ScriptedEngine, plan
+from tests.scripted import ScriptedEngine
 
 CALM = """\
 name: calm
@@ -32,26 +30,7 @@ events:
   - {at_s: 1, do: {kind: fail, asset: Ugv_T01}}
   - {at_s: 2, do: {kind: worker}}
 """
-FILL = plan(("Drone_T04", "move_to EastGate"))
-
 Play = Callable[..., tuple[Done, Path]]
-
-
-@pytest.fixture
-def engine(monkeypatch: pytest.MonkeyPatch) -> ScriptedEngine:
-    """Put a scripted LLM in the place of the real one."""
-    scripted = ScriptedEngine([FILL])
-
-    def find_model(_: str | None, *_progress: object) -> LocalModel:
-        return scripted.model
-
-    def new_engine(_: LocalModel) -> ScriptedEngine:
-        return scripted
-
-    for verb in (mission, console):
-        monkeypatch.setattr(verb, "find_model", find_model)
-        monkeypatch.setattr(verb, "Engine", new_engine)
-    return scripted
 
 
 @pytest.fixture

@@ -1,6 +1,5 @@
 """Every verb as a user runs it: what it prints, its exit code, and that no traceback appears."""
 
-import json
 import os
 import shlex
 import subprocess
@@ -17,12 +16,11 @@ from pa_console.cli.examples import EXAMPLES
 from pa_console.cli.main import app
 from tests.cli.inside import Call
 
-REPOSITORY = Path(__file__).resolve().parents[2]
 RULE = "{id: WF-99, domain: WF, priority: high, text: t, check: CHECK, message: m}"
 
 
-def run(*words: str, cwd: Path = REPOSITORY) -> subprocess.CompletedProcess[str]:
-    """Run `pa-console` with `words`; fails the test when a traceback shows."""
+def run(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run `pa-console` with `words` as a process; fails the test when a traceback shows."""
     command = [sys.executable, "-m", "pa_console.cli", *words]
     done = subprocess.run(command, capture_output=True, text=True, cwd=cwd, check=False)
     assert "Traceback" not in done.stderr + done.stdout
@@ -46,11 +44,10 @@ def run(*words: str, cwd: Path = REPOSITORY) -> subprocess.CompletedProcess[str]
         (["console"], "needs a terminal"),
     ],
 )
-def test_bad_input_is_named_and_ends_with_2(words: list[str], says: str) -> None:
-    done = run(*words)
-    assert done.returncode == 2
-    assert says in done.stderr
-    assert done.stdout == ""
+def test_bad_input_is_named_and_ends_with_2(call: Call, words: list[str], says: str) -> None:
+    done = call(*words)
+    assert (done.code, done.out) == (2, "")
+    assert says in done.err
 
 
 def verbs(command: object, *words: str) -> Iterator[tuple[str, ...]]:
@@ -99,11 +96,11 @@ def test_the_version_is_told(call: Call) -> None:
     assert call("--version").out == f"pa-console {__version__}\n"
 
 
-def test_the_installed_rules_are_listed_and_right() -> None:
-    rules = json.loads(run("rules", "list", "--json").stdout)
-    assert len(rules) == 30
-    checked = json.loads(run("rules", "check", "--json").stdout)
+def test_the_installed_rules_are_listed_and_right(call: Call) -> None:
+    assert len(call("rules", "list", "--json").json) == 30
+    checked = call("rules", "check", "--json").json
     assert checked["rules"] == 30
+    assert checked["seal"]["version"]
     assert checked["wrong"] == []
 
 
@@ -111,35 +108,36 @@ def test_the_installed_rules_are_listed_and_right() -> None:
     ("check", "says"), [("timeline.gates.all(", "check"), ("moon.full", "moon"), ("1 +", "check")]
 )
 def test_a_broken_rule_file_is_refused_with_line_and_field(
-    tmp_path: Path, check: str, says: str
+    call: Call, tmp_path: Path, check: str, says: str
 ) -> None:
     path = tmp_path / "rules.yaml"
     path.write_text(f"name: broken\nrules:\n  - {RULE.replace('CHECK', repr(check))}\n")
-    done = run("rules", "check", str(path))
-    assert done.returncode == 2
-    assert f"{path}:3" in done.stderr
-    assert says in done.stderr
+    done = call("rules", "check", str(path))
+    assert done.code == 2
+    assert f"{path}:3" in done.err
+    assert says in done.err
 
 
-def test_search_prints_pinned_rules_and_the_top_ones_with_scores() -> None:
-    hits = json.loads(run("rules", "search", "who watches the gate", "--json").stdout)
+def test_search_prints_pinned_rules_and_the_top_ones_with_scores(call: Call) -> None:
+    hits = call("rules", "search", "who watches the gate", "--json").json
     pinned = [hit["rule_id"] for hit in hits if hit["pinned"]]
     assert "ROE-01" in pinned
     assert len(hits) == len(pinned) + 3
     assert all(set(hit["components"]) == {"words", "related"} for hit in hits)
 
 
-def test_the_paper_s_way_of_search_can_still_be_asked_for() -> None:
-    found = run("rules", "search", "who watches the gate", "--json", "--retriever", "paper")
-    hits = json.loads(found.stdout)
-    assert all(set(hit["components"]) == {"fuzzy", "jaccard"} for hit in hits)
+def test_the_paper_s_way_of_search_can_still_be_asked_for(call: Call) -> None:
+    found = call("rules", "search", "who watches the gate", "--json", "--retriever", "paper")
+    assert all(set(hit["components"]) == {"fuzzy", "jaccard"} for hit in found.json)
 
 
-def test_the_catalogue_names_licence_and_hash() -> None:
-    models = json.loads(run("models", "list", "--json").stdout)
+def test_the_catalogue_names_licence_and_hash(call: Call) -> None:
+    models = call("models", "list", "--json").json
     assert sum(entry["default"] for entry in models) == 1
     assert all(entry["licence"] for entry in models)
 
 
 def test_the_verbs_work_from_any_folder(tmp_path: Path) -> None:
     assert run("rules", "list", cwd=tmp_path).returncode == 0
+    wrong = run("nonsense", cwd=tmp_path)
+    assert (wrong.returncode, wrong.stdout) == (2, "")

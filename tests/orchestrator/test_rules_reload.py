@@ -147,3 +147,12 @@ async def test_a_change_of_the_file_is_found_by_itself(
                 seen.append("replaced")
                 break
     assert seen == ["written", "replaced"]
+
+
+async def test_rules_are_found_among_those_that_were_taken(rules: Path) -> None:
+    station = watching(rules)
+    before = station.retriever
+    rules.write_text(RULES.replace("CAP-01", "CAP-02"))
+    await reload(station)
+    assert before.rank("who moves", 1) == ("CAP-01",)
+    assert station.retriever.rank("who moves", 1) == ("CAP-02",)

@@ -11,15 +11,11 @@ from pa_console.schema.finding import Usage
 from pa_console.schema.mission import Mission
 from pa_console.session.compare import ENDED, TICK, Comparison, compare
 from pa_console.session.event_words import event_in_words
-from pa_console.session.log import LogWriter
 from pa_console.session.recording import Recording
 from pa_console.session.search import search
 from tests.schema.strategies import events
-from tests.session.story import PLAN, START, session_started, story
-
-
-def kept() -> list[ev.Event]:
-    return [event for event in story() if not event.data.transient]
+from tests.session.logs import kept, write_log
+from tests.session.story import PLAN, START, session_started
 
 
 def elsewhere(event: ev.Event) -> ev.Event:
@@ -52,11 +48,7 @@ def test_the_same_session_on_another_day_is_the_same(tmp_path: Path) -> None:
     assert compared(kept(), other).same
     logs: list[Recording] = []
     for name, told in (("a", kept()), ("b", other)):
-        path = tmp_path / f"{name}.jsonl"
-        with LogWriter(path, name) as writer:
-            for event in told:
-                writer.append(event)
-        logs.append(Recording.read(path))
+        logs.append(Recording.read(write_log(tmp_path / f"{name}.jsonl", told, name)))
     assert compare(logs[0], logs[1]).same
 
 
@@ -124,10 +116,7 @@ def test_words_are_found_in_any_case_and_order_and_not_in_names_of_fields(
     told = [*kept(), kept()[2].model_copy(
         update={"data": ev.MissionReceived(mission=mission, position=0), "mission": "M2"}
     )]  # fmt: skip
-    path = tmp_path / "s.jsonl"
-    with LogWriter(path, "S1") as writer:
-        for event in told:
-            writer.append(event)
+    path = write_log(tmp_path / "s.jsonl", told)
     for recording in (Recording(told), Recording.read(path)):
 
         def found(text: str, recording: Recording = recording) -> list[int]:

@@ -7,16 +7,9 @@ from hypothesis import strategies as st
 from pa_console.schema import event as ev
 from pa_console.schema import incident as inc
 from pa_console.schema.mission import Mission
-from pa_console.session.fold import SessionState
 from tests.schema.strategies import events
+from tests.session.logs import folded
 from tests.session.story import PLAN, START, at, story
-
-
-def folded(happened: list[ev.Event]) -> SessionState:
-    state = SessionState()
-    for event in happened:
-        state.apply(event)
-    return state
 
 
 def test_a_mission_is_told_from_intake_to_its_end() -> None:

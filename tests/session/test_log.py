@@ -19,7 +19,8 @@ from pa_console.session.log import (
     verify,
 )
 from tests.schema.strategies import events
-from tests.session.story import at, session_started, story, telemetry
+from tests.session.logs import kept, write_log
+from tests.session.story import at, session_started, telemetry
 
 
 class Clock:
@@ -36,20 +37,13 @@ def logged(path: Path) -> list[ev.Event]:
     return list(read_log(path))
 
 
-def kept() -> list[ev.Event]:
-    return [event for event in story() if not event.data.transient]
-
-
 @given(st.lists(events(), max_size=6))
 @settings(
     max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 def test_any_events_come_back_as_they_went_in(tmp_path: Path, session: list[ev.Event]) -> None:
-    path = new_log_path(tmp_path, "any")
-    with LogWriter(path, "any") as log:
-        for event in session:
-            log.append(event)
-    assert logged(path) == [event for event in session if not event.data.transient]
+    path = write_log(new_log_path(tmp_path, "any"), session, "any")
+    assert logged(path) == kept(session)
     assert verify(path).ok
 
 

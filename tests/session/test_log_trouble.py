@@ -11,6 +11,7 @@ import pytest
 
 from pa_console.schema import event as ev
 from pa_console.session.log import LogError, LogWriter, new_log_path, read_log, verify
+from tests.session.logs import kept
 from tests.session.story import at
 from tests.session.tamper import KNOWN, MINE, long_story, write_signed
 
@@ -46,14 +47,10 @@ def no_file_longer_than(size: int) -> Generator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
-def kept() -> list[ev.Event]:
-    return [event for event in long_story() if not event.data.transient]
-
-
 @pytest.mark.parametrize("room", [1000, 3001, 6000])
 def test_a_disk_that_fills_up_and_is_freed_loses_nothing(tmp_path: Path, room: int) -> None:
     log, reported = tmp_path / "s.jsonl", list[LogError]()
-    *told, last = kept()
+    *told, last = kept(long_story())
     with LogWriter(log, "S1", signer=MINE, on_error=reported.append) as writer:
         with no_file_longer_than(room):
             for event in told:
@@ -63,14 +60,14 @@ def test_a_disk_that_fills_up_and_is_freed_loses_nothing(tmp_path: Path, room: i
             assert not verify(log, KNOWN).intact
         writer.append(last)
     assert verify(log, KNOWN).intact
-    assert list(read_log(log)) == kept()
+    assert list(read_log(log)) == kept(long_story())
 
 
 def test_a_disk_that_stays_full_says_what_is_lost_and_the_log_opens_again(tmp_path: Path) -> None:
     log = tmp_path / "s.jsonl"
     writer = LogWriter(log, "S1", signer=MINE, on_error=lambda _: None)
     with no_file_longer_than(3000):
-        for event in kept():
+        for event in kept(long_story()):
             writer.append(event)
         with pytest.raises(LogError, match="records at its end could not be written"):
             writer.close()
@@ -78,7 +75,7 @@ def test_a_disk_that_stays_full_says_what_is_lost_and_the_log_opens_again(tmp_pa
     assert found.damage == "half-line"
     assert found.first_bad_line == found.lines + 1
     with LogWriter(log, "S1", signer=MINE) as writer:
-        for event in kept()[-2:]:
+        for event in kept(long_story())[-2:]:
             writer.append(event)
     assert verify(log, KNOWN).intact
 
@@ -113,7 +110,7 @@ def test_two_consoles_in_one_folder_leave_two_intact_logs(tmp_path: Path) -> Non
     for writer, path in zip(writers, paths, strict=True):
         writer.close()
         assert verify(path, KNOWN).intact
-        assert list(read_log(path)) == kept()
+        assert list(read_log(path)) == kept(long_story())
 
 
 def test_a_copy_under_another_name_needs_its_head(tmp_path: Path) -> None:

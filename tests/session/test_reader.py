@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.schema.document import DocumentError
-from pa_console.session.log import LogError, LogWriter, VerifyResult, read_log, verify
+from pa_console.session.log import LogError, VerifyResult, read_log, verify
+from tests.session.logs import write_log
 from tests.session.story import story
 from tests.session.tamper import rehashed
 
@@ -21,11 +22,7 @@ Tamper = Callable[[bytes], VerifyResult]
 @pytest.fixture(scope="module")
 def original(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """The bytes of a sound log."""
-    path = tmp_path_factory.mktemp("log") / "s.jsonl"
-    with LogWriter(path, "S1") as log:
-        for event in story():
-            log.append(event)
-    return path.read_bytes()
+    return write_log(tmp_path_factory.mktemp("log") / "s.jsonl", story()).read_bytes()
 
 
 @pytest.fixture(scope="module")

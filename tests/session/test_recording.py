@@ -17,20 +17,13 @@ from pa_console.schema.incident import FailAsset, RestoreAsset, SpawnTrack
 from pa_console.schema.mission import Decision, Mission
 from pa_console.session.chain import LogError
 from pa_console.session.fold import SessionState
-from pa_console.session.log import LogWriter
 from pa_console.session.marks import mark_of
 from pa_console.session.recording import Recording
 from pa_console.session.replay import Player
 from tests.schema.strategies import events
+from tests.session.logs import folded, kept, write_log
 from tests.session.story import PLAN, START, at, story, telemetry
 from tests.session.tamper import write_signed
-
-
-def folded(happened: list[ev.Event]) -> SessionState:
-    state = SessionState()
-    for event in happened:
-        state.apply(event)
-    return state
 
 
 def long_story(missions: int = 6) -> list[ev.Event]:
@@ -53,7 +46,7 @@ def long_story(missions: int = 6) -> list[ev.Event]:
             )
             happened.append(moved)
         happened.append(at(10.0 * number, ev.MissionReported(text="later"), "M0"))
-    return [event for event in happened if not event.data.transient]
+    return kept(happened)
 
 
 def write(path: Path, happened: list[ev.Event]) -> Path:
@@ -84,12 +77,8 @@ def test_whatever_is_between_keyframes_a_seek_equals_folding_from_the_start(
 def test_any_events_come_back_from_keyframes_as_they_were_folded(
     tmp_path_factory: pytest.TempPathFactory, happened: list[ev.Event], data: st.DataObject
 ) -> None:
-    path = tmp_path_factory.mktemp("log") / "any.jsonl"
-    with LogWriter(path, "any") as writer:
-        for event in happened:
-            writer.append(event)
-    logged = [event for event in happened if not event.data.transient]
-    if not logged:
+    path = write_log(tmp_path_factory.mktemp("log") / "any.jsonl", happened)
+    if not (logged := kept(happened)):
         return
     player = Player(Recording.read(path, frame_events=1))
     target = data.draw(st.integers(0, len(logged)))

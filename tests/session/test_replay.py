@@ -7,35 +7,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.schema import event as ev
-from pa_console.session.fold import SessionState
-from pa_console.session.log import LogError, LogWriter
+from pa_console.session.log import LogError
 from pa_console.session.marks import MARK_KINDS, MarkKind
 from pa_console.session.replay import Player
 from tests.schema.strategies import events
+from tests.session.logs import folded, kept, write_log
 from tests.session.story import START, at, story, telemetry
 
 ALL = frozenset(MARK_KINDS)
 MOVES = ["step", "back", "second", "second_back", "next", "last"]
 
 
-def folded(happened: list[ev.Event]) -> SessionState:
-    state = SessionState()
-    for event in happened:
-        state.apply(event)
-    return state
-
-
-def kept() -> list[ev.Event]:
-    return [event for event in story() if not event.data.transient]
-
-
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("log") / "s.jsonl"
-    with LogWriter(path, "S1") as writer:
-        for event in story():
-            writer.append(event)
-    return path
+    return write_log(tmp_path_factory.mktemp("log") / "s.jsonl", story())
 
 
 def test_a_replayed_log_ends_as_the_live_session_did(log: Path) -> None:
@@ -52,12 +37,8 @@ def test_a_replayed_log_ends_as_the_live_session_did(log: Path) -> None:
 def test_live_and_replayed_fold_agree_for_any_events(
     tmp_path_factory: pytest.TempPathFactory, happened: list[ev.Event]
 ) -> None:
-    path = tmp_path_factory.mktemp("log") / "any.jsonl"
-    with LogWriter(path, "any") as writer:
-        for event in happened:
-            writer.append(event)
-    logged = [event for event in happened if not event.data.transient]
-    if not logged:
+    path = write_log(tmp_path_factory.mktemp("log") / "any.jsonl", happened)
+    if not (logged := kept(happened)):
         return
     player = Player.open(path)
     player.play()
@@ -210,10 +191,7 @@ def test_a_damaged_log_plays_up_to_the_damage(log: Path, tmp_path: Path) -> None
 def test_an_hour_of_telemetry_is_stepped_back_through_without_reading_it_all(
     tmp_path: Path,
 ) -> None:
-    path = tmp_path / "long.jsonl"
-    with LogWriter(path, "S1") as writer:
-        for index in range(300):
-            writer.append(telemetry(index * 0.5))
+    path = write_log(tmp_path / "long.jsonl", (telemetry(n * 0.5) for n in range(300)))
     player = Player.open(path)
     player.seek(player.duration)
     player.step_back()

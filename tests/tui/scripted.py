@@ -1,7 +1,7 @@
 """A station that does nothing but say what the test tells it to, and record what it was told."""
 
 import asyncio
-from collections.abc import AsyncIterator, Iterable
+from collections.abc import AsyncIterator, Callable, Iterable
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -166,6 +166,7 @@ def console(
         clock=clock or FakeClock(),
         history=tmp / "history.txt",
         copies=tmp / "copies",
+        drafts=tmp / "drafts",
         **options,
     )
     app.animation_level = "none"
@@ -181,3 +182,9 @@ async def settle(pilot: Pilot[Any], station: ScriptedStation | None = None) -> N
     assert isinstance(pilot.app, ConsoleApp)
     pilot.app.flush()
     await pilot.pause()
+
+
+async def until(pilot: Pilot[Any], done: Callable[[], object]) -> None:
+    """Wait for what other threads do, however long they take."""
+    while not done():
+        await pilot.pause(0.01)

@@ -1,27 +1,31 @@
 """A recording is looked through from the keyboard, and takes no command."""
 
+import threading
 from datetime import timedelta
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import pytest
 from textual.pilot import Pilot
-from textual.widgets import Input, Static
+from textual.widgets import Input, ProgressBar, Static
 
 from pa_console.schema import event as ev
 from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import Decision
-from pa_console.session.log import LogWriter
+from pa_console.session.log_index import LogIndex, Progress, build_index
 from pa_console.session.replay import Player
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.moment import read_moment
+from pa_console.tui.screens import reading_log
 from pa_console.tui.screens.compare import CompareScreen, Side
 from pa_console.tui.screens.find_event import FindEvent, HitRows
+from pa_console.tui.screens.reading_log import ReadingLog
 from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.widgets.scrubber import Scrubber
 from pa_console.tui.widgets.sheet import Sheet
+from tests.session.logs import write_log
 from tests.tui import story
-from tests.tui.scripted import FakeClock, console, settle
+from tests.tui.scripted import FakeClock, console, settle, until
 from tests.tui.site import RULES, WORLD
 from tests.tui.story import stamped
 
@@ -210,10 +214,7 @@ async def test_two_recordings_are_shown_side_by_side_and_each_can_be_opened(
 
 
 async def test_another_log_is_asked_for_and_one_that_is_none_is_told(tmp_path: Path) -> None:
-    log = tmp_path / "other.jsonl"
-    with LogWriter(log, "S2") as writer:
-        for event in otherwise():
-            writer.append(event)
+    log = write_log(tmp_path / "other.jsonl", otherwise(), "S2")
     app = console(None, tmp_path, player=player())
     async with app.run_test(size=(120, 36)) as pilot:
         await settle(pilot)
@@ -226,13 +227,61 @@ async def test_another_log_is_asked_for_and_one_that_is_none_is_told(tmp_path: P
         assert "first difference" in str(app.screen.query_one("#compare-title", Static).render())
 
 
+@pytest.mark.parametrize("waits", [True, False])
+async def test_a_large_log_is_read_beside_the_screen_with_a_bar(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, waits: bool
+) -> None:
+    log, free = write_log(tmp_path / "large.jsonl", otherwise(), "S2"), threading.Event()
+
+    def build(path: Path, file: IO[bytes], size: int, progress: Progress) -> LogIndex:
+        progress(size // 4, size)
+        assert free.wait(30), "the screen waits for the log"
+        return build_index(path, file, size, progress)
+
+    monkeypatch.setattr("pa_console.session.recording.build_index", build)
+    monkeypatch.setattr(reading_log, "LARGE", 1)
+    app = console(None, tmp_path, player=player())
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot)
+        await press(pilot, "C")
+        app.screen.query_one(Input).value = str(log)
+        await press(pilot, "enter")
+        reading = app.screen
+        assert isinstance(reading, ReadingLog)
+        await until(pilot, lambda: reading.query_one(ProgressBar).percentage)
+        assert reading.query_one(ProgressBar).percentage == pytest.approx(0.25, abs=0.01)
+        if not waits:
+            await press(pilot, "escape")
+            assert app.screen is app.main
+        free.set()
+        if waits:
+            await until(pilot, lambda: isinstance(app.screen, CompareScreen))
+        await app.workers.wait_for_complete()
+        assert app.screen is app.main or waits
+
+
+async def test_a_large_log_that_is_none_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = tmp_path / "none.jsonl"
+    log.write_bytes(b"rubbish\n")
+    monkeypatch.setattr(reading_log, "LARGE", 1)
+    app = console(None, tmp_path, player=player())
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot)
+        await press(pilot, "C")
+        app.screen.query_one(Input).value = str(log)
+        await press(pilot, "enter")
+        await app.workers.wait_for_complete()
+        await until(pilot, lambda: notices(app))
+        assert "none.jsonl:1" in notices(app)[-1]
+        assert app.screen is app.main
+
+
 async def test_a_log_that_changes_under_a_replay_is_told_and_nothing_breaks(
     tmp_path: Path,
 ) -> None:
-    log = tmp_path / "log.jsonl"
-    with LogWriter(log, "S1") as writer:
-        for event in happened():
-            writer.append(event)
+    log = write_log(tmp_path / "log.jsonl", happened())
     app = console(None, tmp_path, player=Player.open(log))
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot)

@@ -1,7 +1,8 @@
 """A rule is edited in the policy browser: checked, tried, saved; nothing typed is ever lost."""
 
 import sys
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +10,13 @@ import pytest
 from textual.pilot import Pilot
 from textual.widgets import OptionList, Static, TextArea
 
+from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules, read_rule_set
 from pa_console.policy.seal import sign_rules
 from pa_console.schema.event import EventPayload, Noticed, RulesReplaced
+from pa_console.schema.rule import Rule
 from pa_console.signing import KEY_VARIABLE, load_signer
+from pa_console.tui import rules_app
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.outside import editor_command
 from pa_console.tui.screens.confirm import Confirm
@@ -20,7 +24,7 @@ from pa_console.tui.screens.policies import PolicyScreen
 from pa_console.tui.screens.rule_editor import RuleEditor
 from pa_console.tui.widgets.sheet import Sheet
 from tests.tui import story
-from tests.tui.scripted import ScriptedStation, console, settle
+from tests.tui.scripted import ScriptedStation, console, settle, until
 
 RULES = """\
 # The rules of the house.
@@ -69,12 +73,6 @@ def opened(
     app = console(station, rules.parent, rules_file=rules, **options)
     app.rulebook = load_rules(rules)
     return app, station
-
-
-async def until(pilot: Pilot[Any], done: Callable[[], object]) -> None:
-    """Wait for what other threads do, however long they take."""
-    while not done():
-        await pilot.pause(0.01)
 
 
 async def browse(pilot: Pilot[Any], station: ScriptedStation, *keys: str) -> PolicyScreen:
@@ -183,6 +181,28 @@ async def test_a_draft_outlives_the_editor_and_can_be_discarded(rules: Path) -> 
         assert rules.read_text() == RULES
 
 
+async def test_a_draft_outlives_the_console_until_it_is_saved(rules: Path) -> None:
+    app, station = opened(rules)
+    async with app.run_test(size=SIZE) as pilot:
+        editor = await edit(pilot, station, "down", "e")
+        await write(pilot, editor, "high", "medium")
+        kept = {path: path.read_bytes() for path in rules.parent.glob("drafts/*")}
+    assert len(kept) == 1, "what is typed is on the disk before the console is left"
+    app, station = opened(rules)
+    async with app.run_test(size=SIZE) as pilot:
+        editor = await edit(pilot, station, "down", "e")
+        assert "priority: medium" in editor.text
+        await pilot.press("ctrl+s")
+        await until(pilot, lambda: station.reloads)
+    assert "priority: medium" in rules.read_text()
+    assert not app.bench.drafts
+    assert not list(rules.parent.glob("drafts/*"))
+    for path, content in kept.items():
+        path.write_bytes(content[:-9])
+    app, _ = opened(rules)
+    assert not app.bench.drafts, "a file that is cut short is no draft, and no error"
+
+
 async def test_a_file_changed_meanwhile_is_asked_about(rules: Path) -> None:
     app, station = opened(rules)
     theirs = RULES.replace("# cover", "# theirs")
@@ -279,6 +299,28 @@ async def test_the_browser_shows_the_set_that_came_into_force(rules: Path) -> No
         await until(pilot, lambda: "always" in str(screen.query_one(Sheet).render()))
         assert notices(app) == ["not taken"]
         assert app.rulebook.seal == load_rules(rules).seal
+
+
+async def test_the_screen_goes_on_while_other_rules_are_indexed(
+    rules: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    going_on = threading.Event()
+
+    def indexed(found: Iterable[Rule]) -> Retriever:
+        assert going_on.wait(30), "the screen waits for the index"
+        return Retriever(found)
+
+    monkeypatch.setattr(rules_app, "Retriever", indexed)
+    app, station = opened(rules)
+    async with app.run_test(size=SIZE) as pilot:
+        await browse(pilot, station)
+        rules.write_text(RULES.replace("at all times", "always"))
+        replaced(station, load_rules(rules), "WF-03 changed")
+        await settle(pilot, station)
+        await pilot.press("escape")
+        assert app.screen is app.main
+        going_on.set()
+        await until(pilot, lambda: app.rulebook.seal == load_rules(rules).seal)
 
 
 async def test_a_draft_is_tried_on_the_plans_of_the_session_and_the_present(rules: Path) -> None:

@@ -15,14 +15,12 @@ from textual.widgets import Footer, Input, Select, Static
 from pa_console.evaluation.record import RunRecord
 from pa_console.evaluation.reporting.table import Table
 from pa_console.evaluation.results import RUNS, read_runs
-from pa_console.schema.document import DocumentError
 from pa_console.tui.evaluation_text import nothing_rows, title_text, totals_text
 from pa_console.tui.ports import Clock
-from pa_console.tui.recordings import open_run
 from pa_console.tui.run_detail import run_rows
 from pa_console.tui.run_filter import KINDS, LABELS, Kind, RunFilter, Totals
+from pa_console.tui.run_trace import show_trace
 from pa_console.tui.screens.ask_folder import AskFolder
-from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.trace.rows import layout, row
 from pa_console.tui.vocabulary import WARN
 from pa_console.tui.widgets.report_tables import ReportTables
@@ -231,19 +229,8 @@ class EvaluationScreen(Screen[None]):
     def action_trace(self) -> None:
         """Open the log of the run at the pointer, at its end, with the trace in view."""
         record = self.query_one(RunRows).record
-        if record is None:
-            return
-        try:
-            opened = open_run(record.log, self._folder)
-        except (ValueError, OSError, DocumentError) as error:
-            self.notify(str(error), title="No trace", severity="error", timeout=10, markup=False)
-            return
-        if opened.note:
-            self.notify(opened.note, title=record.mission, severity="warning", markup=False)
-        screen = RecordingScreen(
-            opened.world, opened.rules, opened.player, self._clock, over=True, view="trace"
-        )
-        self.app.push_screen(screen)
+        if record is not None:
+            show_trace(self, record, self._folder, self._clock)
 
 
 def _stamp(path: Path) -> tuple[int, int] | None:

@@ -80,6 +80,10 @@ class RuleEditor(Screen[str]):
         area.focus()
         self._changed()
 
+    def on_unmount(self) -> None:
+        """Keep what was typed last, however the editor is left."""
+        self._bench.drafts.keep()
+
     @property
     def text(self) -> str:
         """The rule as it is typed."""
@@ -90,11 +94,7 @@ class RuleEditor(Screen[str]):
         self._changed()
 
     def _changed(self) -> None:
-        key, text = self._opened.id, self.text
-        if text == self._opened.text:
-            self._bench.drafts.pop(key, None)
-        else:
-            self._bench.drafts[key] = self._opened, text
+        self._bench.drafts.note(self._opened, self.text)
         self._title()
         self.checked = None
         waiting = Content.styled("… checking", QUIET)
@@ -117,6 +117,7 @@ class RuleEditor(Screen[str]):
         )
 
     def _check(self) -> None:
+        self._bench.drafts.keep()
         self.run_worker(self._examine(), group="check", exclusive=True)
 
     async def _examine(self) -> Checked:
@@ -192,6 +193,7 @@ class RuleEditor(Screen[str]):
         if self.text == text != saved.text:
             self.query_one(TextArea).load_text(saved.text)
         self._changed()
+        self._bench.drafts.keep()
         self.notify(f"{saved.id} is in {saved.path}", title="Saved", markup=False)
         return True
 
