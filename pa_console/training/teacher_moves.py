@@ -87,6 +87,8 @@ def relieve(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
         return cover(ask, desk, roster)
     if not place or place == roster.world.base:
         return [refusal(ask, f"{lost} guards no place", "CAP-10")]
+    if lost in desk.used:
+        return [refusal(ask, f"{lost} has one task already", "CAP-07")]
     return [
         Draft(
             ask.model_copy(update={"place": place}),

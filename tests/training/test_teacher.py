@@ -3,7 +3,7 @@
 import random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pa_console.evaluation.scoring.conditions import compile_conditions
@@ -45,6 +45,7 @@ def with_(*setup: Incident) -> Situation:
 
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10**6))
+@example(61734)
 def test_every_plan_can_be_started_and_its_aim_be_scored(seed: int) -> None:
     rng = random.Random(seed)
     situation = random_situation(rng, random_world(rng))
