@@ -122,7 +122,7 @@ def test_what_is_refused_moves_nobody(seed: int) -> None:
             with_(SetBattery(asset="Drone_T02", percent=12.0)),
             Ask(task="relieve", leaving="Drone_T02", place="NorthGate"),
             ["Drone_T04 move_to NorthGate", "Drone_T02 return_to_base"],
-            "Drone_T02: low, Free drone: Drone_T04 takes over",
+            "Drone_T02: at NorthGate, Free drone: Drone_T04 takes over",
         ),
         (
             VISITED,
