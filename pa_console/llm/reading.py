@@ -12,25 +12,25 @@ from typing import Literal, NamedTuple
 from pa_console.llm.facts import WORDS
 from pa_console.schema.world import AssetKind
 
-WishTask = Literal[
-    "go",
-    "look",
-    "identify",
-    "warn",
-    "block",
-    "respond",
-    "cover",
-    "relieve",
-    "swap",
-    "home",
-    "stand_down",
-    "mass",
-    "report",
-    "hold",
-    "refused",
-    "unreadable",
+Task = Literal[
+    "go",  # who moves to place
+    "look",  # who (drones) observes place
+    "identify",  # who (robots) finds out who stands at place
+    "warn",  # who (robots) warns what stands at place
+    "block",  # who (vehicles) closes the lane of place
+    "respond",  # something unknown is at place: do what is due, nobody is named
+    "cover",  # place has no guard, or loses its own (`leaving`): somebody goes
+    "relieve",  # who takes over place from `leaving`, which goes home
+    "swap",  # the two named assets change places
+    "home",  # who returns to the base
+    "stand_down",  # place is settled: whoever reinforces it goes home
+    "mass",  # every free asset (of a kind) goes to place
+    "report",  # who reports; a question
+    "hold",  # who stays where it is; nobody is to do anything else
 ]
-"""What is to be done; "refused" is what no order may have done, whoever gives it."""
+"""What an order can ask for."""
+WishTask = Task | Literal["refused", "unreadable"]
+"""The same as it is read; "refused" is what no order may have done, whoever gives it."""
 
 
 class Team(NamedTuple):

@@ -83,10 +83,11 @@ class Planning:
                     self._reading = self._reading or read_reason(proposal.plan.reason)
                 async for payload in self._examine(self.attempts, proposal.plan):
                     yield payload
+                faults = self._latest.faults
                 if not self._sound and not seen:
                     async for payload in self._first_sound():
                         yield payload
-                reasons = self.best.examination.faults if self.best is not None else ()
+                reasons = faults if self.best is None or self.best.examination.blocked else ()
             repeated = proposal.plan in seen
             if not reasons or last or repeated:
                 return

@@ -9,25 +9,9 @@ from typing import Literal
 from pydantic import Field
 
 from pa_console.llm.condition import Condition
+from pa_console.llm.reading import Task
 from pa_console.schema.base import StrictModel
 from pa_console.schema.world import AssetKind
-
-Task = Literal[
-    "go",  # who moves to place
-    "look",  # who (drones) observes place
-    "identify",  # who (robots) finds out who stands at place
-    "warn",  # who (robots) warns what stands at place
-    "block",  # who (vehicles) closes the lane of place
-    "respond",  # something unknown is at place: do what is due, nobody is named
-    "cover",  # place has no guard, or loses its own (`leaving`): somebody goes
-    "relieve",  # who takes over place from `leaving`, which goes home
-    "swap",  # the two named assets change places
-    "home",  # who returns to the base
-    "stand_down",  # place is settled: whoever reinforces it goes home
-    "mass",  # every free asset (of a kind) goes to place
-    "report",  # who reports; a question
-    "hold",  # who stays where it is; nobody is to do anything else
-]
 
 Wrong = Literal[
     "force",  # shoot, ram, run over (ROE-01)

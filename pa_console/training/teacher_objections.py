@@ -2,7 +2,8 @@
 
 from collections.abc import Mapping
 
-from pa_console.schema.plan import COMMANDS, Verb
+from pa_console.orchestrator.hindrance import VERBS
+from pa_console.schema.plan import COMMANDS
 from pa_console.schema.world import AssetKind
 from pa_console.training.order import Ask, Task, Wrong
 from pa_console.training.teacher_roster import Roster
@@ -18,9 +19,6 @@ FORBIDDEN: Mapping[Wrong, tuple[str, str]] = {
 }
 """What must not be done whatever the situation, with the rule that forbids it."""
 
-NEEDS: Mapping[Task, Verb] = {
-    "look": "observe", "identify": "identify", "warn": "warn", "block": "block",
-}  # fmt: skip
 _PLACED: frozenset[Task] = frozenset(("go", "look", "identify", "warn", "block", "mass"))
 
 Objection = tuple[str, str]
@@ -60,14 +58,14 @@ def asset_objection(name: str, ask: Ask, roster: Roster) -> Objection | None:
     stays = ask.task in ("home", "report", "hold") or ask.place == roster.world.base
     if roster.low(name) and not stays:
         return f"{name}: low", "CAP-04"
-    if ask.task in NEEDS and not roster.clear(name):
+    if ask.task in VERBS and not roster.clear(name):
         return f"{name}: poor link", "CAP-05"
     return None
 
 
 def _kind_objection(kind: AssetKind, task: Task) -> Objection | None:
     """Return why a kind of asset is not for a task (CAP-01 to CAP-03)."""
-    verb = NEEDS.get(task)
+    verb = VERBS.get(task)
     if verb is None or kind in COMMANDS[verb].kinds:
         return None
     word = {"uav": "drones", "ugv": "vehicles", "robot": "robots"}[kind]

@@ -13,8 +13,9 @@ from pa_console.schema.plan import Plan
 from pa_console.schema.world import World
 from pa_console.session.replay import Player
 from pa_console.settings.sources import Loaded, load_settings
-from pa_console.tui.actions import bindings, key_text
+from pa_console.tui.actions import ACTIONS, bindings, key_text
 from pa_console.tui.history import History, history_file
+from pa_console.tui.keymap import shown_keys
 from pa_console.tui.palette import ConsoleCommands
 from pa_console.tui.ports import (
     Clock,
@@ -186,6 +187,14 @@ class ConsoleApp(SettingsApp):
                 self.run_worker(self._close(), exit_on_error=False)
 
         self.push_screen(Confirm(question, yes="Leave", no="Stay"), answered)
+
+    def action_help_quit(self) -> None:
+        """Say how to leave: `^c` copies what is selected, so it never leaves by accident."""
+        leave = next(action for action in ACTIONS if action.action == "leave_console")
+        keys = shown_keys(leave, self.settings.values.keys)
+        self.tell(
+            f"{keys} leaves the console, after a question while a mission is active", "Leave?"
+        )
 
     async def _close(self) -> None:
         if self.station is not None:

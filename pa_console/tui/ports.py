@@ -27,6 +27,11 @@ class StationPort(Protocol):
     @rate.setter
     def rate(self, rate: float) -> None: ...
 
+    @property
+    def retriever(self) -> "RetrieverPort":
+        """What finds rules among those that are in force now."""
+        ...
+
     def run(self) -> AsyncIterator[Event]:
         """Yield every event of the session until it is closed."""
         ...

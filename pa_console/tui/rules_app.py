@@ -1,10 +1,8 @@
 """The half of the app that knows which rules are in force: the browser, the workbench, changes."""
 
-import asyncio
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from pa_console.policy.retriever import Retriever
 from pa_console.schema import event as ev
 from pa_console.schema.rule import Rule
 from pa_console.schema.rules_seal import RulesSeal
@@ -77,17 +75,17 @@ class RulesApp(CommandingApp):
         match event.data:
             case ev.RulesReplaced(rules=name, rules_seal=seal, rule_set=rule_set):
                 self.rule_texts.update({rule.id: rule for rule in rule_set.rules})
-                taken = InForce(name, seal, rule_set.rules)
-                self.run_worker(self._use(taken), group="rules in force", exclusive=True)
+                self._use(InForce(name, seal, rule_set.rules))
             case ev.Noticed(subject="rules", level=level, text=text):
                 self.tell(text, "Rules", bad=level == "alarm")
             case _:
                 pass
 
-    async def _use(self, taken: InForce) -> None:
-        """Show other rules once they are indexed; the screen goes on meanwhile."""
-        self.retriever = await asyncio.to_thread(Retriever, taken.rules)
+    def _use(self, taken: InForce) -> None:
+        """Show other rules, which the station has indexed."""
         self.rulebook = taken
+        if self.station is not None:
+            self.retriever = self.station.retriever
         if browser := self._shown_browser:
             browser.use(self.rulebook, self.retriever)
 

@@ -2,6 +2,7 @@
 
 import json
 import random
+from functools import cache
 
 import pytest
 
@@ -13,6 +14,7 @@ from pa_console.policy.rulebook import load_rules
 from pa_console.resources import data_folder
 from pa_console.schema.incident import FailAsset, Incident, SetBattery, SpawnTrack
 from pa_console.schema.plan import Action, Plan
+from pa_console.schema.telemetry import Picture
 from pa_console.training.asked import asked
 from pa_console.training.planner_data import Recipe, make_group
 from pa_console.training.situations import settled
@@ -22,11 +24,15 @@ from tests.llm.test_grammar import accepts
 WORLD = shipped_world()
 
 
+@cache
+def picture_after(setup: tuple[Incident, ...]) -> Picture:
+    return settled(WORLD, setup=setup).picture
+
+
 def moves(*orders: str, setup: tuple[Incident, ...] = ()) -> PlanMoves:
     """Return a plan of orders written as `Agent command`, in the settled checkpoint."""
     actions = [Action(agent=o.split()[0], command=o.partition(" ")[2]) for o in orders]
-    now = settled(WORLD, setup=setup)
-    return PlanMoves(WORLD, now.picture, Plan(reason="r", actions=tuple(actions)))
+    return PlanMoves(WORLD, picture_after(setup), Plan(reason="r", actions=tuple(actions)))
 
 
 def found(words: str, plan: PlanMoves) -> tuple[str, ...]:

@@ -20,6 +20,7 @@ from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Metrics, Mission
 from pa_console.schema.world import World
 from pa_console.tui.app import ConsoleApp
+from pa_console.tui.ports import RetrieverPort
 from tests.tui.site import WORLD, Rulebook, WordRetriever
 from tests.tui.story import MISSION, START, stamped
 
@@ -51,6 +52,7 @@ class ScriptedStation:
         self.closed = False
         self.refuse = ""
         self.typed = self.reloads = 0
+        self.retriever: RetrieverPort = WordRetriever()
         self._broken = broken
         self._queue: asyncio.Queue[Event | None] = asyncio.Queue()
         self._count = 0
@@ -188,3 +190,7 @@ async def until(pilot: Pilot[Any], done: Callable[[], object]) -> None:
     """Wait for what other threads do, however long they take."""
     while not done():
         await pilot.pause(0.01)
+
+
+def notices(app: ConsoleApp) -> list[str]:
+    return [notice.message for notice in app._notifications]  # pyright: ignore[reportPrivateUsage]

@@ -10,7 +10,7 @@ from pa_console.tui.screens.help import help_rows
 from pa_console.tui.screens.policies import PolicyScreen
 from pa_console.tui.widgets.sheet import Sheet
 from tests.tui import story
-from tests.tui.scripted import ScriptedStation, console, settle
+from tests.tui.scripted import ScriptedStation, console, notices, settle
 from tests.tui.site import RULES, WORLD
 
 SIZE = (120, 36)
@@ -138,3 +138,15 @@ def test_no_key_is_given_twice_and_none_is_tmuxs() -> None:
     keys = [key for action in ACTIONS for key in action.keys.split(",")]
     assert len(keys) == len(set(keys))
     assert "ctrl+b" not in keys
+
+
+async def test_an_interrupt_does_not_leave_and_says_how_to(tmp_path: Path) -> None:
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        for focused in ("escape", "i"):
+            await pilot.press(focused, "ctrl+c")
+            await settle(pilot)
+            assert app.is_running
+            assert notices(app)[-1].startswith("q ^q leaves the console")

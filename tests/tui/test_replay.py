@@ -14,7 +14,6 @@ from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import Decision
 from pa_console.session.log_index import LogIndex, Progress, build_index
 from pa_console.session.replay import Player
-from pa_console.tui.app import ConsoleApp
 from pa_console.tui.moment import read_moment
 from pa_console.tui.screens import reading_log
 from pa_console.tui.screens.compare import CompareScreen, Side
@@ -213,6 +212,14 @@ async def test_two_recordings_are_shown_side_by_side_and_each_can_be_opened(
         assert screen.player.index == place
 
 
+async def compare_with(pilot: Pilot[Any], log: Path) -> None:
+    """Give `log` as the recording to compare the shown one with."""
+    await settle(pilot)
+    await press(pilot, "C")
+    pilot.app.screen.query_one(Input).value = str(log)
+    await press(pilot, "enter")
+
+
 async def test_another_log_is_asked_for_and_one_that_is_none_is_told(tmp_path: Path) -> None:
     log = write_log(tmp_path / "other.jsonl", otherwise(), "S2")
     app = console(None, tmp_path, player=player())
@@ -242,10 +249,7 @@ async def test_a_large_log_is_read_beside_the_screen_with_a_bar(
     monkeypatch.setattr(reading_log, "LARGE", 1)
     app = console(None, tmp_path, player=player())
     async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot)
-        await press(pilot, "C")
-        app.screen.query_one(Input).value = str(log)
-        await press(pilot, "enter")
+        await compare_with(pilot, log)
         reading = app.screen
         assert isinstance(reading, ReadingLog)
         await until(pilot, lambda: reading.query_one(ProgressBar).percentage)
@@ -268,10 +272,7 @@ async def test_a_large_log_that_is_none_is_told(
     monkeypatch.setattr(reading_log, "LARGE", 1)
     app = console(None, tmp_path, player=player())
     async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot)
-        await press(pilot, "C")
-        app.screen.query_one(Input).value = str(log)
-        await press(pilot, "enter")
+        await compare_with(pilot, log)
         await app.workers.wait_for_complete()
         await until(pilot, lambda: notices(app))
         assert "none.jsonl:1" in notices(app)[-1]

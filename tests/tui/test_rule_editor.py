@@ -1,8 +1,7 @@
 """A rule is edited in the policy browser: checked, tried, saved; nothing typed is ever lost."""
 
 import sys
-import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +13,7 @@ from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules, read_rule_set
 from pa_console.policy.seal import sign_rules
 from pa_console.schema.event import EventPayload, Noticed, RulesReplaced
-from pa_console.schema.rule import Rule
 from pa_console.signing import KEY_VARIABLE, load_signer
-from pa_console.tui import rules_app
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.outside import editor_command
 from pa_console.tui.screens.confirm import Confirm
@@ -24,7 +21,7 @@ from pa_console.tui.screens.policies import PolicyScreen
 from pa_console.tui.screens.rule_editor import RuleEditor
 from pa_console.tui.widgets.sheet import Sheet
 from tests.tui import story
-from tests.tui.scripted import ScriptedStation, console, settle, until
+from tests.tui.scripted import ScriptedStation, console, notices, settle, until
 
 RULES = """\
 # The rules of the house.
@@ -131,10 +128,6 @@ async def answer(pilot: Pilot[Any], key: str) -> str:
 
 def listing(app: ConsoleApp) -> OptionList:
     return app.screen.query_one("#policy-list", OptionList)
-
-
-def notices(app: ConsoleApp) -> list[str]:
-    return [notice.message for notice in app._notifications]  # pyright: ignore[reportPrivateUsage]
 
 
 async def test_a_rule_is_checked_as_it_is_typed_and_saved_alone(rules: Path) -> None:
@@ -281,6 +274,7 @@ async def test_a_rule_is_added_without_python_and_removed_after_a_question(rules
 def replaced(station: ScriptedStation, book: Rulebook, *changes: str) -> None:
     """Let the station say that `book` is in force now."""
     assert book.rule_set is not None
+    station.retriever = Retriever(book.rules)
     station.emit(
         RulesReplaced(rules=book.name, rules_sha256=book.sha256, rules_seal=book.seal,
                       changes=changes, rule_set=book.rule_set),
@@ -301,26 +295,14 @@ async def test_the_browser_shows_the_set_that_came_into_force(rules: Path) -> No
         assert app.rulebook.seal == load_rules(rules).seal
 
 
-async def test_the_screen_goes_on_while_other_rules_are_indexed(
-    rules: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    going_on = threading.Event()
-
-    def indexed(found: Iterable[Rule]) -> Retriever:
-        assert going_on.wait(30), "the screen waits for the index"
-        return Retriever(found)
-
-    monkeypatch.setattr(rules_app, "Retriever", indexed)
+async def test_the_console_searches_what_the_station_has_indexed(rules: Path) -> None:
     app, station = opened(rules)
     async with app.run_test(size=SIZE) as pilot:
         await browse(pilot, station)
         rules.write_text(RULES.replace("at all times", "always"))
         replaced(station, load_rules(rules), "WF-03 changed")
         await settle(pilot, station)
-        await pilot.press("escape")
-        assert app.screen is app.main
-        going_on.set()
-        await until(pilot, lambda: app.rulebook.seal == load_rules(rules).seal)
+        await until(pilot, lambda: app.retriever is station.retriever)
 
 
 async def test_a_draft_is_tried_on_the_plans_of_the_session_and_the_present(rules: Path) -> None:
