@@ -14,6 +14,7 @@ from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import Decision
 from pa_console.session.log_index import LogIndex, Progress, build_index
 from pa_console.session.replay import Player
+from pa_console.tui.app import ConsoleApp
 from pa_console.tui.moment import read_moment
 from pa_console.tui.screens import reading_log
 from pa_console.tui.screens.compare import CompareScreen, Side
