@@ -47,6 +47,9 @@ def data(
         int, typer.Option(min=1, help="Situations in random worlds, those that are there counted.")
     ] = 1000,
     missions: Annotated[int, typer.Option(min=1, help="Missions in each situation.")] = 8,
+    wordings: Annotated[
+        int, typer.Option(min=1, help="Ways in which each mission is worded for the planner.")
+    ] = 3,
     seed: SeedOption = 1,
     jobs: JobsOption = 2,
     only: Annotated[
@@ -58,9 +61,15 @@ def data(
 ) -> None:
     """Make missions in random worlds with plans that were proven right, and plans to judge."""
     from pa_console.cli.train_data import make_data  # noqa: PLC0415 - see the module
+    from pa_console.training.planner_data import Recipe  # noqa: PLC0415
 
     make_data(
-        out, groups, missions, seed, jobs, (only,) if only else ("planner", "judge"), rules, json
+        out,
+        [Recipe(number, seed, missions, wordings=wordings) for number in range(groups)],
+        jobs,
+        (only,) if only else ("planner", "judge"),
+        rules,
+        json,
     )
 
 

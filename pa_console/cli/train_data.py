@@ -20,22 +20,20 @@ MOST_REASONS = 12
 
 def make_data(
     folder: Path,
-    groups: int,
-    missions: int,
-    seed: int,
+    recipes: Sequence[Recipe],
     processes: int,
     parts: tuple[Part, ...],
     rules: str,
     json: bool,
 ) -> None:
-    """Make the groups that `folder` does not have yet, then write and print its report.
+    """Make the groups of `recipes` that `folder` does not have yet, write and print its report.
 
     Raises DocumentError for a broken rule file, ValueError for a folder that holds something else.
     """
     rules_file = find_data("rules", rules, "rules.yaml")
     generator = fingerprint(rules_file)
     data = DataFolder(folder, generator)
-    jobs = _missing(data, [Recipe(number, seed, missions) for number in range(groups)], parts)
+    jobs, groups = _missing(data, recipes, parts), len(recipes)
     _tell_before(data, generator, groups - len(jobs))
     try:
         with DataProgress(groups, groups - len(jobs)) as progress:

@@ -16,6 +16,7 @@ from pa_console.training.near_duplicates import NearDuplicates, NearReport
 from pa_console.training.outcome_data import outcome_samples
 from pa_console.training.planner_data import Group, Recipe, make_group, planner_samples
 from pa_console.training.processes import each_in_order
+from pa_console.training.rewording import Rewording
 from pa_console.training.samples import Sample
 from pa_console.training.worlds import Numbers, generated_numbers, shipped_missions
 
@@ -62,17 +63,29 @@ def build(
 def _make(task: tuple[Job, Path, frozenset[Numbers]]) -> Made:
     job, rules, forbidden = task
     rulebook, retriever = _policy(rules)
-    group = make_group(job.recipe, rulebook, forbidden)
-    made = Made(drop_known(group))
+    recipe, known = job.recipe, _filter()
+    before = known.report()
+    group = make_group(recipe, rulebook, forbidden)
+    drop_known(group)
+    made = Made(before)
     if "planner" in job.parts:
-        made.samples += planner_samples(group, rulebook, retriever)
+        words = Rewording(group.situation, rulebook, known, _rng("words", recipe), recipe.split)
+        missions = words.all(group.proven, recipe.wordings)
+        made.samples += planner_samples(group, missions, rulebook, retriever)
         made.dropped += group.dropped
     if "judge" in job.parts:
-        split, dropped = job.recipe.split, made.dropped
-        rng = random.Random(f"judge/{job.recipe.seed}/{job.recipe.number}")
-        made.samples += judge_samples(group, rulebook, retriever, rng, split, dropped)
+        rng, split, dropped = _rng("judge", recipe), recipe.split, made.dropped
+        words = Rewording(group.situation, rulebook, known, _rng("judge-words", recipe), split)
+        made.samples += judge_samples(
+            group, rulebook, retriever, rng, split, dropped, words.reworded
+        )
         made.samples += outcome_samples(group, rulebook, rng, dropped)
+    made.near = seen_since(before, known.report())
     return made
+
+
+def _rng(purpose: str, recipe: Recipe) -> random.Random:
+    return random.Random(f"{purpose}/{recipe.seed}/{recipe.number}")
 
 
 def drop_known(group: Group) -> NearReport:

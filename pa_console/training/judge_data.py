@@ -3,7 +3,7 @@
 import json
 import random
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from pa_console.llm.compact_prompt import ahead, compact_judge_prompt
@@ -51,27 +51,28 @@ def judge_samples(  # noqa: PLR0917
     rng: random.Random,
     split: Split = "train",
     dropped: Counter[str] | None = None,
+    reworded: Callable[[Proven], Proven | None] = lambda proven: proven,
 ) -> Iterator[Sample]:
     """Yield samples of about as many right plans as wrong ones for every mission of `group`.
 
     Missions that their words alone refuse, and plans that the safeguards block, are left out: they
-    are never judged. `dropped` counts why plans were not taken. Equal states of `rng` give equal
-    samples.
+    are never judged. `dropped` counts why plans were not taken. Each plan stands under words of its
+    own where `reworded` has some. Equal states of `rng` give equal samples.
     """
     situation = group.situation
     picture = ahead("judge", situation.world, situation.digest).user
     for proven in group.proven:
-        told = _told(proven, situation, rulebook, rng, split)
-        if words_findings(situation.world, told.case, rulebook):
+        if words_findings(situation.world, proven.case, rulebook):
             continue
-        for variant, verified, label in _labelled(told, group, rulebook, rng, dropped):
+        words = asked(proven.order, situation.world, situation.picture, situation.digest)
+        for variant, verified, label in _labelled(proven, group, rulebook, rng, dropped):
             found = verified.checked.examination
             if found.rehearsal is None or found.blocked:
                 continue
+            told = _told(reworded(proven) or proven, situation, rulebook, rng, split)
             hits = retriever.retrieve(told.case.command, TOP_K)
             rules = [rulebook.get(rule_id) for rule_id in judged_rules(hits, found.findings)]
             prompt = _prompt(told.case, situation, rules, found)
-            words = asked(told.order, situation.world, situation.picture, situation.digest)
             plan = PlanMoves(situation.world, found.rehearsal.before, found.plan)
             compared = compare(f"asked: {words}", plan)
             if label.right and compared.gaps:

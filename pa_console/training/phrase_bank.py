@@ -17,7 +17,7 @@ from pa_console.training.phrase_template import Template
 Style = Literal["plain", "terse", "chatty", "radio"]
 Split = Literal["train", "heldout"]
 STYLES: tuple[Style, ...] = ("plain", "terse", "chatty", "radio")
-COMMON = 3
+COMMON = 5
 """A word that so many templates use is no name when it stands alone."""
 WORD_LISTS = "names.yaml"
 """The one file of the folder that holds no phrases but names for worlds."""

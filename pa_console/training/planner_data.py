@@ -3,7 +3,7 @@
 import json
 import random
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -40,6 +40,8 @@ class Recipe(NamedTuple):
     seed: int
     missions: int
     split: Split = "train"
+    wordings: int = 1
+    """Ways in which each mission is worded for the planner."""
     history: bool = True
     """Whether something may have been ordered before; a case of a mission set has no history."""
 
@@ -133,11 +135,13 @@ def prove(  # noqa: PLR0917
     return why
 
 
-def planner_samples(group: Group, rulebook: Rulebook, retriever: Retriever) -> Iterator[Sample]:
-    """Yield a sample for every proven mission of `group`."""
+def planner_samples(
+    group: Group, missions: Iterable[Proven], rulebook: Rulebook, retriever: Retriever
+) -> Iterator[Sample]:
+    """Yield a sample for each of the proven `missions` of `group`."""
     situation = group.situation
     picture = ahead("planner", situation.world, situation.digest).user
-    for proven in group.proven:
+    for proven in missions:
         prompt = planner_prompt_of(proven.case, situation, rulebook, retriever)
         answer = answer_of(proven.plan)
         yield make_sample(group.name, "planner", prompt, picture, answer, proven.kind)

@@ -31,7 +31,17 @@ def test_a_group_has_samples_of_every_task(both: Made) -> None:
     tasks = [sample.task for sample in both.samples]
     assert tasks.count("planner") == 2
     assert {"planner", "judge"} <= set(tasks)
-    assert (both.near.checked, both.near.dropped) == (2, 0)
+    worded_again = tasks.count("judge")
+    assert both.near.checked in range(2, 2 + worded_again + 1)
+    assert both.near.dropped == 0
+
+
+def test_a_mission_in_other_words_asks_for_the_same() -> None:
+    said = made_of(Job(Recipe(3, seed=5, missions=2, wordings=4), ("planner",))).samples
+    once = made_of(Job(Recipe(3, seed=5, missions=2), ("planner",))).samples
+    assert 4 <= len(said) <= 8
+    assert len({sample.rest for sample in said}) > len(once)
+    assert {sample.answer for sample in said} == {sample.answer for sample in once}
 
 
 def test_one_part_alone_is_what_it_is_in_both(both: Made) -> None:
