@@ -60,6 +60,17 @@ def ahead(role: Role, world: World, digest: Digest) -> Prompt:
     return Prompt(compact_fixed(role, world), compact_picture(world, digest))
 
 
+def typed(role: Role, world: World, digest: Digest, rules: Sequence[Rule], words: str) -> Prompt:
+    """Return the beginning of a prompt of `role` for a mission that begins with `words`.
+
+    `rules` are those retrieved for them: as long as the whole mission's are the same, only the
+    words that are missing remain to be read.
+    """
+    start = ahead(role, world, digest)
+    begun = mission_line(words).removesuffix('"')
+    return Prompt(start.system, start.user + "\n".join([*_rules(rules), begun]))
+
+
 def compact_planner_prompt(  # noqa: PLR0917
     world: World,
     digest: Digest,
@@ -69,7 +80,7 @@ def compact_planner_prompt(  # noqa: PLR0917
     previous: str = "",
 ) -> Prompt:
     """Return the planner's prompt; `repair` says what was wrong with the `previous` answer."""
-    lines = [*_rules(rules), mission_line(mission)]
+    lines = [*_rules(rules), mission_line(mission.text)]
     if repair:
         lines.append(f"Previous answer: {previous}")
         lines += [f"Wrong: {' '.join(reason.split())}" for reason in repair]
@@ -90,7 +101,9 @@ def compact_judge_prompt(
     What is planned comes into the answer, after what was asked.
     """
     start = ahead("judge", world, digest)
-    return Prompt(start.system, start.user + "\n".join([*_rules(rules), mission_line(mission)]))
+    return Prompt(
+        start.system, start.user + "\n".join([*_rules(rules), mission_line(mission.text)])
+    )
 
 
 def compact_outcome_prompt(
@@ -98,7 +111,7 @@ def compact_outcome_prompt(
 ) -> Prompt:
     """Return the judge's prompt about an executed plan; `digest` is the picture afterwards."""
     lines = [
-        mission_line(mission),
+        mission_line(mission.text),
         f"Plan: {plan_facts(world, plan)}",
         verification_facts(verification),
     ]

@@ -4,7 +4,7 @@ A model without adapters needs instructions and examples in every prompt; one wi
 trained on short prompts and short verdicts (`compact_prompt.py`).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -14,6 +14,7 @@ from pa_console.llm.compact_prompt import (
     compact_judge_prompt,
     compact_outcome_prompt,
     compact_planner_prompt,
+    typed,
 )
 from pa_console.llm.grammar import (
     compact_judge_grammar,
@@ -30,6 +31,7 @@ from pa_console.llm.prompts import (
 )
 from pa_console.schema.event import Role
 from pa_console.schema.plan import Plan
+from pa_console.schema.rule import Rule
 from pa_console.schema.telemetry import Digest
 from pa_console.schema.world import World
 
@@ -55,6 +57,9 @@ class Dialect:
     ahead: Callable[[Role, World, Digest | None], Prompt]
     """The beginning of a role's prompts that does not depend on a mission; without a picture, of
     a world too large to be told whole."""
+    typed: Callable[[Role, World, Digest, Sequence[Rule], str], Prompt] | None
+    """The same with the rules and the words of a mission that is being typed; None where the
+    picture is not told first, so that nothing is gained."""
     plan_tokens: int
     verdict_tokens: int
     """The longest answers; room for them is kept in the context."""
@@ -87,6 +92,7 @@ DIALECTS: dict[DialectName, Dialect] = {
         lambda _world, _plan: "",
         None,
         _fixed_only,
+        None,
         700,
         900,
     ),
@@ -100,6 +106,7 @@ DIALECTS: dict[DialectName, Dialect] = {
         grounded_outcome,
         _compact_opening,
         _compact_ahead,
+        typed,
         400,
         200,
     ),

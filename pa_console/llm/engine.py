@@ -195,6 +195,8 @@ class Engine:
                 grammar=request.grammar,
                 max_tokens=request.max_tokens,
                 count=request.count,
+                hint=request.hint,
+                begun=request.begun,
             )
         )
         started = perf_counter()

@@ -105,6 +105,11 @@ def compact_opening_grammar(asked: str) -> str:
     return f"start: {opening} ASKED\nASKED: {begins}\n"
 
 
+def hinted(asked: str) -> str:
+    """Return a short verdict that begins with `asked`, as far as that goes."""
+    return json.dumps({"feedback": asked}, ensure_ascii=False)
+
+
 def compact_judge_grammar(
     rule_ids: Sequence[str],
     feedback: str = "",

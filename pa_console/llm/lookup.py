@@ -13,7 +13,10 @@ LONGEST, SHORTEST = 3, 1
 
 
 def guess(context: Sequence[int], most: int = MOST) -> list[int]:
-    """Return what followed the last time that `context` ended as it ends now; maybe nothing."""
+    """Return what followed the last time that `context` ended as it ends now; maybe nothing.
+
+    At most `most` tokens are returned.
+    """
     for length in range(min(LONGEST, len(context) - 1), SHORTEST - 1, -1):
         end = list(context[-length:])
         for start in range(len(context) - length - 1, -1, -1):

@@ -171,7 +171,7 @@ def planner_prompt(  # noqa: PLR0917
     previous: str = "",
 ) -> Prompt:
     """Return the planner's prompt; `repair` says what was wrong with the `previous` answer."""
-    user = [_rules(rules), *frames(world, digest), situation(digest), mission_line(mission)]
+    user = [_rules(rules), *frames(world, digest), situation(digest), mission_line(mission.text)]
     user.append(free_assets(digest))
     if repair:
         faults = "\n".join(f"- {' '.join(reason.split())}" for reason in repair)
@@ -197,7 +197,7 @@ def judge_prompt(  # noqa: PLR0917
         _rules(rules),
         *low_battery(digest),
         "",
-        mission_line(mission),
+        mission_line(mission.text),
         f"Plan: {plan_facts(world, plan)}",
         rehearsal_facts(world, rehearsal),
     ]
@@ -211,7 +211,7 @@ def outcome_prompt(
     user = [
         *frames(world, digest),
         situation(digest),
-        mission_line(mission),
+        mission_line(mission.text),
         f"Plan: {_plan(plan)}",
         verification_facts(verification),
     ]
@@ -226,9 +226,9 @@ def _rules(rules: Sequence[Rule]) -> str:
     return "Rules\n" + "\n".join(lines or ["none"])
 
 
-def mission_line(mission: Mission) -> str:
+def mission_line(text: str) -> str:
     """Return the mission's words as one line that nothing in them can end."""
-    return f"Mission: {json.dumps(' '.join(mission.text.split()), ensure_ascii=False)}"
+    return f"Mission: {json.dumps(' '.join(text.split()), ensure_ascii=False)}"
 
 
 def _plan(plan: Plan) -> str:

@@ -34,6 +34,8 @@ class Generate(StrictModel):
     grammar: str
     max_tokens: int
     count: int = 1
+    hint: str = ""
+    begun: str = ""
 
 
 class Cancel(StrictModel):

@@ -19,6 +19,11 @@ class Request:
     deadline_s: float
     count: int = 1
     """So many answers are wanted, other than the most likely one; they come as `texts`."""
+    hint: str = ""
+    """Text that the answer may repeat: it only makes the answer faster."""
+    begun: str = ""
+    """How the answer begins, where `grammar` is of one that goes on from what the last answer to
+    this prompt wrote: what was evaluated for that is not evaluated again."""
 
 
 @dataclass(frozen=True)

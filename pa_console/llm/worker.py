@@ -118,6 +118,8 @@ def _answer(
             request.grammar,
             request.max_tokens,
             lambda text: send(Piece(id=request.id, text=text)),
+            request.hint,
+            request.begun,
         )
     texts, finish, usage = decoder.several(
         sequence, prompt, request.grammar, request.max_tokens, request.count

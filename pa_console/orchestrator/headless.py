@@ -59,8 +59,8 @@ async def run_missions(  # noqa: PLR0917
     The session lasts until they are finished and, if longer, `duration_s` simulated seconds have
     passed and the missions that alarms have started meanwhile are over too. `sink` is given
     every event and the state after it, in order. With `read_ahead`, the model has read the picture
-    before a mission is given, as while an operator types. Raises ValueError for a set-up or a
-    mission that the station does not take.
+    and all but the last word before a mission is given, as while an operator types. Raises
+    ValueError for a set-up or a mission that the station does not take.
     """
     state = SessionState()
     waiting, all_given = list(texts), asyncio.Event()
@@ -72,7 +72,7 @@ async def run_missions(  # noqa: PLR0917
     async def submit() -> str | None:
         """Give the next mission, if there is one more."""
         if waiting and read_ahead:
-            await station.read_ahead()
+            await station.read_ahead(waiting[0])
         given = station.submit(waiting.pop(0)).id if waiting else None
         if not waiting:
             all_given.set()

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from pa_console.llm.dialect import Dialect
+from pa_console.llm.grammar import hinted
 from pa_console.llm.judge import Judge, Judgement
 from pa_console.llm.prompts import Prompt
 from pa_console.orchestrator.comparing import compared_grammar
@@ -57,10 +58,15 @@ class JudgeQuestion:
     goes_on: Callable[[str], str] | None = None
     """Where `grammar` is of the beginning alone: the grammar of the whole, for what it begins with.
     """
+    hint: str = ""
+    """What the answer may repeat: the planner's words for what was asked. They save time only; the
+    judge writes what it would have written without them."""
 
     def put_to(self, judge: Judge) -> AsyncGenerator[str | Judgement]:
         """Ask `judge`; gives the answer in pieces, then one Judgement."""
-        return judge.judge(self.prompt, self.grammar, self.role, self.rule_ids, self.goes_on)
+        return judge.judge(
+            self.prompt, self.grammar, self.role, self.rule_ids, self.goes_on, self.hint
+        )
 
 
 def ask_about_plan(
@@ -80,7 +86,8 @@ def ask_about_plan(
     def goes_on(opening: str) -> str:
         return compared_grammar(opening, moves, ids)
 
-    return JudgeQuestion("judge", prompt, dialect.opening(world, case.digest), ids, goes_on)
+    opening = dialect.opening(world, case.digest)
+    return JudgeQuestion("judge", prompt, opening, ids, goes_on, hint=hinted(case.plan.reason))
 
 
 def ask_about_outcome(dialect: Dialect, world: World, case: OutcomeCase) -> JudgeQuestion:

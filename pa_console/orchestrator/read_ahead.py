@@ -1,4 +1,8 @@
-"""Lets the model read what is known before a mission is: fixed parts, and the present picture."""
+"""Lets the model read what is known before a mission is given.
+
+Those are the fixed parts, the present picture, and of a mission that is being typed the rules that
+concern its words so far, and these words.
+"""
 
 import asyncio
 from contextlib import suppress
@@ -19,7 +23,8 @@ class ReadAhead:
 
     def __init__(self, services: Services) -> None:
         self._services = services
-        self._read: dict[Role, Digest | None] = {}
+        self._read: dict[Role, tuple[Digest | None, str]] = {}
+        self._words = ""
         self._wanted = asyncio.Event()
         self._turn = asyncio.Lock()
 
@@ -31,14 +36,19 @@ class ReadAhead:
                 for role in ROLES:
                     await self._warm(role)
 
-    async def read_now(self) -> None:
-        """Read the picture as it is; when this returns, a mission finds it read."""
+    async def read_now(self, text: str = "") -> None:
+        """Read the picture as it is, and all of `text` but its last word, which may not be whole.
+
+        When this returns, a mission that begins so finds it read.
+        """
+        self._words = text.rpartition(" ")[0]
         async with self._turn:
             for role in TYPING_ROLES:
-                await self._warm(role)
+                await self._warm(role, self._words)
 
-    def typing(self) -> None:
-        """Note that a mission is being typed: what the picture has become is worth reading."""
+    def typing(self, text: str) -> None:
+        """Note that a mission is being typed and is `text` so far."""
+        self._words = text.rpartition(" ")[0]
         self._wanted.set()
 
     async def serve(self) -> None:
@@ -46,9 +56,9 @@ class ReadAhead:
         while True:
             await self._wanted.wait()
             self._wanted.clear()
-            await self.read_now()
+            await self.read_now(f"{self._words} ")
 
-    async def _warm(self, role: Role) -> None:
+    async def _warm(self, role: Role, words: str = "") -> None:
         """Let the model read what a prompt of `role` begins with at present, unless it has.
 
         In a world too large to be told whole, what is told depends on the mission.
@@ -57,8 +67,12 @@ class ReadAhead:
         sim = services.sim
         whole = is_small(sim.world)
         digest = digest_picture(sim.picture(), sim.world) if whole else None
-        if services.engine.busy or self._read.get(role, "never") == digest:
+        if services.engine.busy or self._read.get(role) == (digest, words):
             return
-        self._read[role] = digest
+        self._read[role] = (digest, words)
         prompt = services.dialect.ahead(role, sim.world, digest)
+        if services.dialect.typed is not None and digest is not None and words.strip():
+            hits = services.retriever.retrieve(words, services.top_k)
+            rules = [services.rulebook.get(hit.rule_id) for hit in hits]
+            prompt = services.dialect.typed(role, sim.world, digest, rules, words)
         await services.engine.warm(role, prompt.system, prompt.user)

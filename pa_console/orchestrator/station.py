@@ -103,13 +103,16 @@ class Station:
         """Take the rules as their file has them now; why they cannot be taken is told."""
         await self._reload.now()
 
-    def typing(self) -> None:
-        """Note that the operator types a mission; the model reads the picture meanwhile."""
-        self._ahead.typing()
+    def typing(self, text: str) -> None:
+        """Note that the operator types a mission, `text` so far; the model reads meanwhile."""
+        self._ahead.typing(text)
 
-    async def read_ahead(self) -> None:
-        """Wait until the model has read the present picture, as it has for one who types long."""
-        await self._ahead.read_now()
+    async def read_ahead(self, text: str) -> None:
+        """Wait until the model has read the present picture and all but the last word of `text`.
+
+        So it has for an operator who types.
+        """
+        await self._ahead.read_now(text)
 
     def submit(self, text: str) -> Mission:
         """Step 1: queue a mission; raises ValueError when it cannot be taken."""

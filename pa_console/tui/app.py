@@ -108,10 +108,10 @@ class ConsoleApp(SettingsApp):
 
     # Commands to the station
 
-    def on_mission_prompt_typed(self) -> None:
-        """Let the model read the picture while the mission is being written."""
+    def on_mission_prompt_typed(self, message: MissionPrompt.Typed) -> None:
+        """Let the model read the picture and the words while the mission is being written."""
         if self.station is not None:
-            self.station.typing()
+            self.station.typing(message.text)
 
     def on_mission_prompt_given(self, message: MissionPrompt.Given) -> None:
         """Submit a mission; a refused text stays in the field."""

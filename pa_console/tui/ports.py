@@ -36,7 +36,7 @@ class StationPort(Protocol):
         """Yield every event of the session until it is closed."""
         ...
 
-    def typing(self) -> None:
+    def typing(self, text: str) -> None:
         """Note that a mission is being typed."""
         ...
 

@@ -93,6 +93,38 @@ async def test_what_repeats_the_prompt_is_guessed_and_counted(engine: Engine):
     assert 10 < usage.guessed_tokens < usage.sampled_tokens <= usage.completion_tokens
 
 
+async def test_a_hint_saves_steps_and_changes_no_word(engine: Engine):
+    request = replace(BRIEF, user="Say what you think of the river gate.")
+    unaided = await answer(engine, request)
+    hinted = await answer(engine, replace(request, hint=unaided.text))
+    assert hinted.text == unaided.text
+    assert hinted.usage.guessed_tokens > unaided.usage.guessed_tokens
+    misled = await answer(engine, replace(request, hint="seven bananas, " * 8))
+    assert misled.text == unaided.text
+
+
+async def test_an_answer_goes_on_without_reading_again_what_was_read(engine: Engine):
+    request = replace(BRIEF, user="Is the hill gate covered?", grammar="start: /[a-z]{3,9}; so: /")
+    begun = await answer(engine, request)
+    whole = f'start: /{begun.text}(the gate is covered|nobody is there)/ ", I say."'
+    going_on = replace(request, grammar=whole, begun=begun.text)
+    first = await answer(engine, going_on)
+    assert first.finish == "stop"
+    assert first.text.startswith(begun.text)
+    assert first.usage.cached_tokens == first.usage.prompt_tokens
+    anew = await answer(engine, going_on)
+    assert anew.text == first.text
+    assert anew.usage.cached_tokens < anew.usage.prompt_tokens
+
+
+async def test_an_answer_that_begins_otherwise_is_written_from_the_start(engine: Engine):
+    request = replace(BRIEF, user="Is the hill gate covered?", grammar="start: /[a-z]{3,9}; so: /")
+    begun = await answer(engine, request)
+    other = replace(request, grammar='start: "<" /[a-z]{4}/ ">"', begun=begun.text)
+    done = await answer(engine, other)
+    assert (done.finish, done.text[0], done.text[-1]) == ("stop", "<", ">")
+
+
 async def test_a_second_prompt_is_answered_as_in_a_fresh_context(
     engine: Engine, smallest_model: LocalModel
 ):

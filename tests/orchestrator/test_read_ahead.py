@@ -45,10 +45,10 @@ def services(site: Site, engine: ScriptedEngine, sim: Checkpoint | None = None) 
     )
 
 
-async def typed(ahead: ReadAhead) -> None:
-    """Type a letter and let the model read what it wants to."""
+async def typed(ahead: ReadAhead, text: str = "w") -> None:
+    """Type `text` and let the model read what it wants to."""
     serving = asyncio.create_task(ahead.serve())
-    ahead.typing()
+    ahead.typing(text)
     for _ in range(5):
         await asyncio.sleep(0)
     serving.cancel()
@@ -75,6 +75,24 @@ async def test_a_picture_that_changed_is_read_while_somebody_types(rig: Rig) -> 
     again = engine.warmed[3:]
     assert [role for role, _, _ in again] == ["planner", "judge"]
     assert all("down" in user.lower() for _, _, user in again)
+
+
+async def test_whole_words_are_read_with_their_rules_while_the_next_is_typed(rig: Rig) -> None:
+    engine = ScriptedEngine([])
+    made = services(rig.site, engine)
+    ahead = ReadAhead(made)
+    await ahead.load()
+    await typed(ahead, "an unknown vehicle is at the we")
+    await typed(ahead, "an unknown vehicle is at the west")
+    read = engine.warmed[3:]
+    assert [role for role, _, _ in read] == ["planner", "judge"]
+    hits = made.retriever.retrieve("an unknown vehicle is at the", made.top_k)
+    asked = [made.rulebook.get(hit.rule_id) for hit in hits]
+    quoted = [rule.id for rule in asked if rule.priority != "critical"][:2]
+    for _, _, user in read:
+        assert user.endswith('\nMission: "an unknown vehicle is at the')
+        assert quoted
+        assert all(f"\n{rule}: " in user for rule in quoted)
 
 
 async def test_while_the_model_answers_it_is_left_alone(rig: Rig) -> None:

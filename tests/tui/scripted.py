@@ -85,7 +85,7 @@ class ScriptedStation:
         """Whether everything was taken."""
         return self._queue.empty() and self.given == self._count
 
-    def typing(self) -> None:
+    def typing(self, text: str) -> None:
         """Count the keys that the prompt told of."""
         self.typed += 1
 

@@ -94,14 +94,14 @@ class OurWay:
     async def run(self, mission: BenchMission, *, read_ahead: bool = False) -> Pair:
         """Return what became of `mission`; raises ValueError when the judge could not be asked.
 
-        With `read_ahead`, time runs from when the model has read the picture, as it has in the
-        console for an operator who typed the mission.
+        With `read_ahead`, time runs from when the model has read the picture and all words but the
+        last one, as it has in the console for an operator who typed the mission.
         """
         services, watch = self._services(mission.sim), Stopwatch()
         monitor = Monitor(self._site.rulebook, self._site.world)
         planning = Planning(services, _task(mission), watch, monitor)
         if read_ahead:
-            await ReadAhead(services).read_now()
+            await ReadAhead(services).read_now(mission.text)
         started = perf_counter()
         events = [event async for event in self._steps(planning)]
         seconds = perf_counter() - started

@@ -46,7 +46,11 @@ class MissionPrompt(Horizontal):
             self.text = text
 
     class Typed(Message):
-        """The operator is writing a mission."""
+        """The operator is writing a mission, `text` so far."""
+
+        def __init__(self, text: str) -> None:
+            super().__init__()
+            self.text = text
 
     def __init__(self, history: History, closed: str = "") -> None:
         """`closed` is the reason why no missions are taken, empty for an open prompt."""
@@ -65,7 +69,7 @@ class MissionPrompt(Horizontal):
         """Tell that a mission is on its way."""
         event.stop()
         if event.value.strip():
-            self.post_message(self.Typed())
+            self.post_message(self.Typed(event.value))
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Pass the text on; an empty line is nothing."""
