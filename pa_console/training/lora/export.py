@@ -10,11 +10,13 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from pa_console.training.lineage import kept_earlier, run_row, to_json
 from pa_console.training.lora.adapter import Adapter
 from pa_console.training.lora.adapter_file import (
     BASE,
     BASE_SHA256,
     CONFIG,
+    EARLIER,
     PREFIX,
     SAMPLES,
 )
@@ -27,7 +29,8 @@ from pa_console.training.lora.shape import Shape, open_gguf
 def export_adapter(run: Path, target: Path) -> str:
     """Write the adapter of the run in folder `run` to `target` and return its SHA-256.
 
-    Weights are float16. Raises ValueError when there is no run or its base is not here, or OSError.
+    Weights are float16; the metadata tells the runs that it went through (`lineage.py`). Raises
+    ValueError when there is no run or its base is not here, or OSError.
     """
     folder = RunFolder(run)
     config, state = folder.config(), folder.load()
@@ -44,6 +47,7 @@ def export_adapter(run: Path, target: Path) -> str:
         f"{PREFIX}.data_sha256": state.data_sha256,
         f"{PREFIX}.steps": str(state.step),
         SAMPLES: str(state.samples),
+        EARLIER: to_json([*kept_earlier(run, config), run_row(run, config)]),
     }
     write_adapter(target, adapter, shape, config.without_folders(), origin)
     return hashlib.sha256(target.read_bytes()).hexdigest()
