@@ -1,14 +1,17 @@
 """The runs that a run began from, one after another: an adapter is what all of them made it."""
 
 import csv
+import json
+from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from pa_console.training.lora.config import TrainConfig
 
-CONFIG, CURVE = "config.json", "curve.csv"
+CONFIG, CURVE, EARLIER = "config.json", "curve.csv", "earlier.json"
 
 
 class EarlierRun(NamedTuple):
@@ -24,33 +27,55 @@ class EarlierRun(NamedTuple):
     validation_right: str
 
 
+_RUNS = TypeAdapter(list[EarlierRun])
+
+
 def earlier_runs(config: TrainConfig) -> list[EarlierRun]:
     """Return the runs that `config` goes on from, the first of all first.
 
-    The list ends where a folder is gone or not readable: what is not there cannot be told.
+    A run's folder and an adapter's file know those before them. The list begins after what is gone
+    or not readable: what is not there cannot be told. Raises ValueError for a file where the extra
+    `train` is not installed.
     """
     found: list[EarlierRun] = []
     seen: set[Path] = set()
     start = config.start
     while start is not None and Path(start) not in seen:
-        folder = Path(start)
-        seen.add(folder)
+        place = Path(start)
+        seen.add(place)
+        if place.is_file():
+            return _runs_of_file(place) + found[::-1]
         try:
-            made = TrainConfig.model_validate_json((folder / CONFIG).read_bytes())
+            made = TrainConfig.model_validate_json((place / CONFIG).read_bytes())
         except (OSError, ValidationError):
             break
-        found.append(_row(folder, made))
+        found.append(run_row(place, made))
+        kept = _kept(place)
+        if kept is not None:
+            return kept + found[::-1]
         start = made.start
     return found[::-1]
 
 
-def _row(folder: Path, made: TrainConfig) -> EarlierRun:
+def keep_earlier(folder: Path, config: TrainConfig) -> None:
+    """Write `earlier_runs` into the run's `folder`: what it begins from may change; OSError."""
+    (folder / EARLIER).write_text(to_json(earlier_runs(config)) + "\n", encoding="utf-8")
+
+
+def kept_earlier(folder: Path, config: TrainConfig) -> list[EarlierRun]:
+    """Return what the run's `folder` keeps, or else `earlier_runs`; raises ValueError as that."""
+    kept = _kept(folder)
+    return earlier_runs(config) if kept is None else kept
+
+
+def run_row(folder: Path, config: TrainConfig) -> EarlierRun:
+    """Return the row of the run in `folder` itself; of its place only the bare name."""
     last = last_row(folder / CURVE)
     return EarlierRun(
-        folder.name,
-        made.seed,
-        made.rank,
-        made.learning_rate,
+        folder.resolve().name,
+        config.seed,
+        config.rank,
+        config.learning_rate,
         last.get("samples", ""),
         last.get("minutes", ""),
         last.get("validation_loss", ""),
@@ -65,3 +90,34 @@ def last_row(curve: Path) -> dict[str, str]:
     with curve.open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream))
     return rows[-1] if rows else {}
+
+
+def to_json(runs: Sequence[EarlierRun]) -> str:
+    """Return `runs` as a list of objects, as `earlier.json` and adapters hold them."""
+    return json.dumps([run._asdict() for run in runs])
+
+
+def _kept(folder: Path) -> list[EarlierRun] | None:
+    try:
+        return _RUNS.validate_json((folder / EARLIER).read_bytes())
+    except (OSError, ValidationError):
+        return None
+
+
+def _runs_of_file(path: Path) -> list[EarlierRun]:
+    """Return the runs that an adapter's file tells of, its own the last; none where it does not."""
+    if find_spec("gguf") is None:
+        raise ValueError(
+            f"{path}: to read which runs it went through: pip install 'pa-console[train]'"
+        )
+    from pa_console.training.lora import adapter_file as keys  # noqa: PLC0415 - not always there
+
+    try:
+        file = keys.AdapterFile.open(path)
+        if keys.EARLIER in file.metadata:
+            return _RUNS.validate_json(file.text(keys.EARLIER))
+        made = TrainConfig.model_validate_json(file.text(keys.CONFIG))
+    except (OSError, ValueError):
+        return []
+    samples = file.text(keys.SAMPLES)
+    return [EarlierRun(path.name, made.seed, made.rank, made.learning_rate, samples, "", "", "")]

@@ -19,7 +19,7 @@ from pa_console.llm.cache import hash_file
 from pa_console.llm.catalog import Catalog, ModelEntry
 from pa_console.training.data_folder import VALID_EVERY
 from pa_console.training.data_report import DataReport, read_report
-from pa_console.training.lineage import CURVE, earlier_runs
+from pa_console.training.lineage import CURVE, kept_earlier
 from pa_console.training.run_summary import ADAPTER, RunSummary, read_summary
 
 TEMPLATE = "model_card.md.jinja"
@@ -75,7 +75,7 @@ def model_card(run: Path, data: Path, name: str, evaluation: Path | None = None)
         dropped=list(report.dropped.items())[:MOST_REASONS],
         config=_config(summary),
         curve=_curve(run / CURVE),
-        earlier=earlier_runs(summary.config),
+        earlier=kept_earlier(run, summary.config),
         evaluation=_evaluated(records),
     )
 

@@ -92,10 +92,9 @@ class _Weights:
         rows: list[NDArray[np.float32]] = []
         for name in names:
             values = self.values(name, part)
-            heads = {"attn_q": self.shape.heads, "attn_k": self.shape.kv_heads}
-            kind = name.rpartition(".")[2]
-            if kind in heads and self.shape.permuted:
-                values = to_halves(values, heads[kind])
+            heads = self.shape.paired_heads.get(name.rpartition(".")[2])
+            if heads is not None:
+                values = to_halves(values, heads)
             rows.append(values)
         joined = torch.from_numpy(np.ascontiguousarray(np.concatenate(rows)))
         return joined.to(device=self._device, dtype=self._dtype)

@@ -1,7 +1,7 @@
 """A run on disk: everything that is needed to go on as if it had never stopped.
 
-The folder holds `config.json`, `checkpoint.pt`, `log.jsonl` (a line a step) and `curve.csv` (a line
-a validation).
+The folder holds `config.json`, `checkpoint.pt`, `log.jsonl` (a line a step), `curve.csv` (a line a
+validation) and `earlier.json` (the runs that it began from).
 """
 
 import json
@@ -14,6 +14,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from pa_console.training.lineage import keep_earlier
 from pa_console.training.lora.config import TrainConfig
 
 CONFIG, CHECKPOINT, LOG, CURVE = "config.json", "checkpoint.pt", "log.jsonl", "curve.csv"
@@ -50,6 +51,7 @@ class RunFolder:
         self._write(CONFIG, config.model_dump_json(indent=2) + "\n")
         self._write(LOG, "")
         self._write(CURVE, CURVE_HEAD + "\n")
+        keep_earlier(self.path, config)
 
     def config(self) -> TrainConfig:
         """Return the run's config; raises ValueError when the folder holds no run."""

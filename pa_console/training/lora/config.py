@@ -25,7 +25,8 @@ class TrainConfig(StrictModel):
     data: str = Field(description="training samples, JSON lines")
     validation: str | None = Field(default=None, description="samples that are never trained on")
     start: str | None = Field(
-        default=None, description="the folder of an earlier run of equal rank to begin from"
+        default=None,
+        description="an earlier run of equal rank to begin from: its folder, or an adapter's file",
     )
     rank: int = Field(default=16, ge=1, le=256)
     alpha: float = Field(default=32.0, gt=0.0, description="the update is scaled by alpha / rank")

@@ -10,20 +10,27 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from pa_console.training.lineage import kept_earlier, run_row, to_json
 from pa_console.training.lora.adapter import Adapter
+from pa_console.training.lora.adapter_file import (
+    BASE,
+    BASE_SHA256,
+    CONFIG,
+    EARLIER,
+    PREFIX,
+    SAMPLES,
+)
 from pa_console.training.lora.base import to_pairs
 from pa_console.training.lora.checkpoint import RunFolder
 from pa_console.training.lora.config import TrainConfig, find_base
 from pa_console.training.lora.shape import Shape, open_gguf
 
-PREFIX = "pa_console.training"
-"""Begins the metadata keys that say where an adapter comes from."""
-
 
 def export_adapter(run: Path, target: Path) -> str:
     """Write the adapter of the run in folder `run` to `target` and return its SHA-256.
 
-    Weights are float16. Raises ValueError when there is no run or its base is not here, or OSError.
+    Weights are float16; the metadata tells the runs that it went through (`lineage.py`). Raises
+    ValueError when there is no run or its base is not here, or OSError.
     """
     folder = RunFolder(run)
     config, state = folder.config(), folder.load()
@@ -35,11 +42,12 @@ def export_adapter(run: Path, target: Path) -> str:
         raise ValueError(f"{run}: was trained on another base than {path}")
     adapter.masters = state.masters
     origin = {
-        "base": config.without_folders().base,
-        "base_sha256": state.base_sha256,
-        "data_sha256": state.data_sha256,
-        "steps": str(state.step),
-        "samples": str(state.samples),
+        BASE: config.without_folders().base,
+        BASE_SHA256: state.base_sha256,
+        f"{PREFIX}.data_sha256": state.data_sha256,
+        f"{PREFIX}.steps": str(state.step),
+        SAMPLES: str(state.samples),
+        EARLIER: to_json([*kept_earlier(run, config), run_row(run, config)]),
     }
     write_adapter(target, adapter, shape, config.without_folders(), origin)
     return hashlib.sha256(target.read_bytes()).hexdigest()
@@ -48,7 +56,7 @@ def export_adapter(run: Path, target: Path) -> str:
 def write_adapter(
     target: Path, adapter: Adapter, shape: Shape, config: TrainConfig, origin: dict[str, str]
 ) -> None:
-    """Write `adapter` to `target`; `origin` becomes metadata, beside the whole config."""
+    """Write `adapter` to `target`; `origin` becomes metadata by its keys, beside the config."""
     target.parent.mkdir(parents=True, exist_ok=True)
     partial = target.with_name(f"{target.name}.partial")
     writer = gguf.GGUFWriter(partial, shape.architecture)
@@ -56,9 +64,9 @@ def write_adapter(
     writer.add_string(gguf.Keys.Adapter.TYPE, "lora")
     writer.add_float32(gguf.Keys.Adapter.LORA_ALPHA, adapter.alpha)
     writer.add_name(f"{config.task} adapter of {config.base}")
-    writer.add_string(f"{PREFIX}.config", config.model_dump_json())
+    writer.add_string(CONFIG, config.model_dump_json())
     for key, value in origin.items():
-        writer.add_string(f"{PREFIX}.{key}", value)
+        writer.add_string(key, value)
     for name, (a, b) in matrices(adapter, shape).items():
         writer.add_tensor(f"{name}.weight.lora_a", a)
         writer.add_tensor(f"{name}.weight.lora_b", b)
@@ -74,9 +82,8 @@ def matrices(
 ) -> dict[str, tuple[NDArray[np.float16], NDArray[np.float16]]]:
     """Return A (rank, inputs) and B (outputs, rank) of every linear layer, by llama.cpp's names.
 
-    B of q and k has its rows where the base has them (`Shape.permuted`).
+    B of q and k has its rows where the base has them (`Shape.paired_heads`).
     """
-    heads = {"attn_q": shape.heads, "attn_k": shape.kv_heads} if shape.permuted else {}
     found: dict[str, tuple[NDArray[np.float16], NDArray[np.float16]]] = {}
     per_layer = len(adapter.slots) // shape.layers
     for number, slot in enumerate(adapter.slots):
@@ -89,8 +96,8 @@ def matrices(
         )
         for part, own_a, own_b in each:
             rows = _array(own_b)
-            if part in heads:
-                rows = to_pairs(rows, heads[part])
+            if part in shape.paired_heads:
+                rows = to_pairs(rows, shape.paired_heads[part])
             found[f"blk.{number // per_layer}.{part}"] = (
                 _array(own_a).astype(np.float16),
                 rows.astype(np.float16),

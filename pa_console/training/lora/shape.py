@@ -40,6 +40,11 @@ class Shape:
         """Whether the file holds the rows of q and k in pairs (x0, x1), not in halves."""
         return self.architecture == "llama"
 
+    @property
+    def paired_heads(self) -> dict[str, int]:
+        """Heads of the layers whose rows the file holds in pairs, by llama.cpp's names."""
+        return {"attn_q": self.heads, "attn_k": self.kv_heads} if self.permuted else {}
+
 
 def read_shape(metadata: Mapping[str, object], source: str) -> Shape:
     """Return the shape that `metadata` tells; raises ValueError, naming `source` and the key."""

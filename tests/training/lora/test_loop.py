@@ -4,7 +4,6 @@ import json
 import os
 import signal
 from pathlib import Path
-from typing import Any
 
 import gguf
 import pytest
@@ -15,26 +14,7 @@ from pa_console.training.lora.config import CONFIGS, TrainConfig
 from pa_console.training.lora.export import export_adapter
 from pa_console.training.lora.loop import Progress, train
 from pa_console.training.lora.schedule import learning_rate
-
-
-def config(tiny: Path, data: Path, **changed: Any) -> TrainConfig:
-    values: dict[str, Any] = {
-        "task": "planner",
-        "base": str(tiny),
-        "data": str(data),
-        "validation": str(data),
-        "rank": 4,
-        "learning_rate": 0.02,
-        "warmup_steps": 2,
-        "packs_per_step": 2,
-        "steps": 8,
-        "validate_every": 4,
-    }
-    return TrainConfig(**{**values, **changed})
-
-
-def ignore(_progress: Progress) -> None:
-    """Show nothing."""
+from tests.training.lora.small_run import config, ignore
 
 
 def logged(out: Path) -> list[dict[str, float]]:

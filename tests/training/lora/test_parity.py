@@ -7,6 +7,7 @@ import torch
 
 from pa_console.llm.catalog import LocalModel
 from pa_console.training.lora.adapter import Adapter
+from pa_console.training.lora.adapter_file import BASE_SHA256
 from pa_console.training.lora.config import TrainConfig
 from pa_console.training.lora.export import write_adapter
 from pa_console.training.lora.parity import compare
@@ -31,7 +32,7 @@ def busy_adapter(base: Path, strength: float) -> Adapter:
 
 def exported(adapter: Adapter, base: Path, target: Path) -> Path:
     config = TrainConfig(task="planner", base=str(base), data="none.jsonl", rank=3, alpha=6.0)
-    write_adapter(target, adapter, open_gguf(base)[1], config, {"base_sha256": "0" * 64})
+    write_adapter(target, adapter, open_gguf(base)[1], config, {BASE_SHA256: "0" * 64})
     return target
 
 

@@ -1,0 +1,80 @@
+"""The weights that a run begins with when it goes on from an earlier one."""
+
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from pa_console.training.lora.adapter import slots
+from pa_console.training.lora.adapter_file import BASE, BASE_SHA256, AdapterFile
+from pa_console.training.lora.base import to_halves
+from pa_console.training.lora.checkpoint import RunFolder
+from pa_console.training.lora.config import TrainConfig
+from pa_console.training.lora.shape import Shape
+
+
+def start_weights(start: Path, config: TrainConfig, shape: Shape, base_sha256: str) -> list[Tensor]:
+    """Return the weights at `start`, a run's folder or an adapter's file, as `Adapter.masters`.
+
+    `shape` and `base_sha256` are of the base that is trained. An adapter's file has to be of this
+    base and of the config's rank and alpha; of a folder that is left to the caller. Raises
+    ValueError for what cannot be begun from, or OSError.
+    """
+    if not start.exists():
+        raise ValueError(f"start: {start}: is not here: name a run's folder or an adapter's file")
+    if start.is_dir():
+        return RunFolder(start).load().masters
+    file = AdapterFile.open(start)
+    _check(file, config, base_sha256)
+    return read_masters(file, shape, config.rank)
+
+
+def read_masters(file: AdapterFile, shape: Shape, rank: int) -> list[Tensor]:
+    """Return the matrices in `file` as `Adapter.masters`: the inverse of `export.matrices`.
+
+    Raises ValueError where a tensor is missing, of another shape, or of a layer that is not
+    trained.
+    """
+    masters: list[Tensor] = []
+    read = set[str]()
+    for layer in range(shape.layers):
+        for slot in slots(shape):
+            rows_a: list[NDArray[np.float32]] = []
+            rows_b: list[NDArray[np.float32]] = []
+            for part, outputs in zip(slot.parts, slot.outputs, strict=True):
+                name = f"blk.{layer}.{part}.weight"
+                a, b = f"{name}.lora_a", f"{name}.lora_b"
+                read |= {a, b}
+                rows_a.append(file.values(a, (rank, slot.inputs)))
+                rows = file.values(b, (outputs, rank))
+                heads = shape.paired_heads.get(part)
+                rows_b.append(rows if heads is None else to_halves(rows, heads))
+            masters += [torch.from_numpy(np.concatenate(rows)) for rows in (rows_a, rows_b)]
+    others = file.stored.keys() - read
+    if others:
+        raise ValueError(f"{file.path}: {min(others)}: is of a layer that is not trained here")
+    return masters
+
+
+def _check(file: AdapterFile, config: TrainConfig, base_sha256: str) -> None:
+    """Raise ValueError when the run of `config` cannot go on from `file`."""
+    path, own = file.path, file.text(BASE_SHA256)
+    if not own:
+        raise ValueError(
+            f"{path}: does not say of which base it is: pa-console train has not made it"
+        )
+    if own != base_sha256:
+        raise ValueError(
+            f"{path}: is an adapter of another base, {file.text(BASE) or 'unnamed'} "
+            f"(SHA-256 {own[:12]}), than {config.base} ({base_sha256[:12]}): "
+            "set base, or start from another"
+        )
+    if file.rank != config.rank:
+        raise ValueError(
+            f"{path}: is of rank {file.rank}, the run of {config.rank}: set rank={file.rank}"
+        )
+    if np.float32(file.alpha) != np.float32(config.alpha):
+        own, other = f"{file.alpha:g}", f"{config.alpha:g}"
+        raise ValueError(f"{path}: is of alpha {own}, the run of {other}: set alpha={own}")

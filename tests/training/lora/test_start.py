@@ -1,0 +1,147 @@
+"""A run goes on from an adapter's file; what it cannot go on from is said."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from pa_console.llm.cache import hash_file
+from pa_console.training.lora.adapter import Adapter
+from pa_console.training.lora.adapter_file import BASE, BASE_SHA256, AdapterFile
+from pa_console.training.lora.checkpoint import RunFolder, State
+from pa_console.training.lora.config import TrainConfig
+from pa_console.training.lora.export import export_adapter, write_adapter
+from pa_console.training.lora.loop import Progress, train
+from pa_console.training.lora.shape import open_gguf
+from pa_console.training.lora.start import start_weights
+from tests.training.lora.small_run import config, ignore
+from tests.training.lora.tiny import write_tiny
+
+
+class BegunError(Exception):
+    """Ends a run in its first step: its checkpoint is still the one of its beginning."""
+
+
+def begun(chosen: TrainConfig, out: Path) -> State:
+    """Return how the run of `chosen` begins."""
+
+    def end(_: Progress) -> None:
+        raise BegunError
+
+    with pytest.raises(BegunError):
+        train(chosen, out, False, end)
+    state = RunFolder(out).load()
+    assert state.step == 0
+    return state
+
+
+def matrices(file: Path) -> dict[str, bytes]:
+    """Return the tensors of an adapter as they lie in its file."""
+    return {name: tensor.data.tobytes() for name, tensor in AdapterFile.open(file).stored.items()}
+
+
+@pytest.mark.parametrize("architecture", ["llama", "qwen2"])
+def test_a_run_begins_with_the_weights_that_were_exported(
+    architecture: str, data: Path, tmp_path: Path
+) -> None:
+    base = write_tiny(tmp_path / "base.gguf", architecture)
+    first, second = tmp_path / "first", tmp_path / "second"
+    train(config(base, data, steps=3), first, False, ignore)
+    export_adapter(first, tmp_path / "first.gguf")
+    chosen = config(base, data, start=str(tmp_path / "first.gguf"), seed=7)
+    state, trained = begun(chosen, second), RunFolder(first).load().masters
+    assert all(bool(master.any()) for master in trained)
+    for new, old in zip(state.masters, trained, strict=True):
+        assert torch.equal(new, old.half().float())
+    export_adapter(second, tmp_path / "second.gguf")
+    assert matrices(tmp_path / "second.gguf") == matrices(tmp_path / "first.gguf")
+
+
+def test_a_run_that_began_from_a_file_is_resumed_without_it(
+    tiny: Path, data: Path, tmp_path: Path
+) -> None:
+    file, out = tmp_path / "first.gguf", tmp_path / "second"
+    train(config(tiny, data, steps=1), tmp_path / "first", False, ignore)
+    export_adapter(tmp_path / "first", file)
+    begun(config(tiny, data, start=str(file)), out)
+    file.unlink()
+    assert train(config(tiny, data), out, True, ignore).last.step == 8
+
+
+def written(tiny: Path, target: Path, **changed: int) -> Path:
+    """Write an adapter of rank 4 and alpha 32 for `tiny`, or for its shape with sizes `changed`."""
+    shape = replace(open_gguf(tiny)[1], **changed)
+    made = TrainConfig(task="planner", base="tiny", data="data.jsonl", rank=4)
+    origin = {BASE: "tiny", BASE_SHA256: hash_file(tiny)}
+    write_adapter(target, Adapter(shape, 4, 32.0, 0, "cpu"), shape, made, origin)
+    return target
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        ({"rank": 8}, "is of rank 4, the run of 8: set rank=4"),
+        ({"alpha": 16.0}, "is of alpha 32, the run of 16: set alpha=32"),
+    ],
+)
+def test_settings_that_do_not_fit_the_file_are_refused(
+    settings: dict[str, float], says: str, tiny: Path, data: Path, tmp_path: Path
+) -> None:
+    file = written(tiny, tmp_path / "adapter.gguf")
+    chosen = config(tiny, data, start=str(file), **settings)
+    with pytest.raises(ValueError, match=f"adapter.gguf: {says}"):
+        train(chosen, tmp_path / "run", False, ignore)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "says"),
+    [
+        ({"layers": 1}, r"tensor blk\.1\.attn_q\.weight\.lora_a is missing"),
+        ({"layers": 3}, r"blk\.2\.attn_k\.weight\.lora_a: is of a layer that is not trained here"),
+        ({"hidden": 40}, r"blk\.0\.ffn_gate\.weight\.lora_b: is of \(40, 4\), not of \(48, 4\)"),
+    ],
+)
+def test_a_file_with_other_layers_is_refused(
+    sizes: dict[str, int], says: str, tiny: Path, data: Path, tmp_path: Path
+) -> None:
+    file = written(tiny, tmp_path / "adapter.gguf", **sizes)
+    chosen = config(tiny, data)
+    with pytest.raises(ValueError, match=f"adapter.gguf: {says}"):
+        start_weights(file, chosen, open_gguf(tiny)[1], hash_file(tiny))
+
+
+def test_an_adapter_of_another_base_of_the_same_shape_is_refused(
+    tiny: Path, data: Path, tmp_path: Path
+) -> None:
+    file = written(tiny, tmp_path / "adapter.gguf")
+    other = write_tiny(tmp_path / "other.gguf", seed=1)
+    says = "adapter.gguf: is an adapter of another base, tiny .* set base, or start from another"
+    with pytest.raises(ValueError, match=says):
+        train(config(other, data, start=str(file)), tmp_path / "run", False, ignore)
+
+
+def test_an_adapter_that_does_not_name_its_base_is_refused(
+    tiny: Path, data: Path, tmp_path: Path
+) -> None:
+    shape, chosen = open_gguf(tiny)[1], config(tiny, data)
+    file = tmp_path / "adapter.gguf"
+    write_adapter(file, Adapter(shape, 4, 32.0, 0, "cpu"), shape, chosen, {})
+    with pytest.raises(ValueError, match="does not say of which base it is"):
+        start_weights(file, chosen, shape, hash_file(tiny))
+
+
+def test_what_is_no_adapter_is_refused(tiny: Path, data: Path, tmp_path: Path) -> None:
+    whole = written(tiny, tmp_path / "adapter.gguf").read_bytes()
+    cut, head = tmp_path / "cut.gguf", tmp_path / "head.gguf"
+    cut.write_bytes(whole[:-64])
+    head.write_bytes(whole[:100])
+    for file, says in (
+        (data, "not a GGUF file: name the file of an adapter"),
+        (tiny, "is not a LoRA adapter: name the file of an adapter"),
+        (cut, "not a whole GGUF file"),
+        (head, "not a whole GGUF file"),
+        (tmp_path / "gone.gguf", "is not here: name a run's folder or an adapter's file"),
+    ):
+        with pytest.raises(ValueError, match=f"{file.name}: {says}"):
+            start_weights(file, config(tiny, data), open_gguf(tiny)[1], hash_file(tiny))
