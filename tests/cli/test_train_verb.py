@@ -16,21 +16,21 @@ from pa_console.training.worlds import shipped_world
 from tests.cli.inside import Call
 from tests.training.finished_run import data_set, finished_run
 
-SMALL = ("--groups", "1", "--missions", "1", "--jobs", "1", "--only", "planner")
+SMALL = ("--groups", "1", "--missions", "1", "--wordings", "2", "--jobs", "1", "--only", "planner")
 
 
 def test_data_is_made_once_and_gone_on_with(call: Call, tmp_path: Path) -> None:
     out = tmp_path / "data"
     first = call("train", "data", "--out", str(out), *SMALL, "--json")
     assert first.code == 0, first.err
-    assert first.json["samples"] == {"train": {"planner": 1}, "valid": {}}
+    assert first.json["samples"] == {"train": {"planner": 2}, "valid": {}}
     assert first.json == json.loads((out / "report.json").read_text())
     before = (out / "planner.jsonl").read_bytes()
     second = call("train", "data", "--out", str(out), *SMALL)
     assert second.code == 0
     assert "1 groups were there already" in second.said
     assert (out / "planner.jsonl").read_bytes() == before
-    assert len(list(read_samples(out / "planner.jsonl"))) == 1
+    assert len(list(read_samples(out / "planner.jsonl"))) == 2
 
 
 def test_data_that_is_interrupted_keeps_what_is_whole(
