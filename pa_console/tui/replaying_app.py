@@ -34,9 +34,9 @@ class ReplayingApp(BrowsingApp):
             self.recording.jump(MISSIONS, by, "mission")
 
     def action_jump_finding(self, by: int) -> None:
-        """To the next finding, alarm, refusal or fault, or the one before."""
+        """To the next finding, override, alarm, refusal or fault, or the one before."""
         if self.recording is not None:
-            self.recording.jump(FINDINGS, by, "finding, alarm, refusal or fault")
+            self.recording.jump(FINDINGS, by, "finding, override, alarm, refusal or fault")
 
     def action_to_moment(self) -> None:
         """Ask for a moment and go there."""
