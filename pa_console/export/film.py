@@ -97,8 +97,9 @@ class Film:
         return text
 
     def svg(self, title: str) -> str:
-        """Return the screen as an SVG picture."""
-        return self._app.export_screenshot(title=title)
+        """Return the screen as an SVG picture, in which every space counts in every viewer."""
+        picture = self._app.export_screenshot(title=title)
+        return picture.replace("<svg ", '<svg xml:space="preserve" ', 1)
 
 
 async def film(

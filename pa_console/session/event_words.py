@@ -2,7 +2,7 @@
 
 from pa_console.schema import event as ev
 from pa_console.schema.plan import Plan
-from pa_console.session.wording import in_words
+from pa_console.session.wording import in_words, overriding
 
 
 def kind_in_words(kind: str) -> str:
@@ -70,7 +70,10 @@ def _planned(data: ev.EventPayload) -> str:
             said = f"blocked: {'; '.join(blocked)}" if blocked else _plan(plan)
         case ev.DecisionMade(decision=decision, accepted=accepted, detail=detail):
             taken = "" if accepted else f", not accepted: {detail}"
-            said = f"{decision.kind} by {decision.by} {decision.reason}".strip() + taken
+            said = f"{decision.kind} by {decision.by} {decision.reason}".strip()
+            if otherwise := overriding(decision):
+                said = f"{decision.kind}: {otherwise}"
+            said += taken
         case ev.PlanVoided(reason=reason):
             said = reason
         case _:

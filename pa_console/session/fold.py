@@ -10,7 +10,7 @@ from pa_console.schema.alarm import ALARM_PRIORITIES, Alarm, QueueEntry
 from pa_console.schema.telemetry import Picture
 from pa_console.session.mission_fold import apply_to_mission
 from pa_console.session.mission_trace import CommandTrace, MissionTrace
-from pa_console.session.wording import in_words
+from pa_console.session.wording import in_words, overriding
 
 NOTICES_KEPT = 500
 _LEVELS: dict[str, ev.Level] = {"emergency": "alarm", "high": "alarm", "medium": "warning"}
@@ -179,6 +179,9 @@ class SessionState:
                 self._notice(event, "warning", event.mission or "", text)
             case ev.PlanHalted(reasons=reasons):
                 self._notice(event, "alarm", event.mission or "", f"halted: {'; '.join(reasons)}")
+            case ev.DecisionMade(accepted=True, decision=decision, attempt=number):
+                if said := overriding(decision):
+                    self._notice(event, "warning", event.mission or "", f"plan {number}: {said}")
             case ev.MissionFinished(status=status, reason=reason):
                 self._leave(event)
                 self._answered(event.mission)

@@ -5,6 +5,7 @@ from typing import Literal, get_args
 from pa_console.schema import event as ev
 from pa_console.schema.incident import Incident
 from pa_console.session.fold import SessionState
+from pa_console.session.wording import overriding
 
 MarkKind = Literal["fault", "refusal", "alarm", "finding", "mission"]
 """Worst first: where several fall on one place, the first is shown."""
@@ -30,7 +31,7 @@ def mark_of(event: ev.Event, before: SessionState) -> MarkKind | None:
 
 
 def _is_finding(data: ev.EventPayload) -> bool:
-    """Whether a check, the judge or telemetry objects."""
+    """Whether a check, the judge or telemetry objects, or the operator decided otherwise."""
     match data:
         case ev.PlanChecked(findings=findings):
             return any(finding.broken for finding in findings)
@@ -38,6 +39,8 @@ def _is_finding(data: ev.EventPayload) -> bool:
             return verdict is None or verdict.verdict == "Failure"
         case ev.MissionVerified(verification=verification):
             return verification.outcome == "fail"
+        case ev.DecisionMade(accepted=True, decision=decision):
+            return bool(overriding(decision))
         case _:
             return False
 

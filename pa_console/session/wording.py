@@ -1,6 +1,7 @@
-"""Says in one short line what an incident was, as the event list shows it."""
+"""Says in one short line what an incident or a decision was, as the event list shows it."""
 
 from pa_console.schema.incident import Incident
+from pa_console.schema.mission import Decision
 
 _TEMPLATES: dict[str, str] = {
     "spawn": "a {track} appears on the lane to {gate}",
@@ -40,3 +41,22 @@ def in_words(incident: Incident) -> str:
         case _:
             pass
     return _TEMPLATES[incident.kind].format_map(values)
+
+
+def overriding(decision: Decision) -> str:
+    """Return in what the operator decided otherwise than the console proposed, empty if in nothing.
+
+    That is a changed plan, an objection of the judge that was overruled, or an accepted breach.
+    """
+    said: list[str] = []
+    if decision.kind == "modify":
+        said.append("the plan was changed")
+    if decision.kind == "approve" and decision.override_judge:
+        said.append("the judge was overruled")
+    if decision.kind == "approve" and decision.acknowledged:
+        said.append(f"broken {', '.join(decision.acknowledged)} accepted")
+    if not said:
+        return ""
+    return f"{', '.join(said)} by {decision.by}" + (
+        f": {decision.reason}" if decision.reason else ""
+    )

@@ -5,6 +5,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
+from textual.actions import SkipAction
 from textual.binding import Binding
 from textual.screen import Screen
 
@@ -42,7 +43,10 @@ class ConsoleApp(SettingsApp):
 
     TITLE = "PA Console"
     CSS_PATH = "console.tcss"
-    BINDINGS = bindings()
+    BINDINGS = [
+        *bindings(),
+        Binding("ctrl+c", "help_quit", show=False, system=True, priority=True),
+    ]
     COMMANDS = {ConsoleCommands}
 
     def __init__(
@@ -135,7 +139,7 @@ class ConsoleApp(SettingsApp):
 
         key = trace.mission.id, trace.approval.attempt
         request_id = trace.approval.request_id
-        editor = PlanEditor(self._drafts.get(key) or plan_json(trace.approval.plan))
+        editor = PlanEditor(plan_json(trace.approval.plan), self._drafts.get(key, ""))
         self._editing = key, editor
 
         def closed(plan: Plan | None) -> None:
@@ -189,11 +193,14 @@ class ConsoleApp(SettingsApp):
         self.push_screen(Confirm(question, yes="Leave", no="Stay"), answered)
 
     def action_help_quit(self) -> None:
-        """Say how to leave: `^c` copies what is selected, so it never leaves by accident."""
+        """Say how to leave, over every screen; `^c` copies what is selected and never leaves."""
+        if getattr(self.focused, "selected_text", "") or self.screen.get_selected_text():
+            raise SkipAction
         leave = next(action for action in ACTIONS if action.action == "leave_console")
         keys = shown_keys(leave, self.settings.values.keys)
+        back = "Esc goes back; there " if self.screen.is_modal else ""
         self.tell(
-            f"{keys} leaves the console, after a question while a mission is active", "Leave?"
+            f"{back}{keys} leaves the console, after a question while a mission is active", "Leave?"
         )
 
     async def _close(self) -> None:

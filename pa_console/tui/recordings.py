@@ -1,11 +1,13 @@
-"""Opens a session log to be looked at, with the world and the rules that it names."""
+"""Opens a session log to be looked at or compared, with the world and the rules that it names."""
 
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple, Self
 
 from pa_console.llm.cache import cache_folder
 from pa_console.orchestrator.compose import open_world
+from pa_console.orchestrator.session_site import SessionSites
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data
 from pa_console.schema.document import DocumentError
@@ -14,6 +16,7 @@ from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
 from pa_console.session.chain import LogError
 from pa_console.session.log_index import Progress
+from pa_console.session.recording import Recording
 from pa_console.session.replay import Player
 
 
@@ -25,6 +28,29 @@ class OpenedLog:
     world: World
     rules: dict[str, Rule]
     note: str = ""
+
+
+@dataclass(frozen=True)
+class ComparedLog:
+    """The same of a recording that stands beside another one; without a world it has no map."""
+
+    player: Player
+    world: World | None
+    rules: dict[str, Rule]
+    note: str = ""
+
+
+class KnownWorld(NamedTuple):
+    """A world that is open already, with the hash that the log of its session names."""
+
+    world: World
+    sha256: str
+
+    @classmethod
+    def of(cls, world: World, recording: Recording) -> Self:
+        """Return the `world` that a recording is shown in."""
+        started = recording[0].data if len(recording) else None
+        return cls(world, started.world_sha256 if isinstance(started, SessionStarted) else "")
 
 
 def index_folder() -> Path:
@@ -52,45 +78,65 @@ def open_run(log: Path, folder: Path, progress: Progress | None = None) -> Opene
     return opened
 
 
-def open_log(
-    log: Path,
-    worlds: Path | None = None,
-    otherwise: World | None = None,
-    progress: Progress | None = None,
-) -> OpenedLog:
+def open_log(log: Path, worlds: Path | None = None, progress: Progress | None = None) -> OpenedLog:
     """Open a session log at its beginning, with the world and the rules that it names.
 
-    Its world is found by its hash below the folder `worlds`, where generated ones are, by its
-    name, or is the one given for `otherwise`. `progress` is told how many bytes of a log were read
-    whose index was not kept. Raises DocumentError for a log or world that cannot be read,
-    ValueError without a world.
+    Its world is found by its hash below the folder `worlds`, where generated ones are, or by its
+    name. `progress` is told how many bytes of a log were read whose index was not kept. Raises
+    DocumentError for a log or world that cannot be read, ValueError without a world.
     """
+    player, started = _open(log, progress)
+    world = _world(started, worlds)
+    if world is None:
+        known = "is not installed here"
+        if worlds is not None:
+            known = f"is neither installed nor below {worlds}; copy its world.yaml there"
+        raise ValueError(f"{log}: its world {started.world!r} {known}")
+    rules, notes = _rules(player, started)
+    return OpenedLog(player, world, rules, "; ".join(notes))
+
+
+def open_compared(log: Path, known: KnownWorld, progress: Progress | None = None) -> ComparedLog:
+    """Open a session log to be compared with another one, that of the world `known`.
+
+    Its world is the known one if it has its hash, else that of an evaluation around the log, else
+    what is installed under its name; without any, the log is compared all the same. Raises
+    DocumentError for a log or world that cannot be read.
+    """
+    player, started = _open(log, progress)
+    rules, notes = _rules(player, started)
+    if started.world_sha256 == known.sha256:
+        return ComparedLog(player, known.world, rules, "; ".join(notes))
+    file = SessionSites().world_file(started, log)
+    world = _world(started, None) if file is None else open_world(str(file))[0]
+    if world is None:
+        notes.insert(0, f"its world {started.world!r} is not here")
+    elif file is None:
+        notes.insert(0, f"its world {started.world!r} has changed since")
+    return ComparedLog(player, world, rules, "; ".join(notes))
+
+
+def _open(log: Path, progress: Progress | None) -> tuple[Player, SessionStarted]:
     player = Player.open(log, index_folder(), progress)
     if not len(player.recording):
         raise LogError(str(log), 1, "the log is empty")
     started = player.recording[0].data
     if not isinstance(started, SessionStarted):
         raise LogError(str(log), 1, "the log does not begin with the start of a session")
-    world, notes = _world(started, worlds), list[str]()
-    if world is None and otherwise is not None:
-        notes.append(f"its world {started.world!r} is not here: {otherwise.name} is shown")
-    world = world or otherwise
-    if world is None:
-        known = "is not installed here"
-        if worlds is not None:
-            known = f"is neither installed nor below {worlds}; copy its world.yaml there"
-        raise ValueError(f"{log}: its world {started.world!r} {known}")
-    if player.recording.problem is not None:
-        notes.append(str(player.recording.problem))
+    return player, started
+
+
+def _rules(player: Player, started: SessionStarted) -> tuple[dict[str, Rule], list[str]]:
+    """Return the rules of a session, and what is not as it was then."""
+    notes = [str(player.recording.problem)] if player.recording.problem is not None else []
     try:
         book = load_rules(find_data("rules", started.rules, "rules.yaml"))
-        rules = {rule.id: rule for rule in book.rules}
-        if book.sha256 != started.rules_sha256:
-            notes.append("the rules have changed since this session")
     except (DocumentError, OSError):
-        rules = {}
         notes.append(f"the rules {started.rules!r} of this session are not here: ids without texts")
-    return OpenedLog(player, world, rules, "; ".join(notes))
+        return {}, notes
+    if book.sha256 != started.rules_sha256:
+        notes.append("the rules have changed since this session")
+    return {rule.id: rule for rule in book.rules}, notes
 
 
 def _world(started: SessionStarted, folder: Path | None) -> World | None:

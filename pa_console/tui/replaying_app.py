@@ -34,9 +34,9 @@ class ReplayingApp(BrowsingApp):
             self.recording.jump(MISSIONS, by, "mission")
 
     def action_jump_finding(self, by: int) -> None:
-        """To the next finding, alarm, refusal or fault, or the one before."""
+        """To the next finding, override, alarm, refusal or fault, or the one before."""
         if self.recording is not None:
-            self.recording.jump(FINDINGS, by, "finding, alarm, refusal or fault")
+            self.recording.jump(FINDINGS, by, "finding, override, alarm, refusal or fault")
 
     def action_to_moment(self) -> None:
         """Ask for a moment and go there."""
@@ -72,14 +72,14 @@ class ReplayingApp(BrowsingApp):
         recording = self.recording
         if recording is None:
             return
-        from pa_console.tui.recordings import open_log  # noqa: PLC0415
+        from pa_console.tui.recordings import KnownWorld, open_compared  # noqa: PLC0415
         from pa_console.tui.screens.ask_line import AskLine  # noqa: PLC0415
         from pa_console.tui.screens.compare import CompareScreen, Side  # noqa: PLC0415
         from pa_console.tui.screens.reading_log import ReadingLog, is_large  # noqa: PLC0415
 
         def opened(path: Path, progress: Progress | None = None) -> Side:
-            log = open_log(path, otherwise=recording.world, progress=progress)
-            return Side.of(path.name, log)
+            known = KnownWorld.of(recording.world, recording.player.recording)
+            return Side.of(path.name, open_compared(path, known, progress))
 
         def read(text: str) -> Side | Path:
             path = Path(text).expanduser()

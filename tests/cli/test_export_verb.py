@@ -125,6 +125,8 @@ def test_svg_pictures_are_numbered_and_show_the_replay(
     assert all("REPLAY" in text for text in texts)
     assert "WAITS FOR YOU" in texts[0].replace("\N{NO-BREAK SPACE}", " ")
     assert "verified" in texts[-1]
+    space = "{http://www.w3.org/XML/1998/namespace}space"
+    assert {ElementTree.parse(path).getroot().get(space) for path in files} == {"preserve"}
     again = call("export", "svg", str(log), "-o", str(target))
     assert again.code == 2
     assert str(target) in again.err

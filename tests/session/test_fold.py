@@ -6,7 +6,8 @@ from hypothesis import strategies as st
 
 from pa_console.schema import event as ev
 from pa_console.schema import incident as inc
-from pa_console.schema.mission import Mission
+from pa_console.schema.mission import Decision, Mission
+from pa_console.session.event_words import event_in_words
 from tests.schema.strategies import events
 from tests.session.logs import folded
 from tests.session.story import PLAN, START, at, story
@@ -86,6 +87,31 @@ def test_events_in_any_order_never_break_the_fold(happened: list[ev.Event]) -> N
 def test_an_incident_is_noticed_in_plain_words(incident: inc.Incident, words: str) -> None:
     state = folded([at(0, ev.IncidentHappened(incident=incident))])
     assert words in state.notices[-1].text
+
+
+@pytest.mark.parametrize(
+    ("decision", "words"),
+    [
+        (Decision(kind="modify", plan=PLAN), "plan 2: the plan was changed by operator"),
+        (
+            Decision(kind="approve", override_judge=True, acknowledged=("R-1",), reason="seen"),
+            "plan 2: the judge was overruled, broken R-1 accepted by operator: seen",
+        ),
+    ],
+)
+def test_a_decision_against_what_was_proposed_is_noticed(decision: Decision, words: str) -> None:
+    made = ev.DecisionMade(attempt=2, decision=decision, accepted=True)
+    assert folded([at(0, made)]).notices[-1].text == words
+    assert event_in_words(made).endswith(words.removeprefix("plan 2: "))
+
+
+def test_an_approval_as_proposed_and_a_decision_not_taken_are_no_notice() -> None:
+    for decision, accepted in (
+        (Decision(kind="approve"), True),
+        (Decision(kind="modify", plan=PLAN), False),
+    ):
+        made = ev.DecisionMade(attempt=2, decision=decision, accepted=accepted)
+        assert not folded([at(0, made)]).notices
 
 
 def test_a_notice_does_not_give_away_the_truth_behind_a_track() -> None:

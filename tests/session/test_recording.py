@@ -14,7 +14,7 @@ from pa_console.schema import event as ev
 from pa_console.schema.alarm import Alarm
 from pa_console.schema.finding import Finding
 from pa_console.schema.incident import FailAsset, RestoreAsset, SpawnTrack
-from pa_console.schema.mission import Decision, Mission
+from pa_console.schema.mission import Decision, DecisionKind, Mission
 from pa_console.session.chain import LogError
 from pa_console.session.fold import SessionState
 from pa_console.session.marks import mark_of
@@ -170,6 +170,11 @@ def test_a_line_of_telemetry_that_cannot_be_read_ends_the_recording(
         assert recording.problem.line == number + 1
 
 
+def decided(kind: DecisionKind, **fields: object) -> ev.DecisionMade:
+    given = Decision.model_validate({"kind": kind, **fields})
+    return ev.DecisionMade(attempt=1, decision=given, accepted=True)
+
+
 @pytest.mark.parametrize(
     ("data", "kind"),
     [
@@ -185,6 +190,9 @@ def test_a_line_of_telemetry_that_cannot_be_read_ends_the_recording(
         (ev.DecisionMade(attempt=1, decision=Decision(kind="reject"), accepted=True), "refusal"),
         (ev.DecisionMade(attempt=1, decision=Decision(kind="approve"), accepted=False), "refusal"),
         (ev.DecisionMade(attempt=1, decision=Decision(kind="approve"), accepted=True), None),
+        (decided("modify", plan=PLAN), "finding"),
+        (decided("approve", override_judge=True, reason="seen by eye"), "finding"),
+        (decided("approve", acknowledged=("WF-05",)), "finding"),
         (ev.PlanJudged(attempt=1, verdict=None, error="late"), "finding"),
         (telemetry(1.0).data, None),
     ],

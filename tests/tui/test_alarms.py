@@ -215,3 +215,23 @@ async def test_typing_a_mission_types_and_does_not_acknowledge(tmp_path: Path) -
         assert station.acknowledged == []
         await pilot.press("f12")
         assert station.acknowledged == [living.HOSTILE.id]
+
+
+async def test_the_event_list_goes_on_following_when_it_gets_smaller(tmp_path: Path) -> None:
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path)
+    async with app.run_test(size=(120, 36)) as pilot:
+        for number in range(20):
+            station.emit(ev.Noticed(level="info", subject="camera", text=f"frame {number}"))
+        await settle(pilot, station)
+        events = app.screen.query_one(EventList)
+        for rows in (8, 3):
+            events.styles.height = events.styles.max_height = rows
+            await settle(pilot)
+        assert events.max_scroll_y > 0
+        assert events.scroll_offset.y == events.max_scroll_y
+        events.scroll_to(y=2, animate=False, force=True, immediate=True)
+        await settle(pilot)
+        station.emit(ev.Noticed(level="info", subject="camera", text="one more"))
+        await settle(pilot, station)
+        assert events.scroll_offset.y == 2

@@ -11,7 +11,7 @@ from pa_console.tui.trace.sections import sections
 from pa_console.tui.widgets.approval_panel import ARM_DELAY_S, ApprovalPanel
 from pa_console.tui.widgets.tick import Tick
 from tests.tui import story
-from tests.tui.scripted import FakeClock, ScriptedStation, console, settle
+from tests.tui.scripted import FakeClock, ScriptedStation, console, notices, settle
 
 SIZE = (120, 36)
 BLOCKED = "WF-03: a gate is left without cover"
@@ -199,6 +199,52 @@ async def test_modify_sends_the_changed_plan_and_keeps_a_left_draft(tmp_path: Pa
         assert decision.kind == "modify"
         assert decision.plan is not None
         assert decision.plan.actions[0].command == "move_to NorthGate"
+
+
+async def test_a_whole_plan_is_replaced_from_the_keyboard_and_the_proposed_one_comes_back(
+    tmp_path: Path,
+) -> None:
+    station, clock = ScriptedStation(story.told("approval")), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        clock.now += ARM_DELAY_S
+        await pilot.press("m")
+        await pilot.pause()
+        area = app.screen.query_one(TextArea)
+        proposed, own = area.text, '{"reason": "none", "actions": []}'
+        await pilot.press("ctrl+a", *own)
+        assert area.text == own
+        await pilot.press("ctrl+r")
+        assert area.text == proposed
+        await pilot.press("ctrl+z", "ctrl+s")
+        await settle(pilot, station)
+        (decision,) = station.decisions
+        assert decision.plan is not None
+        assert (decision.plan.reason, decision.plan.actions) == ("none", ())
+
+
+async def test_an_interrupt_says_how_to_leave_and_the_plan_still_waits(tmp_path: Path) -> None:
+    station, clock = ScriptedStation(story.told("approval")), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("ctrl+c")
+        await settle(pilot)
+        assert notices(app)[-1].startswith("q ^q leaves the console, after a question")
+        clock.now += ARM_DELAY_S
+        await pilot.press("m")
+        await settle(pilot)
+        await pilot.press("ctrl+c")
+        await settle(pilot)
+        assert notices(app)[-1].startswith("Esc goes back; there q ^q leaves the console")
+        await pilot.press("escape")
+        await settle(pilot, station)
+        assert station.decisions == []
+        assert app.screen.query_one(ApprovalPanel).display
+        await pilot.press("a")
+        await settle(pilot, station)
+        assert [decision.kind for decision in station.decisions] == ["approve"]
 
 
 async def test_a_request_is_withdrawn_with_its_mission(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from textual.widgets import Input, OptionList, Select
 
 from pa_console.schema.incident import SpawnTrack
 from pa_console.tui.actions import ACTIONS, Situation
+from pa_console.tui.screens.confirm import Confirm
 from pa_console.tui.screens.help import help_rows
 from pa_console.tui.screens.policies import PolicyScreen
 from pa_console.tui.widgets.sheet import Sheet
@@ -146,7 +147,44 @@ async def test_an_interrupt_does_not_leave_and_says_how_to(tmp_path: Path) -> No
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
         for focused in ("escape", "i"):
+            app.clear_notifications()
             await pilot.press(focused, "ctrl+c")
             await settle(pilot)
             assert app.is_running
             assert notices(app)[-1].startswith("q ^q leaves the console")
+
+
+async def test_an_interrupt_with_a_selection_copies_it(tmp_path: Path) -> None:
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press(*"scout", "shift+home", "ctrl+c")
+        await settle(pilot)
+        assert app.clipboard == "scout"
+        assert notices(app) == []
+
+
+async def test_an_interrupt_over_another_screen_says_how_to_go_back(tmp_path: Path) -> None:
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("f1", "ctrl+c")
+        await settle(pilot)
+        assert notices(app)[-1].startswith("Esc goes back; there q ^q leaves the console")
+
+
+async def test_an_interrupt_while_a_mission_is_planned_leaves_it_be(tmp_path: Path) -> None:
+    station = ScriptedStation(story.told("planning"))
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("ctrl+c")
+        await settle(pilot, station)
+        assert notices(app)[-1].endswith("after a question while a mission is active")
+        assert app.state.active == story.MISSION.id
+        assert station.cancelled == 0
+        await pilot.press("ctrl+q")
+        await settle(pilot)
+        assert isinstance(app.screen, Confirm)

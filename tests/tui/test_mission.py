@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import cast
 
+from textual.containers import VerticalScroll
 from textual.widget import Widget
 from textual.widgets import Input
 from textual.widgets._toast import Toast
@@ -11,7 +12,7 @@ from pa_console.schema import event as ev
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.status_bar import StatusBar
-from pa_console.tui.widgets.trace_pane import TracePane
+from pa_console.tui.widgets.trace_pane import SectionView, TracePane
 from pa_console.tui.widgets.virtual_rows import VirtualRows
 from tests.tui import story
 from tests.tui.scripted import ScriptedStation, console, settle
@@ -96,6 +97,23 @@ async def test_the_trace_tells_the_whole_mission(tmp_path: Path) -> None:
         text = shown(app)
         for words in TOLD:
             assert words in text
+
+
+async def test_a_short_trace_begins_below_its_headline_and_a_long_one_shows_its_end(
+    tmp_path: Path,
+) -> None:
+    station = ScriptedStation(story.told("planning"))
+    app = console(station, tmp_path)
+    async with app.run_test(size=(120, 90)) as pilot:
+        await settle(pilot, station)
+        body = app.screen.query_one("#trace-body", VerticalScroll)
+        assert app.screen.query(SectionView)
+        assert (body.scroll_offset.y, body.max_scroll_y) == (0, 0)
+        await pilot.resize_terminal(120, 30)
+        for payload in story.told("finished")[len(story.told("planning")) :]:
+            station.emit(payload)
+        await settle(pilot, station)
+        assert body.scroll_offset.y == body.max_scroll_y > 0
 
 
 async def test_model_text_is_never_read_as_markup(tmp_path: Path) -> None:

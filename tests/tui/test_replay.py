@@ -16,11 +16,13 @@ from pa_console.session.log_index import LogIndex, Progress, build_index
 from pa_console.session.replay import Player
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.moment import read_moment
+from pa_console.tui.recordings import KnownWorld, open_compared
 from pa_console.tui.screens import reading_log
 from pa_console.tui.screens.compare import CompareScreen, Side
 from pa_console.tui.screens.find_event import FindEvent, HitRows
 from pa_console.tui.screens.reading_log import ReadingLog
 from pa_console.tui.screens.recording import RecordingScreen
+from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.scrubber import Scrubber
 from pa_console.tui.widgets.sheet import Sheet
 from tests.session.logs import write_log
@@ -233,6 +235,51 @@ async def test_another_log_is_asked_for_and_one_that_is_none_is_told(tmp_path: P
         await app.workers.wait_for_complete()
         await settle(pilot)
         assert "first difference" in str(app.screen.query_one("#compare-title", Static).render())
+
+
+def elsewhere() -> list[ev.Event]:
+    """The same that began in a world of which only the name is known."""
+    told = otherwise()
+    data = story.STARTED.model_copy(update={"world": "yard", "world_sha256": "9" * 64})
+    return [told[0].model_copy(update={"data": data}), *told[1:]]
+
+
+@pytest.mark.parametrize("size", [(120, 36), (80, 24)])
+async def test_no_map_is_drawn_for_a_recording_whose_world_is_not_here(
+    tmp_path: Path, size: tuple[int, int]
+) -> None:
+    log = write_log(tmp_path / "other.jsonl", elsewhere(), "S2")
+    app = console(None, tmp_path, player=player())
+    async with app.run_test(size=size) as pilot:
+        await compare_with(pilot, log)
+        await app.workers.wait_for_complete()
+        await settle(pilot)
+        assert "first difference" in str(app.screen.query_one("#compare-title", Static).render())
+        name = str(app.screen.query_one("#compare-name-1", Static).render())
+        assert "its world 'yard' is not here" in name
+        assert [view.id for view in app.screen.query(MapView)] == ["compare-map-0"]
+        said = app.screen.query_one(".compare-no-map", Static)
+        assert "pa-console replay other.jsonl --world FILE" in str(said.render())
+        assert said.display is (size[1] >= 30)
+        await press(pilot, "b")
+        assert isinstance(app.screen, CompareScreen)
+        assert "--world FILE" in notices(app)[-1]
+        await press(pilot, "a")
+        assert isinstance(app.screen, RecordingScreen)
+
+
+def test_the_world_of_a_compared_log_is_taken_by_its_hash_and_a_changed_one_is_told(
+    tmp_path: Path,
+) -> None:
+    known = KnownWorld.of(WORLD, player().recording)
+    same = write_log(tmp_path / "same.jsonl", otherwise(), "S2")
+    assert open_compared(same, known).world is WORLD
+    installed = open_compared(same, KnownWorld(WORLD, "another"))
+    assert installed.world is not None
+    assert installed.world is not WORLD
+    assert "its world 'checkpoint' has changed since" in installed.note
+    gone = open_compared(write_log(tmp_path / "gone.jsonl", elsewhere(), "S3"), known)
+    assert gone.world is None
 
 
 @pytest.mark.parametrize("waits", [True, False])

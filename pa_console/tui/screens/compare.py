@@ -9,7 +9,7 @@ from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.screen import ModalScreen
-from textual.widgets import Footer, Static
+from textual.widgets import Footer, Label, Static
 
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
@@ -19,7 +19,7 @@ from pa_console.session.recording import Recording
 from pa_console.session.replay import Player
 from pa_console.tui.compare_rows import around, change_rows, heading
 from pa_console.tui.ports import Clock
-from pa_console.tui.recordings import OpenedLog
+from pa_console.tui.recordings import ComparedLog
 from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.sheet import Sheet
@@ -34,13 +34,19 @@ class Side:
 
     name: str
     recording: Recording
-    world: World
+    world: World | None
     rules: Mapping[str, Rule]
+    note: str = ""
 
     @classmethod
-    def of(cls, name: str, opened: OpenedLog) -> Self:
+    def of(cls, name: str, opened: ComparedLog) -> Self:
         """Return the side of a log that was opened under `name`."""
-        return cls(name, opened.player.recording, opened.world, opened.rules)
+        return cls(name, opened.player.recording, opened.world, opened.rules, opened.note)
+
+    @property
+    def how_to_see(self) -> str:
+        """What to do for a map of a recording whose world is not here."""
+        return f"pa-console replay {self.name} --world FILE shows it with its map"
 
 
 class CompareScreen(ModalScreen[None]):
@@ -67,7 +73,11 @@ class CompareScreen(ModalScreen[None]):
             for place, side in enumerate(self._sides):
                 with Vertical(classes="compare-side"):
                     yield Static(id=f"compare-name-{place}", markup=False)
-                    yield MapView(side.world, id=f"compare-map-{place}")
+                    if side.world is not None:
+                        yield MapView(side.world, id=f"compare-map-{place}")
+                    else:
+                        said = f"No map: {side.note}.\n{side.how_to_see}."
+                        yield Label(said, classes="compare-no-map", markup=False)
                     yield Sheet(id=f"compare-events-{place}")
         with VerticalScroll(id="compare-changes"):
             yield Sheet(id="compare-rows")
@@ -112,6 +122,10 @@ class CompareScreen(ModalScreen[None]):
     def action_open(self, place: int) -> None:
         """Open one of the recordings at the difference."""
         side = self._sides[place]
+        if side.world is None:
+            self.notify(f"{side.note}; {side.how_to_see}", title="Not opened", severity="error",
+                        markup=False)  # fmt: skip
+            return
         player = Player(side.recording)
         player.to_event(self._at(place))
         self.app.push_screen(
@@ -145,8 +159,10 @@ class CompareScreen(ModalScreen[None]):
         at = (self.shown.a, self.shown.b)[place] if self.shown else len(side.recording)
         sheet = self.query_one(f"#compare-events-{place}", Sheet)
         sheet.show(around(side.recording, at, max(sheet.size.width, 20)))
-        player = Player(side.recording)
-        player.to_event(self._at(place))
-        self.query_one(f"#compare-map-{place}", MapView).show(player.state.picture)
+        if side.world is not None:
+            player = Player(side.recording)
+            player.to_event(self._at(place))
+            self.query_one(f"#compare-map-{place}", MapView).show(player.state.picture)
         name = self.query_one(f"#compare-name-{place}", Static)
-        name.update(f"{'AB'[place]}  {side.name}")
+        note = f"  {side.note}" if side.note else ""
+        name.update(f"{'AB'[place]}  {side.name}{note}")

@@ -29,23 +29,32 @@ def read_plan(text: str) -> Plan | str:
         return f"{place}: {first['msg']}" if place else first["msg"]
 
 
+class PlanText(TextArea):
+    """The text of a plan, all of which is selected by one key, to be replaced by another."""
+
+    BINDINGS = [Binding("ctrl+a", "select_all", "Select all", show=False)]
+
+
 class PlanEditor(ModalScreen[Plan | None]):
     """Returns the changed plan, or None; the draft survives in `draft` when it is left."""
 
     BINDINGS = [
         Binding("escape", "leave", "Back, keep the draft"),
         Binding("ctrl+s,f10", "send", "Send to the safeguards"),
+        Binding("ctrl+r", "revert", "The plan as it was proposed"),
     ]
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, proposed: str, draft: str = "") -> None:
+        """Go on with the `draft` that was left, if there is one."""
         super().__init__()
-        self.draft = text
+        self._proposed = proposed
+        self.draft = draft or proposed
 
     def compose(self) -> ComposeResult:
         """Yield the editor, the verdict on its text, and the buttons."""
         with Vertical(id="editor"):
             yield Static("The changed plan goes through all safeguards again.", id="editor-note")
-            yield TextArea(self.draft, id="editor-text", tab_behavior="focus", compact=True)
+            yield PlanText(self.draft, id="editor-text", tab_behavior="focus", compact=True)
             yield Static(id="editor-error", markup=False)
             yield Static("commands: " + ", ".join(_usage()), id="editor-help", markup=False)
             with Horizontal(id="editor-buttons"):
@@ -55,7 +64,9 @@ class PlanEditor(ModalScreen[Plan | None]):
     def on_mount(self) -> None:
         """Start in the text."""
         self.query_one(TextArea).cursor_blink = False
-        self.query_one("#editor").border_title = "Modify the plan"
+        editor = self.query_one("#editor")
+        editor.border_title = "Modify the plan"
+        editor.border_subtitle = "^A selects all   ^R plan as proposed   ^Z undo"
         self.query_one(TextArea).focus()
         self._check()
 
@@ -85,6 +96,11 @@ class PlanEditor(ModalScreen[Plan | None]):
         plan = self._check()
         if plan is not None:
             self.dismiss(plan)
+
+    def action_revert(self) -> None:
+        """Put the proposed plan back; what was typed comes again with an undo."""
+        area = self.query_one(TextArea)
+        area.replace(self._proposed, area.document.start, area.document.end)
 
     def action_leave(self) -> None:
         """Return nothing; the approval stays open."""

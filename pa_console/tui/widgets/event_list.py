@@ -30,7 +30,7 @@ class EventList(ScrollView):
         self._rows: list[Row] = []
         self._lines: list[Content] = []
         self._laid_out = 0
-        self._ending = False
+        self._ending, self._at_end = False, True
         self.border_title = "Events"
 
     def show(self, notices: Iterable[Notice]) -> None:
@@ -61,12 +61,18 @@ class EventList(ScrollView):
         return max(20, self.scrollable_content_region.width or self.size.width)
 
     def _resized(self) -> None:
-        following = self._ending or self.scroll_offset.y >= self.max_scroll_y - 1
+        # where it was scrolled to last counts: fewer rows for the pane are no scrolling away
+        following = self._at_end or self.scroll_offset.y >= self.max_scroll_y - 1
         self.virtual_size = Size(self._width(), len(self._lines))
         if following and not self._ending:
             self._ending = True
             self.call_after_refresh(self._to_end)
         self.refresh()
+
+    def watch_scroll_y(self, old_value: float, new_value: float) -> None:
+        """Follow the end from now on, or no longer, as the list is scrolled there or away."""
+        super().watch_scroll_y(old_value, new_value)
+        self._at_end = new_value >= self.max_scroll_y - 1
 
     def _to_end(self) -> None:
         self._ending = False

@@ -89,7 +89,8 @@ class TracePane(Vertical):
         """Yield the fixed head and the scrolled sections."""
         yield Sheet((self._nothing,), id="trace-head")
         yield Static("", id="trace-progress", markup=False)
-        yield VerticalScroll(id="trace-body")
+        with VerticalScroll(id="trace-body"):
+            yield Vertical(id="trace-sections")
 
     def on_mount(self) -> None:
         """Keep the newest section in view."""
@@ -108,9 +109,9 @@ class TracePane(Vertical):
         self.query_one("#trace-head", Sheet).show(tuple(head))
         self._show_progress()
         parts = sections(trace, self._rules) if trace else []
-        self._replace(parts, body)
+        self._replace(parts, self.query_one("#trace-sections", Vertical))
 
-    def _replace(self, parts: list[Section], body: VerticalScroll) -> None:
+    def _replace(self, parts: list[Section], body: Vertical) -> None:
         keys = {part.key for part in parts}
         for gone in [key for key in self._views if key not in keys]:
             self._views.pop(gone).remove()
