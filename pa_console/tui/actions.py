@@ -46,6 +46,9 @@ class ConsoleAction:
     footer: bool = False
     palette: bool = True
     urgent: bool = False
+    opens_field: bool = False
+    """Whether what is typed next goes into a field: its keys are dealt with at once, so that no
+    letter of a burst is taken for another command."""
 
     def refusal(self, now: Situation) -> str:
         """Return why the action is not legal now, empty when it is."""
@@ -58,12 +61,15 @@ class ConsoleAction:
         result = [
             Binding(
                 first, self.action, self.label, show=self.footer, id=self.id, tooltip=self.help,
-                priority=self.urgent,
+                priority=self.urgent or self.opens_field,
             )
         ]  # fmt: skip
         if others:
             name = f"{self.id}.also"
-            result.append(Binding(others, self.action, self.label, show=False, id=name))
+            also = Binding(
+                others, self.action, self.label, show=False, id=name, priority=self.opens_field
+            )
+            result.append(also)
         return result
 
 
@@ -144,11 +150,11 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("pan_down", "shift+down", "South", "Look further south", "Map", "pan(0, -1)",
                   palette=False),
     ConsoleAction("filter", "f", "Filter", "Filter assets, tracks and cameras by any words",
-                  "View", "filter"),
+                  "View", "filter", opens_field=True),
     ConsoleAction("problems", "F", "Problems", "Show only what needs an eye, or all again", "View",
                   "problems"),
     ConsoleAction("prompt", "i,slash", "Mission", "Type a mission", "Mission", "to_prompt",
-                  needs=_COMMAND),
+                  needs=_COMMAND, opens_field=True),
     ConsoleAction("leave", "escape", "Leave", "Leave the field; what was typed stays",
                   "Mission", "leave", palette=False),
     ConsoleAction("earlier", "left_square_bracket", "Earlier", "Trace of the mission before",

@@ -5,6 +5,7 @@ import time
 
 from textual.app import App
 from textual.message import Message
+from textual.widgets import Input, TextArea
 
 from pa_console.schema.event import Event
 from pa_console.schema.world import World
@@ -119,9 +120,14 @@ class SessionApp(App[None]):
             now = self.situation
             if registered.urgent:
                 now = self._situation_of(self.state, self.player is not None)
-            if registered.refusal(now):
+            if registered.refusal(now) or (registered.opens_field and self._has_other_use):
                 return False
         return super().check_action(action, parameters)
+
+    @property
+    def _has_other_use(self) -> bool:
+        """Whether a key that opens a field is a letter here, or belongs to the screen on top."""
+        return self.screen is not self.shown or isinstance(self.focused, Input | TextArea)
 
     def start_session(self) -> None:
         """Begin to listen; called after the first paint."""

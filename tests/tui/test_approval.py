@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from textual import events
 from textual.widgets import Button, Input, TextArea
 
 from pa_console.schema import event as ev
@@ -30,6 +31,25 @@ async def test_keys_typed_ahead_are_dropped_and_then_approve_works(tmp_path: Pat
         await settle(pilot, station)
         assert [decision.kind for decision in station.decisions] == ["approve"]
         assert not app.screen.query_one(ApprovalPanel).display
+
+
+@pytest.mark.parametrize(("key", "field"), [("i", "#prompt Input"), ("f", "#asset-filter")])
+async def test_a_burst_of_typing_goes_into_the_field_that_its_first_key_opens(
+    tmp_path: Path, key: str, field: str
+) -> None:
+    station, clock = ScriptedStation(story.told("approval")), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        clock.now += ARM_DELAY_S
+        for letter in f"{key}a Scream":
+            app.post_message(events.Key("space" if letter == " " else letter, letter))
+        await settle(pilot, station)
+        assert app.screen.query_one(field, Input).value == "a Scream"
+        assert station.decisions == []
+        assert station.stopped == 0
+        await pilot.press(key)
+        assert app.screen.query_one(field, Input).value == f"a Scream{key}"
 
 
 async def test_every_early_key_starts_the_delay_anew(tmp_path: Path) -> None:

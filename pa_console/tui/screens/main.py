@@ -118,7 +118,7 @@ class MainScreen(Screen[None]):
     def focus_view(self, view: str) -> None:
         """Show a view and give it the keys."""
         self.go_to(view)
-        self.query_one(_KEYS_GO_TO.get(view, f"#{view}")).focus()
+        self.set_focus(self.query_one(_KEYS_GO_TO.get(view, f"#{view}")))
 
     def show_alarms(self) -> AlarmPane:
         """Return the alarms, brought into sight where one pane is shown at a time."""

@@ -48,7 +48,7 @@ class AssetPane(Vertical):
         """Let the operator type a filter."""
         field = self.query_one("#asset-filter", Input)
         field.display = True
-        field.focus()
+        self.screen.set_focus(field)
 
     def toggle_problems(self) -> None:
         """Show only what needs an eye, or everything again."""

@@ -93,6 +93,6 @@ class MissionPrompt(Horizontal):
         return not self._closed_why and self.query_one(MissionInput).has_focus
 
     def take_cursor(self) -> None:
-        """Let keys go to the field."""
+        """Let keys go to the field, the very next one too."""
         if not self._closed_why:
-            self.query_one(MissionInput).focus()
+            self.screen.set_focus(self.query_one(MissionInput))
