@@ -14,6 +14,18 @@ CONFIGS = Path(__file__).resolve().parent.parent / "configs"
 """The configurations of the shipped adapters, one file a task."""
 
 
+class Lesson(StrictModel):
+    """What another run learnt: the difference that it made to its weights, or a share of that.
+
+    Differences of weights can be added up (task arithmetic, Ilharco et al. 2023): a judge that has
+    begun from an old planner takes over what the planner has learnt since.
+    """
+
+    before: str = Field(description="where that run began: a run's folder, or an adapter's file")
+    after: str = Field(description="where it ended")
+    share: float = Field(default=0.6, gt=0.0, le=2.0, description="of the difference")
+
+
 class TrainConfig(StrictModel):
     """Base, data and schedule of one run; the same config and data give the same adapter.
 
@@ -27,6 +39,9 @@ class TrainConfig(StrictModel):
     start: str | None = Field(
         default=None,
         description="an earlier run of equal rank to begin from: its folder, or an adapter's file",
+    )
+    lesson: Lesson | None = Field(
+        default=None, description="what is added to the weights of `start` before the first step"
     )
     rank: int = Field(default=16, ge=1, le=256)
     alpha: float = Field(default=32.0, gt=0.0, description="the update is scaled by alpha / rank")
@@ -62,7 +77,12 @@ class TrainConfig(StrictModel):
             "validation": self.validation,
             "start": self.start,
         }
-        names = {field: Path(name).name for field, name in files.items() if name is not None}
+        names: dict[str, object] = {
+            field: Path(name).name for field, name in files.items() if name is not None
+        }
+        if self.lesson is not None:
+            ends = {"before": Path(self.lesson.before).name, "after": Path(self.lesson.after).name}
+            names["lesson"] = self.lesson.model_copy(update=ends)
         return self.model_copy(update=names)
 
 

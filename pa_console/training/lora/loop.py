@@ -15,7 +15,7 @@ from pa_console.training.lora.batch import Score, gradients, score
 from pa_console.training.lora.checkpoint import RunFolder, State
 from pa_console.training.lora.config import TrainConfig, find_base
 from pa_console.training.lora.schedule import Order, learning_rate
-from pa_console.training.lora.start import start_weights
+from pa_console.training.lora.start import first_weights
 from pa_console.training.lora.stopping import StopRequest
 from pa_console.training.lora.tokens import Pack, Tokeniser, make_packs
 from pa_console.training.lora.workers import Workers
@@ -103,9 +103,9 @@ class _Run:
         if not resume:
             self._folder.begin(self._config)
             self._state.base_sha256, self._state.data_sha256 = hashes
-            if self._config.start is not None:
-                start, shape = Path(self._config.start), self._base.shape
-                self._take_over(start_weights(start, self._config, shape, hashes[0]))
+            first = first_weights(self._config, self._base.shape, hashes[0])
+            if first is not None:
+                self._take_over(first)
             self.save()
             return
         state = self._folder.load()

@@ -15,6 +15,31 @@ from pa_console.training.lora.config import TrainConfig
 from pa_console.training.lora.shape import Shape
 
 
+def first_weights(config: TrainConfig, shape: Shape, base_sha256: str) -> list[Tensor] | None:
+    """Return what the run of `config` begins with, None for fresh weights.
+
+    Those are the weights at its `start`, and a share of the difference that is its `lesson`. Raises
+    ValueError for what cannot be begun from, or OSError.
+    """
+    if config.start is None:
+        if config.lesson is not None:
+            raise ValueError("lesson: is added to the weights of an earlier run: set start")
+        return None
+    weights = start_weights(Path(config.start), config, shape, base_sha256)
+    if config.lesson is None:
+        return weights
+    ends = (Path(config.lesson.before), Path(config.lesson.after))
+    before, after = (start_weights(end, config, shape, base_sha256) for end in ends)
+    sizes = [[master.shape for master in each] for each in (weights, before, after)]
+    if sizes[0] != sizes[1] or sizes[0] != sizes[2]:
+        raise ValueError(f"lesson: start, {ends[0]} and {ends[1]} are not of one base and rank")
+    share = config.lesson.share
+    return [
+        (own + share * (new - old)).detach()
+        for own, old, new in zip(weights, before, after, strict=True)
+    ]
+
+
 def start_weights(start: Path, config: TrainConfig, shape: Shape, base_sha256: str) -> list[Tensor]:
     """Return the weights at `start`, a run's folder or an adapter's file, as `Adapter.masters`.
 

@@ -10,7 +10,7 @@ from pa_console.llm.cache import hash_file
 from pa_console.training.lora.adapter import Adapter
 from pa_console.training.lora.adapter_file import BASE, BASE_SHA256, AdapterFile
 from pa_console.training.lora.checkpoint import RunFolder, State
-from pa_console.training.lora.config import TrainConfig
+from pa_console.training.lora.config import Lesson, TrainConfig
 from pa_console.training.lora.export import export_adapter, write_adapter
 from pa_console.training.lora.loop import Progress, train
 from pa_console.training.lora.shape import open_gguf
@@ -67,6 +67,35 @@ def test_a_run_that_began_from_a_file_is_resumed_without_it(
     begun(config(tiny, data, start=str(file)), out)
     file.unlink()
     assert train(config(tiny, data), out, True, ignore).last.step == 8
+
+
+def test_a_share_of_what_another_run_learnt_is_added(
+    tiny: Path, data: Path, tmp_path: Path
+) -> None:
+    for name, steps in (("own", 2), ("before", 1), ("after", 3)):
+        train(config(tiny, data, steps=steps), tmp_path / name, False, ignore)
+    ends = {"before": str(tmp_path / "before"), "after": str(tmp_path / "after"), "share": 0.5}
+    chosen = config(tiny, data, start=str(tmp_path / "own"), lesson=ends)
+    state = begun(chosen, tmp_path / "second")
+    own, before, after = (
+        RunFolder(tmp_path / n).load().masters for n in ("own", "before", "after")
+    )
+    for new, old, first, last in zip(state.masters, own, before, after, strict=True):
+        assert torch.allclose(new, old + 0.5 * (last - first))
+    assert any(not torch.equal(new, old) for new, old in zip(state.masters, own, strict=True))
+
+
+def test_a_lesson_needs_weights_to_be_added_to(tiny: Path, data: Path, tmp_path: Path) -> None:
+    train(config(tiny, data, steps=1), tmp_path / "one", False, ignore)
+    ends = {"before": str(tmp_path / "one"), "after": str(tmp_path / "one")}
+    with pytest.raises(ValueError, match=r"lesson: .* set start"):
+        train(config(tiny, data, lesson=ends), tmp_path / "run", False, ignore)
+    wider = config(tiny, data, start=str(tmp_path / "one"), rank=8)
+    train(config(tiny, data, rank=8, steps=1), tmp_path / "wide", False, ignore)
+    other = {"before": str(tmp_path / "one"), "after": str(tmp_path / "wide")}
+    mixed = wider.model_copy(update={"rank": 4, "lesson": Lesson.model_validate(other)})
+    with pytest.raises(ValueError, match=r"lesson: .* not of one base and rank"):
+        train(mixed, tmp_path / "run2", False, ignore)
 
 
 def written(tiny: Path, target: Path, **changed: int) -> Path:
