@@ -20,12 +20,12 @@ from pa_console.llm.planner import read_plan
 from pa_console.llm.threads import physical_cores
 
 PART = "missions"
-OURS = "Enter to verdict, the picture read while typing"
+OURS = "Enter to verdict; picture and words, but for the last one, read while typing"
 OURS_UNREAD = "Enter to verdict, the picture not read before"
 PLAIN = "plain: two create_chat_completion calls with JSON schemas"
 WARM_TOKENS = 8
 AHEAD = 2
-"""So many missions after it, the same one is done with the picture read ahead: what the model
+"""So many missions after it, the same one is done with what is typed read ahead: what the model
 remembers of the mission is overwritten by then."""
 
 
@@ -104,7 +104,7 @@ def comparisons(measured: Measured) -> list[Comparison]:
     return [
         *found,
         over_all(
-            "a decision, picture read ahead",
+            "a decision, read ahead while typing",
             (OURS, lambda e: e.ours.seconds),
             (PLAIN, lambda e: e.plain_seconds),
             f"{_read([e.ours for e in every])}; {usable}",
@@ -116,12 +116,12 @@ def comparisons(measured: Measured) -> list[Comparison]:
             _read([e.unread for e in every]),
         ),
         over_all(
-            "the planner's call alone, picture read ahead",
+            "the planner's call alone, read ahead while typing",
             ("grammar, forced and guessed tokens", lambda e: e.ours.planning_s),
             (call, lambda e: e.plan.seconds),
         ),
         over_all(
-            "the judge's call alone, picture read ahead",
+            "the judge's call alone, read ahead while typing",
             ("grammar, forced and guessed tokens", lambda e: e.ours.judging_s),
             (call, lambda e: e.verdict.seconds),
         ),
