@@ -16,7 +16,7 @@ ABOVE = (*FRONT, "pa_console.training")
 """The front ends, which may import Textual, and what only they may start."""
 
 WORKER = (
-    *(f"pa_console.llm.{name}" for name in ("worker", "runtime", "decoding", "chat")),
+    *(f"pa_console.llm.{name}" for name in ("worker", "runtime", "decoding", "answer_run", "chat")),
     *(f"pa_console.llm.{name}" for name in ("shared_context", "candidates", "token_choice")),
     *(f"pa_console.llm.{name}" for name in ("adapter_switch", "quantise")),
     *(f"pa_console.evaluation.bench.{name}" for name in ("plain", "raw")),
