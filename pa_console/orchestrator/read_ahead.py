@@ -41,14 +41,11 @@ class ReadAhead:
 
         When this returns, a mission that begins so finds it read.
         """
-        self._words = text.rpartition(" ")[0]
-        async with self._turn:
-            for role in TYPING_ROLES:
-                await self._warm(role, self._words)
+        await self._read_words(_whole_words(text))
 
     def typing(self, text: str) -> None:
         """Note that a mission is being typed and is `text` so far."""
-        self._words = text.rpartition(" ")[0]
+        self._words = _whole_words(text)
         self._wanted.set()
 
     async def serve(self) -> None:
@@ -56,7 +53,12 @@ class ReadAhead:
         while True:
             await self._wanted.wait()
             self._wanted.clear()
-            await self.read_now(f"{self._words} ")
+            await self._read_words(self._words)
+
+    async def _read_words(self, words: str) -> None:
+        async with self._turn:
+            for role in TYPING_ROLES:
+                await self._warm(role, words)
 
     async def _warm(self, role: Role, words: str = "") -> None:
         """Let the model read what a prompt of `role` begins with at present, unless it has.
@@ -76,3 +78,8 @@ class ReadAhead:
             rules = [services.rulebook.get(hit.rule_id) for hit in hits]
             prompt = services.dialect.typed(role, sim.world, digest, rules, words)
         await services.engine.warm(role, prompt.system, prompt.user)
+
+
+def _whole_words(text: str) -> str:
+    """Return `text` without its last word, which may still be written."""
+    return text.rpartition(" ")[0]
