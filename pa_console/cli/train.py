@@ -48,7 +48,12 @@ def data(
     ] = 1000,
     missions: Annotated[int, typer.Option(min=1, help="Missions in each situation.")] = 8,
     wordings: Annotated[
-        int, typer.Option(min=1, help="Ways in which each mission is worded for the planner.")
+        int,
+        typer.Option(
+            min=1,
+            help="Ways in which each mission is worded for the planner; one that asks for several "
+            "things gets five times the others.",
+        ),
     ] = 3,
     seed: SeedOption = 1,
     jobs: JobsOption = 2,

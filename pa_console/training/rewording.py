@@ -17,6 +17,10 @@ from pa_console.training.situations import Situation
 
 CONSOLE = "console"
 """The kind of the missions that the console itself would give, in its own fixed words."""
+COMBINED = ("compound/", "if-so/", "if-not/", "partly/")
+"""Kinds of missions that ask for more than one thing: most of a trained planner's loss is there."""
+MORE = 5
+"""How many times as many other wordings a combined mission gets."""
 
 
 @dataclass(frozen=True)
@@ -30,10 +34,14 @@ class Rewording:
     split: Split = "train"
 
     def all(self, missions: Sequence[Proven], wordings: int) -> Iterator[Proven]:
-        """Yield each of `missions` as it is, and then in other words, `wordings` in all at most."""
+        """Yield each of `missions` as it is, and then in other words.
+
+        At most `wordings` in all, with `MORE` times the others for what asks for several things.
+        """
         for proven in missions:
             yield proven
-            others = (self.reworded(proven) for _ in range(wordings - 1))
+            more = MORE if proven.kind.startswith(COMBINED) else 1
+            others = (self.reworded(proven) for _ in range((wordings - 1) * more))
             yield from (other for other in others if other is not None)
 
     def reworded(self, proven: Proven) -> Proven | None:

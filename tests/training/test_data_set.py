@@ -1,5 +1,6 @@
 """Data sets are made group by group; a mission of a test set never gets in."""
 
+from collections import Counter
 from dataclasses import replace
 
 import pytest
@@ -9,6 +10,7 @@ from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data
 from pa_console.training.data_set import Job, Made, build, drop_known
 from pa_console.training.planner_data import Recipe, make_group
+from pa_console.training.rewording import COMBINED
 from pa_console.training.worlds import shipped_missions, shipped_world
 
 RULES = find_data("rules", "checkpoint", "rules.yaml")
@@ -42,6 +44,14 @@ def test_a_mission_in_other_words_asks_for_the_same() -> None:
     assert 4 <= len(said) <= 8
     assert len({sample.rest for sample in said}) > len(once)
     assert {sample.answer for sample in said} == {sample.answer for sample in once}
+
+
+def test_what_asks_for_several_things_is_worded_most_often() -> None:
+    said = made_of(Job(Recipe(0, seed=5, missions=8, wordings=2), ("planner",))).samples
+    wordings = Counter(sample.answer for sample in said)
+    several = {sample.answer for sample in said if sample.kind.startswith(COMBINED)}
+    assert max(wordings[answer] for answer in several) > 2
+    assert all(wordings[answer] <= 2 for answer in wordings.keys() - several)
 
 
 def test_one_part_alone_is_what_it_is_in_both(both: Made) -> None:
