@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 MOST = 5
 """Tokens that are guessed at once."""
-LONGEST, SHORTEST = 3, 1
+LONGEST, SHORTEST = 3, 2
 """So many tokens before the guess have to be the same, the longer the better."""
 
 

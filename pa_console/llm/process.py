@@ -23,9 +23,13 @@ from pa_console.llm.protocol import (
 from pa_console.schema.base import StrictModel
 
 COMMAND = ("-P", "-m", "pa_console.llm.worker")
-ENVIRONMENT = {"OMP_WAIT_POLICY": "passive"}
-"""Threads of llama.cpp that wait give their core away. With the default, spinning, one other busy
-process on a two-core machine made an answer ten to twenty times slower."""
+ENVIRONMENT = {"GOMP_SPINCOUNT": "10000"}
+"""Threads of llama.cpp that wait for each other look so often before they give their core away.
+
+They meet a thousand times a token. Asleep at once (`OMP_WAIT_POLICY=passive`), two of them took
+54 ms for one, so 11 ms. Looking on and on, the default unless there are more threads than cores, is
+as fast on an idle machine, and three times slower for a prompt beside one other busy process.
+"""
 
 LINE_LIMIT = 1 << 20
 EXIT_S = 2.0

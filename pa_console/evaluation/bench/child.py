@@ -9,7 +9,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from queue import SimpleQueue
 from typing import IO, Self, TypeVar
 
@@ -17,14 +17,14 @@ from pydantic import ValidationError
 
 from pa_console.llm.catalog import ChatFormat
 from pa_console.llm.errors import EngineError
-from pa_console.llm.process import ENVIRONMENT, LINE_LIMIT
+from pa_console.llm.process import LINE_LIMIT
 from pa_console.schema.base import StrictModel
 
 Reply = TypeVar("Reply", bound=StrictModel)
 
 
 class LoadWeights(StrictModel):
-    """First line to a child; `threads` read prompts, `decoding_threads(threads)` write answers.
+    """First line to a child.
 
     `adapter` is the path of the one that answers are written with, empty for none.
     """
@@ -33,7 +33,6 @@ class LoadWeights(StrictModel):
     adapter: str = ""
     chat: ChatFormat
     n_ctx: int
-    threads: int
 
 
 class Loaded(StrictModel):
@@ -55,8 +54,13 @@ class Child:
         self._process, self._module = process, module
 
     @classmethod
-    async def start(cls, module: str, load: LoadWeights) -> Self:
-        """Run `module` in a child and load its weights; raises EngineError when it cannot."""
+    async def start(
+        cls, module: str, load: LoadWeights, environment: Mapping[str, str] | None = None
+    ) -> Self:
+        """Run `module` in a child and load its weights; raises EngineError when it cannot.
+
+        `environment` is added to that of this process.
+        """
         child = cls(
             await asyncio.create_subprocess_exec(
                 sys.executable,
@@ -67,7 +71,7 @@ class Child:
                 stdout=asyncio.subprocess.PIPE,
                 stderr=asyncio.subprocess.DEVNULL,
                 start_new_session=True,
-                env={**ENVIRONMENT, **os.environ},
+                env={**(environment or {}), **os.environ},
                 limit=LINE_LIMIT,
             ),
             module,

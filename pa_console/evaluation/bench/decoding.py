@@ -9,7 +9,7 @@ from pa_console.evaluation.bench.missions import OurWay, bench_missions
 from pa_console.evaluation.bench.raw_messages import MeasureSpeed, Speed
 from pa_console.llm.dialect import DIALECTS
 from pa_console.llm.engine import Engine
-from pa_console.llm.threads import physical_cores
+from pa_console.llm.process import ENVIRONMENT
 from pa_console.schema.base import StrictModel
 
 PART = "decoding"
@@ -105,8 +105,8 @@ async def _passes(bench: Bench) -> list[Pass]:
             adapter=adapters.get("planner", ""),
             chat=model.chat,
             n_ctx=model.n_ctx,
-            threads=physical_cores(),
         ),
+        ENVIRONMENT,
     )
     try:
         passes: list[Pass] = []

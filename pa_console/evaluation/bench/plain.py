@@ -1,7 +1,7 @@
 """The plain way with the same weights: llama-cpp-python's chat completion with a JSON schema.
 
 Only its own process runs this. One model, one context, one prompt after the other; what it reuses
-of the last prompt is what the library reuses by itself.
+of the last prompt, and how many threads it takes, is what the library does by itself.
 """
 
 import json
@@ -14,7 +14,6 @@ from llama_cpp.llama_chat_format import Jinja2ChatFormatter
 from pa_console.evaluation.bench.child import LoadWeights, serve
 from pa_console.evaluation.bench.plain_messages import PlainAnswer, PlainAsk
 from pa_console.llm.chat import FORMATS
-from pa_console.llm.threads import decoding_threads
 from pa_console.schema.base import StrictModel
 
 _api: Any = llama_cpp
@@ -29,8 +28,6 @@ class Plain:
             model_path=load.path,
             lora_path=load.adapter or None,
             n_ctx=load.n_ctx,
-            n_threads=decoding_threads(load.threads),
-            n_threads_batch=load.threads,
             verbose=False,
         )
         if load.chat != "template":

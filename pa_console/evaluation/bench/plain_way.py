@@ -25,8 +25,8 @@ class PlainWay:
     An adapter belongs to a `Llama` for good, so roles with different ones need a `Llama` each.
     """
 
-    def __init__(self, model: LocalModel, threads: int) -> None:
-        self._model, self._threads = model, threads
+    def __init__(self, model: LocalModel) -> None:
+        self._model = model
         self._dialect = DIALECTS[model.prompts]
         files = {adapter.role: str(adapter.path) for adapter in model.adapters}
         self._adapters = {role: files.get(role, "") for role in ROLES}
@@ -40,7 +40,6 @@ class PlainWay:
                 adapter=adapter,
                 chat=self._model.chat,
                 n_ctx=self._model.n_ctx,
-                threads=self._threads,
             )
             self._children[adapter] = await Child.start(PLAIN_MODULE, load)
         return self

@@ -2,7 +2,7 @@
 
 The plain way is one chat completion for the plan, under a JSON schema, then a second one for the
 verdict: no digest, no rules found, no checks and no rehearsal, only the two prompts that ours has
-made. It has the same adapters, as many threads, the same context and the same sampling.
+made. It has the same adapters, the same context and the same sampling.
 """
 
 import asyncio
@@ -17,7 +17,6 @@ from pa_console.evaluation.bench.plain_way import PlainWay
 from pa_console.llm.engine import Engine
 from pa_console.llm.judge import read_verdict
 from pa_console.llm.planner import read_plan
-from pa_console.llm.threads import physical_cores
 
 PART = "missions"
 OURS = "Enter to verdict; picture and words, but for the last one, read while typing"
@@ -155,7 +154,7 @@ async def _measured(bench: Bench) -> Measured:
     """
     model, missions = bench.weights, bench_missions(bench.site.world)
     engine = Engine(model)
-    ours, plain = OurWay(bench.site, engine), PlainWay(model, physical_cores())
+    ours, plain = OurWay(bench.site, engine), PlainWay(model)
     try:
         bench.tell("loading the model for each way", 0.0)
         await plain.start()

@@ -19,7 +19,7 @@ from pa_console.llm.adapter_switch import AdapterSwitch
 from pa_console.llm.chat import ChatPrompt
 from pa_console.llm.decoding import Decoder
 from pa_console.llm.runtime import CHUNK, Runtime
-from pa_console.llm.threads import decoding_threads
+from pa_console.llm.threads import decoding_threads, physical_cores
 from pa_console.llm.worker import SEQUENCES
 from pa_console.schema.base import StrictModel
 
@@ -35,7 +35,7 @@ class _CountingRuntime(Runtime):
         super().__init__(
             load.path,
             n_ctx=load.n_ctx,
-            threads=load.threads,
+            threads=physical_cores(),
             stopped=lambda: False,
             adapters={PLANNER: load.adapter} if load.adapter else None,
         )
@@ -62,8 +62,8 @@ class _Bare:
         parameters = _api.llama_context_default_params()
         parameters.n_ctx = n_ctx
         parameters.n_batch = parameters.n_ubatch = RAW_BATCH
-        parameters.n_threads = decoding_threads(load.threads)
-        parameters.n_threads_batch = load.threads
+        parameters.n_threads = decoding_threads(physical_cores())
+        parameters.n_threads_batch = physical_cores()
         self._context = _api.llama_init_from_model(self._model, parameters)
         if not self._context:
             raise ValueError(f"no memory for a second context of {n_ctx} tokens")

@@ -47,7 +47,7 @@ def tiny() -> LocalModel:
 
 
 def load(path: Path) -> LoadWeights:
-    return LoadWeights(path=str(path), chat="template", n_ctx=N_CTX, threads=2)
+    return LoadWeights(path=str(path), chat="template", n_ctx=N_CTX)
 
 
 def alive(pid: int) -> bool:
@@ -254,7 +254,7 @@ async def test_the_plain_way_has_a_process_for_every_adapter(
         planner=pair.planner.model_copy(update=short),
         judge=pair.judge.model_copy(update=short),
     )
-    way = await PlainWay(model, 2).start()
+    way = await PlainWay(model).start()
     try:
         assert way.memory is not None
         first = await way.answer(mission, pair, 6)
