@@ -1,7 +1,8 @@
 """The short prompts that adapters are trained on: the same facts, no instructions, no examples.
 
 Order: world, picture, rules, mission. World and picture can be read ahead while the operator
-types (`ahead`); after Enter only the retrieved rules and the mission's words remain.
+types (`ahead`); after Enter only the retrieved rules and the mission's words remain. In these,
+assets and places stand under their own names, however the operator said them.
 """
 
 from collections.abc import Iterator, Sequence
@@ -13,6 +14,7 @@ from pa_console.llm.facts import (
     told,
     verification_facts,
 )
+from pa_console.llm.linking import link_names
 from pa_console.llm.prompts import Prompt, mission_line
 from pa_console.schema.event import Role
 from pa_console.schema.mission import Mission, Verification
@@ -67,7 +69,7 @@ def typed(role: Role, world: World, digest: Digest, rules: Sequence[Rule], words
     words that are missing remain to be read.
     """
     start = ahead(role, world, digest)
-    begun = mission_line(words).removesuffix('"')
+    begun = _mission(world, words).removesuffix('"')
     return Prompt(start.system, start.user + "\n".join([*_rules(rules), begun]))
 
 
@@ -80,7 +82,7 @@ def compact_planner_prompt(  # noqa: PLR0917
     previous: str = "",
 ) -> Prompt:
     """Return the planner's prompt; `repair` says what was wrong with the `previous` answer."""
-    lines = [*_rules(rules), mission_line(mission.text)]
+    lines = [*_rules(rules), _mission(world, mission.text)]
     if repair:
         lines.append(f"Previous answer: {previous}")
         lines += [f"Wrong: {' '.join(reason.split())}" for reason in repair]
@@ -102,7 +104,7 @@ def compact_judge_prompt(
     """
     start = ahead("judge", world, digest)
     return Prompt(
-        start.system, start.user + "\n".join([*_rules(rules), mission_line(mission.text)])
+        start.system, start.user + "\n".join([*_rules(rules), _mission(world, mission.text)])
     )
 
 
@@ -111,12 +113,16 @@ def compact_outcome_prompt(
 ) -> Prompt:
     """Return the judge's prompt about an executed plan; `digest` is the picture afterwards."""
     lines = [
-        mission_line(mission.text),
+        _mission(world, mission.text),
         f"Plan: {plan_facts(world, plan)}",
         verification_facts(verification),
     ]
     start = ahead("outcome", world, digest)
     return Prompt(start.system, start.user + "\n".join(lines))
+
+
+def _mission(world: World, words: str) -> str:
+    return mission_line(link_names(world, words))
 
 
 def _places(digest: Digest) -> Iterator[str]:

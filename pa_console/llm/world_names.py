@@ -1,0 +1,135 @@
+"""The names of a world by what operators call them: `the w gate`, `uav four`, `drone no. 4`."""
+
+import re
+from collections import defaultdict
+from collections.abc import Sequence
+
+from rapidfuzz.distance import OSA
+
+from pa_console.schema.world import AssetKind, World
+
+KIND_WORDS: dict[str, AssetKind] = {
+    "drone": "uav",
+    "uav": "uav",
+    "ugv": "ugv",
+    "vehicle": "ugv",
+    "robot": "robot",
+}
+"""What an asset of a kind is called whatever its name is; the first of a kind is the plainest."""
+GATE = "gate"
+DIGITS = ("zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
+NUMBERS = (*DIGITS, "ten", "eleven", "twelve", "thirteen", "fourteen", "fifteen", "sixteen")
+WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
+_COMPASS = {"n": "north", "e": "east", "s": "south", "w": "west"}
+_NUMBERED = re.compile(r"(.*?)(\d+)\D*")
+_LONG = 5
+"""Words of so many letters may be misspelt by any slip, of one less by a swap only."""
+
+
+class WorldNames:
+    """Assets by team and number, places by their words.
+
+    A team is all assets whose names share a word, or all of a kind, or, without a word, all.
+    """
+
+    def __init__(self, world: World) -> None:
+        self._places = _places(world)
+        self._stems = {key.removesuffix(GATE): name for key, name in self._places.items()}
+        self._numbered: defaultdict[tuple[str, int], list[str]] = defaultdict(list)
+        self._patterns: defaultdict[str, set[tuple[str, int]]] = defaultdict(set)
+        self._kinds: dict[str, AssetKind] = {}
+        own = {name: _team_word(name) for name in world.assets}
+        for name, spec in world.assets.items():
+            found = _NUMBERED.fullmatch(name)
+            if found is None or not own[name]:
+                continue
+            generic = [word for word, kind in KIND_WORDS.items() if kind == spec.kind]
+            teams = {own[name], *generic} - ({*own.values()} - {own[name]})
+            self._kinds[own[name]] = spec.kind
+            for team in (*teams, ""):
+                self._numbered[team, int(found[2])].append(name)
+            for team in teams:
+                self._patterns[team].add((found[1], len(found[2])))
+
+    def is_place(self, name: str) -> bool:
+        """Whether `name` is a frame or a zone of more than one word."""
+        return name in self._places.values()
+
+    def place(self, words: Sequence[str]) -> str | None:
+        """Return the place that `words`, in lower case, name: in full, from behind, or misspelt."""
+        found = self._places.get("".join(words))
+        if found is not None or len(words) != 2:
+            return found
+        if words[0] == GATE:
+            return self._gate(words[1])
+        if words[1] == GATE:
+            found = self._gate(_COMPASS.get(words[0], words[0].removesuffix("ern")))
+        if found is None and (words[1] == GATE or _is_gate_misspelt(words[1])):
+            near = [name for stem, name in self._stems.items() if _nearly(words[0], stem)]
+            found = near[0] if len(near) == 1 else None
+        return found
+
+    def gate_with(self, word: str) -> str | None:
+        """Return the gate whose name is `word` and gate."""
+        return self._stems.get(word)
+
+    def team(self, word: str) -> str:
+        """Return the team or kind that `word` is, also in the plural or misspelt; else nothing."""
+        for said in (word, word.removesuffix("s")):
+            if said in self._patterns:
+                return said
+        near = [team for team in self._patterns if _nearly(word, team)]
+        return near[0] if len(near) == 1 and len(word) >= _LONG else ""
+
+    def asset(self, team: str, number: int) -> str | None:
+        """Return the asset of `team` with `number`, None for none or several."""
+        found = self._numbered[team, number]
+        return found[0] if len(found) == 1 else None
+
+    def absent(self, team: str, number: int) -> str | None:
+        """Return what an asset of `team` that is not there would be called, None if unclear."""
+        patterns = [*self._patterns.get(team, ())]
+        if self._numbered[team, number] or len(patterns) != 1:
+            return None
+        prefix, width = patterns[0]
+        return f"{prefix}{number:0{width}d}"
+
+    def kind_word(self, word: str) -> str | None:
+        """Return the plain word for the kind of the team `word`, None where it is no such word."""
+        team = word.removesuffix("s")
+        if team in KIND_WORDS or team not in self._kinds:
+            return None
+        plain = next(said for said, kind in KIND_WORDS.items() if kind == self._kinds[team])
+        return plain + "s" * (team != word)
+
+    def _gate(self, word: str) -> str | None:
+        """Return the gate named by `word`, or by the number that it is."""
+        if word in NUMBERS:
+            word = str(NUMBERS.index(word))
+        return self._places.get(word + GATE) or self._places.get(GATE + word)
+
+
+def _places(world: World) -> dict[str, str]:
+    """Return the frames and zones of more than one word, by their words in lower case."""
+    words = {name: _words(name) for name in (*world.frames, *world.zones)}
+    return {"".join(said): name for name, said in words.items() if len(said) > 1}
+
+
+def _team_word(name: str) -> str:
+    return "".join(word for word in _words(name) if len(word) > 1 and word.isalpha())
+
+
+def _words(name: str) -> list[str]:
+    return [found.lower() for found in WORD.findall(name)]
+
+
+def _nearly(word: str, other: str) -> bool:
+    """Whether one slip of the hand makes `other` of `word`."""
+    shorter = min(len(word), len(other))
+    if shorter < _LONG - 1 or abs(len(word) - len(other)) > 1 or OSA.distance(word, other) != 1:
+        return False
+    return shorter >= _LONG or sorted(word) == sorted(other)
+
+
+def _is_gate_misspelt(word: str) -> bool:
+    return "g" in word and set(word) <= set(GATE) and OSA.distance(word, GATE) == 1
