@@ -14,6 +14,8 @@ from pa_console.signing import fingerprint, is_signature, known_keys
 
 Standing = Literal["signed", "open", "not signed"]
 """Signed to its end; signed, but not (yet) to an end; without any signature."""
+FIRST_SIGNED = 2
+"""The line of a log's first signature: after the one that says which session it is of."""
 
 
 @dataclass(frozen=True)
@@ -155,9 +157,9 @@ class _Chain:
         ):
             problem = f"{name} is the head of the log of session {head.session!r}"
             return Damage("head-of-another-log", None, problem)
-        if head.seq and not self.key and last is not None:
+        if head.seq and not self.key and sound.lines >= FIRST_SIGNED:
             problem = f"its signatures were removed: {name} says that {head.seq} lines were signed"
-            return Damage("signatures-removed", min(2, sound.lines), problem, sound.lines)
+            return Damage("signatures-removed", FIRST_SIGNED, problem, sound.lines)
         if head.seq > sound.lines:
             problem = f"the log was cut short: the signed head says that it has {head.seq} lines"
             return Damage("cut-short", sound.lines + 1, f"{problem}, and it has {sound.lines}")

@@ -54,7 +54,10 @@ def strict_judge(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("strict_judge")
-def test_verdicts_are_told_against_the_truth_and_kept(call: Call, runs: Path) -> None:
+def test_verdicts_are_told_against_the_truth_and_kept(
+    call: Call, runs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
     words = ("bench", "judge", str(runs), "--out", str(runs / "answers"))
     report = call(*words, "--json").json
     assert (report["model"], report["asked"], report["reused"]) == ("objector", 2, 0)

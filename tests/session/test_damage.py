@@ -69,6 +69,13 @@ def test_a_changed_byte_anywhere_in_a_head_is_found(log: Path, data: st.DataObje
     assert found.damage == "head-damaged"
 
 
+def test_a_cut_before_the_first_signature_is_a_cut(log: Path, original: bytes) -> None:
+    log.write_bytes(original[: original.index(b"\n") + 1])
+    found = verify(log, KNOWN)
+    log.write_bytes(original)
+    assert (found.damage, found.first_bad_line) == ("cut-short", 2)
+
+
 @given(st.data())
 @settings(max_examples=60, deadline=None)
 def test_a_cut_of_a_closed_log_is_found_wherever_it_is(
