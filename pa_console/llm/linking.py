@@ -58,7 +58,7 @@ class _Link(NamedTuple):
 
 def link_names(world: World, text: str) -> str:
     """Return `text` with the assets and places of `world` under their names."""
-    linker = _Linker(WorldNames(world), text)
+    linker = _Linker(WorldNames.of(world), text)
     parts, done = list[str](), 0
     for link in linker.links():
         start, end = linker.span(link)
@@ -85,10 +85,16 @@ class _Linker:
         while at < len(self._tokens):
             found = [*self._gates(at)] or [*self._place(at)] or [*self._assets(at)]
             found = found or [*self._kind(at)]
-            yield from found
-            if found:
+            if found and all(map(self._whole, found)):
+                yield from found
                 self._linked = found[-1].end
             at = max(at + 1, self._linked)
+
+    def _whole(self, link: _Link) -> bool:
+        """Whether `link` ends where words do: of `gate NorthGate`, `gate North` is no name."""
+        start, end = self.span(link)
+        around = self._text[max(start - 1, 0) : start] + self._text[end : end + 1]
+        return not re.search(r"\w", around)
 
     def span(self, link: _Link) -> tuple[int, int]:
         """Return where the characters of `link` begin, with an article before it, and end."""

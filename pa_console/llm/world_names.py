@@ -3,6 +3,7 @@
 import re
 from collections import defaultdict
 from collections.abc import Sequence
+from functools import lru_cache
 
 from rapidfuzz.distance import OSA
 
@@ -32,24 +33,31 @@ class WorldNames:
     A team is all assets whose names share a word, or all of a kind, or, without a word, all.
     """
 
-    def __init__(self, world: World) -> None:
-        self._places = _places(world)
+    def __init__(self, places: Sequence[str], assets: Sequence[tuple[str, AssetKind]]) -> None:
+        self._places = _places(places)
         self._stems = {key.removesuffix(GATE): name for key, name in self._places.items()}
         self._numbered: defaultdict[tuple[str, int], list[str]] = defaultdict(list)
         self._patterns: defaultdict[str, set[tuple[str, int]]] = defaultdict(set)
         self._kinds: dict[str, AssetKind] = {}
-        own = {name: _team_word(name) for name in world.assets}
-        for name, spec in world.assets.items():
+        own = {name: _team_word(name) for name, _ in assets}
+        words = {*own.values()}
+        for name, kind in assets:
             found = _NUMBERED.fullmatch(name)
             if found is None or not own[name]:
                 continue
-            generic = [word for word, kind in KIND_WORDS.items() if kind == spec.kind]
-            teams = {own[name], *generic} - ({*own.values()} - {own[name]})
-            self._kinds[own[name]] = spec.kind
+            generic = (word for word, called in KIND_WORDS.items() if called == kind)
+            teams = {own[name], *(word for word in generic if word not in words)}
+            self._kinds[own[name]] = kind
             for team in (*teams, ""):
                 self._numbered[team, int(found[2])].append(name)
             for team in teams:
                 self._patterns[team].add((found[1], len(found[2])))
+
+    @classmethod
+    def of(cls, world: World) -> "WorldNames":
+        """Return the names of `world`, made once for all prompts and words typed."""
+        assets = tuple((name, spec.kind) for name, spec in world.assets.items())
+        return _made((*world.frames, *world.zones), assets)
 
     def is_place(self, name: str) -> bool:
         """Whether `name` is a frame or a zone of more than one word."""
@@ -83,13 +91,13 @@ class WorldNames:
 
     def asset(self, team: str, number: int) -> str | None:
         """Return the asset of `team` with `number`, None for none or several."""
-        found = self._numbered[team, number]
+        found = self._numbered.get((team, number), [])
         return found[0] if len(found) == 1 else None
 
     def absent(self, team: str, number: int) -> str | None:
         """Return what an asset of `team` that is not there would be called, None if unclear."""
         patterns = [*self._patterns.get(team, ())]
-        if self._numbered[team, number] or len(patterns) != 1:
+        if (team, number) in self._numbered or len(patterns) != 1:
             return None
         prefix, width = patterns[0]
         return f"{prefix}{number:0{width}d}"
@@ -109,9 +117,14 @@ class WorldNames:
         return self._places.get(word + GATE) or self._places.get(GATE + word)
 
 
-def _places(world: World) -> dict[str, str]:
-    """Return the frames and zones of more than one word, by their words in lower case."""
-    words = {name: _words(name) for name in (*world.frames, *world.zones)}
+@lru_cache(maxsize=8)
+def _made(places: tuple[str, ...], assets: tuple[tuple[str, AssetKind], ...]) -> WorldNames:
+    return WorldNames(places, assets)
+
+
+def _places(names: Sequence[str]) -> dict[str, str]:
+    """Return the places of more than one word, by their words in lower case."""
+    words = {name: _words(name) for name in names}
     return {"".join(said): name for name, said in words.items() if len(said) > 1}
 
 

@@ -43,6 +43,7 @@ def test_a_name_in_other_words_is_linked(said: str, read: str) -> None:
         "T01 holds",
         "T02",
         "go north",
+        "the gate NorthGate",
     ],
 )
 def test_what_can_mean_several_things_is_left_to_the_model(said: str) -> None:
