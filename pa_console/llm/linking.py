@@ -35,6 +35,7 @@ _DETERMINERS = frozenset(
     )
 )
 _TOKEN = re.compile(rf"{WORD.pattern}|[,&/+]")
+_ARTICLES = re.compile(r"\b(?:the )+$")
 _JOINTS = frozenset(("", " ", "-", "_", " #", "#"))
 """What may stand between the words of one name; a dot only after an abbreviation."""
 _LONGEST = 4
@@ -102,8 +103,8 @@ class _Linker:
         before = self._text[:start].lower()
         if before.endswith("frame_"):
             start -= len("frame_")
-        elif self._names.is_place(link.name) and re.search(r"\bthe $", before):
-            start -= len("the ")
+        elif self._names.is_place(link.name) and (article := _ARTICLES.search(before)):
+            start = article.start()
         return start, end
 
     def _gates(self, at: int) -> Iterator[_Link]:

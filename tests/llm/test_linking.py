@@ -27,6 +27,7 @@ NAMES = (*WORLD.assets, *WORLD.frames, *WORLD.zones)
         ("drone#2 robot no. 1 UAV-3", "Drone_T02 Robot_T01 Drone_T03"),
         ("FRAME_NorthGate", "NorthGate"),
         ("drone eleven", "Drone_T11"),
+        ("to the the north gate", "to NorthGate"),
     ],
 )
 def test_a_name_in_other_words_is_linked(said: str, read: str) -> None:
