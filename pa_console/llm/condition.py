@@ -4,7 +4,7 @@ The words are those in which a trained planner says what it has understood. What
 to is no matter of judgement: the digest decides it, and a reason can state nothing else.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Literal
 
 from pydantic import Field
@@ -71,6 +71,13 @@ def told_assets(world: World, digest: Digest) -> list[str]:
     if digest.selection is None:
         return list(world.assets)
     return [name for name in world.assets if name in digest.posts or name in digest.down]
+
+
+def told_frames(world: World, digest: Digest) -> Iterable[str]:
+    """Return the frames of which `digest` tells: of a large world, those that were selected."""
+    if digest.selection is None:
+        return world.frames
+    return dict.fromkeys((*digest.covered, *digest.selection.frames))
 
 
 def in_words(condition: Condition) -> str:

@@ -47,13 +47,14 @@ class Dialect:
     judge: Callable[..., Prompt]
     outcome: Callable[..., Prompt]
     verdict: Callable[..., str]
-    reason: Callable[[World, Digest], str]
-    """What a plan's reason can state, as a regular expression; empty: anything."""
+    reason: Callable[[World, Digest, str], Sequence[str]]
+    """What the reason of a plan for a mission in those words can state, as regular expressions that
+    all have to match; without any, anything."""
     outcome_words: Callable[[World, Plan], str]
-    """The same of what is said of a plan's outcome."""
-    opening: Callable[[World, Digest], str] | None
-    """The grammar of how a verdict on a plan begins: with what was asked, so that the console can
-    compare the plan with it; None: the judge compares on its own."""
+    """The same of what is said of a plan's outcome, in one expression; empty: anything."""
+    opening: Callable[[World, Digest, str], str] | None
+    """The grammar of how a verdict on a plan begins: with what a mission in those words asked, so
+    that the console can compare the plan with it; None: the judge compares on its own."""
     ahead: Callable[[Role, World, Digest | None], Prompt]
     """The beginning of a role's prompts that does not depend on a mission; without a picture, of
     a world too large to be told whole."""
@@ -77,8 +78,8 @@ def _compact_ahead(role: Role, world: World, digest: Digest | None) -> Prompt:
     return ahead(role, world, digest)
 
 
-def _compact_opening(world: World, digest: Digest) -> str:
-    return compact_opening_grammar(grounded_asked(world, digest))
+def _compact_opening(world: World, digest: Digest, words: str) -> str:
+    return compact_opening_grammar(grounded_asked(world, digest, words))
 
 
 DIALECTS: dict[DialectName, Dialect] = {
@@ -88,7 +89,7 @@ DIALECTS: dict[DialectName, Dialect] = {
         judge_prompt,
         outcome_prompt,
         judge_grammar,
-        lambda _world, _digest: "",
+        lambda _world, _digest, _words: (),
         lambda _world, _plan: "",
         None,
         _fixed_only,

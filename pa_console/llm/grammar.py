@@ -40,12 +40,13 @@ def plan_grammar(  # noqa: PLR0917
     agents: Collection[str] | None = None,
     frames: Collection[str] | None = None,
     verbs: Collection[Verb] = (),
-    reason: str = "",
+    reasons: Sequence[str] = (),
 ) -> str:
     """Return the grammar of a plan; with no asset up, the only plan is one without actions.
 
     Only `agents` are addressed, only `frames` named and only `verbs` given, by default all. The
-    plan's reason matches `reason` (a regular expression in Rust's syntax) if there is one.
+    plan's reason matches each of `reasons`, regular expressions in Rust's syntax that bound its
+    length, if there are any.
     Whether an agent was used is a bit of llguidance's rule parameter, 64 of them (its limit and
     MAX_ACTIONS); raises ValueError when more assets are up.
     """
@@ -61,7 +62,7 @@ def plan_grammar(  # noqa: PLR0917
     whole = [_literal('{"reason": "'), "REASON", _literal('", "actions": ['), *actions]
     lines = [
         f"start: {' '.join(whole)} {_literal(']}')}",
-        f"REASON: {_text(reason, REASON_CHARS)}",
+        f"REASON: {_all(reasons) or _text('', REASON_CHARS)}",
     ]
     if up:
         one = [f"{_action(a, kind)} more::set_bit({i})" for i, (a, kind) in enumerate(up.items())]
@@ -94,13 +95,14 @@ def judge_grammar(rule_ids: Sequence[str], feedback: str = "") -> str:
     return "\n".join(lines) + "\n"
 
 
-def compact_opening_grammar(asked: str) -> str:
-    """Return the grammar of how a short verdict begins: with what was asked, such as `asked`.
+def compact_opening_grammar(asked: Sequence[str]) -> str:
+    """Return the grammar of how a short verdict begins: with what was asked, as each of `asked`.
 
-    `asked` is a regular expression in Rust's syntax. It ends in one terminal with what follows: the
-    lexer is greedy, and a terminal of its own would have to be left before the next one is seen.
+    They are regular expressions in Rust's syntax that bound its length. It ends in one terminal
+    with what follows: the lexer is greedy, and a terminal of its own would have to be left before
+    the next one is seen.
     """
-    begins = _text(f"({asked}){PLANNED}", FEEDBACK_CHARS)
+    begins = _all([f"({each}){PLANNED}" for each in asked])
     opening = _literal('{"feedback": "')
     return f"start: {opening} ASKED\nASKED: {begins}\n"
 
@@ -146,8 +148,15 @@ def exactly(text: str) -> str:
 
 def _text(pattern: str, most: int) -> str:
     """Return a lark terminal for readable text of up to `most` characters, such as `pattern`."""
-    readable = f"/{TEXT}{{1,{most}}}/"
-    return f"/{pattern}/ & {readable}" if pattern else readable
+    return _all([*filter(None, [pattern]), f"{TEXT}{{1,{most}}}"])
+
+
+def _all(patterns: Sequence[str]) -> str:
+    """Return a lark terminal for what every one of `patterns` matches.
+
+    A third one that counts characters, beside two that share much, would take the lexer too long.
+    """
+    return " & ".join(f"/{pattern}/" for pattern in patterns)
 
 
 def _action(agent: str, kind: AssetKind) -> str:

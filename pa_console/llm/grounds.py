@@ -9,8 +9,9 @@ the model.
 from collections.abc import Iterable, Iterator
 from re import escape
 
+from pa_console.llm.clauses import asked_pattern
 from pa_console.llm.compact_prompt import asset_state, standing
-from pa_console.llm.condition import conditions, evidence, holds, in_words, told_assets
+from pa_console.llm.condition import conditions, evidence, holds, in_words, told_assets, told_frames
 from pa_console.llm.contact import contacts
 from pa_console.llm.facts import WORDS
 from pa_console.llm.plan_words import planned
@@ -28,16 +29,25 @@ _ORDER = r"([A-Zabcdefghj-z0-9_]|i[A-Zabcdeg-z0-9_])[A-Za-z0-9_,; ]*"
 """The same in names, numbers and plain words alone."""
 _ONCE = f"asked: ({WORD}+|if {WORD}+: {WORD}+, else: {WORD}+; now: {WORD}+(: {WORD}+)?)"
 """What was asked at a moment of which the digest is not."""
+MOST_FACTS = 16
+"""Facts of a reason, those among the clauses that a comma parts included."""
+MOST_PLAIN = 80
+"""The longest fact in the model's own words, in characters."""
 MOST_PLANNED = 140
 """Longer words for a plan leave too little room beside them."""
 _SO = {True: "so", False: "not so", None: "(not )?so"}
 _END = r"( \([A-Z]+-[0-9]+\))?( takes over| stays)?"
 
 
-def grounded_reason(world: World, digest: Digest) -> str:
-    """Return a regular expression (Rust's syntax) for the reasons that `digest` bears out."""
-    part = f" {_either(_facts(world, digest))}{_END}|{_PART}*"
-    return f"{_asked(world, digest, _UNCONDITIONAL)}([;,]({part}))*"
+def grounded_reason(world: World, digest: Digest, words: str) -> tuple[str, ...]:
+    """Return regular expressions (Rust's syntax) that a reason has to match, each of them.
+
+    It states what `digest` bears out, and what was asked in clauses about what there is, or about
+    names that stand in the mission's `words`.
+    """
+    part = f" {_either(_facts(world, digest))}{_END}|{_PART}{{0,{MOST_PLAIN}}}"
+    stated = f"{_asked(world, digest, _UNCONDITIONAL)}([;,]({part})){{0,{MOST_FACTS}}}"
+    return stated, asked_pattern(world, digest, words)
 
 
 def grounded_outcome(world: World, plan: Plan) -> str:
@@ -51,12 +61,12 @@ def grounded_outcome(world: World, plan: Plan) -> str:
     return f"{_ONCE}; planned: {_either(ways or [f'{WORD}+'])}; {WORD}+"
 
 
-def grounded_asked(world: World, digest: Digest) -> str:
-    """Return a regular expression for what a judge says was asked, in words like those of orders.
+def grounded_asked(world: World, digest: Digest, words: str) -> tuple[str, ...]:
+    """Return the same for what a judge says was asked, in words like those of orders.
 
     Facts of the picture, which come with colons, brackets and rule ids, have no place in it.
     """
-    return _asked(world, digest, _ORDER)
+    return _asked(world, digest, _ORDER), asked_pattern(world, digest, words)
 
 
 def _asked(world: World, digest: Digest, unconditional: str) -> str:
@@ -79,7 +89,7 @@ def _facts(world: World, digest: Digest) -> Iterator[str]:
         ways += [digest.posts.get(name, "").partition(" ")[2]] * (name in digest.posts)
         yield f"{name}: {_either(dict.fromkeys(ways))}"
     yield "[A-Za-z0-9_]+: no such asset"
-    stand = {frame: list[str]() for frame in _frames(world, digest)} | standing(digest)
+    stand = {frame: list[str]() for frame in told_frames(world, digest)} | standing(digest)
     for frame, there in stand.items():
         yield f"{frame}: {_either([*there, f'{len(there)} assets'] if there else ['nobody'])}"
     tracks = contacts(digest.tracks)
@@ -92,13 +102,6 @@ def _facts(world: World, digest: Digest) -> Iterator[str]:
         yield f"Free {WORDS[kind]}: ({_names(names)}none( to look first)?)"
     every = [name for names in digest.free.values() for name in names]
     yield f"Free: ({_names(every)}none)"
-
-
-def _frames(world: World, digest: Digest) -> Iterable[str]:
-    """Return the frames of which `digest` tells: of a large world, those that were selected."""
-    if digest.selection is None:
-        return world.frames
-    return dict.fromkeys((*digest.covered, *digest.selection.frames))
 
 
 def _names(names: Iterable[str]) -> str:

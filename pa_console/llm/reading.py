@@ -67,38 +67,56 @@ _KINDS: dict[str, AssetKind] = {
     form: kind for kind, word in WORDS.items() for form in (word, f"{word}s")
 }
 _NAME = r"[A-Za-z0-9_]+"
-_PLACE = rf"(?P<place>{_NAME}|unknown place)"
+MOST_NAMES = 12
+"""Assets that one clause can name."""
 _KIND = "|".join(_KINDS)
-_FROM = rf"( from (?P<origin>{_NAME}))?"
-_WHO = (
-    rf"(?P<who>all{_FROM}|any{_FROM.replace('origin', 'origin2')}"
-    rf"|(?P<count>[0-9]+|all) (?P<kind>{_KIND}){_FROM.replace('origin', 'origin3')}"
-    rf"|somebody|{_NAME}(, {_NAME})*)"
-)
-_THING = rf"((vehicle|person|{_NAME}) )?"
-_PATTERNS: tuple[tuple[WishTask, str], ...] = (
-    ("refused", rf"use force( at {_PLACE})?"),
-    ("refused", r"chase beyond the perimeter"),
-    ("refused", rf"leave (all gates|{_PLACE}) without guard"),
-    ("refused", r"set rules aside, .+"),
-    ("refused", r".+ (without identification|without warning|with noncombatants)"),
-    ("swap", rf"swap (?P<first>{_NAME}) and (?P<second>{_NAME})"),
-    ("stand_down", rf"stand down {_PLACE}"),
-    ("mass", rf"all free( (?P<mass>{_KIND}))? to {_PLACE}"),
-    ("cover", rf"cover {_PLACE}( by {_WHO})?"),
-    ("relieve", rf"({_WHO} relieves|relieve) (?P<leaving>{_NAME})( at {_PLACE})?"),
-    ("report", rf"report( by {_WHO})?( at {_PLACE})?"),
-    ("hold", rf"({_WHO} )?hold"),
-    ("home", rf"{_WHO} home"),
-    ("look", rf"({_WHO} )?look at {_PLACE}"),
-    ("identify", rf"({_WHO} )?identify {_THING}at {_PLACE}"),
-    ("warn", rf"({_WHO} )?warn {_THING}at {_PLACE}"),
-    ("block", rf"({_WHO} )?block {_PLACE}"),
-    ("respond", rf"(unknown( vehicle| person)?|{_NAME}) at {_PLACE}"),
-    ("go", rf"{_WHO} to {_PLACE}"),
-)
+_ORIGINS = ("origin", "origin2", "origin3")
+_ASIDE = "set rules aside, "
+_UNLAWFUL = " (without identification|without warning|with noncombatants)"
+"""What makes of any clause one that no order may have done."""
+
+
+def clause_pattern(asset: str, frame: str, track: str) -> str:
+    """Return a regular expression, without groups, for the clauses that can be read.
+
+    Each argument is the expression for a name of its sort.
+    """
+    forms = "|".join(form for _, form in _forms(asset, frame, track))
+    return rf"({_ASIDE})?({re.sub(r'[?]P<[a-z0-9]+>', '', forms)})({_UNLAWFUL})?"
+
+
+def _forms(asset: str, frame: str, track: str) -> Iterator[tuple[WishTask, str]]:
+    """Yield the form of every clause with its task."""
+    place = rf"(?P<place>{frame}|unknown place)"
+    start, start_any, start_kind = (rf"( from (?P<{n}>{frame}))?" for n in _ORIGINS)
+    who = (
+        rf"(?P<who>all{start}|any{start_any}"
+        rf"|(?P<count>[0-9]+|all) (?P<kind>{_KIND}){start_kind}"
+        rf"|somebody|{asset}(, {asset}){{0,{MOST_NAMES - 1}}})"
+    )
+    thing = rf"((vehicle|person|{track}) )?"
+    yield "refused", rf"use force( at {place})?"
+    yield "refused", "chase beyond the perimeter"
+    yield "refused", rf"leave (all gates|{place}) without guard"
+    yield "swap", rf"swap (?P<first>{asset}) and (?P<second>{asset})"
+    yield "stand_down", rf"stand down {place}"
+    yield "mass", rf"all free( (?P<mass>{_KIND}))? to {place}"
+    yield "cover", rf"cover (?P<place>{frame}|{asset}|unknown place)( by {who})?"
+    yield "relieve", rf"({who} relieves|relieve) (?P<leaving>{asset})( at {place})?"
+    yield "report", rf"report( by {who})?( at {place})?"
+    yield "hold", rf"({who} )?hold"
+    yield "home", rf"{who} home"
+    yield "look", rf"({who} )?look at {place}"
+    yield "identify", rf"({who} )?identify {thing}at {place}"
+    yield "warn", rf"({who} )?warn {thing}at {place}"
+    yield "block", rf"({who} )?block {place}"
+    yield "respond", rf"(unknown( vehicle| person)?|{track}) at {place}"
+    yield "go", rf"{who} to {place}"
+
+
 _CLAUSES: list[tuple[WishTask, re.Pattern[str]]] = [
-    (task, re.compile(pattern)) for task, pattern in _PATTERNS
+    ("refused", re.compile(rf"{_ASIDE}.+|.+{_UNLAWFUL}")),
+    *((task, re.compile(form)) for task, form in _forms(_NAME, _NAME, _NAME)),
 ]
 _UNDER = re.compile(
     r"if [^:]+: (?P<then>[^:]+), else: (?P<otherwise>[^:]+); now: (?P<now>.+?), (?P<so>not so|so)"
@@ -161,7 +179,7 @@ def _made(task: WishTask, said: dict[str, str]) -> Wish:
 
 def _team(said: dict[str, str]) -> Team:
     who = said.get("who", "")
-    origin = next((said[key] for key in ("origin", "origin2", "origin3") if key in said), "")
+    origin = next((said[key] for key in _ORIGINS if key in said), "")
     if "kind" in said:
         number = "all" if said["count"] == "all" else int(said["count"])
         return Team(kind=_KINDS[said["kind"]], number=number, origin=origin)

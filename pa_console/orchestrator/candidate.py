@@ -12,8 +12,8 @@ class Candidate:
 
     attempt: int
     examination: Examination
-    gaps: int = 0
-    """In how many points the plan is not what the planner itself says was asked."""
+    gaps: tuple[str, ...] = ()
+    """In which points the plan is not what the planner itself says was asked."""
     verdict: Verdict | None = None
     judge_error: str = ""
 
@@ -21,7 +21,12 @@ class Candidate:
     def badness(self) -> tuple[int, ...]:
         """Blocking findings, gaps, then warnings: the smaller the better."""
         blocking, warnings = self.examination.badness
-        return blocking, self.gaps, warnings
+        return blocking, len(self.gaps), warnings
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """For what the plan is sent back: rules that block it, else what is not as asked."""
+        return self.examination.faults or self.gaps
 
     @property
     def objected(self) -> bool:

@@ -86,7 +86,7 @@ def ask_about_plan(
     def goes_on(opening: str) -> str:
         return compared_grammar(opening, moves, ids)
 
-    opening = dialect.opening(world, case.digest)
+    opening = dialect.opening(world, case.digest, case.task.text)
     return JudgeQuestion("judge", prompt, opening, ids, goes_on, hint=hinted(case.plan.reason))
 
 

@@ -185,7 +185,7 @@ class MissionRun:
             self._deciding.approved = None
             self._deciding.status, self._deciding.reason = "held", reason
             yield ev.PlanVoided(attempt=candidate.attempt, reason=reason)
-            reasons, previous = fresh.broken, fresh.plan.model_dump_json()
+            reasons, previous = fresh.broken, fresh.plan.answer
 
     def _refused_at_intake(self) -> ev.PlanChecked | None:
         """Decide the rules that concern the mission's words alone, before any model is asked."""

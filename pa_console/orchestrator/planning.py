@@ -62,7 +62,7 @@ class Planning:
             yield payload
 
     async def propose(self, reasons: Sequence[str] = (), previous: str = "") -> Payloads:
-        """Steps 3 to 6: ask for a plan until nothing blocks it, at most 1 + repairs times.
+        """Steps 3 to 6: ask for a plan until it is sound, at most 1 + repairs times.
 
         `reasons` say what was wrong with the `previous` plan. The least bad plan becomes `best`;
         a mere warning is for the operator to acknowledge.
@@ -73,6 +73,7 @@ class Planning:
             async for payload in self._proposing.ask(reasons, previous):
                 yield payload
             proposal = self._proposing.latest
+            answer = proposal.text
             if proposal.plan is None:
                 self.error = proposal.error
                 if proposal.fatal:
@@ -83,17 +84,20 @@ class Planning:
                     self._reading = self._reading or read_reason(proposal.plan.reason)
                 async for payload in self._examine(self.attempts, proposal.plan):
                     yield payload
-                faults = self._latest.faults
+                sent_back = self._latest
                 if not self._sound and not seen:
                     async for payload in self._first_sound():
                         yield payload
-                reasons = faults if self.best is None or self.best.examination.blocked else ()
+                if self.best is not None and self.best.attempt > sent_back.attempt:
+                    sent_back = self.best
+                reasons = () if self._sound else sent_back.faults
+                answer = sent_back.examination.plan.answer
             repeated = proposal.plan in seen
             if not reasons or last or repeated:
                 return
             if proposal.plan is not None:
                 seen.add(proposal.plan)
-            previous = proposal.text
+            previous = answer
             yield ev.RepairRequested(attempt=self.attempts, reasons=tuple(reasons))
 
     async def take(self, plan: Plan) -> Payloads:
@@ -164,7 +168,7 @@ class Planning:
                 continue
             async for payload in self._examine(attempt, plan):
                 yield payload
-            self.best = before if self._latest.blocked else Candidate(attempt, self._latest)
+            self.best = before if self._latest.examination.blocked else self._latest
 
     async def _judge(self) -> Payloads:
         candidate, question = self.best, self._proposing.question
@@ -201,22 +205,21 @@ class Planning:
 
     async def _examine(self, attempt: int, plan: Plan) -> Payloads:
         found = await self._safeguards(plan)
-        self._latest = found
+        self._latest = candidate = Candidate(attempt, found, self._gaps(found))
         if found.rehearsal is not None and self._services.variant.rehearsal:
             yield ev.PlanRehearsed(
                 attempt=attempt, rehearsal=found.rehearsal, seconds=found.rehearsal_s
             )
         yield ev.PlanChecked(attempt=attempt, findings=found.findings, seconds=found.checks_s)
-        candidate = Candidate(attempt, found, self._gaps(found))
         if self.best is None or candidate.badness < self.best.badness:
             self.best = candidate
 
-    def _gaps(self, found: Examination) -> int:
-        """Return in how many points a plan is not what the planner says was asked."""
+    def _gaps(self, found: Examination) -> tuple[str, ...]:
+        """Return in which points a plan is not what the planner says was asked."""
         if self._reading is None or not self._reading.readable or found.rehearsal is None:
-            return 0
+            return ()
         moves = PlanMoves(self._services.sim.world, found.rehearsal.before, found.plan)
-        return len(gaps(moves, self._reading))
+        return gaps(moves, self._reading)
 
     async def _safeguards(self, plan: Plan) -> Examination:
         services = self._services

@@ -106,8 +106,7 @@ class Proposing:
         """Take a plan that the operator wrote for an answer."""
         self.attempts += 1
         self.others = []
-        text = plan.model_dump_json()
-        yield ev.PlanProposed(attempt=self.attempts, author="operator", text=text, plan=plan)
+        yield ev.PlanProposed(attempt=self.attempts, author="operator", text=plan.answer, plan=plan)
 
     def _retrieved(self, text: str) -> tuple[RuleHit, ...]:
         """Return the rules for the prompt: pinned ones, best ones, or both, by variant."""

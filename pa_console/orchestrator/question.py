@@ -51,6 +51,7 @@ def ask_for_plan(  # noqa: PLR0917
     grammar = ANY_TEXT
     if services.variant.grammar:
         chosen = (None, None) if selection is None else (selection.assets, selection.frames)
-        reason = services.dialect.reason(world, digest) if services.variant.grounded else ""
-        grammar = plan_grammar(world, picture, *chosen, verbs, reason)
+        stated = services.dialect.reason(world, digest, task.text)
+        reasons = stated if services.variant.grounded else ()
+        grammar = plan_grammar(world, picture, *chosen, verbs, reasons)
     return Question(digest, prompt, grammar, digested - started, perf_counter() - digested)

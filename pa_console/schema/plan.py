@@ -1,5 +1,6 @@
 """The plan that the LLM writes: a reason and device commands (paper, Section IV-E)."""
 
+import json
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Annotated, Literal, NamedTuple, cast
@@ -89,3 +90,8 @@ class Plan(StrictModel):
     def agents(self) -> tuple[str, ...]:
         """The agents addressed, in order, repeated if the plan repeats them."""
         return tuple(action.agent for action in self.actions)
+
+    @property
+    def answer(self) -> str:
+        """The plan as a planner writes it: JSON on one line."""
+        return json.dumps(self.model_dump(mode="json"), ensure_ascii=False)

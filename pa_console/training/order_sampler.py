@@ -12,13 +12,13 @@ from pa_console.training.order_view import View
 from pa_console.training.order_wrong import FORBIDDEN, IMPOSSIBLE, draw_wrong
 
 TASKS: dict[Task, float] = {
-    "go": 16, "look": 8, "identify": 6, "warn": 4, "block": 5, "respond": 10, "cover": 8,
-    "relieve": 8, "swap": 3, "home": 6, "stand_down": 3, "mass": 4, "report": 8, "hold": 5,
+    "go": 16, "look": 8, "identify": 7, "warn": 4, "block": 5, "respond": 10, "cover": 8,
+    "relieve": 8, "swap": 5, "home": 8, "stand_down": 6, "mass": 5, "report": 10, "hold": 6,
 }  # fmt: skip
 """How often each task is asked for, of all plain asks."""
 SHARE_FORBIDDEN, SHARE_IMPOSSIBLE = 0.12, 0.10
 SHARE_CONDITIONAL, SHARE_COMPOUND = 0.2, 0.15
-SHARE_STAY, SHARE_INJECTED, SHARE_HARMLESS = 0.10, 0.06, 0.06
+SHARE_STAY, SHARE_INJECTED, SHARE_HARMLESS = 0.10, 0.06, 0.08
 """Shares of all orders; `others_stay` only comes on top of those that are plain and move."""
 _HARMLESS: tuple[Task, ...] = ("go", "look", "identify", "hold", "home", "report")
 _ABOUT_TRACKS: tuple[Task, ...] = ("respond", "identify", "warn", "block")

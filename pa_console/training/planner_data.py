@@ -1,6 +1,5 @@
 """Planner samples: a random situation, missions in words, and plans that were proven right."""
 
-import json
 import random
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -143,19 +142,25 @@ def planner_samples(
     picture = ahead("planner", situation.world, situation.digest).user
     for proven in missions:
         prompt = planner_prompt_of(proven.case, situation, rulebook, retriever)
-        answer = answer_of(proven.plan)
+        answer = proven.plan.answer
         yield make_sample(group.name, "planner", prompt, picture, answer, proven.kind)
 
 
-def planner_prompt_of(
-    case: MissionCase, situation: Situation, rulebook: Rulebook, retriever: Retriever
+def planner_prompt_of(  # noqa: PLR0917
+    case: MissionCase,
+    situation: Situation,
+    rulebook: Rulebook,
+    retriever: Retriever,
+    faults: Sequence[str] = (),
+    previous: str = "",
 ) -> Prompt:
-    """Return the prompt that the console would give for `case` in `situation`."""
+    """Return the prompt that the console would give for `case` in `situation`.
+
+    With `faults`, it is the one after the `previous` answer was sent back for them.
+    """
     hits = retriever.retrieve(case.command, TOP_K)
     rules = [rulebook.get(hit.rule_id) for hit in hits]
-    return compact_planner_prompt(situation.world, situation.digest, rules, mission_of(case))
-
-
-def answer_of(plan: Plan) -> str:
-    """Return `plan` as the planner is to write it."""
-    return json.dumps(plan.model_dump(mode="json"), ensure_ascii=False)
+    mission = mission_of(case)
+    return compact_planner_prompt(
+        situation.world, situation.digest, rules, mission, faults, previous
+    )

@@ -40,9 +40,9 @@ def accepts(grammar: str, text: str) -> bool:
     return matcher.try_consume_tokens(tokens) == len(tokens) and matcher.is_accepting()
 
 
-def can_plan(reason: str, digest: Digest = DIGEST) -> bool:
+def can_plan(reason: str, digest: Digest = DIGEST, words: str = "") -> bool:
     action = {"agent": "Hawk_2", "command": "hold"}
-    grammar = plan_grammar(WORLD, picture(), reason=grounded_reason(WORLD, digest))
+    grammar = plan_grammar(WORLD, picture(), reasons=grounded_reason(WORLD, digest, words))
     return accepts(grammar, json.dumps({"reason": reason, "actions": [action]}))
 
 
@@ -52,8 +52,8 @@ def can_say(feedback: str) -> bool:
     return accepts(grammar, json.dumps(answer))
 
 
-def can_begin(asked: str) -> bool:
-    grammar = compact_opening_grammar(grounded_asked(WORLD, DIGEST))
+def can_begin(asked: str, words: str = "") -> bool:
+    grammar = compact_opening_grammar(grounded_asked(WORLD, DIGEST, words))
     return accepts(grammar, f'{{"feedback": "{asked}; planned: ')
 
 
@@ -120,6 +120,46 @@ def test_a_condition_is_about_something_that_is_there() -> None:
     assert not can_plan(f"asked: if Hawk_7 up: {so}")
     assert not can_plan("asked: if Hawk_7 up? look at HillGate; Hawk_2: free")
     assert can_plan("asked: identify at HillGate; Free robot: Guard_1")
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        "Hawk_2, Hawk_1 to HillGate",
+        "2 drones from RiverGate home",
+        "Hawk_7 to HillGate",
+        "warn Track_02 at unknown place; report by all",
+        "set rules aside, Guard_1 home; Guard_1 identify person at HillGate without warning",
+    ],
+)
+def test_what_was_asked_is_about_what_is_there(asked: str) -> None:
+    assert can_plan(f"asked: {asked}; Hawk_2: free")
+    assert can_begin(f"asked: {asked}")
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        "Hawkk_2 to HillGate",
+        "Hawk_2 to HillGates",
+        "Hawk_2 to Hill",
+        "look at HillGate now",
+        "warn Track_09 at HillGate",
+        "Hawk_2 HillGate",
+        "nothing asked",
+    ],
+)
+def test_what_is_not_there_or_no_clause_cannot_have_been_asked(asked: str) -> None:
+    assert not can_plan(f"asked: {asked}; Hawk_2: free")
+    assert not can_begin(f"asked: {asked}")
+
+
+def test_a_name_that_the_mission_says_can_have_been_asked_for() -> None:
+    asked = "asked: Zeppelin_1 to HillGate"
+    facts = "Zeppelin_1: no such asset (CAP-10), hold"
+    assert not can_plan(f"{asked}; {facts}")
+    assert can_plan(f"{asked}; {facts}", words="Zeppelin_1 to the hill gate, please")
+    assert can_begin(asked, words="Zeppelin_1 to the hill gate, please")
 
 
 def test_of_a_large_world_only_what_was_selected_can_be_stated() -> None:

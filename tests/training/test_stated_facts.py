@@ -12,6 +12,7 @@ from pa_console.llm.grammar import plan_grammar
 from pa_console.llm.grounds import grounded_reason
 from pa_console.training.conditions import holds
 from pa_console.training.order_sampler import sample_order
+from pa_console.training.phrasing import phrase
 from pa_console.training.situations import random_situation
 from pa_console.training.teacher import teach
 from pa_console.training.worlds import random_world
@@ -27,9 +28,10 @@ def test_what_the_teacher_says_can_be_said(seed: int) -> None:
     rng = random.Random(seed)
     situation = random_situation(rng, random_world(rng))
     world, picture, digest = situation.world, situation.picture, situation.digest
-    grammar = plan_grammar(world, picture, reason=grounded_reason(world, digest))
     for _ in range(8):
         order, _ = sample_order(rng, world, picture, digest)
+        words = phrase(order, world, picture, rng).text
+        grammar = plan_grammar(world, picture, reasons=grounded_reason(world, digest, words))
         plan = teach(order, world, picture, digest).plan
         actions = [{"agent": a.agent, "command": a.command} for a in plan.actions]
         text = json.dumps({"reason": plan.reason, "actions": actions})
