@@ -23,16 +23,16 @@ WORD = r"[ !#-9;-\[\]-~]"
 """Printable ASCII without the quote, the backslash and the colon."""
 _PART = r"[ !#-+\--9<-\[\]-~]"
 """A character within what commas and semicolons part."""
-_UNCONDITIONAL = rf"([ !#-9;-\[\]-hj-~]|i[ !#-9;-\[\]-eg-~]){WORD}*"
-"""Words that do not begin as a condition does: the names in one are those of the digest."""
 _ORDER = r"([A-Zabcdefghj-z0-9_]|i[A-Zabcdeg-z0-9_])[A-Za-z0-9_,; ]*"
 """The same in names, numbers and plain words alone."""
 _ONCE = f"asked: ({WORD}+|if {WORD}+: {WORD}+, else: {WORD}+; now: {WORD}+(: {WORD}+)?)"
 """What was asked at a moment of which the digest is not."""
-MOST_FACTS = 16
-"""Facts of a reason, those among the clauses that a comma parts included."""
+MOST_PARTS = 24
+"""What commas and semicolons part in a reason: clauses, names, facts."""
 MOST_PLAIN = 80
 """The longest fact in the model's own words, in characters."""
+_UNCONDITIONAL = rf"([ !#-+\--9<-\[\]-hj-~]|i[ !#-+\--9<-\[\]-eg-~]){_PART}{{0,{MOST_PLAIN}}}"
+"""Words that do not begin as a condition does: the names in one are those of the digest."""
 MOST_PLANNED = 140
 """Longer words for a plan leave too little room beside them."""
 _SO = {True: "so", False: "not so", None: "(not )?so"}
@@ -45,8 +45,9 @@ def grounded_reason(world: World, digest: Digest, words: str) -> tuple[str, ...]
     It states what `digest` bears out, and what was asked in clauses about what there is, or about
     names that stand in the mission's `words`.
     """
-    part = f" {_either(_facts(world, digest))}{_END}|{_PART}{{0,{MOST_PLAIN}}}"
-    stated = f"{_asked(world, digest, _UNCONDITIONAL)}([;,]({part})){{0,{MOST_FACTS}}}"
+    plain = _not_beginning(" only ")
+    part = f" {_either(_facts(world, digest))}{_END}|{plain}"
+    stated = f"{_asked(world, digest, _UNCONDITIONAL)}([;,]({part})){{0,{MOST_PARTS}}}"
     return stated, asked_pattern(world, digest, words)
 
 
@@ -81,6 +82,7 @@ def _asked(world: World, digest: Digest, unconditional: str) -> str:
 
 def _facts(world: World, digest: Digest) -> Iterator[str]:
     """Yield what can be stated: of assets, of places, of tracks, of who is free."""
+    yield "only watch"
     for name in told_assets(world, digest):
         state = asset_state(digest, name) if name in digest.posts else "down"
         ways = [state, state.partition(",")[0]]
@@ -92,6 +94,7 @@ def _facts(world: World, digest: Digest) -> Iterator[str]:
     stand = {frame: list[str]() for frame in told_frames(world, digest)} | standing(digest)
     for frame, there in stand.items():
         yield f"{frame}: {_either([*there, f'{len(there)} assets'] if there else ['nobody'])}"
+        yield from (f"only {name} is there" for name in there if len(there) == 1)
     tracks = contacts(digest.tracks)
     for frame in stand:
         here = [contact for contact in tracks if contact.gate == frame]
@@ -102,6 +105,13 @@ def _facts(world: World, digest: Digest) -> Iterator[str]:
         yield f"Free {WORDS[kind]}: ({_names(names)}none( to look first)?)"
     every = [name for names in digest.free.values() for name in names]
     yield f"Free: ({_names(every)}none)"
+
+
+def _not_beginning(start: str) -> str:
+    """Return the expression for a fact in the model's own words that does not begin so."""
+    rest = f"{_PART}{{0,{MOST_PLAIN}}}"
+    ways = (f"{start[:n]}([{_PART[1:-1]}&&[^{char}]]{rest})?" for n, char in enumerate(start))
+    return _either(ways)
 
 
 def _names(names: Iterable[str]) -> str:

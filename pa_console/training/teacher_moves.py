@@ -152,9 +152,8 @@ def stand_down(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
     there = [name for name in roster.every() if roster.stands(name) == ask.place]
     sound = [name for name in there if not roster.low(name)] or there
     leaving = [name for name in there if name not in {*sound[:1], *desk.used}]
-    if not leaving:
-        why = f"only {there[0]} is there" if there else "nobody is there"
-        return [Draft(ask, why=(why,))]
+    if len(there) < 2:
+        return [Draft(ask, why=(f"only {there[0]} is there" if there else "nobody is there",))]
     commands = tuple((name, "return_to_base") for name in leaving)
     return [Draft(ask, commands, (f"{ask.place}: {listed(there)}, {sound[0]} stays",))]
 

@@ -73,6 +73,8 @@ def can_begin(asked: str, words: str = "") -> bool:
         "Free vehicle: none (CAP-10), hold",
         "Free robot: only Guard_1 (CAP-10)",
         "closed zone (ROE-07), hold",
+        "only Hawk_1 is there, hold",
+        "only watch (ROE-08), Hawk_2 observes",
     ],
 )
 def test_what_the_picture_says_can_be_stated(facts: str) -> None:
@@ -96,6 +98,8 @@ def test_what_the_picture_says_can_be_stated(facts: str) -> None:
         "Free vehicle: Mule_1",
         "Free drone: Hawk_1",
         "Free drone: 2 assets",
+        "only Hawk_2 is there, hold",
+        "only three are there",
     ],
 )
 def test_what_the_picture_denies_cannot_be_stated(facts: str) -> None:
