@@ -145,7 +145,9 @@ class _Linker:
     def _kind(self, at: int) -> Iterator[_Link]:
         """Yield the kind for a team's own word that stands for any of its assets."""
         before, plain = self._word(at - 1), self._names.kind_word(self._word(at))
-        if plain is not None and (before in _DETERMINERS or before.isdigit()):
+        if plain is not None and before == "an":
+            yield _Link(at - 1, at + 1, f"a {plain}")
+        elif plain is not None and (before in _DETERMINERS or before.isdigit()):
             yield _Link(at, at + 1, plain)
 
     def _number(self, at: int) -> tuple[int, int | None]:

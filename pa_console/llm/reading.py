@@ -101,7 +101,7 @@ def _forms(asset: str, frame: str, track: str) -> Iterator[tuple[WishTask, str]]
     yield "swap", rf"swap (?P<first>{asset}) and (?P<second>{asset})"
     yield "stand_down", rf"stand down {place}"
     yield "mass", rf"all free( (?P<mass>{_KIND}))? to {place}"
-    yield "cover", rf"cover (?P<place>{frame}|{asset}|unknown place)( by {who})?"
+    yield "cover", rf"cover {place}( by {who})?"
     yield "relieve", rf"({who} relieves|relieve) (?P<leaving>{asset})( at {place})?"
     yield "report", rf"report( by {who})?( at {place})?"
     yield "hold", rf"({who} )?hold"

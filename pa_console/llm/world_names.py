@@ -19,7 +19,8 @@ KIND_WORDS: dict[str, AssetKind] = {
 """What an asset of a kind is called whatever its name is; the first of a kind is the plainest."""
 GATE = "gate"
 DIGITS = ("zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
-NUMBERS = (*DIGITS, "ten", "eleven", "twelve", "thirteen", "fourteen", "fifteen", "sixteen")
+_TEENS = ("thirteen", "fourteen", "fifteen", "sixteen", "seventeen", "eighteen", "nineteen")
+NUMBERS = (*DIGITS, "ten", "eleven", "twelve", *_TEENS, "twenty")
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _COMPASS = {"n": "north", "e": "east", "s": "south", "w": "west"}
 _NUMBERED = re.compile(r"(.*?)(\d+)\D*")

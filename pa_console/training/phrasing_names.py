@@ -2,32 +2,22 @@
 
 import random
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator
 from functools import lru_cache
 from typing import NamedTuple
 
+from pa_console.llm.world_names import DIGITS, KIND_WORDS, NUMBERS, WORD
 from pa_console.schema.world import AssetKind, World
 
-_COUNTED = """
-zero one two three four five six seven eight nine ten eleven twelve thirteen fourteen fifteen
-sixteen seventeen eighteen nineteen twenty
-"""
 _SPELT = """
 Alpha Bravo Charlie Delta Echo Foxtrot Golf Hotel India Juliett Kilo Lima Mike November Oscar Papa
 Quebec Romeo Sierra Tango Uniform Victor Whiskey Xray Yankee Zulu
 """
-NUMBERS = tuple(_COUNTED.split())
-_DIGITS = tuple(word.title() for word in NUMBERS[:10])
+_DIGITS = tuple(word.title() for word in DIGITS)
 _NATO = {word[0].lower(): word for word in _SPELT.split()}
 _RARE = 1e-3
 """The weight that every form has at least."""
-_GENERIC: Mapping[AssetKind, tuple[str, ...]] = {
-    "uav": ("drone", "uav"),
-    "ugv": ("ugv", "vehicle"),
-    "robot": ("robot",),
-}
 _GATE_WORDS = frozenset(("gate", "entrance", "entry", "exit", "portal", "door"))
-_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
@@ -118,7 +108,7 @@ def key_of(text: str) -> str:
 
 def parts_of(name: str) -> list[str]:
     """Return the words, letters and numbers that an identifier is made of."""
-    return _WORD.findall(name)
+    return WORD.findall(name)
 
 
 def number_word(number: int) -> str:
@@ -175,7 +165,7 @@ def _asset_forms(name: str, kind: AssetKind | None) -> Iterator[Form]:
 def _nouns(word: str, kind: AssetKind | None) -> Iterator[tuple[str, float]]:
     """Yield what stands before the number, with its share: mostly the team's own word."""
     yield word, 1.0
-    for noun in _GENERIC[kind] if kind else ():
+    for noun in (said for said, called in KIND_WORDS.items() if called == kind):
         if noun != word:
             yield noun, 0.12
 

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from pa_console.llm.linking import link_names
 from pa_console.training.worlds import shipped_world
+from tests.llm import site
 
 WORLD = shipped_world()
 NAMES = (*WORLD.assets, *WORLD.frames, *WORLD.zones)
@@ -32,6 +33,11 @@ NAMES = (*WORLD.assets, *WORLD.frames, *WORLD.zones)
 )
 def test_a_name_in_other_words_is_linked(said: str, read: str) -> None:
     assert link_names(WORLD, said) == read
+
+
+def test_a_teams_own_word_becomes_the_word_for_its_kind() -> None:
+    assert link_names(site.WORLD, "any hawk to the hill gate") == "any drone to HillGate"
+    assert link_names(site.WORLD, "an hawk or 2 mules") == "a drone or 2 ugvs"
 
 
 @pytest.mark.parametrize(
