@@ -17,8 +17,10 @@ from pa_console.schema.telemetry import Digest
 from pa_console.schema.world import World
 
 _UNDER = r"(if [ !#-9;-\[\]-~]+: )?"
-_REST = r"(; now: [ !#-\[\]-~]+|; [ !#-:<-\[\]-~]+)?"
-"""How a condition stands, or the facts that decide: printable ASCII, without a semicolon."""
+_NOW = r"now: [ !#-:<-\[\]-~]+"
+"""How a condition stands, which the picture decides."""
+_PLAIN = r"[a-z]+|[0-9]+|\([A-Z]+-[0-9]+\)"
+"""What is no name: plain words, numbers, a rule in brackets."""
 MOST_CLAUSES = 8
 _WORD = re.compile(r"[A-Za-z0-9_]+")
 _NUMBER = re.compile(r"\d+")
@@ -33,14 +35,25 @@ def asked_pattern(world: World, digest: Digest, words: str) -> str:
     frames = [*told_frames(world, digest), *world.zones]
     known = {*told_assets(world, digest), *frames, *tracks}
     said = [name for name in _names(link_names(world, words)) if name not in known]
-    assets = dict.fromkeys(map(_numbered, told_assets(world, digest)))
-    clause = clause_pattern(
-        _either((*assets, *map(exactly, said))),
-        _either(map(exactly, (*frames, *said))),
-        _either(map(exactly, (*tracks, *said))),
-    )
+    numbered = dict.fromkeys(map(_numbered, told_assets(world, digest)))
+    assets = _either((*numbered, *map(exactly, said)))
+    places = _either(map(exactly, (*frames, *said)))
+    targets = _either(map(exactly, (*tracks, *said)))
+    clause = clause_pattern(assets, places, targets)
     follows = rf"((; |, else: )({clause}|nothing)){{0,{MOST_CLAUSES - 1}}}"
-    return rf"asked: {_UNDER}{clause}{follows}(; others stay)?{_REST}"
+    asked = rf"asked: {_UNDER}{clause}{follows}(; {_NOW})?(; others stay)?"
+    return rf"{asked}(; {_facts(assets, places, targets)})?"
+
+
+def _facts(assets: str, places: str, targets: str) -> str:
+    """Return the expression for the facts that decide: each is about a name, or in plain words.
+
+    What is told of a place comes after a colon; it is assets that do something.
+    """
+    word = f"({_PLAIN}|{assets}|{places}|{targets})"
+    about = f"((At )?{places}|{assets}|Free( [a-z]+)?): {word}"
+    fact = f"({about}|{assets}|{targets}|{_PLAIN})( {word})*"
+    return f"{fact}(, {fact})*"
 
 
 def _names(text: str) -> Iterable[str]:
