@@ -16,7 +16,6 @@ from pa_console.training.near_duplicates import NearDuplicates, NearReport
 from pa_console.training.outcome_data import outcome_samples
 from pa_console.training.planner_data import Group, Recipe, make_group, planner_samples
 from pa_console.training.processes import each_in_order
-from pa_console.training.repair_data import repair_samples
 from pa_console.training.rewording import Rewording
 from pa_console.training.samples import Sample
 from pa_console.training.worlds import Numbers, generated_numbers, shipped_missions
@@ -73,7 +72,6 @@ def _make(task: tuple[Job, Path, frozenset[Numbers]]) -> Made:
         words = Rewording(group.situation, rulebook, known, _rng("words", recipe), recipe.split)
         missions = words.all(group.proven, recipe.wordings)
         made.samples += planner_samples(group, missions, rulebook, retriever)
-        made.samples += repair_samples(group, rulebook, retriever, _rng("repair", recipe))
         made.dropped += group.dropped
     if "judge" in job.parts:
         rng, split, dropped = _rng("judge", recipe), recipe.split, made.dropped

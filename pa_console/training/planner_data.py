@@ -146,21 +146,10 @@ def planner_samples(
         yield make_sample(group.name, "planner", prompt, picture, answer, proven.kind)
 
 
-def planner_prompt_of(  # noqa: PLR0917
-    case: MissionCase,
-    situation: Situation,
-    rulebook: Rulebook,
-    retriever: Retriever,
-    faults: Sequence[str] = (),
-    previous: str = "",
+def planner_prompt_of(
+    case: MissionCase, situation: Situation, rulebook: Rulebook, retriever: Retriever
 ) -> Prompt:
-    """Return the prompt that the console would give for `case` in `situation`.
-
-    With `faults`, it is the one after the `previous` answer was sent back for them.
-    """
+    """Return the prompt that the console would give for `case` in `situation`."""
     hits = retriever.retrieve(case.command, TOP_K)
     rules = [rulebook.get(hit.rule_id) for hit in hits]
-    mission = mission_of(case)
-    return compact_planner_prompt(
-        situation.world, situation.digest, rules, mission, faults, previous
-    )
+    return compact_planner_prompt(situation.world, situation.digest, rules, mission_of(case))
