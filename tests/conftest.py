@@ -1,4 +1,4 @@
-"""Nothing that the user of this machine has chosen reaches a test."""
+"""Nothing that the user of this machine has chosen reaches a test; each worker has its cores."""
 
 import os
 from collections.abc import Iterator
@@ -9,6 +9,18 @@ from pa_console.settings.schema import describe_settings
 
 KEPT = ("cache",)
 """The tests' model is looked for where the user keeps models."""
+
+
+def pytest_configure() -> None:
+    """Take a share of the cores, where the suite has several workers.
+
+    Models that compute on the same cores wait for each other's threads at every layer.
+    """
+    worker = os.environ.get("PYTEST_XDIST_WORKER", "")
+    if worker.startswith("gw") and hasattr(os, "sched_setaffinity"):
+        count = int(os.environ["PYTEST_XDIST_WORKER_COUNT"])
+        own = sorted(os.sched_getaffinity(0))[int(worker.removeprefix("gw")) :: count]
+        os.sched_setaffinity(0, own or os.sched_getaffinity(0))
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -45,6 +45,8 @@ class ScriptedEngine:
         self._others = others
         self._answers = {"planner": list(plans), "judge": list(verdicts)}
         self.requests: list[Request] = []
+        self.several: list[Request] = []
+        """Those for several answers at once."""
         adapter = LocalAdapter("judge", Path("/dev/null"), "0" * 64)
         self.model = LocalModel(
             "scripted", Path("/dev/null"), "0" * 64, adapters=(adapter,) if trained else ()
@@ -82,6 +84,7 @@ class ScriptedEngine:
     async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
         """Give the next answer of the request's role in two pieces."""
         if request.count > 1:
+            self.several.append(request)
             texts = tuple(self._others)
             yield Completed("", Usage(completion_tokens=2, seconds=0.01), "stop", texts)
             return

@@ -7,6 +7,7 @@ vocabulary is computed only when the grammar refuses it.
 import codecs
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import accumulate, takewhile
 from time import perf_counter
 from typing import Any
 
@@ -42,6 +43,12 @@ class Written:
         """Return its tokens but for the last ones, which what follows may be joined to."""
         written = [token for token in self.tokens if token not in ends]
         return written[:-LOOSE]
+
+    def within(self, text: str, tokenizer: Any) -> list[int]:
+        """Return its first tokens, as many as write no more than `text`, its beginning."""
+        room = len(text.encode())
+        ends = accumulate(len(tokenizer.decode_bytes([token])) for token in self.tokens)
+        return list(self.tokens[: sum(1 for end in takewhile(lambda end: end <= room, ends))])
 
 
 class AnswerRun:

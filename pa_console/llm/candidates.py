@@ -55,12 +55,18 @@ class Candidates:
         """Give the memory of the copies back."""
         self._shared.close()
 
-    def answers(
-        self, sequence: int, prompt: Sequence[int], grammar: str, max_tokens: int, count: int
+    def answers(  # noqa: PLR0917
+        self,
+        sequence: int,
+        prompt: Sequence[int],
+        grammar: str,
+        max_tokens: int,
+        count: int,
+        begun: Sequence[int] = (),
     ) -> tuple[list[str], Finish, Usage]:
-        """Write `count` answers to `prompt`; those that are not complete are left out.
+        """Write `count` answers to `prompt` that begin with `begun`; incomplete ones are left out.
 
-        Raises ValueError when the grammar is not valid or there is no room.
+        Raises ValueError when the grammar is not valid, refuses `begun`, or there is no room.
         """
         started = perf_counter()
         texts: list[str] = []
@@ -68,9 +74,10 @@ class Candidates:
         cached, first = 0, 0.0
         finish: Finish = "stop"
         try:
-            logits, cached = self._runtime.begin(sequence, prompt)
+            logits, evaluated = self._runtime.begin(sequence, [*prompt, *begun])
+            cached = min(evaluated, len(prompt))
             first = perf_counter() - started
-            answers = [self._begun(grammar, logits, number) for number in range(count)]
+            answers = [self._begun(grammar, begun, logits, number) for number in range(count)]
             self._shared.adopt(self._runtime.state(sequence), count, sequence)
             self._write(answers, len(prompt), max_tokens)
             texts = [self._text(answer) for answer in answers if answer.matcher.is_stopped()]
@@ -82,18 +89,22 @@ class Candidates:
             Usage(
                 prompt_tokens=len(prompt),
                 cached_tokens=cached,
-                completion_tokens=sum(len(answer.tokens) for answer in answers),
+                completion_tokens=sum(len(answer.tokens) - len(begun) for answer in answers),
                 sampled_tokens=sum(answer.sampled for answer in answers),
                 first_token_s=first,
                 seconds=perf_counter() - started,
             ),
         )
 
-    def _begun(self, grammar: str, logits: NDArray[np.float32], number: int) -> _Answer:
+    def _begun(
+        self, grammar: str, begun: Sequence[int], logits: NDArray[np.float32], number: int
+    ) -> _Answer:
         matcher = LLMatcher(self._tokenizer, grammar, log_level=0)
         if matcher.is_error():
             raise ValueError(f"the grammar is not valid: {matcher.get_error()}")
-        return _Answer(matcher, logits.copy(), np.random.default_rng(number + 1))
+        if begun and matcher.try_consume_tokens(list(begun)) != len(begun):
+            raise ValueError("the grammar refuses how the answers are to begin")
+        return _Answer(matcher, logits.copy(), np.random.default_rng(number + 1), list(begun))
 
     def _write(self, answers: list[_Answer], start: int, max_tokens: int) -> None:
         """Let every open answer take its next tokens, then evaluate all of them at once."""

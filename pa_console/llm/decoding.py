@@ -63,21 +63,33 @@ class Decoder:
             self._last[sequence] = Written(context[: len(prompt)], self.written, run.text, run.done)
         return finish, run.usage(len(prompt))
 
-    def several(
-        self, sequence: int, prompt: Sequence[int], grammar: str, max_tokens: int, count: int
+    def several(  # noqa: PLR0917
+        self,
+        sequence: int,
+        prompt: Sequence[int],
+        grammar: str,
+        max_tokens: int,
+        count: int,
+        begun: str = "",
     ) -> tuple[list[str], Finish, Usage]:
         """Write `count` answers to `prompt` in one batch; returns those that are complete.
 
-        Raises ValueError as `answer` does.
+        When the last answer in `sequence` was to this prompt and its text begins with `begun`, so
+        do these. Raises ValueError as `answer` does.
         """
         self._fits(prompt, max_tokens)
-        self._last.pop(sequence, None)
+        last = self._last.pop(sequence, None)
+        kept: list[int] = []
+        if last is not None and last.prompt == list(prompt) and last.text.startswith(begun):
+            kept = last.within(begun, self._tokenizer)
         if self._candidates is None or self._candidates.width < count:
             if self._candidates is not None:
                 self._candidates.close()
             shared = self._runtime.shared_context(count, max_tokens)
             self._candidates = Candidates(self._runtime, shared, self._tokenizer, self._ends)
-        return self._candidates.answers(sequence, prompt, grammar, max_tokens, count)
+        return self._candidates.answers(
+            sequence, prompt, grammar, max_tokens, count, kept
+        )
 
     def _fits(self, prompt: Sequence[int], max_tokens: int) -> None:
         room = self._runtime.n_ctx - max_tokens

@@ -54,11 +54,11 @@ class Planner:
                 yield Proposal(item.text, plan, error, usage=item.usage)
 
     async def several(
-        self, prompt: Prompt, grammar: str, count: int
+        self, prompt: Prompt, grammar: str, count: int, begun: str = ""
     ) -> tuple[list[Proposal], Usage]:
         """Return up to `count` different plans for `prompt`, those that came most often first.
 
-        The usage is of all of them together; that of each Proposal is empty. Never raises
+        They begin with `begun` when the last answer to the prompt did. The usage is of all of them together; that of each Proposal is empty. Never raises
         EngineError.
         """
         request = Request(
@@ -69,6 +69,7 @@ class Planner:
             self._max_tokens,
             self._deadline_s,
             count,
+            begun=begun,
         )
         texts: tuple[str, ...] = ()
         usage = Usage()

@@ -132,6 +132,18 @@ def read_reason(reason: str) -> Reading | None:
     return _read(reason, with_facts=True)
 
 
+def asked_words(reason: str) -> str:
+    """Return how `reason` begins: what was asked, up to the facts that decide; '' without that."""
+    if read_reason(reason) is None:
+        return ""
+    case = _UNDER.fullmatch(reason.removeprefix("asked: "))
+    if case is not None:
+        facts = (case["facts"] or "").removeprefix("others stay").removeprefix("; ")
+    else:
+        facts = reason.rpartition("; ")[2] if "; " in reason else ""
+    return reason.removesuffix(facts)
+
+
 def read_asked(words: str) -> Reading | None:
     """Return what `words` say was asked; nothing comes after it."""
     return _read(words, with_facts=False)

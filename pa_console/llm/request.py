@@ -23,7 +23,8 @@ class Request:
     """Text that the answer may repeat: it only makes the answer faster."""
     begun: str = ""
     """How the answer begins, where `grammar` is of one that goes on from what the last answer to
-    this prompt wrote: what was evaluated for that is not evaluated again."""
+    this prompt wrote: what was evaluated for that is not evaluated again. Where several answers
+    are wanted, all of them begin so, as the last answer did."""
 
 
 @dataclass(frozen=True)

@@ -122,7 +122,7 @@ def _answer(
             request.begun,
         )
     texts, finish, usage = decoder.several(
-        sequence, prompt, request.grammar, request.max_tokens, request.count
+        sequence, prompt, request.grammar, request.max_tokens, request.count, request.begun
     )
     send(Texts(id=request.id, texts=tuple(texts)))
     return finish, usage

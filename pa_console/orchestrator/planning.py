@@ -151,9 +151,11 @@ class Planning:
     async def _first_sound(self) -> Payloads:
         """Examine the planner's other answers until one is sound; the best of them becomes `best`.
 
-        What was asked is taken from its first answer, the most likely one.
+        What was asked is taken from its first answer, the most likely one; where the console can
+        read that, the others say the same of it.
         """
-        async for payload in self._proposing.ask_for_others():
+        readable = self._reading is not None and self._reading.readable
+        async for payload in self._proposing.ask_for_others(as_asked=readable):
             yield payload
         while not self._sound and self._proposing.others:
             async for payload in self._examine(*self._proposing.others.pop(0)):

@@ -5,6 +5,7 @@ from dataclasses import replace
 from time import perf_counter
 
 from pa_console.llm.planner import Proposal
+from pa_console.llm.reading import asked_words
 from pa_console.orchestrator.question import Question, ask_for_plan
 from pa_console.orchestrator.services import Payloads, Services, Stopwatch
 from pa_console.schema import event as ev
@@ -81,10 +82,11 @@ class Proposing:
         if self.attempts == 1:
             self._watch.add("first_token_s", self.latest.usage.first_token_s)
 
-    async def ask_for_others(self) -> Payloads:
+    async def ask_for_others(self, *, as_asked: bool = False) -> Payloads:
         """Step 5 once more, several answers at once: `others`, the most frequent one first.
 
-        All of them are told. Asked for once a prompt; a plan of the operator's own has none.
+        With `as_asked` all of them say of what was asked what the last answer said. All of them are
+        told. Asked for once a prompt; a plan of the operator's own has none.
         """
         asked, count = self.question, self._services.variant.candidates - 1
         if asked is None or self.others is not None:
@@ -94,7 +96,9 @@ class Proposing:
             return
         first = self.attempts
         with self._watch.time("planning_s"):
-            found, usage = await self._services.planner.several(asked.prompt, asked.grammar, count)
+            found, usage = await self._services.planner.several(
+                asked.prompt, asked.grammar, count, self._asked if as_asked else ""
+            )
         for proposal in found:
             self.attempts += 1
             given = replace(proposal, usage=usage if self.attempts == first + 1 else Usage())
@@ -107,6 +111,13 @@ class Proposing:
         self.attempts += 1
         self.others = []
         yield ev.PlanProposed(attempt=self.attempts, author="operator", text=plan.answer, plan=plan)
+
+    @property
+    def _asked(self) -> str:
+        """The beginning of the last answer in which it says what was asked; '' without that."""
+        text, plan = self.latest.text, self.latest.plan
+        words = asked_words(plan.reason) if plan is not None else ""
+        return text[: text.find(words) + len(words)] if words and words in text else ""
 
     def _retrieved(self, text: str) -> tuple[RuleHit, ...]:
         """Return the rules for the prompt: pinned ones, best ones, or both, by variant."""

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from pa_console.cli import bench_judge
+from pa_console.cli.output import out
 from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.evaluation.results import Results
 from pa_console.evaluation.runner import Runner
@@ -57,7 +58,7 @@ def strict_judge(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_verdicts_are_told_against_the_truth_and_kept(
     call: Call, runs: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr(out, "width", 80)
     words = ("bench", "judge", str(runs), "--out", str(runs / "answers"))
     report = call(*words, "--json").json
     assert (report["model"], report["asked"], report["reused"]) == ("objector", 2, 0)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.llm.reading import Reading, Team, Wish, read_asked, read_reason
+from pa_console.llm.reading import Reading, Team, Wish, asked_words, read_asked, read_reason
 from pa_console.training.asked import asked
 from pa_console.training.conditions import due_asks
 from pa_console.training.order import Ask
@@ -42,6 +42,20 @@ def test_what_was_asked_is_read_as_it_was_meant(seed: int) -> None:
         assert wish.team == team_of(ask)
         assert wish.leaving == ask.leaving or ask.task == "cover"
         assert wish.place == ask.place or ask.task in ("home", "swap")
+
+
+@given(st.integers(0, 10_000), st.sampled_from(["", "Free drone: Drone_T04, guards stay"]))
+def test_what_was_asked_is_told_apart_from_the_facts_that_decide(seed: int, facts: str) -> None:
+    order, _ = sample_order(random.Random(seed), NOW.world, NOW.picture, NOW.digest)
+    words = f"asked: {asked(order, NOW.world, NOW.picture, NOW.digest)}"
+    reason = f"{words}; {facts}" if facts else f"{words}; hold"
+    begun = asked_words(reason)
+    assert begun == f"{words}; "
+    assert read_reason(begun + "other facts") == read_reason(reason)
+
+
+def test_a_reason_that_does_not_say_what_was_asked_has_no_such_words() -> None:
+    assert not asked_words("the gate needs a guard; Drone_T04 is free")
 
 
 @given(st.text(max_size=80))

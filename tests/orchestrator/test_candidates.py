@@ -58,6 +58,20 @@ async def test_a_plan_that_is_not_what_its_planner_says_was_asked_gives_way(rig:
     assert asked == [3]
 
 
+async def test_the_other_plans_say_the_same_of_what_was_asked(rig: Rig) -> None:
+    engine = ScriptedEngine([ASTRAY], others=[SOUND])
+    await rig.run(engine)
+    assert [request.begun for request in engine.several] == [
+        '{"reason": "asked: 1 drone to EastGate; '
+    ]
+
+
+async def test_where_none_says_what_was_asked_the_other_plans_begin_as_they_like(rig: Rig) -> None:
+    engine = ScriptedEngine([STRIPS], others=[SOUND])
+    await rig.run(engine)
+    assert [request.begun for request in engine.several] == [""]
+
+
 async def test_if_no_other_plan_is_nearer_to_what_was_asked_the_first_stays(rig: Rig) -> None:
     await rig.run(ScriptedEngine([ASTRAY], others=[STRIPS, ASTRAY]))
     asked = [e.data.attempt for e in rig.events if e.data.kind == "approval_requested"]
