@@ -19,7 +19,7 @@ from pa_console.llm.lookup import guess
 from pa_console.llm.protocol import Finish
 from pa_console.llm.runtime import Runtime
 from pa_console.llm.shared_context import InterruptedEvaluationError
-from pa_console.llm.token_choice import allowed_only, forced_tokens, readable
+from pa_console.llm.token_choice import forced_tokens, likeliest, readable
 from pa_console.schema.finding import Usage
 
 LOOSE = 3
@@ -44,11 +44,11 @@ class Written:
         written = [token for token in self.tokens if token not in ends]
         return written[:-LOOSE]
 
-    def within(self, text: str, tokenizer: Any) -> list[int]:
-        """Return its first tokens, as many as write no more than `text`, its beginning."""
+    def within(self, text: str, tokenizer: Any) -> int:
+        """Return how many of its tokens write no more than `text`, its beginning."""
         room = len(text.encode())
         ends = accumulate(len(tokenizer.decode_bytes([token])) for token in self.tokens)
-        return list(self.tokens[: sum(1 for end in takewhile(lambda end: end <= room, ends))])
+        return sum(1 for _ in takewhile(lambda end: end <= room, ends))
 
 
 class AnswerRun:
@@ -174,10 +174,7 @@ class AnswerRun:
         tokens = forced_tokens(self._matcher)
         if tokens or self._matcher.is_stopped():
             return tokens
-        token = int(np.argmax(logits))
-        if self._matcher.try_consume_tokens([token]) != 1:
-            token = int(np.argmax(allowed_only(self._matcher, logits)))
-            self._matcher.consume_token(token)
+        token = likeliest(self._matcher, logits)
         self._sampled += 1
         return [token, *forced_tokens(self._matcher)]
 

@@ -72,24 +72,30 @@ class Decoder:
         count: int,
         begun: str = "",
     ) -> tuple[list[str], Finish, Usage]:
-        """Write `count` answers to `prompt` in one batch; returns those that are complete.
+        """Write up to `count` answers to `prompt` other than the most likely one, in one batch.
 
-        When the last answer in `sequence` was to this prompt and its text begins with `begun`, so
-        do these. Raises ValueError as `answer` does.
+        Those that are complete are returned, the likeliest first. They keep of the most likely
+        answer what `begun` says, its beginning. Raises ValueError as `answer` does.
         """
-        self._fits(prompt, max_tokens)
-        last = self._last.pop(sequence, None)
-        kept: list[int] = []
-        if last is not None and last.prompt == list(prompt) and last.text.startswith(begun):
-            kept = last.within(begun, self._tokenizer)
+        last = self._last.get(sequence)
+        if last is None or last.prompt != list(prompt):
+            finish, usage = self.answer(sequence, prompt, grammar, max_tokens, _unheard)
+            last = self._last.get(sequence)
+            if last is None:
+                return [], finish, usage
+        del self._last[sequence]
+        kept = last.within(begun, self._tokenizer) if last.text.startswith(begun) else 0
+        candidates = self._room_for(count, max_tokens)
+        return candidates.answers(sequence, last, kept, grammar, max_tokens, count)
+
+    def _room_for(self, count: int, max_tokens: int) -> Candidates:
+        """Return what writes `count` answers at once."""
         if self._candidates is None or self._candidates.width < count:
             if self._candidates is not None:
                 self._candidates.close()
             shared = self._runtime.shared_context(count, max_tokens)
             self._candidates = Candidates(self._runtime, shared, self._tokenizer, self._ends)
-        return self._candidates.answers(
-            sequence, prompt, grammar, max_tokens, count, kept
-        )
+        return self._candidates
 
     def _fits(self, prompt: Sequence[int], max_tokens: int) -> None:
         room = self._runtime.n_ctx - max_tokens
@@ -98,3 +104,7 @@ class Decoder:
                 f"the prompt has {len(prompt)} tokens and at most {room} fit beside an answer of "
                 f"{max_tokens} in the model's context of {self._runtime.n_ctx}: shorten the mission"
             )
+
+
+def _unheard(_text: str) -> None:
+    """Take text that nobody waits for."""

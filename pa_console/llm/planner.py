@@ -56,10 +56,10 @@ class Planner:
     async def several(
         self, prompt: Prompt, grammar: str, count: int, begun: str = ""
     ) -> tuple[list[Proposal], Usage]:
-        """Return up to `count` different plans for `prompt`, those that came most often first.
+        """Return up to `count` other plans for `prompt`, the likeliest first.
 
-        They begin with `begun` when the last answer to the prompt did. The usage is of all of them together; that of each Proposal is empty. Never raises
-        EngineError.
+        They begin as the most likely answer does, as far as `begun` says. The usage is of all of
+        them together; that of each Proposal is empty. Never raises EngineError.
         """
         request = Request(
             "planner",
@@ -76,12 +76,12 @@ class Planner:
         async for item in ask(self._engine, request):
             if not isinstance(item, str):
                 texts, usage = item.texts, item.usage
-        plans: dict[tuple[Action, ...], list[Proposal]] = {}
+        plans: dict[tuple[Action, ...], Proposal] = {}
         for text in texts:
             plan, _ = read_plan(text)
             if plan is not None:
-                plans.setdefault(plan.actions, []).append(Proposal(text, plan))
-        return [alike[0] for alike in sorted(plans.values(), key=len, reverse=True)], usage
+                plans.setdefault(plan.actions, Proposal(text, plan))
+        return list(plans.values()), usage
 
 
 def read_plan(text: str) -> tuple[Plan | None, str]:

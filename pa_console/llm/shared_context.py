@@ -67,15 +67,20 @@ class SharedContext:
         _api.llama_batch_free(self._batch)
         _api.llama_free(self.context)
 
-    def adopt(self, state: bytes, count: int, sequence: int) -> None:
-        """Begin `count` continuations of a prompt: `state` is what `sequence` evaluated of it."""
+    def adopt(self, state: bytes, lengths: Sequence[int], sequence: int) -> None:
+        """Begin continuations of what `sequence` evaluated, `state`: each of its first tokens.
+
+        `lengths` says of how many, continuation by continuation.
+        """
         self._adapters.use(self.context, sequence)
         _api.llama_memory_clear(self._memory, False)
         buffer = (ctypes.c_uint8 * len(state)).from_buffer_copy(state)
         if not _api.llama_state_seq_set_data(self.context, buffer, len(state), 0):
             raise ValueError("the prompt does not fit into the context for several answers")
-        for number in range(1, count):
+        for number in range(1, len(lengths)):
             _api.llama_memory_seq_cp(self._memory, 0, number, -1, -1)
+        for number, length in enumerate(lengths):
+            _api.llama_memory_seq_rm(self._memory, number, length, -1)
 
     def extend(self, pieces: Sequence[Piece]) -> list[NDArray[np.float32]]:
         """Evaluate the new tokens of every piece; return the logits after each one's last token.

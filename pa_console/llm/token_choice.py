@@ -16,6 +16,15 @@ def forced_tokens(matcher: LLMatcher) -> list[int]:
     return tokens
 
 
+def likeliest(matcher: LLMatcher, logits: NDArray[np.float32]) -> int:
+    """Take and return the likeliest token; the mask is computed only when that is refused."""
+    token = int(np.argmax(logits))
+    if matcher.try_consume_tokens([token]) != 1:
+        token = int(np.argmax(allowed_only(matcher, logits)))
+        matcher.consume_token(token)
+    return token
+
+
 def allowed_only(matcher: LLMatcher, logits: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return `logits` with minus infinity for what the grammar refuses; ValueError for all."""
     mask = np.frombuffer(matcher.compute_bitmask(), dtype=np.uint8)

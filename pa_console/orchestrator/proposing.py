@@ -83,7 +83,7 @@ class Proposing:
             self._watch.add("first_token_s", self.latest.usage.first_token_s)
 
     async def ask_for_others(self, *, as_asked: bool = False) -> Payloads:
-        """Step 5 once more, several answers at once: `others`, the most frequent one first.
+        """Step 5 once more, several answers at once: `others`, the likeliest first.
 
         With `as_asked` all of them say of what was asked what the last answer said. All of them are
         told. Asked for once a prompt; a plan of the operator's own has none.
