@@ -11,10 +11,8 @@ import numpy as np
 from llguidance import LLMatcher
 from numpy.typing import NDArray
 
-from pa_console.llm.token_choice import allowed_only
-
-AT_ONE_PLACE = 8
-"""So many tokens are looked at, the answer's own among them, at each place."""
+AT_ONE_PLACE = 32
+"""So many of the likeliest tokens are looked at, at each place."""
 
 LONGEST = 8
 """So many tokens of the answer write more than any one token does."""
@@ -48,26 +46,27 @@ def branches(  # noqa: PLR0917
         if matcher.is_stopped():
             break
         if position >= forced_to:
-            forced = matcher.compute_ff_tokens()
-            forced_to = position + len(forced)
-        if position >= forced_to:
-            allowed = allowed_only(matcher, row)
-            chances = allowed - _log_sum(allowed)
-            if position >= begun:
-                others = np.argpartition(-chances, AT_ONE_PLACE)[:AT_ONE_PLACE].tolist()
-                text = tokenizer.decode_bytes(list(answer[position : position + LONGEST]))
-                found += [
-                    Branch(chance + float(chances[other]), position, other)
-                    for other in others
-                    if np.isfinite(chances[other])
-                    and not text.startswith(tokenizer.decode_bytes([other]))
-                ]
-            chance += float(chances[token])
+            forced_to = position + len(matcher.compute_ff_tokens())
+        if position >= max(forced_to, begun):
+            chances = _chances(matcher, row, token)
+            text = tokenizer.decode_bytes(list(answer[position : position + LONGEST]))
+            found += [
+                Branch(chance + other_chance, position, other)
+                for other, other_chance in chances.items()
+                if not text.startswith(tokenizer.decode_bytes([other]))
+            ]
+            chance += chances[token]
         matcher.consume_token(token)
     return nlargest(count, found)
 
 
-def _log_sum(values: NDArray[np.float32]) -> float:
-    """Return the logarithm of the sum of the exponentials of `values`."""
-    top = float(values.max())
-    return top + float(np.log(np.exp(values - top).sum()))
+def _chances(matcher: LLMatcher, row: NDArray[np.float32], token: int) -> dict[int, float]:
+    """Return the logarithms of the chances of `token` and of the likeliest that are allowed.
+
+    The mask over the whole vocabulary is not computed: inside long texts it is dear.
+    """
+    likely = np.argpartition(-row, AT_ONE_PLACE)[:AT_ONE_PLACE].tolist()
+    allowed = [t for t in likely if t != token and matcher.validate_tokens([t]) == 1]
+    values = row[[token, *allowed]].astype(np.float64)
+    values -= np.logaddexp.reduce(values)
+    return dict(zip([token, *allowed], values.tolist(), strict=True))
