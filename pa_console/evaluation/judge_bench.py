@@ -1,6 +1,7 @@
 """Asks a model for its verdict on plans that were executed in an evaluation."""
 
 from collections.abc import AsyncGenerator, Iterable
+from dataclasses import replace
 
 from pa_console.evaluation.judge_cases import JudgedCase
 from pa_console.evaluation.record import Opinion
@@ -53,7 +54,8 @@ async def judge_cases(
         before = await _answer(judge, ask_about_plan(dialect, case.world, case.rulebook, case.plan))
         after = None
         if outcomes and case.after is not None:
-            after = await _answer(judge, ask_about_outcome(dialect, case.world, case.after))
+            executed = replace(case.after, said=before.feedback)
+            after = await _answer(judge, ask_about_outcome(dialect, case.world, executed))
         logged_plan, logged_outcome = map(_opinion, case.logged)
         yield JudgedRun(
             run=case.record.run,

@@ -206,7 +206,12 @@ class _Reading:
             return None
         asked = self.asked
         return OutcomeCase(
-            asked.task, self.after, asked.digest.selection, asked.plan, trace.verification
+            asked.task,
+            asked.rehearsal.before,
+            self.after,
+            asked.digest.selection,
+            asked.plan,
+            trace.verification,
         )
 
     def verdicts(self) -> tuple[Verdict | None, Verdict | None]:

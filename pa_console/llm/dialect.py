@@ -21,7 +21,7 @@ from pa_console.llm.grammar import (
     compact_opening_grammar,
     judge_grammar,
 )
-from pa_console.llm.grounds import grounded_asked, grounded_outcome, grounded_reason
+from pa_console.llm.grounds import ASKED_ONCE, grounded_asked, grounded_reason
 from pa_console.llm.prompts import (
     Prompt,
     fixed_part,
@@ -30,7 +30,6 @@ from pa_console.llm.prompts import (
     planner_prompt,
 )
 from pa_console.schema.event import Role
-from pa_console.schema.plan import Plan
 from pa_console.schema.rule import Rule
 from pa_console.schema.telemetry import Digest
 from pa_console.schema.world import World
@@ -50,11 +49,11 @@ class Dialect:
     reason: Callable[[World, Digest, str], Sequence[str]]
     """What the reason of a plan for a mission in those words can state, as regular expressions that
     all have to match; without any, anything."""
-    outcome_words: Callable[[World, Plan], str]
-    """The same of what is said of a plan's outcome, in one expression; empty: anything."""
     opening: Callable[[World, Digest, str], str] | None
     """The grammar of how a verdict on a plan begins: with what a mission in those words asked, so
     that the console can compare the plan with it; None: the judge compares on its own."""
+    outcome_opening: str | None
+    """The same of a verdict on an outcome where none on the plan has said it."""
     ahead: Callable[[Role, World, Digest | None], Prompt]
     """The beginning of a role's prompts that does not depend on a mission; without a picture, of
     a world too large to be told whole."""
@@ -90,7 +89,7 @@ DIALECTS: dict[DialectName, Dialect] = {
         outcome_prompt,
         judge_grammar,
         lambda _world, _digest, _words: (),
-        lambda _world, _plan: "",
+        None,
         None,
         _fixed_only,
         None,
@@ -104,8 +103,8 @@ DIALECTS: dict[DialectName, Dialect] = {
         compact_outcome_prompt,
         compact_judge_grammar,
         grounded_reason,
-        grounded_outcome,
         _compact_opening,
+        compact_opening_grammar((ASKED_ONCE,)),
         _compact_ahead,
         typed,
         400,

@@ -14,8 +14,6 @@ from pa_console.llm.compact_prompt import asset_state, standing
 from pa_console.llm.condition import conditions, evidence, holds, in_words, told_assets, told_frames
 from pa_console.llm.contact import contacts
 from pa_console.llm.facts import WORDS
-from pa_console.llm.plan_words import planned
-from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Digest
 from pa_console.schema.world import World
 
@@ -25,8 +23,9 @@ _PART = r"[ !#-+\--9<-\[\]-~]"
 """A character within what commas and semicolons part."""
 _ORDER = r"([A-Zabcdefghj-z0-9_]|i[A-Zabcdeg-z0-9_])[A-Za-z0-9_,; ]*"
 """The same in names, numbers and plain words alone."""
-_ONCE = f"asked: ({WORD}+|if {WORD}+: {WORD}+, else: {WORD}+; now: {WORD}+(: {WORD}+)?)"
-"""What was asked at a moment of which the digest is not."""
+_WORDS = f"{WORD}{{1,160}}"
+ASKED_ONCE = f"asked: ({_WORDS}|if {_WORDS}: {_WORDS}, else: {_WORDS}; now: {_WORDS}(: {_WORDS})?)"
+"""A regular expression for what was asked at a moment of which there is no digest any more."""
 MOST_PARTS = 24
 """What commas and semicolons part in a reason: clauses, names, facts."""
 MOST_PLAIN = 80
@@ -51,19 +50,8 @@ def grounded_reason(world: World, digest: Digest, words: str) -> tuple[str, ...]
     return stated, asked_pattern(world, digest, words)
 
 
-def grounded_outcome(world: World, plan: Plan) -> str:
-    """Return a regular expression for what a judge says of an outcome, with the plan as it is.
-
-    A plan of many words is told in the model's own, and so is the condition of an order: the
-    picture is of a later moment than it.
-    """
-    every = {planned(plan.actions, world, by_name=by_name) for by_name in (True, False)}
-    ways = sorted(escape(words) for words in every if len(words) <= MOST_PLANNED)
-    return f"{_ONCE}; planned: {_either(ways or [f'{WORD}+'])}; {WORD}+"
-
-
 def grounded_asked(world: World, digest: Digest, words: str) -> tuple[str, ...]:
-    """Return the same for what a judge says was asked, in words like those of orders.
+    """Return the same for what a judge of a plan says was asked, in words like those of orders.
 
     Facts of the picture, which come with colons, brackets and rule ids, have no place in it.
     """

@@ -42,17 +42,22 @@ def compare(asked: str, moves: PlanMoves) -> Compared:
     return Compared(words, gaps(moves, reading))
 
 
-def compared_grammar(opening: str, moves: PlanMoves, rule_ids: Sequence[str] = ()) -> str:
+def compared_grammar(
+    opening: str, moves: PlanMoves, rule_ids: Sequence[str] = (), *, executed: bool = False
+) -> str:
     """Return the grammar of a whole verdict that begins with `opening`.
 
     A plan that is not what was asked cannot be called a success. What the console cannot read is
-    left to the model, as is which rules of `rule_ids` are violated.
+    left to the model, as is which rules of `rule_ids` are violated, and of a plan that was
+    `executed` what came of it.
     """
     asked = opening.partition(': "')[2].removesuffix(PLANNED)
     compared = compare(asked, moves)
     said = exactly((asked + PLANNED + compared.told)[:COMPARED_CHARS])
     if compared.gaps is None:
         said += f"{WORD}+"
+    elif executed and not compared.gaps:
+        said += f"; {WORD}+"
     verdicts = ("Failure",) if compared.gaps else ("Success", "Failure")
     return compact_judge_grammar(rule_ids, said, verdicts, COMPARED_CHARS)
 

@@ -15,6 +15,7 @@ from pa_console.schema import event as ev
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.mission import Mission, Verification
 from pa_console.schema.moment import OrderMoment
+from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture, Selection
 
 MARGIN_S = 20.0
@@ -90,13 +91,16 @@ class Execution:
             yield ev.MissionVerified(verification=self.verification, seconds=seconds)
 
     async def judge_outcome(
-        self, approved: Examination, mission: Mission, selection: Selection | None
+        self, plan: Plan, mission: Mission, selection: Selection | None, said: str
     ) -> Payloads:
-        """Step 7: the JudgeLLM says from telemetry whether `mission` was accomplished."""
-        if self.verification is None:
+        """Step 7: the JudgeLLM says from telemetry whether `mission` was accomplished.
+
+        `said` is what it said of the `plan`, '' when it was not asked.
+        """
+        if self.verification is None or self._premises is None:
             return
-        sim = self._services.sim
-        case = OutcomeCase(mission, sim.picture(), selection, approved.plan, self.verification)
+        sim, before = self._services.sim, self._premises.before
+        case = OutcomeCase(mission, before, sim.picture(), selection, plan, self.verification, said)
         asked = ask_about_outcome(self._services.dialect, sim.world, case)
         with self._watch.time("outcome_s"):
             async for piece in asked.put_to(self._services.judge):

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 from pa_console.llm.dialect import Dialect
-from pa_console.llm.grammar import hinted
+from pa_console.llm.grammar import PLANNED, hinted
 from pa_console.llm.judge import Judge, Judgement
 from pa_console.llm.prompts import Prompt
+from pa_console.llm.reading import read_asked
 from pa_console.orchestrator.comparing import compared_grammar
 from pa_console.orchestrator.digest import digest_picture
 from pa_console.orchestrator.plan_moves import PlanMoves
@@ -35,16 +36,19 @@ class PlanCase:
 
 @dataclass(frozen=True)
 class OutcomeCase:
-    """An executed plan: the `picture` afterwards, and what telemetry says of every action.
+    """An executed plan: pictures `before` and after it, and what telemetry says of every action.
 
-    `selection` is the part of the picture that the plan was made from; None means all of it.
+    `selection` is the part of the picture that the plan was made from; None means all of it. `said`
+    is what the judge said of the plan, if it was asked about that too: what was asked is read once.
     """
 
     task: Mission
+    before: Picture
     picture: Picture
     selection: Selection | None
     plan: Plan
     verification: Verification
+    said: str = ""
 
 
 @dataclass(frozen=True)
@@ -94,8 +98,17 @@ def ask_about_outcome(dialect: Dialect, world: World, case: OutcomeCase) -> Judg
     """Step 7: return the question whether the task was accomplished."""
     digest = digest_picture(case.picture, world, case.selection)
     prompt = dialect.outcome(world, digest, case.task, case.plan, case.verification)
-    words = dialect.outcome_words(world, case.plan)
-    return JudgeQuestion("outcome", prompt, dialect.verdict([], words))
+    if dialect.outcome_opening is None:
+        return JudgeQuestion("outcome", prompt, dialect.verdict([]))
+    moves = PlanMoves(world, case.before, case.plan)
+
+    def goes_on(opening: str) -> str:
+        return compared_grammar(opening, moves, executed=True)
+
+    asked, compared, _ = case.said.partition(PLANNED)
+    if compared and read_asked(asked) is not None:
+        return JudgeQuestion("outcome", prompt, goes_on(f'{{"feedback": "{asked}{PLANNED}'))
+    return JudgeQuestion("outcome", prompt, dialect.outcome_opening, goes_on=goes_on)
 
 
 def judged_rules(hits: Sequence[RuleHit], findings: Sequence[Finding]) -> list[str]:

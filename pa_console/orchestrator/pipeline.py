@@ -218,8 +218,9 @@ class MissionRun:
         finally:
             self.moving = False
         if self._services.variant.judging:
+            said = approved.verdict.feedback if approved.verdict is not None else ""
             async for payload in self.execution.judge_outcome(
-                approved.examination, task, self._planning.selection
+                approved.examination.plan, task, self._planning.selection, said
             ):
                 if isinstance(payload, ev.OutcomeJudged):
                     self._facts.judged(payload.verdict)

@@ -9,9 +9,8 @@ from llguidance import LLMatcher, LLTokenizer
 
 from pa_console.llm.condition import Condition, conditions, evidence, holds, in_words
 from pa_console.llm.contact import contacts
-from pa_console.llm.grammar import compact_judge_grammar, compact_opening_grammar, plan_grammar
-from pa_console.llm.grounds import MOST_PLANNED, grounded_asked, grounded_outcome, grounded_reason
-from pa_console.llm.plan_words import planned
+from pa_console.llm.grammar import compact_opening_grammar, plan_grammar
+from pa_console.llm.grounds import ASKED_ONCE, grounded_asked, grounded_reason
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Digest, Selection
 from tests.llm.site import WORLD, picture
@@ -46,14 +45,13 @@ def can_plan(reason: str, digest: Digest = DIGEST, words: str = "") -> bool:
     return accepts(grammar, json.dumps({"reason": reason, "actions": [action]}))
 
 
-def can_say(feedback: str) -> bool:
-    answer: dict[str, object] = {"feedback": feedback, "violated": [], "verdict": "Success"}
-    grammar = compact_judge_grammar([], grounded_outcome(WORLD, PLAN))
-    return accepts(grammar, json.dumps(answer))
-
-
 def can_begin(asked: str, words: str = "") -> bool:
     grammar = compact_opening_grammar(grounded_asked(WORLD, DIGEST, words))
+    return accepts(grammar, f'{{"feedback": "{asked}; planned: ')
+
+
+def can_begin_outcome(asked: str) -> bool:
+    grammar = compact_opening_grammar((ASKED_ONCE,))
     return accepts(grammar, f'{{"feedback": "{asked}; planned: ')
 
 
@@ -113,9 +111,8 @@ def test_whether_a_condition_is_so_is_read_from_the_picture(it: Condition, so: b
     now = f"{evidence(it, DIGEST)}, {'so' if so else 'not so'}"
     asked = f"asked: if {in_words(it)}: look at HillGate, else: nothing; now: {now}"
     assert can_plan(f"{asked}; Hawk_2: free") is (truth is None or truth is so)
-    does = "planned: 1 drone look at HillGate; it fits"
     assert can_begin(asked) is (truth is None or truth is so)
-    assert can_say(f"{asked}; {does}")
+    assert can_begin_outcome(asked)
 
 
 def test_a_condition_is_about_something_that_is_there() -> None:
@@ -182,30 +179,12 @@ def test_of_a_large_world_only_what_was_selected_can_be_stated() -> None:
         assert not can_plan(f"asked: look at RiverGate; {fact}", digest)
 
 
-@given(st.integers(1, 40))
-@settings(deadline=None)
-def test_something_can_be_said_of_every_outcome(count: int) -> None:
-    frames, agents = list(WORLD.frames), list(WORLD.assets)
-    actions = tuple(
-        Action(agent=agents[n % len(agents)], command=f"move_to {frames[n // 4 % len(frames)]}")
-        for n in range(count)
-    )
-    words = planned(actions, WORLD, by_name=False)
-    told = words if len(words) <= MOST_PLANNED else "many things"
-    answer: dict[str, object] = {"feedback": f"asked: hold; planned: {told}; no", "violated": []}
-    text = grounded_outcome(WORLD, Plan(reason="", actions=actions))
-    assert accepts(compact_judge_grammar([], text), json.dumps({**answer, "verdict": "Failure"}))
-
-
-def test_of_an_outcome_the_plan_is_told_as_it_is() -> None:
-    assert can_say("asked: look at HillGate; planned: 1 drone look at HillGate; it fits")
-    assert can_say("asked: Hawk_2 look at HillGate; planned: Hawk_2 look at HillGate; it fits")
-    assert not can_say("asked: look at HillGate; planned: 2 drones look at HillGate; it fits")
-    assert not can_say("asked: look at HillGate; it fits")
-    assert not can_say("asked: look at HillGate; planned: hold; it fits")
-    assert not can_say(
-        "asked: look; planned: 1 drone HillGate; done; planned: 1 drone look at HillGate; done"
-    )
+def test_a_verdict_on_an_outcome_begins_with_what_was_asked() -> None:
+    assert can_begin_outcome("asked: look at HillGate")
+    assert can_begin_outcome("asked: Hawk_2 home; 1 robot to HillGate; others stay")
+    assert not can_begin_outcome("look at HillGate")
+    assert not can_begin_outcome("asked: ")
+    assert not can_begin_outcome("asked: look; planned: 1 drone HillGate; done")
 
 
 def test_tracks_are_read_back_from_the_digest() -> None:

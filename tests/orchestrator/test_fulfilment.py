@@ -2,17 +2,22 @@
 
 import json
 import random
+from dataclasses import replace
+from datetime import UTC, datetime
 from functools import cache
 
 import pytest
 
+from pa_console.llm.dialect import DIALECTS
 from pa_console.llm.reading import read_asked
 from pa_console.orchestrator.comparing import compare, compared_grammar
 from pa_console.orchestrator.fulfilment import gaps
+from pa_console.orchestrator.judging import OutcomeCase, ask_about_outcome
 from pa_console.orchestrator.plan_moves import PlanMoves
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import data_folder
 from pa_console.schema.incident import FailAsset, Incident, SetBattery, SpawnTrack
+from pa_console.schema.mission import Mission, Verification
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Picture
 from pa_console.training.asked import asked
@@ -179,6 +184,35 @@ def test_whether_a_plan_that_fits_is_a_success_is_for_the_model_to_say() -> None
     assert accepts(grammar, answer(said, "Success"))
     assert accepts(grammar, answer(said, "Failure"))
     assert not accepts(grammar, answer(said.replace("it fits", "wrong"), "Failure"))
+
+
+def test_what_came_of_a_plan_that_fits_is_for_the_model_to_say() -> None:
+    grammar = compared_grammar(OPENING, moves("Drone_T04 move_to EastGate"), executed=True)
+    fits = "asked: 1 drone to EastGate; planned: 1 drone to EastGate; it fits"
+    assert accepts(grammar, answer(f"{fits}; done", "Success"))
+    assert accepts(grammar, answer(f"{fits}; Drone_T04 did not do it", "Failure"))
+    assert not accepts(grammar, answer(fits, "Success"))
+    other = compared_grammar(OPENING, moves("Drone_T04 hold"), executed=True)
+    said = "asked: 1 drone to EastGate; planned: hold; 0 of 1 drone to EastGate"
+    assert accepts(other, answer(said, "Failure"))
+    assert not accepts(other, answer(f"{said}; done", "Success"))
+
+
+def test_of_an_outcome_what_was_asked_is_not_read_again() -> None:
+    plan = moves("Drone_T04 move_to EastGate")
+    done = Verification(outcome="pass", actions=())
+    task = Mission(id="M1", text="One drone to EastGate.", created=datetime(2026, 1, 1, tzinfo=UTC))
+    case = OutcomeCase(task, plan.before, plan.before, None, plan.plan, done)
+    read = replace(case, said="asked: 1 drone to EastGate; planned: 1 drone to EastGate; it fits")
+    compact = DIALECTS["compact"]
+    whole = answer(f"{read.said}; done", "Success")
+    assert accepts(ask_about_outcome(compact, WORLD, read).grammar, whole)
+    anew = ask_about_outcome(compact, WORLD, case)
+    assert accepts(anew.grammar, OPENING)
+    assert anew.goes_on is not None
+    assert accepts(anew.goes_on(OPENING), whole)
+    unread = ask_about_outcome(compact, WORLD, replace(case, said="the plan is fine"))
+    assert unread.grammar == anew.grammar
 
 
 def test_what_the_console_cannot_read_is_left_to_the_model() -> None:

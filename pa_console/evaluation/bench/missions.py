@@ -140,9 +140,8 @@ class OurWay:
         count = services.variant.candidates - 1
         await services.planner.several(question.prompt, question.grammar, count)
         done = Verification(outcome="pass", actions=())
-        case = OutcomeCase(
-            _task(mission), mission.sim.picture(), None, _report(self._site.world), done
-        )
+        picture = mission.sim.picture()
+        case = OutcomeCase(_task(mission), picture, picture, None, _report(self._site.world), done)
         asked = ask_about_outcome(services.dialect, self._site.world, case)
         async for _ in asked.put_to(services.judge):
             pass
