@@ -24,11 +24,6 @@ class Candidate:
         return blocking, len(self.gaps), warnings
 
     @property
-    def faults(self) -> tuple[str, ...]:
-        """For what the plan is sent back: rules that block it, else what is not as asked."""
-        return self.examination.faults or self.gaps
-
-    @property
     def objected(self) -> bool:
         """Whether the judge says that the plan is not right."""
         return self.verdict is not None and self.verdict.verdict == "Failure"

@@ -24,6 +24,8 @@ class _Case:
     moves: PlanMoves
     due: tuple[Wish, ...]
     others_stay: bool
+    watched: frozenset[str] = frozenset()
+    """Places of wishes that nobody can carry out: to look there is a safe alternative (CAP-10)."""
 
     def spare(self, wish: Wish, kind: AssetKind | None = None) -> list[str]:
         """Return who is free, of one kind if that is given, and does nothing but for `wish`."""
@@ -52,7 +54,8 @@ class _Case:
 def gaps(moves: PlanMoves, reading: Reading) -> tuple[str, ...]:
     """Return in words what `reading` asks for and the plan lacks, then what nobody asked for."""
     due = [wish for wish in reading.wishes if not hindrance(wish, moves.world, moves.before)]
-    case = _Case(moves, tuple(due), reading.others_stay)
+    vain = {w.place for w in reading.wishes if w not in due and w.task in _MEETS}
+    case = _Case(moves, tuple(due), reading.others_stay, frozenset(vain))
     lacking = [text for wish in due for text in _LACKING[wish.task](case, wish)]
     unmet = [
         f"nobody sent to deal with {wish.place}"
@@ -68,18 +71,24 @@ def _unasked(case: _Case) -> Iterator[str]:
     moving = [wish for wish in due if wish.task not in ("report", "hold")]
     if not moving:
         busy = (a.agent for a in moves.plan.actions if a.verb not in ("hold", "report"))
-        yield from (f"{name} is not to move" for name in busy)
+        yield from (f"{name} is not to move" for name in busy if not _watches(case, name))
         return
     served = [w for w in moving if w.task in _MEETS or any(_may(moves, n, w) for n in moves.moved)]
     for name in moves.moved:
         asked = any(_may(moves, name, wish) for wish in moving)
-        if not asked and not _besides(case, name, served):
+        if not asked and not _besides(case, name, served) and not _watches(case, name):
             yield f"{name} not asked for"
     places = {wish.place for wish in moving}
     for action in moves.plan.actions:
         meets = action.verb in ENCOUNTERS and action.target not in places
         if meets and not moves.takes_over(action.agent):
             yield f"{action.command} not asked for"
+
+
+def _watches(case: _Case, name: str) -> bool:
+    """Whether a drone goes to look where nobody can do what was asked."""
+    goal, flies = case.moves.ends(name), case.moves.kind(name) == "uav"
+    return flies and goal in case.watched and not case.others_stay
 
 
 def _besides(case: _Case, name: str, served: Sequence[Wish]) -> bool:

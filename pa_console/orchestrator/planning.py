@@ -62,7 +62,7 @@ class Planning:
             yield payload
 
     async def propose(self, reasons: Sequence[str] = (), previous: str = "") -> Payloads:
-        """Steps 3 to 6: ask for a plan until it is sound, at most 1 + repairs times.
+        """Steps 3 to 6: ask for a plan until nothing blocks it, at most 1 + repairs times.
 
         `reasons` say what was wrong with the `previous` plan. The least bad plan becomes `best`;
         a mere warning is for the operator to acknowledge.
@@ -90,7 +90,7 @@ class Planning:
                         yield payload
                 if self.best is not None and self.best.attempt > sent_back.attempt:
                     sent_back = self.best
-                reasons = () if self._sound else sent_back.faults
+                reasons = () if self._admissible else sent_back.examination.faults
                 answer = sent_back.examination.plan.answer
             repeated = proposal.plan in seen
             if not reasons or last or repeated:
@@ -142,6 +142,11 @@ class Planning:
         plan = self.best.examination.plan
         fresh = await self._safeguards(plan)
         return fresh if fresh.blocked else None
+
+    @property
+    def _admissible(self) -> bool:
+        """Whether nothing blocks `best`."""
+        return self.best is not None and not self.best.examination.blocked
 
     @property
     def _sound(self) -> bool:

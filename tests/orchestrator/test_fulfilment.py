@@ -78,6 +78,7 @@ CAR = (SpawnTrack(gate="EastGate", distance_m=12.0),)
         ("1 drone to unknown place", ["Drone_T04 hold"]),
         ("Drone_T09 to EastGate", ["Drone_T04 hold"]),
         ("1 drone warn at EastGate", ["Drone_T04 hold"]),
+        ("1 drone identify at EastGate", ["Drone_T04 observe EastGate"]),
         ("block SouthGate", ["Ugv_T02 block SouthGate"]),
         ("Drone_T02 to EastGate", ["Drone_T04 move_to NorthGate", "Drone_T02 move_to EastGate"]),
         ("use force at EastGate; 1 drone to WestGate", ["Drone_T04 move_to WestGate"]),
@@ -116,6 +117,10 @@ def test_a_plan_that_does_what_was_asked_has_no_gap(words: str, orders: list[str
         ("1 vehicle to EastGate", ["Ugv_T02 move_to EastGate", "Robot_T01 warn WestGate"],
          "warn WestGate not asked for"),
         ("stand down EastGate", ["Drone_T04 return_to_base"], "Drone_T04 not asked for"),
+        ("1 drone warn at EastGate", ["Drone_T04 move_to WestGate"], "Drone_T04 is not to move"),
+        ("1 drone warn at EastGate; others stay", ["Drone_T04 observe EastGate"],
+         "Drone_T04 is not to move"),
+        ("use force at EastGate", ["Drone_T04 observe EastGate"], "Drone_T04 is not to move"),
     ],
 )  # fmt: skip
 def test_what_is_missing_or_not_asked_for_is_named(words: str, orders: list[str], gap: str) -> None:
