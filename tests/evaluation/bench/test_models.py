@@ -194,7 +194,7 @@ async def test_our_way_can_have_the_picture_read_before(site: Site) -> None:
     assert pair.usable == 2
     await ours.ask_the_rest(mission)
     roles = [request.role for request in engine.requests]
-    assert roles == ["planner", "judge", "judge", "outcome"]
+    assert roles == ["planner", "judge", "judge", "outcome", "outcome"]
 
 
 @pytest.mark.parametrize("answer", ["no plan at all", plan(*[("Nobody", "hold")] * 2)])
