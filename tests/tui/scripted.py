@@ -24,6 +24,8 @@ from pa_console.tui.ports import RetrieverPort
 from tests.tui.site import WORLD, Rulebook, WordRetriever
 from tests.tui.story import MISSION, START, stamped
 
+LAYOUTS = 3  # what is mounted is laid out, then scrolled to, then drawn
+
 
 class FakeClock:
     """A clock that stands until the test moves it."""
@@ -64,8 +66,8 @@ class ScriptedStation:
     async def run(self) -> AsyncIterator[Event]:
         """Yield what was given and what is emitted."""
         while (event := await self._queue.get()) is not None:
-            self.given += 1
             yield event
+            self.given += 1
         if self._broken:
             raise RuntimeError(self._broken)
 
@@ -177,13 +179,18 @@ def console(
 
 async def settle(pilot: Pilot[Any], station: ScriptedStation | None = None) -> None:
     """Wait until every event was taken, folded and painted; never for a fixed time."""
+    app = pilot.app
+    assert isinstance(app, ConsoleApp)
     for _ in range(200):
         await pilot.pause()
         if station is None or station.drained:
             break
-    assert isinstance(pilot.app, ConsoleApp)
-    pilot.app.flush()
-    await pilot.pause()
+    folded = asyncio.Event()
+    app.call_later(folded.set)  # behind every event in the application's queue
+    await folded.wait()
+    app.flush()
+    for _ in range(LAYOUTS):
+        await pilot.pause()
 
 
 async def until(pilot: Pilot[Any], done: Callable[[], object]) -> None:

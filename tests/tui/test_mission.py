@@ -11,8 +11,9 @@ from textual.widgets._toast import Toast
 from pa_console.schema import event as ev
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.widgets.map_view import MapView
+from pa_console.tui.widgets.sheet import Sheet
 from pa_console.tui.widgets.status_bar import StatusBar
-from pa_console.tui.widgets.trace_pane import SectionView, TracePane
+from pa_console.tui.widgets.trace_pane import SectionTitle, SectionView, TracePane
 from pa_console.tui.widgets.virtual_rows import VirtualRows
 from tests.tui import story
 from tests.tui.scripted import ScriptedStation, console, settle
@@ -44,6 +45,11 @@ def shown(app: ConsoleApp, selector: str = "#trace") -> str:
         for widget in widgets
     )
     return " ".join(" ".join(parts).split())
+
+
+def shown_title(view: SectionView) -> str:
+    """The title of a section with its fold sign."""
+    return str(view.query_one(SectionTitle).render())
 
 
 def told(app: ConsoleApp, words: str) -> int:
@@ -114,6 +120,19 @@ async def test_a_short_trace_begins_below_its_headline_and_a_long_one_shows_its_
             station.emit(payload)
         await settle(pilot, station)
         assert body.scroll_offset.y == body.max_scroll_y > 0
+
+
+async def test_the_first_words_of_an_answer_are_shown_when_they_come(tmp_path: Path) -> None:
+    *before, words = story.told("planning")
+    station = ScriptedStation(before)
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        plan = next(view for view in app.screen.query(SectionView) if "Plan" in shown_title(view))
+        assert not plan.query_one(Sheet).display
+        station.emit(words)
+        await settle(pilot, station)
+        assert plan.query_one(Sheet).display
 
 
 async def test_model_text_is_never_read_as_markup(tmp_path: Path) -> None:

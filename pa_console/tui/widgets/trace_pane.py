@@ -54,9 +54,10 @@ class SectionView(Vertical):
 
     def show(self, section: Section) -> None:
         """Show the section's newer content."""
-        renamed = not section.title.is_same(self._section.title)
+        shown = self._section
+        renamed = not section.title.is_same(shown.title)
         self._section = section
-        if renamed:
+        if renamed or bool(section.rows) != bool(shown.rows):
             self._label()
         self._sheet.show(section.rows)
 
