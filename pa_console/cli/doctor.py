@@ -56,4 +56,5 @@ def _print(checks: list[Check], missing: list[str]) -> None:
     out.print(table)
     warnings = sum(check.state == "warning" for check in checks)
     end = f"missing: {', '.join(missing)}" if missing else "nothing is missing"
-    out.print(f"\n{end}; {warnings} warnings", markup=False, soft_wrap=True)
+    warned = "1 warning" if warnings == 1 else f"{warnings} warnings"
+    out.print(f"\n{end}; {warned}", markup=False, soft_wrap=True)

@@ -88,7 +88,7 @@ def check_memory(model_mb: int, memory: Path = MEMORY) -> Check:
         free_mb = int(lines["MemAvailable"].split()[0]) // 1024
     except (OSError, KeyError, ValueError):
         return Check("memory, cores", "ok", f"{said}; how much memory is free cannot be told here")
-    found = f"{free_mb} MB free of {needed} MB needed, {said}"
+    found = f"{free_mb} MB free, {needed} MB needed, {said}"
     if free_mb < needed:
         remedy = "close other programs, or choose a smaller model: pa-console models list"
         return Check("memory, cores", "warning", found, remedy)

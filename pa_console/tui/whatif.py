@@ -47,7 +47,7 @@ def what_ifs(world: World) -> Iterator[WhatIf]:
             latency_s=world.radio.latency_s, jitter_s=world.radio.jitter_s, loss=world.radio.loss
         ),
     )
-    yield "What if: the model's process is killed", inc.WorkerFault()
+    yield "What if: the model's worker process is killed", inc.WorkerFault()
 
 
 def _visitors(world: World, gate: str) -> Iterator[WhatIf]:

@@ -159,6 +159,20 @@ async def test_warnings_must_be_ticked(tmp_path: Path) -> None:
         assert station.decisions[0].acknowledged == ("CAP-04",)
 
 
+@pytest.mark.parametrize("keys", [("tab", "tab"), ("shift+tab",)])
+async def test_tab_goes_round_in_the_panel_to_the_reason(
+    tmp_path: Path, keys: tuple[str, ...]
+) -> None:
+    station, clock = ScriptedStation(story.told("approval", verdict="Failure")), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        clock.now += ARM_DELAY_S
+        await pilot.press("f7", *keys, *"seen", "enter", "a")
+        await settle(pilot, station)
+        assert [(each.kind, each.reason) for each in station.decisions] == [("approve", "seen")]
+
+
 async def test_reject_carries_the_reason(tmp_path: Path) -> None:
     station, clock = ScriptedStation(story.told("approval")), FakeClock()
     app = console(station, tmp_path, clock)

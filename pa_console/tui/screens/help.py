@@ -17,7 +17,7 @@ from pa_console.tui.widgets.sheet import Sheet
 _APPROVAL = (
     ("r", "Reject the plan"), ("m", "Modify the plan"),
     ("a", "Approve; dead for the first 0.6 s, so that no stray key approves"),
-    ("Tab", "To the warnings, the reason and the buttons"),
+    ("Tab", "Round the buttons, the warnings and the reason; Esc leaves"),
 )  # fmt: skip
 _PROMPT = (
     ("Enter", "Send the mission"),

@@ -31,6 +31,8 @@ class ApprovalPanel(Vertical):
         Binding("r", "press('reject')", "Reject", show=False, id="approval.reject"),
         Binding("m", "press('modify')", "Modify", show=False, id="approval.modify"),
         Binding("a", "press('approve')", "Approve", show=False, id="approval.approve"),
+        Binding("tab", "cycle(1)", "Next field", show=False),
+        Binding("shift+tab", "cycle(-1)", "Field before", show=False),
     ]
 
     class Decided(Message):
@@ -150,6 +152,13 @@ class ApprovalPanel(Vertical):
             event.stop()
             event.prevent_default()
             self._disarm()
+
+    def action_cycle(self, step: int) -> None:
+        """Go from field to field of this panel and round again; Esc leaves it."""
+        chain = [each for each in self.screen.focus_chain if self in each.ancestors]
+        at = chain.index(self.app.focused) if self.app.focused in chain else 0
+        if chain:
+            chain[(at + step) % len(chain)].focus()
 
     def action_press(self, button: str) -> None:
         """Do what the button of that name does."""
