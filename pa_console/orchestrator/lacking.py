@@ -1,0 +1,198 @@
+"""What of one wish a plan lacks, by the kind of its task; what cannot be done is not looked for."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+from pa_console.llm.facts import WORDS
+from pa_console.llm.reading import Wish, WishTask
+from pa_console.orchestrator.hindrance import unfit
+from pa_console.orchestrator.plan_moves import PlanMoves
+from pa_console.schema.world import AssetKind
+
+
+@dataclass(frozen=True)
+class Case:
+    """A plan, and the wishes of its order that can be carried out."""
+
+    moves: PlanMoves
+    due: tuple[Wish, ...]
+    others_stay: bool
+    watched: frozenset[str] = frozenset()
+    """Places of wishes that nobody can carry out: to look there is a safe alternative (CAP-10)."""
+
+    def spare(self, wish: Wish, kind: AssetKind | None = None) -> list[str]:
+        """Return who is free, of one kind if that is given, and does nothing but for `wish`."""
+        moves, others = self.moves, [each for each in self.due if each != wish]
+        return [
+            name
+            for name in moves.free(kind)
+            if not moves.takes_over(name)
+            and not (name in moves.moved and any(may(moves, name, each) for each in others))
+        ]
+
+    def can_deal(self, wish: Wish) -> bool:
+        """Whether somebody could look at the place of `wish`, or deal with whoever is there.
+
+        A drone can, from where it stands or as a spare one; a robot once a track was seen (WF-02).
+        """
+        moves = self.moves
+        seen = all(track.observed for track in moves.tracks(wish.place))
+        kinds: tuple[AssetKind, ...] = ("uav", "robot") if seen else ("uav",)
+        there = (n for n, a in moves.before.assets.items() if a.available and a.post == wish.place)
+        if any(moves.kind(name) in kinds for name in there):
+            return True
+        return not self.others_stay and any(self.spare(wish, kind) for kind in kinds)
+
+
+def may(moves: PlanMoves, name: str, wish: Wish) -> bool:
+    """Whether `name` may move for `wish`."""
+    if name in (*wish.team.names, wish.leaving):
+        return True
+    goal, fits = moves.ends(name), wish.team.kind in (None, moves.kind(name))
+    match wish.task:
+        case "go" | "mass":
+            return not wish.team.names and goal == wish.place and fits
+        case "home":
+            return not wish.team.names and goal == moves.world.base and fits
+        case "look":
+            return goal == wish.place and moves.kind(name) == "uav"
+        case "cover" | "relieve":
+            return goal == _post(moves, wish)
+        case "stand_down":
+            return goal == moves.world.base and moves.post(name) == wish.place
+        case "identify" | "warn" | "block" | "respond":
+            return goal == wish.place
+        case _:
+            return False
+
+
+def _there(case: Case, wish: Wish) -> Iterator[str]:
+    """Yield who of those asked for is not sent; as many as are to be had must be."""
+    place, team = case.moves.world.base if wish.task == "home" else wish.place, wish.team
+    yield from _absent(case, wish, place)
+    if team.names:
+        return
+    sent, spare = len(case.moves.sent(place, team.kind)), case.spare(wish, team.kind)
+    wanted = 1 if team.number == "all" else team.number
+    word = "asset" if team.kind is None else WORDS[team.kind]
+    if sent < wanted and len(spare) > sent:
+        yield f"{sent} of {wanted} {word} to {place}"
+    elif wish.task == "mass" and (left := [n for n in spare if case.moves.ends(n) != place]):
+        yield f"{', '.join(left)} not sent to {place}"
+    elif wish.task == "go" and sent > wanted and team.kind != "uav" and team.number != "all":
+        yield f"{sent} instead of {wanted} {word} to {place}"
+
+
+def _absent(case: Case, wish: Wish, place: str) -> Iterator[str]:
+    """Yield who was named and is not sent, unless a gate needs him."""
+    relief = case.spare(wish) and not case.others_stay
+    for name in _fit(case, wish):
+        if case.moves.ends(name) != place and (relief or name not in case.moves.alone):
+            yield f"{name} is not sent to {place}"
+
+
+def _looked(case: Case, wish: Wish) -> Iterator[str]:
+    yield from _absent(case, wish, wish.place)
+    moves = case.moves
+    looks = moves.commands(wish.place, ["observe"]) or moves.sent(wish.place, "uav")
+    if not wish.team.names and not looks and case.spare(wish, "uav"):
+        yield f"nobody observes {wish.place}"
+
+
+def _identified(case: Case, wish: Wish) -> Iterator[str]:
+    """Yield those who were named and do not go to the track that is to be dealt with."""
+    names = _fit(case, wish)
+    if not names or not case.moves.tracks(wish.place):
+        return
+    if all(name in case.moves.alone for name in names) and not case.spare(wish):
+        return
+    if not any(a.agent in names and a.target == wish.place for a in case.moves.plan.actions):
+        yield f"{', '.join(names)} not sent to {wish.place}"
+
+
+def _blocked(case: Case, wish: Wish) -> Iterator[str]:
+    """Yield that a lane is not closed, unless whoever is there has to be met first (WF-01)."""
+    due = all(track.intent == "hostile" and track.warned for track in case.moves.tracks(wish.place))
+    if due and not case.moves.commands(wish.place, ["block"], _fit(case, wish)):
+        yield f"nobody blocks {wish.place}"
+
+
+def _taken_over(case: Case, wish: Wish) -> Iterator[str]:
+    place = _post(case.moves, wish)
+    if wish.task == "relieve" and case.moves.goals.get(wish.leaving) != case.moves.world.base:
+        yield f"{wish.leaving} does not go home"
+    if not any(name != wish.leaving for name in case.moves.sent(place)) and case.spare(wish):
+        yield f"nobody takes over {place}"
+
+
+def _swapped(case: Case, wish: Wish) -> Iterator[str]:
+    first, second = wish.team.names
+    for one, other in ((first, second), (second, first)):
+        if case.moves.ends(one) != case.moves.post(other):
+            yield f"{one} does not take the place of {other}"
+
+
+def _stood_down(case: Case, wish: Wish) -> Iterator[str]:
+    """Yield that not exactly one guard stays, or that nobody goes home."""
+    there = {*case.moves.guards(wish.place), *case.moves.sent(wish.place)}
+    left = [name for name in there if case.moves.ends(name) == wish.place]
+    if wish.place in case.moves.world.gates and len(left) != 1:
+        yield f"{len(left)} stay at {wish.place}"
+    if not case.moves.sent(case.moves.world.base):
+        yield "nobody goes home"
+
+
+def _reported(case: Case, wish: Wish) -> Iterator[str]:
+    told = {action.agent for action in case.moves.plan.actions if action.verb == "report"}
+    team = wish.team
+    if team.names:
+        yield from (f"no report by {n}" for n in _fit(case, wish) if n not in told)
+        return
+    asked = [
+        name
+        for name, asset in case.moves.before.assets.items()
+        if asset.available and team.kind in (None, asset.kind)
+        if all(asset.post == at for at in (wish.place, team.origin) if at)
+    ]
+    wanted = len(asked) if team.number == "all" or wish.place else team.number
+    if len(told.intersection(asked)) < wanted:
+        yield f"{len(told.intersection(asked))} of {wanted} reports"
+
+
+def _held(case: Case, wish: Wish) -> Iterator[str]:
+    yield from (f"{name} is not to move" for name in wish.team.names if name in case.moves.moved)
+
+
+def _nothing(_case: Case, _wish: Wish) -> Iterator[str]:
+    """Yield nothing: what is due is known by the track's own workflow, or not readable."""
+    yield from ()
+
+
+def _post(moves: PlanMoves, wish: Wish) -> str:
+    """Return the place that is to be taken over: as said, or that of the asset that leaves."""
+    return wish.place or (moves.post(wish.leaving) if wish.leaving else "")
+
+
+def _fit(case: Case, wish: Wish) -> list[str]:
+    names = wish.team.names
+    return [name for name in names if not unfit(name, wish, case.moves.world, case.moves.before)]
+
+
+LACKING: Mapping[WishTask, Callable[[Case, Wish], Iterator[str]]] = {
+    "go": _there,
+    "mass": _there,
+    "home": _there,
+    "look": _looked,
+    "identify": _identified,
+    "warn": _nothing,
+    "respond": _nothing,
+    "block": _blocked,
+    "cover": _taken_over,
+    "relieve": _taken_over,
+    "swap": _swapped,
+    "stand_down": _stood_down,
+    "report": _reported,
+    "hold": _held,
+    "refused": _nothing,
+    "unreadable": _nothing,
+}
