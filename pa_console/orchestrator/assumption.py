@@ -3,6 +3,8 @@
 import math
 from collections.abc import Iterator
 
+from shapely import Point, Polygon
+
 from pa_console.orchestrator.rehearsal import order_moments
 from pa_console.policy.context import goes_to
 from pa_console.policy.moments import moment
@@ -21,8 +23,9 @@ from pa_console.schema.world import World
 def assume_done(before: Picture, world: World, plan: Plan) -> Rehearsal:
     """Return the picture after `plan` as if everybody were at once where he is sent.
 
-    For the ablation without rehearsal: nothing can happen on the way, so no gap, zone, obstacle
-    or encounter is found. The duration is the longest straight way at full speed, in seconds.
+    For the ablation without rehearsal: nothing can happen on the way, so no gap, obstacle or
+    encounter is found, and no zone but one that somebody is sent into. The duration is the longest
+    straight way at full speed, in seconds.
     """
     goals = {a.agent: goal for a in plan.actions if (goal := goes_to(a, world))}
     assets = {
@@ -60,7 +63,10 @@ def assume_done(before: Picture, world: World, plan: Plan) -> Rehearsal:
                 for gate in before.gates
             },
             tracks={name: _handled(track, plan) for name, track in before.tracks.items()},
-            assets={name: AssetTimeline(finished=True) for name in agents},
+            assets={
+                name: AssetTimeline(finished=True, entered_zones=_entered(world, goals.get(name)))
+                for name in agents
+            },
         ),
     )
 
@@ -78,6 +84,14 @@ def _handled(track: Track, plan: Plan) -> TrackTimeline:
         warned_s=when(track.warned or "warn" in verbs),
         blocked_s=when("block" in verbs),
     )
+
+
+def _entered(world: World, goal: str | None) -> tuple[str, ...]:
+    """Return the zones in which the frame `goal` lies."""
+    if goal is None:
+        return ()
+    point = Point(_at(world, goal))
+    return tuple(n for n, zone in world.zones.items() if Polygon(zone.polygon).covers(point))
 
 
 def _at(world: World, frame: str) -> tuple[float, float]:
