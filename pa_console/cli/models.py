@@ -3,6 +3,7 @@
 from typing import Annotated, Any
 
 import typer
+from rich.box import SIMPLE_HEAD
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
@@ -20,12 +21,15 @@ def list_models(json: JsonOption = False) -> None:
     if json:
         print_json([_row(catalog, entry) for entry in catalog.models])
         return
-    table = Table("model", "size", "quantisation", "licence", "here", "what it is")
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column("model", no_wrap=True)
+    table.add_column("size", no_wrap=True, justify="right")
+    table.add_column("here", min_width=8)
+    table.add_column("what it is", ratio=1)
     for entry in catalog.models:
-        name = f"{entry.name} (default)" if entry.name == catalog.default else entry.name
-        about = f"{entry.title}. {entry.notes}".strip()
-        size = f"{entry.size_mb} MB"
-        table.add_row(name, size, entry.quantisation, entry.licence, _here(entry), about)
+        name = f"{entry.name}\n(default)" if entry.name == catalog.default else entry.name
+        about = f"{entry.title}, {entry.quantisation}, {entry.licence}. {entry.notes}".strip()
+        table.add_row(name, f"{entry.size_mb} MB", _here(entry), about)
     out.print(table)
 
 

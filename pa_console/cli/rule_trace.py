@@ -68,7 +68,11 @@ def _print(rule: str, found: dict[str, list[Trail]], every: bool) -> None:
                 _line(f"  event {entry.event}, tick {entry.tick}{attempt}: {entry.did}{words}")
     every_trail = [trail for trails in found.values() for trail in trails]
     parts = [f"{name} in {_count(every_trail, what)}" for name, what in _COUNTED]
-    _line(f"{rule}: {', '.join(parts)} of {len(every_trail)} missions in {len(found)} sessions")
+    searched = f"sessions searched: {len(found)}"
+    if every_trail:
+        _line(f"{rule}, missions: {', '.join(parts)}; {searched}")
+    else:
+        _line(f"{rule}: no mission had to do with it; {searched}")
 
 
 def _count(trails: Iterable[Trail], what: tuple[Did, ...]) -> int:

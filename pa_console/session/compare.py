@@ -1,8 +1,8 @@
 """Finds where two recordings begin to tell different things, and what differs there.
 
 Compared is what events mean: kind, mission, simulation tick and content. Left out is what differs
-between two runs of the same: session ids, times of day, hashes, and what was measured on the
-machine (seconds, tokens).
+between two runs of the same: session ids, times of day, hashes but those that pin a session, and
+what was measured on the machine (seconds, tokens).
 """
 
 import json
@@ -16,13 +16,15 @@ from pydantic import BaseModel
 from pa_console.schema.event import Event, Payload, SessionStarted
 from pa_console.schema.finding import Usage
 from pa_console.schema.mission import Metrics, Mission
-from pa_console.schema.rules_seal import RulesSeal
+from pa_console.schema.rules_seal import SHORT, RulesSeal
 from pa_console.session.event_words import event_in_words, kind_in_words
 from pa_console.session.recording import Recording
 
 ABSENT = "(absent)"
 TICK = "tick"
 ENDED = "the recording ends here"
+_PINS = frozenset(("world_sha256", "rules_sha256", "model_sha256", "scenario_sha256"))
+"""Hashes that say what a session was started with."""
 _COUNTS = frozenset(("attempts", "plans", "halts"))
 _LEFT_OUT: dict[type[BaseModel], frozenset[str]] = {
     SessionStarted: frozenset(("session", "version", "packages")),
@@ -150,11 +152,12 @@ def _meaning(event: Event) -> dict[str, object]:
 def _plain(value: object) -> object:
     if isinstance(value, BaseModel):
         left_out = _LEFT_OUT.get(type(value), frozenset())
+        pins = _PINS if isinstance(value, SessionStarted) else frozenset[str]()
         return {
-            name: _plain(getattr(value, name))
+            name: getattr(value, name)[:SHORT] if name in pins else _plain(getattr(value, name))
             for name in type(value).model_fields
             if name not in left_out
-            and not name.endswith("sha256")
+            and (name in pins or not name.endswith("sha256"))
             and not (name == "seconds" and isinstance(value, Payload))
         }
     if isinstance(value, dict):

@@ -1,14 +1,17 @@
-"""Finds words in the texts of a recording; what telemetry says is left out."""
+"""Finds words in the texts of a recording, as logged or listed; telemetry is left out."""
 
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import cast
 
+from pa_console.session.event_words import event_in_words
 from pa_console.session.recording import Recording
 
 AROUND = 60
 """Characters of the text that are shown with a hit."""
+_REWORDED = tuple(f'"{kind}"' for kind in ("decision_made", "incident", "plan_checked"))
+"""Kinds of which lists say more than stands in the log: that the judge was overruled."""
 
 
 @dataclass(frozen=True)
@@ -33,9 +36,12 @@ def search(recording: Recording, text: str, first: int, end: int) -> Iterator[Hi
     for index in recording.timeline.told(first, end):
         line = recording.said(index)
         lowered = line.lower()
-        if all(needle in lowered for needle in needles):
+        reworded = any(kind in line for kind in _REWORDED)
+        if reworded or all(needle in lowered for needle in needles):
             fields = json.loads(line)
             told = [fields["kind"], fields["mission"] or "", *_texts(fields["data"])]
+            if reworded:
+                told.append(event_in_words(recording[index].data))
             if all(any(word in part.lower() for part in told) for word in words):
                 yield Hit(index, told[1], told[0], _excerpt(told, words[0]))
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from pa_console.schema import event as ev
 from pa_console.schema.finding import Usage
-from pa_console.schema.mission import Mission
+from pa_console.schema.mission import Decision, Mission
 from pa_console.session.compare import ENDED, TICK, Comparison, compare
 from pa_console.session.event_words import event_in_words
 from pa_console.session.recording import Recording
@@ -23,7 +23,7 @@ def elsewhere(event: ev.Event) -> ev.Event:
     data = event.data
     match data:
         case ev.SessionStarted():
-            update = {"session": "S2", "version": "9", "model_sha256": "f" * 64}
+            update = {"session": "S2", "version": "9", "grammar_sha256": "f" * 64}
             data = data.model_copy(update=update)
         case ev.MissionReceived(mission=mission):
             later = mission.model_copy(update={"created": START + timedelta(days=9)})
@@ -101,6 +101,21 @@ def test_how_the_sessions_were_started_is_told_apart_from_what_happened() -> Non
     assert not found.same
     assert found.first is None
     assert [(c.path, c.a, c.b) for c in found.started] == [("seed", "0", "7")]
+
+
+def test_another_world_under_the_same_name_is_told() -> None:
+    started = session_started().model_copy(update={"world_sha256": "f" * 64})
+    other = [kept()[0].model_copy(update={"data": started}), *kept()[1:]]
+    assert [change.path for change in compared(kept(), other).started] == ["world_sha256"]
+
+
+def test_words_that_only_lists_have_are_found() -> None:
+    decision = Decision(kind="approve", by="operator", reason="seen", override_judge=True)
+    made = ev.DecisionMade(attempt=1, decision=decision, accepted=True)
+    told = [*kept(), kept()[2].model_copy(update={"data": made})]
+    assert "overruled" in event_in_words(made)
+    hits = search(Recording(told), "JUDGE overruled", 0, len(told))
+    assert [hit.index for hit in hits] == [len(told) - 1]
 
 
 @given(events())

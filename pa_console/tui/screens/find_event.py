@@ -45,7 +45,7 @@ class HitRows(VirtualRows):
         hit = self._hits[self.keys[index]]
         return Content.assemble(
             column(clock_text(self._recording.offset(hit.index)), 7, QUIET),
-            column(hit.mission, 6, "bold"),
+            column(hit.mission, 9, "bold"),
             (f"{kind_in_words(hit.kind)}  ", NOTE),
             hit.excerpt,
         )
