@@ -9,6 +9,7 @@ import typer
 from pydantic import TypeAdapter, ValidationError
 from rich.status import Status
 
+from pa_console.cli.ask import ask
 from pa_console.cli.chosen import settings_of
 from pa_console.cli.output import (
     JsonOption,
@@ -29,7 +30,6 @@ from pa_console.llm.engine import Engine
 from pa_console.orchestrator.clock import SteppedClock
 from pa_console.orchestrator.compose import load_site, open_scenario, open_station
 from pa_console.orchestrator.headless import (
-    Approver,
     exit_code,
     run_missions,
     standing_approver,
@@ -40,6 +40,7 @@ from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision
 from pa_console.session.fold import SessionState
 from pa_console.session.log import LogWriter, default_folder, new_log_path
+from pa_console.session.mission_trace import MissionTrace
 from pa_console.signing import load_signer
 
 
@@ -102,7 +103,6 @@ def mission(
         scenario=played,
         respond=alarms if alarms is not None else played is not None,
     )
-    approver = _ask if approve is Approve.ask else standing_approver(approve.value, override_reason)
     path = log or new_log_path(
         settings_of(context).values.logs or default_folder(), station.session
     )
@@ -110,8 +110,12 @@ def mission(
         LogWriter(path, station.session, signer=signer) as writer,
         errors.status("starting") as status,
     ):
-        progress = _Progress(writer, status, ask=approve is Approve.ask)
-        approver = progress.pausing(approver)
+        progress = _Progress(writer, status)
+        approver = (
+            progress.ask
+            if approve is Approve.ask
+            else standing_approver(approve.value, override_reason)
+        )
         traces = asyncio.run(
             run_missions(
                 station,
@@ -149,51 +153,24 @@ def _incident(number: int, text: str) -> Incident:
 class _Progress:
     """Writes every event to the log and keeps one line on the terminal up to date."""
 
-    def __init__(self, writer: LogWriter, status: Status, ask: bool) -> None:
-        self._writer, self._status, self._ask = writer, status, ask
+    def __init__(self, writer: LogWriter, status: Status) -> None:
+        self._writer, self._status = writer, status
+        self._trace: MissionTrace | None = None
 
     def show(self, event: Event, state: SessionState) -> None:
         """Take in one event."""
         self._writer.append(event)
-        trace = state.current
+        trace = self._trace = state.current
         if trace is not None:
             attempt = f", attempt {len(trace.attempts)}" if len(trace.attempts) > 1 else ""
             self._status.update(f"{trace.mission.id}: {trace.stage}{attempt}")
         elif state.worker is not None:
             self._status.update(f"model {state.worker.state} {state.worker.detail}")
 
-    def pausing(self, approver: Approver) -> Approver:
-        """Return `approver` with the progress line out of its way."""
-
-        def decide(request: ApprovalRequested) -> Decision:
-            self._status.stop()
-            try:
-                return approver(request)
-            finally:
-                self._status.start()
-
-        return decide if self._ask else approver
-
-
-def _ask(request: ApprovalRequested) -> Decision:
-    """Ask on the terminal; no answer, or no terminal, is a rejection."""
-    errors.print(f"\nPlan: {request.plan.reason}", markup=False)
-    for action in request.plan.actions:
-        errors.print(f"  {action.agent}  {action.command}", markup=False)
-    for reason in request.blocked_by:
-        errors.print(f"blocked: {reason}", style="bold red", markup=False)
-    if request.blocked_by:
-        return Decision(kind="reject", reason="; ".join(request.blocked_by))
-    if request.acknowledge:
-        errors.print(f"broken, to be acknowledged: {', '.join(request.acknowledge)}", markup=False)
-    if not typer.confirm("Approve?", default=False, err=True):
-        return Decision(kind="reject", reason="rejected at the terminal")
-    reason = ""
-    if request.needs_override:
-        reason = typer.prompt("The judge said Failure. Reason for overruling it", err=True)
-    return Decision(
-        kind="approve",
-        reason=reason,
-        override_judge=request.needs_override,
-        acknowledged=request.acknowledge,
-    )
+    def ask(self, request: ApprovalRequested) -> Decision:
+        """Return the operator's answer on the terminal, the progress line out of the way."""
+        self._status.stop()
+        try:
+            return ask(request, self._trace)
+        finally:
+            self._status.start()

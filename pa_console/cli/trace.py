@@ -20,7 +20,8 @@ def print_trace(console: Console, trace: MissionTrace) -> None:
         _print_attempt(console, attempt)
     if trace.decision is not None:
         decision = trace.decision
-        console.print(f"decision: {decision.kind}, {decision.reason}", markup=False)
+        why = f", {decision.reason}" if decision.reason else ""
+        console.print(f"decision: {decision.kind}{why}", markup=False)
     for command in trace.commands.values():
         replies = " > ".join(reply.status for reply in command.replies) or "no reply"
         detail = command.replies[-1].detail if command.replies else ""
@@ -39,6 +40,16 @@ def print_trace(console: Console, trace: MissionTrace) -> None:
         )
     style = STYLES.get(trace.status or "", "bold red")
     console.print(Text(f"{trace.status}: {trace.reason}", style=style))
+
+
+def print_proposal(console: Console, trace: MissionTrace, number: int) -> None:
+    """Print the rules and attempt `number` of a mission that waits for approval."""
+    console.print(f"\n{trace.mission.id}  {trace.mission.text}", style="bold", markup=False)
+    if trace.hits:
+        _print_rules(console, trace)
+    attempt = trace.find(number)
+    if attempt is not None:
+        _print_attempt(console, attempt)
 
 
 def _print_rules(console: Console, trace: MissionTrace) -> None:

@@ -99,8 +99,8 @@ def test_a_rule_is_followed_to_its_missions(call: Call, folder: Path) -> None:
     assert "retrieved: place" in done.out
     assert "attempt 1: decided" in done.out
     assert (
-        "ROE-01, missions: retrieved in 1, decided in 1, broken in 0, prescribed in 0; sessions searched: 1"
-        in done.out
+        "ROE-01, missions: retrieved in 1, decided in 1, broken in 0, prescribed in 0; "
+        "sessions searched: 1" in done.out
     )
     document = call("rules", "trace", "ROE-01", str(folder), "--json").json
     (trails,) = document["sessions"].values()

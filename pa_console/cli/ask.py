@@ -1,0 +1,60 @@
+"""Asks the operator on the terminal about a plan, after showing what decides about it."""
+
+import signal
+import sys
+import termios
+from collections.abc import Generator
+from contextlib import contextmanager
+
+from rich.prompt import Confirm, Prompt
+
+from pa_console.cli.output import errors
+from pa_console.cli.trace import print_proposal
+from pa_console.schema.event import ApprovalRequested
+from pa_console.schema.mission import Decision
+from pa_console.session.mission_trace import MissionTrace
+
+
+def ask(request: ApprovalRequested, trace: MissionTrace | None) -> Decision:
+    """Show the rules, the plan and the verdict and ask; no answer, or no terminal, rejects."""
+    if trace is not None:
+        print_proposal(errors, trace, request.attempt)
+    for reason in request.blocked_by:
+        errors.print(f"blocked: {reason}", style="bold red", markup=False)
+    if request.blocked_by:
+        return Decision(kind="reject", reason="; ".join(request.blocked_by))
+    if request.acknowledge:
+        errors.print(f"broken, to be acknowledged: {', '.join(request.acknowledge)}", markup=False)
+    reason = ""
+    _forget_typed()
+    try:
+        with _interruptible():
+            if not Confirm.ask("Approve?", console=errors, default=False):
+                return Decision(kind="reject", reason="rejected at the terminal")
+            while request.needs_override and not reason:
+                why = "The judge said Failure. Reason for overruling it"
+                reason = Prompt.ask(why, console=errors).strip()
+    except EOFError:
+        return Decision(kind="reject", reason="nobody answered at the terminal")
+    return Decision(
+        kind="approve",
+        reason=reason,
+        override_judge=request.needs_override,
+        acknowledged=request.acknowledge,
+    )
+
+
+def _forget_typed() -> None:
+    """Drop what was typed before the plan was on screen: it cannot have been meant for it."""
+    if sys.stdin.isatty():
+        termios.tcflush(sys.stdin, termios.TCIFLUSH)
+
+
+@contextmanager
+def _interruptible() -> Generator[None]:
+    """Let Ctrl-C end a question at once; asyncio's own handler would wait for the answer."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

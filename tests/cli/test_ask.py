@@ -1,0 +1,53 @@
+"""What an operator sees on the terminal before deciding, and what an answer comes to."""
+
+import io
+
+import pytest
+
+from pa_console.cli.ask import ask
+from pa_console.schema import event as ev
+from pa_console.schema.mission import Decision
+from pa_console.session.fold import SessionState
+from tests.tui import story
+
+
+def decided(monkeypatch: pytest.MonkeyPatch, typed: str, **options: object) -> Decision:
+    state = SessionState()
+    events = [*story.stamped(story.told("approval", **options))]
+    for event in events:
+        state.apply(event)
+    monkeypatch.setattr("sys.stdin", io.StringIO(typed))
+    request = next(e.data for e in events if isinstance(e.data, ev.ApprovalRequested))
+    return ask(request, state.current)
+
+
+def test_rules_plan_and_verdict_are_shown_before_the_question(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert decided(monkeypatch, "y\n").kind == "approve"
+    told, _, _ = capsys.readouterr().err.partition("Approve?")
+    for words in ("WF-03", "identify NorthGate", "judge: Success"):
+        assert words in told
+
+
+@pytest.mark.parametrize(
+    ("typed", "kind"), [("n\n", "reject"), ("", "reject"), ("x\ny\n", "approve")]
+)
+def test_only_a_clear_yes_approves(monkeypatch: pytest.MonkeyPatch, typed: str, kind: str) -> None:
+    assert decided(monkeypatch, typed).kind == kind
+
+
+def test_overruling_the_judge_takes_a_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    decision = decided(monkeypatch, "y\n\nseen it myself\n", verdict="Failure")
+    assert decision.override_judge
+    assert decision.reason == "seen it myself"
+    assert decided(monkeypatch, "y\n", verdict="Failure").kind == "reject"
+
+
+def test_a_blocked_plan_is_rejected_without_a_question(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    blocked = ("WF-03: a gate is left without cover",)
+    decision = decided(monkeypatch, "y\n", verdict="Failure", blocked=blocked)
+    assert (decision.kind, decision.reason) == ("reject", blocked[0])
+    assert "Approve?" not in capsys.readouterr().err
