@@ -9,14 +9,14 @@ import typer
 
 from pa_console.cli.output import FAILED, errors, out, print_json
 from pa_console.cli.read_bar import read_recording
-from pa_console.cli.replay_play import started_of, world_of
+from pa_console.cli.replay_play import started_of
 from pa_console.evaluation.twin import Twin, resimulate
 from pa_console.orchestrator.compose import open_scenario, open_world
 from pa_console.orchestrator.effect import decided_again
 from pa_console.orchestrator.flips import SessionEffect
 from pa_console.orchestrator.session_site import SessionSites
 from pa_console.schema.document import DocumentError
-from pa_console.schema.event import Event
+from pa_console.schema.event import Event, SessionStarted
 from pa_console.schema.scenario import Scenario
 from pa_console.schema.world import World
 from pa_console.session.chain import LogError
@@ -64,8 +64,10 @@ def run_again(log: Path, place: Place) -> Again:
     """
     recording = read_recording(log)
     started = started_of(recording, log)
-    sites = SessionSites(rules=[place.rules] if place.rules else ())
-    world, path = open_world(world_of(started, place.world, log))
+    sites = SessionSites(
+        worlds=[place.world] if place.world else (), rules=[place.rules] if place.rules else ()
+    )
+    world, path = _world(sites, started, place.world, log)
     situation = _situation(world, path, place.scenario, started.scenario)
     with errors.status(f"running {len(recording)} events again"):
         twin = resimulate(_events(recording), world, situation)
@@ -122,6 +124,19 @@ def print_again(log: Path, again: Again) -> None:
             f"{log}: {decided.compared} findings on {decided.plans} plans of {decided.missions} "
             f"missions decided again, all equal{left}"
         )
+
+
+def _world(
+    sites: SessionSites, started: SessionStarted, given: str | None, log: Path
+) -> tuple[World, Path]:
+    """Return the session's world by its hash, or the one that is given in its place."""
+    path = sites.world_file(started, log)
+    if path is None and given is not None:
+        _object(f"note: {given} is not the world of this session as it was then")
+        return open_world(given)
+    world = sites.world_of(started, log)
+    assert path is not None
+    return world, path
 
 
 def _situation(world: World, path: Path, given: str | None, recorded: str) -> Scenario | None:

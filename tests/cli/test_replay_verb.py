@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from pa_console.orchestrator.compose import Site, load_site
+from pa_console.resources import find_data
 from pa_console.schema.document import Document
 from pa_console.schema.scenario import Scenario
 from tests.cli.inside import Call, Done
@@ -135,6 +136,25 @@ def test_the_files_of_the_session_are_asked_for_by_option(
     assert "--world" in missing.err
     assert call(*words, "--world", str(world)).code == 0
     assert call(*words, "--world", "checkpoint").code == 1
+
+
+def test_another_world_of_the_same_name_is_not_taken_for_the_sessions(
+    call: Call, tmp_path: Path
+) -> None:
+    shipped = find_data("worlds", "checkpoint", "world.yaml").read_text(encoding="utf-8")
+    world, log, quiet = (tmp_path / name for name in ("own.yaml", "own.jsonl", "quiet.yaml"))
+    world.write_text(shipped.replace("standoff_m: 10.0", "standoff_m: 12.0"), encoding="utf-8")
+    played = Scenario(name="quiet", title="", about="", duration_s=5)
+    quiet.write_text(played.model_dump_json(), encoding="utf-8")
+    site = load_site(str(world), "checkpoint")
+    assert site.world.name == "checkpoint"
+    asyncio.run(play(site, ScriptedEngine([RECON]), played, log=log))
+    words = ("replay", str(log), "--resimulate", "--scenario", str(quiet))
+    missing = call(*words)
+    assert missing.code == 2
+    assert "not here as it was then" in missing.err
+    assert call(*words, "--world", str(world)).code == 0
+    assert "note: checkpoint is not the world" in call(*words, "--world", "checkpoint").err
 
 
 def test_something_that_is_no_log_is_refused(call: Call, tmp_path: Path) -> None:
