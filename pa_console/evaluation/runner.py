@@ -2,7 +2,6 @@
 
 import asyncio
 from collections.abc import AsyncGenerator, Callable, Sequence
-from contextlib import suppress
 from itertools import groupby
 
 from pa_console.evaluation.jobs import Job
@@ -64,9 +63,7 @@ class Runner:
         finally:
             for lane in lanes:
                 lane.cancel()
-            for lane in lanes:
-                with suppress(asyncio.CancelledError):
-                    await lane
+            await asyncio.gather(*lanes, return_exceptions=True)
 
     async def _lane(
         self,

@@ -3,7 +3,6 @@
 import asyncio
 import io
 from collections.abc import Awaitable, Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, cast
 
@@ -127,8 +126,7 @@ async def film(
         for task in directing:
             task.cancel()
         app.exit()
-        with suppress(asyncio.CancelledError):
-            await running
+        await asyncio.gather(running, return_exceptions=True)
         raise
     if app.return_code:
         raise RuntimeError("the console broke down while it was filmed")

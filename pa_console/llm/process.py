@@ -86,7 +86,8 @@ class Worker:
     async def receive(self, limit: float) -> Answer | Signal:
         """Return the next answer or signal, "late" when none came until perf_counter() `limit`."""
         try:
-            return await asyncio.wait_for(self._answers.get(), max(0.0, limit - perf_counter()))
+            async with asyncio.timeout(max(0.0, limit - perf_counter())):
+                return await self._answers.get()
         except TimeoutError:
             return "late"
 
@@ -104,7 +105,8 @@ class Worker:
         if self._child.stdin is not None:
             self._child.stdin.close()
         try:
-            await asyncio.wait_for(asyncio.shield(self._listener), EXIT_S)
+            async with asyncio.timeout(EXIT_S):
+                await asyncio.shield(self._listener)
         except TimeoutError:
             await self.kill()
 
@@ -120,7 +122,8 @@ class Worker:
     async def _reap(self) -> None:
         """Wait for a process that has no more to say; one that lingers is killed."""
         try:
-            await asyncio.wait_for(self._child.wait(), EXIT_S)
+            async with asyncio.timeout(EXIT_S):
+                await self._child.wait()
         except TimeoutError:
             self.strike()
             await self._child.wait()

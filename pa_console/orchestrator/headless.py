@@ -2,7 +2,6 @@
 
 import asyncio
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from typing import Literal
 
 from pa_console.orchestrator.station import Station
@@ -103,8 +102,7 @@ async def run_missions(  # noqa: PLR0917
     finally:
         if ending is not None:
             ending.cancel()
-            with suppress(asyncio.CancelledError):
-                await ending
+            await asyncio.gather(ending, return_exceptions=True)
     return list(state.missions.values())
 
 

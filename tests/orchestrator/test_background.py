@@ -49,3 +49,23 @@ async def test_a_task_that_was_cancelled_is_no_failure() -> None:
     task.cancel()
     await asyncio.wait([task])
     await background.stop()
+
+
+async def test_who_is_cancelled_while_stopping_stays_cancelled() -> None:
+    background = Background(lambda _: None)
+    tidying = asyncio.Event()
+
+    async def slow() -> None:
+        try:
+            await asyncio.Event().wait()
+        finally:
+            tidying.set()
+            await asyncio.Event().wait()
+
+    tasks = [background.start(slow())]
+    await asyncio.wait(tasks, timeout=0)
+    stopping = asyncio.create_task(background.stop())
+    await tidying.wait()
+    stopping.cancel()
+    await asyncio.wait([stopping, *tasks])
+    assert stopping.cancelled()
