@@ -10,6 +10,9 @@ from textual.widgets import Input, Static
 from pa_console.schema.mission import MAX_MISSION_TEXT
 from pa_console.tui.history import History
 
+_ELSEWHERE = "Say in plain words what is to be done; i brings you here"
+_HERE = "Say in plain words what is to be done; Enter sends it"
+
 
 class MissionInput(Input):
     """A line of text; what was typed is kept until the mission was taken."""
@@ -24,10 +27,15 @@ class MissionInput(Input):
             max_length=MAX_MISSION_TEXT,
             compact=True,
             id="mission-input",
-            placeholder="Say in plain words what is to be done; i brings you here",
+            placeholder=_ELSEWHERE,
         )
         self.cursor_blink = False
         self._history = history
+
+    def watch_has_focus(self, has_focus: bool) -> None:
+        """Say the key that leads here only while keys go elsewhere."""
+        super().watch_has_focus(has_focus)
+        self.placeholder = _HERE if has_focus else _ELSEWHERE
 
     def action_history(self, by: int) -> None:
         """Replace the text by an earlier or later one."""
