@@ -13,7 +13,7 @@ STYLES = {"verified": "bold green", "unverified": "bold yellow"}
 
 def print_trace(console: Console, trace: MissionTrace) -> None:
     """Print `trace` in the order of the eight steps."""
-    console.print(f"\n{trace.mission.id}  {trace.mission.text}", style="bold", markup=False)
+    _print_mission(console, trace)
     if trace.hits:
         _print_rules(console, trace)
     for attempt in trace.attempts:
@@ -44,12 +44,19 @@ def print_trace(console: Console, trace: MissionTrace) -> None:
 
 def print_proposal(console: Console, trace: MissionTrace, number: int) -> None:
     """Print the rules and attempt `number` of a mission that waits for approval."""
-    console.print(f"\n{trace.mission.id}  {trace.mission.text}", style="bold", markup=False)
+    _print_mission(console, trace)
     if trace.hits:
         _print_rules(console, trace)
     attempt = trace.find(number)
     if attempt is not None:
         _print_attempt(console, attempt)
+
+
+def _print_mission(console: Console, trace: MissionTrace) -> None:
+    mission = trace.mission
+    console.print(f"\n{mission.id}  {mission.said}", style="bold", markup=False)
+    if mission.typed:
+        console.print(f"read as: {mission.text}", markup=False)
 
 
 def _print_rules(console: Console, trace: MissionTrace) -> None:

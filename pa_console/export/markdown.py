@@ -20,7 +20,8 @@ def mission_document(
     """Return the document; `notes` say what the reader should know of the log or the rules."""
     parts = [
         f"# Mission {inline(trace.mission.id)}",
-        f"> {inline(trace.mission.text)}",
+        f"> {inline(trace.mission.said)}",
+        *([f"Read as: {inline(trace.mission.text)}"] if trace.mission.typed else []),
         *(f"**Note:** {inline(note)}" for note in notes),
         *_outcome(trace),
         _pinned(trace, started),

@@ -1,6 +1,6 @@
 """Step 1: alarms become missions, missions wait in their order, and some never get a turn."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 
@@ -58,8 +58,13 @@ class Intake:
         self._queue.refresh(self._book.open)
         return arrivals
 
-    def submit(self, text: str, active: bool) -> tuple[Mission, ev.MissionReceived]:
-        """Queue an operator's mission; raises ValueError when it cannot be taken."""
+    def submit(
+        self, text: str, active: bool, read: Callable[[str], str] = str
+    ) -> tuple[Mission, ev.MissionReceived]:
+        """Queue an operator's mission, its words as `read` has them.
+
+        Raises ValueError when it cannot be taken.
+        """
         words = " ".join(text.split())
         if not words:
             raise ValueError("the mission is empty: say what is to be done")
@@ -67,7 +72,9 @@ class Intake:
             raise ValueError(
                 f"the mission has {len(words)} characters, at most {MAX_MISSION_TEXT} are taken"
             )
-        mission = Mission(id=self._new_id(), text=words, created=datetime.now(UTC))
+        right = read(words)[:MAX_MISSION_TEXT]
+        typed = words if right != words else ""
+        mission = Mission(id=self._new_id(), text=right, typed=typed, created=datetime.now(UTC))
         self._queue.add(mission, None)
         return mission, ev.MissionReceived(
             mission=mission, position=self._position(mission) + active

@@ -9,6 +9,7 @@ from contextlib import suppress
 
 from pa_console.llm.errors import EngineError
 from pa_console.orchestrator.digest import digest_picture
+from pa_console.orchestrator.respelling import prepare
 from pa_console.orchestrator.selection import is_small
 from pa_console.orchestrator.services import Services
 from pa_console.schema.event import Role
@@ -29,7 +30,8 @@ class ReadAhead:
         self._turn = asyncio.Lock()
 
     async def load(self) -> None:
-        """Load the model and read the beginning of every role's prompts."""
+        """Load the dictionary and the model and read the beginning of every role's prompts."""
+        await asyncio.to_thread(prepare)
         async with self._turn:
             with suppress(EngineError):  # told by the engine's state, and to whoever asks it
                 await self._services.engine.start()
@@ -57,8 +59,9 @@ class ReadAhead:
 
     async def _read_words(self, words: str) -> None:
         async with self._turn:
+            read = self._services.read(words)
             for role in TYPING_ROLES:
-                await self._warm(role, words)
+                await self._warm(role, read)
 
     async def _warm(self, role: Role, words: str = "") -> None:
         """Let the model read what a prompt of `role` begins with at present, unless it has.

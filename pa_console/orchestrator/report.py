@@ -89,7 +89,7 @@ def after_action_report(
 ) -> str:
     """Return what raised the mission, what was done, what telemetry shows and what is open."""
     mission = facts.mission
-    lines = [f"{mission.id} {status}: {mission.text}"]
+    lines = [f"{mission.id} {status}: {mission.said}"]
     if facts.alarm is not None:
         alarm = facts.alarm
         lines.append(f"Raised by {alarm.id} ({alarm.priority}) at {alarm.raised_s:.0f} s: ")

@@ -10,6 +10,7 @@ from pa_console.llm.dialect import DIALECTS, Dialect
 from pa_console.llm.engine import Engine
 from pa_console.llm.judge import Judge
 from pa_console.llm.planner import Planner
+from pa_console.orchestrator.respelling import respell
 from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.policy.sightings import Sightings
@@ -43,6 +44,10 @@ class Services:
     def __post_init__(self) -> None:
         """Begin with nothing seen."""
         object.__setattr__(self, "sightings", Sightings(self.sim.world))
+
+    def read(self, text: str) -> str:
+        """Return the words of a mission with what is misspelt put right."""
+        return respell(text, self.sim.world, self.rulebook)
 
     def with_rules(self, rulebook: Rulebook) -> Self:
         """Return the same with other rules; what was seen is kept."""

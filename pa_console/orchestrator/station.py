@@ -117,7 +117,7 @@ class Station:
     def submit(self, text: str) -> Mission:
         """Step 1: queue a mission; raises ValueError when it cannot be taken."""
         self._writable()
-        mission, received = self._intake.submit(text, active=self._desk.busy)
+        mission, received = self._intake.submit(text, self._desk.busy, self._reload.services.read)
         self._emit(received, mission.id)
         self._desk.queue_changed()
         return mission

@@ -21,11 +21,17 @@ class Mission(StrictModel):
 
     id: str
     text: str = Field(min_length=1, max_length=MAX_MISSION_TEXT)
+    typed: str = Field(default="", description="what was typed, where words of it were misspelt")
     source: Literal["operator", "alarm"] = "operator"
     created: datetime
     alarm: str = Field(default="", description="id of the alarm that it answers")
     subject: Name | None = Field(default=None, description="track, asset or gate it is about")
     gate: Name | None = Field(default=None, description="the gate concerned, if one is")
+
+    @property
+    def said(self) -> str:
+        """The mission as its operator typed it; `text` is how it is read."""
+        return self.typed or self.text
 
 
 class Decision(StrictModel):

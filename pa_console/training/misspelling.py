@@ -16,15 +16,16 @@ no not never none nobody nothing nor without dont doesnt isnt arent wont cant if
 unless except only all both one two three four five six seven eight nine ten eleven twelve thirteen
 fourteen fifteen sixteen zero alpha bravo charlie delta echo tango low down up free
 """
-_KEPT = frozenset(_MEANT.split())
+KEPT = frozenset(_MEANT.split())
 """Words on which the meaning turns; they are spelt as they should be."""
-_SHORT: Mapping[str, str] = {
+SHORT: Mapping[str, str] = {
     "you": "u", "your": "ur", "are": "r", "please": "pls", "thanks": "thx", "and": "n",
     "with": "w/", "because": "cuz", "right": "rite", "okay": "k", "want": "wanna", "see": "c",
     "people": "ppl", "before": "b4", "going": "goin", "about": "abt", "back": "bk", "check": "chk",
     "message": "msg", "vehicle": "veh", "battery": "batt", "position": "pos", "need": "nd",
     "somebody": "sombdy", "someone": "sm1", "through": "thru", "tonight": "2nite", "what": "wat",
 }  # fmt: skip
+"""What words are in short messages."""
 _SOUNDS = (
     ("ght", "t"), ("ph", "f"), ("ck", "k"), ("ie", "ei"), ("ei", "ie"), ("ea", "ee"), ("ou", "u"),
     ("tion", "shun"), ("ll", "l"), ("tt", "t"), ("ss", "s"), ("mm", "m"), ("cc", "c"), ("pp", "p"),
@@ -50,8 +51,8 @@ def misspell(
 
     def changed(match: re.Match[str]) -> str:
         word = match[0]
-        if sms and word.lower() in _SHORT and rng.random() < 0.7:
-            return _SHORT[word.lower()]
+        if sms and word.lower() in SHORT and rng.random() < 0.7:
+            return SHORT[word.lower()]
         if rng.random() >= share:
             return word
         for _ in range(4):
@@ -68,7 +69,7 @@ def _slipped(word: str, rng: random.Random) -> str:
     if not word[1:].isalpha() or not word[1:].islower():
         intact = "_" not in word or rng.random() < _INTACT
         return word if intact else word.replace("_", rng.choice(("", " ", "-", "__")), 1)
-    if len(word) < _SHORTEST or word.lower() in _KEPT:
+    if len(word) < _SHORTEST or word.lower() in KEPT:
         return word
     at = rng.randrange(1, len(word) - 1)
     before, letter, after = word[:at], word[at], word[at + 1 :]
@@ -104,7 +105,7 @@ def _neighbour(letter: str, rng: random.Random) -> str:
 def _still(word: str, slip: str, confusable: frozenset[str]) -> bool:
     """Tell whether `slip` is nearer to `word` than to any other of the words that matter."""
     low, made = word.lower(), slip.lower()
-    if made in _KEPT:
+    if made in KEPT:
         return False
     away = OSA.distance(low, made)
     others = confusable - {low}

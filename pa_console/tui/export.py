@@ -12,7 +12,8 @@ from pa_console.tui.trace.sections import sections
 def trace_text(trace: MissionTrace, rules: Rules) -> str:
     """Return the whole trace as text, folded sections included."""
     mission = trace.mission
-    head = f"{mission.id}  {mission.created:%Y-%m-%d %H:%M:%S} UTC\n{mission.text}\n"
+    head = f"{mission.id}  {mission.created:%Y-%m-%d %H:%M:%S} UTC\n{mission.said}\n"
+    head += f"read as: {mission.text}\n" if mission.typed else ""
     return head + plain(sections(trace, rules))
 
 

@@ -160,8 +160,10 @@ def progress(trace: MissionTrace) -> Content:
 def headline(trace: MissionTrace) -> list[Row]:
     """Return the mission's id, origin and text, and where it stands in each workflow."""
     origin = " by alarm" if trace.mission.source == "alarm" else ""
-    head = [(trace.mission.id, "bold $text-accent"), (origin, WARN), f" {trace.mission.text}"]
+    mission = trace.mission
+    head = [(mission.id, "bold $text-accent"), (origin, WARN), f" {mission.said}"]
     return [
         row("", *head),
+        *([row("", (f"read as: {mission.text}", "$text-muted"))] if mission.typed else []),
         *(row("", workflow.standing(m)) for m in workflow.by_track(trace).values()),
     ]
