@@ -14,6 +14,7 @@ from pa_console.llm.compact_prompt import asset_state, standing
 from pa_console.llm.condition import conditions, evidence, holds, in_words, told_assets, told_frames
 from pa_console.llm.contact import contacts
 from pa_console.llm.facts import WORDS
+from pa_console.llm.grammar import exactly
 from pa_console.schema.telemetry import Digest
 from pa_console.schema.world import World
 
@@ -38,15 +39,16 @@ _SO = {True: "so", False: "not so", None: "(not )?so"}
 _END = r"( \([A-Z]+-[0-9]+\))?( takes over| stays)?"
 
 
-def grounded_reason(world: World, digest: Digest, words: str) -> tuple[str, ...]:
+def grounded_reason(world: World, digest: Digest, words: str, asked: str = "") -> tuple[str, ...]:
     """Return regular expressions (Rust's syntax) that a reason has to match, each of them.
 
     It states what `digest` bears out, and what was asked in clauses about what there is, or about
-    names that stand in the mission's `words`.
+    names that stand in the mission's `words`; in the words `asked`, where those are given.
     """
     plain = _not_beginning(" only ")
     part = f" {_either(_facts(world, digest))}{_END}|{plain}"
-    stated = f"{_asked(world, digest, _UNCONDITIONAL)}([;,]({part})){{0,{MOST_PARTS}}}"
+    begins = exactly(asked) if asked else _asked(world, digest, _UNCONDITIONAL)
+    stated = f"{begins}([;,]({part})){{0,{MOST_PARTS}}}"
     return stated, asked_pattern(world, digest, words)
 
 

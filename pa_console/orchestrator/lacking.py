@@ -38,8 +38,7 @@ class Case:
         moves = self.moves
         seen = all(track.observed for track in moves.tracks(wish.place))
         kinds: tuple[AssetKind, ...] = ("uav", "robot") if seen else ("uav",)
-        there = (n for n, a in moves.before.assets.items() if a.available and a.post == wish.place)
-        if any(moves.kind(name) in kinds for name in there):
+        if any(moves.there(wish.place, kind) for kind in kinds):
             return True
         return not self.others_stay and any(self.spare(wish, kind) for kind in kinds)
 
@@ -72,15 +71,25 @@ def _there(case: Case, wish: Wish) -> Iterator[str]:
     yield from _absent(case, wish, place)
     if team.names:
         return
-    sent, spare = len(case.moves.sent(place, team.kind)), case.spare(wish, team.kind)
+    sent = len(case.moves.sent(place, team.kind))
+    spare = [name for name in case.spare(wish, team.kind) if case.moves.post(name) != place]
     wanted = 1 if team.number == "all" else team.number
     word = "asset" if team.kind is None else WORDS[team.kind]
     if sent < wanted and len(spare) > sent:
         yield f"{sent} of {wanted} {word} to {place}"
-    elif wish.task == "mass" and (left := [n for n in spare if case.moves.ends(n) != place]):
+    elif wish.task == "mass" and (left := [n for n in spare if not _bound(case.moves, n, place)]):
         yield f"{', '.join(left)} not sent to {place}"
+    elif vain := [n for n, goal in case.moves.goals.items() if goal == place == case.moves.post(n)]:
+        yield f"{', '.join(vain)} at {place} already"
     elif wish.task == "go" and sent > wanted and team.kind != "uav" and team.number != "all":
         yield f"{sent} instead of {wanted} {word} to {place}"
+
+
+def _bound(moves: PlanMoves, name: str, place: str) -> bool:
+    """Whether an asset goes to `place`, or stays as the last guard of its gate (WF-03)."""
+    others = [guard for guard in moves.guards(moves.post(name)) if guard != name]
+    guards = name in moves.guards(moves.post(name))
+    return moves.ends(name) == place or (guards and all(guard in moves.moved for guard in others))
 
 
 def _absent(case: Case, wish: Wish, place: str) -> Iterator[str]:
@@ -113,7 +122,9 @@ def _identified(case: Case, wish: Wish) -> Iterator[str]:
 def _blocked(case: Case, wish: Wish) -> Iterator[str]:
     """Yield that a lane is not closed, unless whoever is there has to be met first (WF-01)."""
     due = all(track.intent == "hostile" and track.warned for track in case.moves.tracks(wish.place))
-    if due and not case.moves.commands(wish.place, ["block"], _fit(case, wish)):
+    moves, fit = case.moves, _fit(case, wish)
+    can = fit or case.spare(wish, "ugv") or moves.there(wish.place, "ugv")
+    if due and can and not moves.commands(wish.place, ["block"], fit):
         yield f"nobody blocks {wish.place}"
 
 
@@ -121,7 +132,9 @@ def _taken_over(case: Case, wish: Wish) -> Iterator[str]:
     place = _post(case.moves, wish)
     if wish.task == "relieve" and case.moves.goals.get(wish.leaving) != case.moves.world.base:
         yield f"{wish.leaving} does not go home"
-    if not any(name != wish.leaving for name in case.moves.sent(place)) and case.spare(wish):
+    stays = [name for name in wish.team.names if case.moves.ends(name) == place]
+    sent = [name for name in case.moves.sent(place) if name != wish.leaving]
+    if not stays and not sent and case.spare(wish):
         yield f"nobody takes over {place}"
 
 

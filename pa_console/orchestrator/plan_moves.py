@@ -60,6 +60,14 @@ class PlanMoves:
             if kind in (None, asset.kind) and is_free(asset, self.alone)
         ]
 
+    def there(self, place: str, kind: AssetKind) -> list[str]:
+        """Return who of a kind stands at a place before the plan and can be commanded."""
+        return [
+            name
+            for name, asset in self.before.assets.items()
+            if asset.available and asset.kind == kind and asset.post == place
+        ]
+
     def takes_over(self, name: str) -> bool:
         """Whether an asset moves to a gate that one of its guards leaves (WF-03)."""
         guards = self.guards(self.ends(name)) if name in self.moved else ()

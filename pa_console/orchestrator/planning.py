@@ -12,6 +12,7 @@ from pa_console.orchestrator.plan_moves import PlanMoves
 from pa_console.orchestrator.proposing import Proposing
 from pa_console.orchestrator.safeguards import Examination, examine
 from pa_console.orchestrator.services import Payloads, Services, Stopwatch
+from pa_console.orchestrator.serving import serving_slots
 from pa_console.policy.monitor import Monitor
 from pa_console.schema import event as ev
 from pa_console.schema.mission import Mission
@@ -164,6 +165,24 @@ class Planning:
             yield payload
         while not self._sound and self._proposing.others:
             async for payload in self._examine(*self._proposing.others.pop(0)):
+                yield payload
+        if not self._sound and readable:
+            async for payload in self._serving():
+                yield payload
+
+    async def _serving(self) -> Payloads:
+        """Examine a plan of commands that serve what the planner says was asked.
+
+        None of its own answers does: the console gives the commands, it chooses who has them.
+        """
+        sim = self._services.sim
+        slots = serving_slots(self._reading, sim.world, sim.picture()) if self._reading else ()
+        if not slots or self._proposing.verbs:
+            return
+        async for payload in self._proposing.ask_for_slots(slots):
+            yield payload
+        for other in self._proposing.others or ():
+            async for payload in self._examine(*other):
                 yield payload
 
     async def _next_sound(self, known: Plan) -> Payloads:

@@ -4,8 +4,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from time import perf_counter
 
+from pa_console.llm.grounds import grounded_reason
 from pa_console.llm.planner import Proposal
 from pa_console.llm.reading import asked_words
+from pa_console.llm.slot_grammar import Slot, slot_grammar
 from pa_console.orchestrator.question import Question, ask_for_plan
 from pa_console.orchestrator.services import Payloads, Services, Stopwatch
 from pa_console.schema import event as ev
@@ -28,7 +30,7 @@ class Proposing:
         """Attempts are numbered from 1, the operator's own plans among them."""
         self._services, self._watch = services, stopwatch
         self.task = mission
-        self._verbs: Sequence[Verb] = ()
+        self.verbs: Sequence[Verb] = ()
         self.hits: tuple[RuleHit, ...] = ()
         self.question: Question | None = None
         self.attempts = 0
@@ -45,7 +47,7 @@ class Proposing:
 
         With `verbs`, the planner is given no other commands for it.
         """
-        self.task, self._verbs = task, verbs
+        self.task, self.verbs = task, verbs
         started = perf_counter()
         retriever = self._services.retriever
         self.hits = self._retrieved(task.text)
@@ -60,7 +62,7 @@ class Proposing:
         services = self._services
         rules = [services.rulebook.get(hit.rule_id) for hit in self.hits]
         self.question = asked = ask_for_plan(
-            services, self.task, rules, self._verbs, reasons, previous
+            services, self.task, rules, self.verbs, reasons, previous
         )
         self._watch.add("picture_s", asked.picture_s)
         self._watch.add("prompt_s", asked.prompt_s)
@@ -105,6 +107,28 @@ class Proposing:
             yield _proposed(self.attempts, given, instead_of=first)
             if proposal.plan is not None:
                 self.others.append((self.attempts, proposal.plan))
+
+    async def ask_for_slots(self, slots: Sequence[Slot]) -> Payloads:
+        """Step 5 once more, the commands given: who has each of `slots` is the planner's choice.
+
+        What was asked is taken from its last answer. The plan waits in `others`.
+        """
+        asked, plan = self.question, self.latest.plan
+        self.others = []
+        if asked is None or plan is None:
+            return
+        words = asked_words(plan.reason).rstrip("; ")
+        world = self._services.sim.world
+        reasons = grounded_reason(world, asked.digest, self.task.text, words)
+        grammar = slot_grammar(slots, reasons)
+        first = self.attempts
+        with self._watch.time("planning_s"):
+            async for piece in self._services.planner.plan(asked.prompt, grammar):
+                if not isinstance(piece, str):
+                    self.attempts += 1
+                    yield _proposed(self.attempts, piece, instead_of=first)
+                    if piece.plan is not None:
+                        self.others.append((self.attempts, piece.plan))
 
     async def take(self, plan: Plan) -> Payloads:
         """Take a plan that the operator wrote for an answer."""

@@ -79,7 +79,7 @@ async def test_if_no_other_plan_is_nearer_to_what_was_asked_the_first_stays(rig:
 
 
 async def test_what_nothing_blocks_does_not_go_back_to_the_planner(rig: Rig) -> None:
-    await rig.run(ScriptedEngine([ASTRAY, SOUND], others=[STRIPS]))
+    await rig.run(ScriptedEngine([ASTRAY, STRIPS, SOUND], others=[STRIPS]))
     assert "repair_requested" not in rig.kinds()
     asked = [e.data.attempt for e in rig.events if e.data.kind == "approval_requested"]
     assert asked == [1]
