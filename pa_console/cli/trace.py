@@ -68,8 +68,7 @@ def _print_rules(console: Console, trace: MissionTrace) -> None:
 
 
 def _print_attempt(console: Console, attempt: Attempt) -> None:
-    other = f", instead of {attempt.instead_of}" if attempt.instead_of is not None else ""
-    console.print(f"attempt {attempt.number} by the {attempt.author}{other}", style="bold")
+    console.print(f"attempt {attempt.number} by the {attempt.author}{attempt.aside}", style="bold")
     if attempt.plan is None:
         console.print(f"  no plan: {attempt.error or attempt.text}", markup=False)
     else:

@@ -12,9 +12,8 @@ from pa_console.session.mission_trace import Attempt
 
 def attempt_parts(attempt: Attempt, rules: Mapping[str, Rule]) -> Iterator[str]:
     """Yield the attempt's paragraphs, tables and folded texts, in the order of the steps."""
-    other = f", instead of {attempt.instead_of}" if attempt.instead_of is not None else ""
     phase = f" ({inline(attempt.phase)})" if attempt.phase else ""
-    yield f"## Attempt {attempt.number} by the {attempt.author}{phase}{other}"
+    yield f"## Attempt {attempt.number} by the {attempt.author}{phase}{attempt.aside}"
     if attempt.system or attempt.user:
         size = len(attempt.system) + len(attempt.user)
         texts = (("System:", attempt.system), ("User:", attempt.user))

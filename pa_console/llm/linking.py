@@ -108,12 +108,12 @@ class _Linker:
         return start, end
 
     def _gates(self, at: int) -> Iterator[_Link]:
-        """Yield the gates of a list such as `north, east and west gates` from `at`."""
+        """Yield the gates of a list such as `north, east and the west gate` from `at`."""
         gates: list[_Link] = []
         while name := self._names.gate_with(self._word(at)):
             gates.append(_Link(at, at + 1, name))
             at = self._after_and(at + 1)
-        if len(gates) > 1 and self._word(at) == f"{GATE}s":
+        if len(gates) > 1 and self._word(at) in (GATE, f"{GATE}s"):
             yield from (*gates[:-1], gates[-1]._replace(end=at + 1))
 
     def _place(self, at: int) -> Iterator[_Link]:

@@ -69,6 +69,9 @@ def _there(case: Case, wish: Wish) -> Iterator[str]:
     """Yield who of those asked for is not sent; as many as are to be had must be."""
     place, team = case.moves.world.base if wish.task == "home" else wish.place, wish.team
     yield from _absent(case, wish, place)
+    there = [n for n, goal in case.moves.goals.items() if goal == place == case.moves.post(n)]
+    if there and wish.task != "home":
+        yield f"{', '.join(there)} at {place} already"
     if team.names:
         return
     sent = len(case.moves.sent(place, team.kind))
@@ -79,8 +82,6 @@ def _there(case: Case, wish: Wish) -> Iterator[str]:
         yield f"{sent} of {wanted} {word} to {place}"
     elif wish.task == "mass" and (left := [n for n in spare if not _bound(case.moves, n, place)]):
         yield f"{', '.join(left)} not sent to {place}"
-    elif vain := [n for n, goal in case.moves.goals.items() if goal == place == case.moves.post(n)]:
-        yield f"{', '.join(vain)} at {place} already"
     elif wish.task == "go" and sent > wanted and team.kind != "uav" and team.number != "all":
         yield f"{sent} instead of {wanted} {word} to {place}"
 

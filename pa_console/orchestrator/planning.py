@@ -12,7 +12,6 @@ from pa_console.orchestrator.plan_moves import PlanMoves
 from pa_console.orchestrator.proposing import Proposing
 from pa_console.orchestrator.safeguards import Examination, examine
 from pa_console.orchestrator.services import Payloads, Services, Stopwatch
-from pa_console.orchestrator.serving import serving_slots
 from pa_console.policy.monitor import Monitor
 from pa_console.schema import event as ev
 from pa_console.schema.mission import Mission
@@ -157,33 +156,21 @@ class Planning:
     async def _first_sound(self) -> Payloads:
         """Examine the planner's other answers until one is sound; the best of them becomes `best`.
 
-        What was asked is taken from its first answer, the most likely one; where the console can
-        read that, the others say the same of it.
+        Where the console can read what its first answer says was asked, the others say the same of
+        it; with none of them sound, it is given the commands and says who has them.
         """
-        readable = self._reading is not None and self._reading.readable
-        async for payload in self._proposing.ask_for_others(as_asked=readable):
+        reading = self._reading if self._reading is not None and self._reading.readable else None
+        async for payload in self._proposing.ask_for_others(as_asked=reading is not None):
             yield payload
         while not self._sound and self._proposing.others:
             async for payload in self._examine(*self._proposing.others.pop(0)):
                 yield payload
-        if not self._sound and readable:
-            async for payload in self._serving():
+        if reading is not None and not self._sound:
+            async for payload in self._proposing.ask_who(reading):
                 yield payload
-
-    async def _serving(self) -> Payloads:
-        """Examine a plan of commands that serve what the planner says was asked.
-
-        None of its own answers does: the console gives the commands, it chooses who has them.
-        """
-        sim = self._services.sim
-        slots = serving_slots(self._reading, sim.world, sim.picture()) if self._reading else ()
-        if not slots or self._proposing.verbs:
-            return
-        async for payload in self._proposing.ask_for_slots(slots):
-            yield payload
-        for other in self._proposing.others or ():
-            async for payload in self._examine(*other):
-                yield payload
+            for other in self._proposing.others or ():
+                async for payload in self._examine(*other):
+                    yield payload
 
     async def _next_sound(self, known: Plan) -> Payloads:
         """Make the next other answer `best` that does not do as `known` and that nothing blocks."""

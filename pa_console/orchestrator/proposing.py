@@ -6,10 +6,11 @@ from time import perf_counter
 
 from pa_console.llm.grounds import grounded_reason
 from pa_console.llm.planner import Proposal
-from pa_console.llm.reading import asked_words
-from pa_console.llm.slot_grammar import Slot, slot_grammar
+from pa_console.llm.reading import Reading, asked_words
+from pa_console.llm.slot_grammar import slot_grammar
 from pa_console.orchestrator.question import Question, ask_for_plan
 from pa_console.orchestrator.services import Payloads, Services, Stopwatch
+from pa_console.orchestrator.serving import serving_slots
 from pa_console.schema import event as ev
 from pa_console.schema.finding import Usage
 from pa_console.schema.mission import Mission
@@ -30,7 +31,7 @@ class Proposing:
         """Attempts are numbered from 1, the operator's own plans among them."""
         self._services, self._watch = services, stopwatch
         self.task = mission
-        self.verbs: Sequence[Verb] = ()
+        self._verbs: Sequence[Verb] = ()
         self.hits: tuple[RuleHit, ...] = ()
         self.question: Question | None = None
         self.attempts = 0
@@ -47,7 +48,7 @@ class Proposing:
 
         With `verbs`, the planner is given no other commands for it.
         """
-        self.task, self.verbs = task, verbs
+        self.task, self._verbs = task, verbs
         started = perf_counter()
         retriever = self._services.retriever
         self.hits = self._retrieved(task.text)
@@ -62,7 +63,7 @@ class Proposing:
         services = self._services
         rules = [services.rulebook.get(hit.rule_id) for hit in self.hits]
         self.question = asked = ask_for_plan(
-            services, self.task, rules, self.verbs, reasons, previous
+            services, self.task, rules, self._verbs, reasons, previous
         )
         self._watch.add("picture_s", asked.picture_s)
         self._watch.add("prompt_s", asked.prompt_s)
@@ -108,25 +109,25 @@ class Proposing:
             if proposal.plan is not None:
                 self.others.append((self.attempts, proposal.plan))
 
-    async def ask_for_slots(self, slots: Sequence[Slot]) -> Payloads:
-        """Step 5 once more, the commands given: who has each of `slots` is the planner's choice.
+    async def ask_who(self, reading: Reading) -> Payloads:
+        """Step 5 once more, with the commands given that serve `reading`: who is to have each.
 
-        What was asked is taken from its last answer. The plan waits in `others`.
+        What was asked is taken from the last answer. The plan waits in `others`.
         """
-        asked, plan = self.question, self.latest.plan
+        sim, asked, plan = self._services.sim, self.question, self.latest.plan
+        slots = serving_slots(reading, sim.world, sim.picture())
         self.others = []
-        if asked is None or plan is None:
+        if asked is None or plan is None or not slots or self._verbs:
             return
         words = asked_words(plan.reason).rstrip("; ")
-        world = self._services.sim.world
-        reasons = grounded_reason(world, asked.digest, self.task.text, words)
+        reasons = grounded_reason(sim.world, asked.digest, self.task.text, words)
         grammar = slot_grammar(slots, reasons)
         first = self.attempts
         with self._watch.time("planning_s"):
             async for piece in self._services.planner.plan(asked.prompt, grammar):
                 if not isinstance(piece, str):
                     self.attempts += 1
-                    yield _proposed(self.attempts, piece, instead_of=first)
+                    yield _proposed(self.attempts, piece, instead_of=first, given=True)
                     if piece.plan is not None:
                         self.others.append((self.attempts, piece.plan))
 
@@ -153,7 +154,9 @@ class Proposing:
         return tuple(hit.model_copy(update={"pinned": False}) for hit in best)
 
 
-def _proposed(attempt: int, proposal: Proposal, instead_of: int | None = None) -> ev.PlanProposed:
+def _proposed(
+    attempt: int, proposal: Proposal, instead_of: int | None = None, given: bool = False
+) -> ev.PlanProposed:
     return ev.PlanProposed(
         attempt=attempt,
         text=proposal.text,
@@ -161,4 +164,5 @@ def _proposed(attempt: int, proposal: Proposal, instead_of: int | None = None) -
         error=proposal.error,
         usage=proposal.usage,
         instead_of=instead_of,
+        given=given,
     )

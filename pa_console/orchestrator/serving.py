@@ -85,7 +85,8 @@ def _sent(stands: PlanMoves, wish: Wish, command: str, place: str) -> Iterator[S
     """Yield `command` for those named, or for as many as are asked for and to be had."""
     team = wish.team
     if team.names:
-        yield from (Slot((name,), command) for name in _fit(stands, wish))
+        away = (n for n in _fit(stands, wish) if wish.task == "home" or stands.post(n) != place)
+        yield from (Slot((name,), command) for name in away)
         return
     free = [
         name

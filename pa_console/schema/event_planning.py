@@ -64,6 +64,9 @@ class PlanProposed(Payload):
     instead_of: int | None = Field(
         default=None, description="the attempt whose prompt it is another answer to"
     )
+    given: bool = Field(
+        default=False, description="the console gave the commands, its author who has them"
+    )
 
 
 class PlanRehearsed(Payload):

@@ -43,6 +43,17 @@ class Attempt:
     repair: tuple[str, ...] = ()
     instead_of: int | None = None
     """The attempt whose prompt this is another answer to."""
+    given: bool = False
+    """Whether the console gave the commands and the planner chose who has them."""
+
+    @property
+    def aside(self) -> str:
+        """What it stands beside, to be told after its number and author; '' for a first answer."""
+        if self.instead_of is None:
+            return ""
+        return (
+            f", instead of {self.instead_of}" + ", its commands given by the console" * self.given
+        )
 
 
 @dataclass

@@ -22,6 +22,7 @@ NAMES = (*WORLD.assets, *WORLD.frames, *WORLD.zones)
         ("Drone_T02 and T03 hold", "Drone_T02 and Drone_T03 hold"),
         ("T03 is dead", "Drone_T03 is dead"),
         ("north, east and the south gates", "NorthGate, EastGate and SouthGate"),
+        ("the north and the east gate", "NorthGate and EastGate"),
         ("the W gate, GATE EAST, the southern gate", "WestGate, EastGate, SouthGate"),
         ("wset gte", "WestGate"),
         ("Ugv Tango Zero Two", "Ugv_T02"),

@@ -59,7 +59,9 @@ def test_commands_serve_what_was_understood(words: str, commands: list[str]) -> 
     assert slots(words) == commands
 
 
-@pytest.mark.parametrize("words", ["Drone_T09 to EastGate", "1 drone to unknown place"])
+@pytest.mark.parametrize(
+    "words", ["Drone_T09 to EastGate", "1 drone to unknown place", "Drone_T01 to WestGate"]
+)
 def test_where_nothing_can_be_done_somebody_holds(words: str) -> None:
     (only,) = slots(words)
     assert only.endswith(" hold")
@@ -132,5 +134,6 @@ async def test_when_no_answer_is_what_was_asked_the_commands_are_given(rig: Rig)
     assert trace.status == "verified"
     proposed = [e.data for e in rig.events if e.data.kind == "plan_proposed"]
     assert [p.text for p in proposed][-1] == served
+    assert [p.given for p in proposed] == [False, False, True]
     assert accepts(engine.requests[1].grammar, served)
     assert not accepts(engine.requests[1].grammar, astray)

@@ -96,6 +96,7 @@ def _heading(attempt: Attempt) -> Section:
     author = "by the operator" if attempt.author == "operator" else "shown in full"
     if attempt.instead_of is not None:
         author = f"another answer to the prompt of attempt {attempt.instead_of}"
+        author += ", commands by the console" * attempt.given
     title = Content.assemble(
         (f"Attempt {attempt.number}", "bold"),
         (f"  {attempt.phase}" if attempt.phase else "", NOTE),
