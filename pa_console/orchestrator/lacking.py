@@ -130,8 +130,9 @@ def _blocked(case: Case, wish: Wish) -> Iterator[str]:
 
 
 def _taken_over(case: Case, wish: Wish) -> Iterator[str]:
-    place = _post(case.moves, wish)
-    if wish.task == "relieve" and case.moves.goals.get(wish.leaving) != case.moves.world.base:
+    place, leaving = _post(case.moves, wish), case.moves.before.assets.get(wish.leaving)
+    home = case.moves.goals.get(wish.leaving) == case.moves.world.base
+    if leaving is not None and leaving.available and not home:
         yield f"{wish.leaving} does not go home"
     stays = [name for name in wish.team.names if case.moves.ends(name) == place]
     sent = [name for name in case.moves.sent(place) if name != wish.leaving]

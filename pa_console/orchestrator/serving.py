@@ -162,7 +162,7 @@ def _blocked(stands: PlanMoves, wish: Wish) -> Iterator[Slot]:
 def _taken_over(stands: PlanMoves, wish: Wish) -> Iterator[Slot]:
     place = wish.place or (stands.post(wish.leaving) if wish.leaving else "")
     team = wish.team
-    if wish.leaving:
+    if wish.leaving and stands.before.assets[wish.leaving].available:
         yield Slot((wish.leaving,), "return_to_base")
     names = [name for name in _fit(stands, wish) if stands.post(name) != place]
     if team.names:

@@ -16,7 +16,7 @@ from pa_console.orchestrator.judging import OutcomeCase, ask_about_outcome
 from pa_console.orchestrator.plan_moves import PlanMoves
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import data_folder
-from pa_console.schema.incident import FailAsset, Incident, SetBattery, SpawnTrack
+from pa_console.schema.incident import FailAsset, Incident, PlaceAsset, SetBattery, SpawnTrack
 from pa_console.schema.mission import Mission, Verification
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Picture
@@ -86,6 +86,33 @@ CAR = (SpawnTrack(gate="EastGate", distance_m=12.0),)
 )
 def test_a_plan_that_does_what_was_asked_has_no_gap(words: str, orders: list[str]) -> None:
     assert found(words, moves(*orders)) == ()
+
+
+def test_who_is_down_needs_not_go_home_to_be_relieved() -> None:
+    broken = (FailAsset(asset="Drone_T01"),)
+    words, sent = "relieve Drone_T01 at WestGate", "Drone_T04 move_to WestGate"
+    assert found(words, moves(sent, setup=broken)) == ()
+    assert found(words, moves(sent)) == ("Drone_T01 does not go home",)
+
+
+def test_a_named_guard_that_stays_takes_over_from_the_other() -> None:
+    beside = (PlaceAsset(asset="Drone_T04", frame="WestGate"),)
+    words = "Drone_T04 relieves Drone_T01 at WestGate"
+    assert found(words, moves("Drone_T01 return_to_base", setup=beside)) == ()
+
+
+def test_the_last_guard_of_a_gate_is_no_reinforcement() -> None:
+    beside = (PlaceAsset(asset="Drone_T04", frame="WestGate"),)
+    sent = ("Drone_T04", "Ugv_T02", "Robot_T01", "Robot_T02")
+    plan = moves(*(f"{name} move_to EastGate" for name in sent), setup=beside)
+    assert found("all free to EastGate", plan) == ()
+    assert found("all free drones to WestGate", plan) != ()
+
+
+@pytest.mark.parametrize("words", ["Drone_T01 to WestGate", "1 drone to WestGate"])
+def test_nobody_is_sent_where_he_stands(words: str) -> None:
+    (gap,) = (g for g in found(words, moves("Drone_T01 move_to WestGate")) if "already" in g)
+    assert gap == "Drone_T01 at WestGate already"
 
 
 @pytest.mark.parametrize(
