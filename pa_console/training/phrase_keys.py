@@ -120,6 +120,7 @@ harmless.identify = who? place
 harmless.hold = who
 harmless.home = who
 harmless.report = who
+aside = asset? place? thing?
 inject = order asset? gate? base?
 inject.only = asset? gate? base?
 condition.track_at = place track

@@ -21,6 +21,9 @@ _STOPS = (".", ".", ".", ";", ",")
 """What stands before a sentence that goes on about who may move."""
 _RUNS_ON, _TOGETHER = 0.75, 0.7
 """How often several asks are one sentence."""
+_TOLD = {"plain": 0.45, "terse": 0.25, "chatty": 0.5, "radio": 0.4}
+_TOLD_FIRST, _TOLD_AGAIN, _OTHERS = 0.75, 0.2, 0.8
+"""How often something is told beside an order: before it, once more, of what it is not about."""
 
 
 class Phrasing(StrictModel):
@@ -67,9 +70,42 @@ def _composed(voice: Voice, order: Order) -> str:
         stop = "" if ended else "." if order.condition else rng.choice(_STOPS)
         follows = capital(extra) if stop in ("", ".") else extra
         text = f"{text}{stop} {follows}{'.' if text.endswith('.') and stop == '' else ''}"
+    text = _with_asides(voice, text)
     if order.injected:
         return _injected(voice, text)
     return greeted(voice, text)
+
+
+def _with_asides(voice: Voice, text: str) -> str:
+    """Return `text`, more often than not, or with something beside it that asks for nothing."""
+    rng = voice.rng
+    share = _TOLD[voice.style]
+    while rng.random() < share:
+        aside = voice.say("aside", _aside_slots(voice, text))
+        loose = voice.style == "terse" and rng.random() < 0.5
+        if rng.random() < _TOLD_FIRST:
+            text = f"{aside}, {text}" if loose else f"{capital(aside)}. {capital(text)}"
+        else:
+            stop = "" if text.endswith((".", "?", "!", '"', "'")) else "," if loose else "."
+            text = f"{text}{stop} {aside if stop == ',' else capital(aside)}"
+            text += "." * (stop != ",")
+        share = _TOLD_AGAIN
+    return text
+
+
+def _aside_slots(voice: Voice, text: str) -> dict[str, str]:
+    """Return what may be spoken of beside an order: mostly names that it does not use."""
+    rng, world = voice.rng, voice.world
+    slots = {"thing": rng.choice(("vehicle", "person"))}
+    slots["thing"] = voice.noun(f"noun.{slots['thing']}")
+    for slot, names in (("asset", [*world.assets]), ("place", [*world.gates])):
+        said = {name: voice.name(name) for name in names}
+        others = [
+            name for name in names if said[name].lower() not in text.lower() and name not in text
+        ]
+        chosen = rng.choice(others if others and rng.random() < _OTHERS else names)
+        slots[slot] = said[chosen]
+    return slots
 
 
 def _same_kind(voice: Voice, ask: Ask) -> str:

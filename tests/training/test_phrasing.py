@@ -197,7 +197,7 @@ def test_a_track_is_never_called_what_an_asset_is_called() -> None:
     order = Order(asks=(Ask(task="respond", place="EastGate", track="vehicle"),))
     said = [phrase(order, world, EMPTY, rng) for _ in range(300)]
     plain = [one.text.lower() for one in said if not {"misspelt", "slip"} & {*one.noise}]
-    assert sum(bool(re.search(r"\btrucks?\b", text)) for text in plain) <= 2
+    assert sum(bool(re.search(r"\b(an?|the|this|that) trucks?\b", text)) for text in plain) <= 2
     assert any("truck" in phrase(order, home, EMPTY, rng).text.lower() for _ in range(300))
 
 
@@ -216,3 +216,12 @@ def test_the_same_for_two_places_is_often_said_in_one_clause() -> None:
             forms = {key_of(form.text).removesuffix("gate") for form in names.forms(gate)}
             assert any(form in heard for form in forms), said.text
     assert both > 3
+
+
+def test_what_asks_for_nothing_is_often_told_beside_an_order() -> None:
+    world, rng = shipped_world(), random.Random(9)
+    order = Order(asks=(Ask(task="go", who=Who(names=("Drone_T04",)), place="EastGate"),))
+    said = [phrase(order, world, EMPTY, rng) for _ in range(300)]
+    beside = sum(bool(re.search("north|south|west", one.text, re.IGNORECASE)) for one in said)
+    assert 0.15 < beside / len(said) < 0.6
+
