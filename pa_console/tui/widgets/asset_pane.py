@@ -9,6 +9,7 @@ from textual.widgets import Input
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.tui.widgets.asset_table import AssetTable
+from pa_console.tui.widgets.fields import LineField
 
 PROBLEMS = "problem"
 """The word by which a filter finds what needs an eye."""
@@ -26,7 +27,7 @@ class AssetPane(Vertical):
 
     def compose(self) -> ComposeResult:
         """Yield the filter's line, hidden until it is used, and the table."""
-        yield Input(
+        yield LineField(
             compact=True,
             id="asset-filter",
             placeholder="filter: uav, NorthGate, problem, stale, hostile, any text; Enter, Esc",
