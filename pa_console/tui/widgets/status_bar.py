@@ -30,7 +30,8 @@ class StatusBar(Static):
             parts.append(("PA Console  ", "bold $text-primary"))
         if wide and state.active is None:
             parts.append((f"{title}  ", QUIET))
-        parts += [self._mode(mode), f"  {time} ", (f"×{rate:g}", QUIET)]
+        clock = ("session ", QUIET) if mode == "REPLAY" else ""
+        parts += [self._mode(mode), "  ", clock, f"{time} ", (f"×{rate:g}", QUIET)]
         if state.started is not None and (seal := state.started.rules_seal) and seal.altered:
             parts += ["  ", (" RULES ALTERED ", "bold reverse $text-error")]
         if stale:
