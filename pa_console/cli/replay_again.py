@@ -22,6 +22,7 @@ from pa_console.schema.world import World
 from pa_console.session.chain import LogError
 from pa_console.session.reader import line_of
 from pa_console.session.recording import Recording
+from pa_console.tui.words import count
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ def run_again(log: Path, place: Place) -> Again:
     )
     world, path = _world(sites, started, place.world, log)
     situation = _situation(world, path, place.scenario, started.scenario)
-    with errors.status(f"running {len(recording)} events again"):
+    with errors.status(f"running {count(len(recording), 'event')} again"):
         twin = resimulate(_events(recording), world, situation)
         rules = sites.rules_of(started)
         decided = None if rules is None else decided_again(_events(recording), world, rules)
@@ -98,8 +99,8 @@ def print_again(log: Path, again: Again) -> None:
     twin, decided = again.twin, again.decided
     if twin.equal:
         _say(
-            f"{log}: {twin.pictures} pictures, all equal, and {twin.rehearsals} "
-            f"rehearsal{'s' * (twin.rehearsals != 1)} of plans; SHA-256 {twin.repeated_sha256}"
+            f"{log}: {count(twin.pictures, 'picture')}, all equal, and "
+            f"{count(twin.rehearsals, 'rehearsal')} of plans; SHA-256 {twin.repeated_sha256}"
         )
     else:
         at = f"{log}:{again.line}" if again.line is not None else str(log)
@@ -121,8 +122,8 @@ def print_again(log: Path, again: Again) -> None:
     if not decided.flips:
         left = f"; {len(decided.gaps)} could not be" if decided.gaps else ""
         _say(
-            f"{log}: {decided.compared} findings on {decided.plans} plans of {decided.missions} "
-            f"missions decided again, all equal{left}"
+            f"{log}: {count(decided.compared, 'finding')} on {count(decided.plans, 'plan')} of "
+            f"{count(decided.missions, 'mission')} decided again, all equal{left}"
         )
 
 

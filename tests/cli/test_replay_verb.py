@@ -172,7 +172,7 @@ def test_the_audit_runs_an_intact_log_again(call: Call, folder: Path, tmp_path: 
     assert whole.code == 0, whole.said
     assert "chain intact" in whole.said
     assert "pictures, all equal" in whole.said
-    assert "plans of 1 missions decided again, all equal" in whole.said
+    assert "plans of 1 mission decided again, all equal" in whole.said
     nowhere = call("replay", str(log), "--verify", "--unsigned")
     assert nowhere.code == 1
     assert "not run again: " in nowhere.said
