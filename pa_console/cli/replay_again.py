@@ -69,7 +69,7 @@ def run_again(log: Path, place: Place) -> Again:
         worlds=[place.world] if place.world else (), rules=[place.rules] if place.rules else ()
     )
     world, path = _world(sites, started, place.world, log)
-    situation = _situation(world, path, place.scenario, started.scenario)
+    situation = _situation(world, path, place.scenario, started)
     with errors.status(f"running {count(len(recording), 'event')} again"):
         twin = resimulate(_events(recording), world, situation)
         rules = sites.rules_of(started)
@@ -140,14 +140,31 @@ def _world(
     return world, path
 
 
-def _situation(world: World, path: Path, given: str | None, recorded: str) -> Scenario | None:
-    played = given or recorded
+def _situation(
+    world: World, path: Path, given: str | None, started: SessionStarted
+) -> Scenario | None:
+    """Return the session's scenario, if it had one, or the one that is given in its place.
+
+    Raises ValueError when the one of its name is not what its log pins.
+    """
+    played = given or started.scenario
+    if not played:
+        return None
     try:
-        return open_scenario(world, path, played).scenario if played else None
+        found = open_scenario(world, path, played)
     except DocumentError as error:
         if given is not None:
             raise
         raise ValueError(f"{error}; give the session's own file with --scenario") from error
+    pinned = started.scenario_sha256
+    if pinned and found.sha256 != pinned:
+        if given is None:
+            raise ValueError(
+                f"the scenario {played!r} of this session is not here as it was then "
+                f"(SHA-256 {pinned[:12]}); give its file with --scenario"
+            )
+        _object(f"note: {given} is not the scenario of this session as it was then")
+    return found.scenario
 
 
 def _events(recording: Recording) -> Iterator[Event]:
