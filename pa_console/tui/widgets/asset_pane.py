@@ -8,6 +8,7 @@ from textual.widgets import Input
 
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
+from pa_console.tui.refresh import retitle
 from pa_console.tui.widgets.asset_table import AssetTable
 from pa_console.tui.widgets.fields import LineField
 
@@ -89,4 +90,4 @@ class AssetPane(Vertical):
             title += f"  ▲ {count.problems} of {count.total} {verb} an eye"
         if self._text:
             title += f"  filter “{self._text}”: {count.shown} of {count.total}, Esc clears"
-        self.border_title = title.replace("[", r"\[")
+        retitle(self, title.replace("[", r"\["))

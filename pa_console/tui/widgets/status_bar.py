@@ -39,7 +39,7 @@ class StatusBar(Static):
         if wide or worker.word != "ready":
             parts += [("  model ", QUIET), (f"{worker.glyph} {worker.word}", worker.style)]
         parts += ["  ", self._gates(state), "  ", self._mission(state)]
-        self.update(Content.assemble(*parts))
+        self.update(Content.assemble(*parts), layout=False)
 
     def _mode(self, mode: str) -> Content:
         style = {"LIVE": "bold $text-success"}.get(mode, "bold reverse $text-warning")
