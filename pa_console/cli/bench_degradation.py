@@ -30,6 +30,7 @@ from pa_console.llm.cache import cache_folder
 from pa_console.llm.catalog import find_model
 from pa_console.llm.engine import Engine
 from pa_console.orchestrator.compose import Site, load_site
+from pa_console.tui.words import count
 
 
 def degradation(
@@ -79,7 +80,10 @@ def degradation(
         for example in row.examples:
             errors.print(f"{row.condition}: {example}", markup=False)
     out.print(table)
-    out.print(f"the model was asked {engine.asked} times and reused {engine.reused} times")
+    out.print(
+        f"the model was asked {count(engine.asked, 'time')}, "
+        f"{count(engine.reused, 'answer')} came again"
+    )
 
 
 async def _degrade(

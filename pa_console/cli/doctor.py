@@ -14,6 +14,7 @@ from pa_console.cli.doctor_places import (
     load_or_default,
 )
 from pa_console.cli.output import FAILED, JsonOption, errors, out, print_json
+from pa_console.tui.words import count
 
 STYLES = {"ok": "green", "warning": "yellow", "missing": "bold red"}
 
@@ -56,5 +57,4 @@ def _print(checks: list[Check], missing: list[str]) -> None:
     out.print(table)
     warnings = sum(check.state == "warning" for check in checks)
     end = f"missing: {', '.join(missing)}" if missing else "nothing is missing"
-    warned = "1 warning" if warnings == 1 else f"{warnings} warnings"
-    out.print(f"\n{end}; {warned}", markup=False, soft_wrap=True)
+    out.print(f"\n{end}; {count(warnings, 'warning')}", markup=False, soft_wrap=True)

@@ -24,6 +24,7 @@ from pa_console.settings.sources import (
     unknown_variables,
 )
 from pa_console.signing import key_path
+from pa_console.tui.words import count
 
 LEAST_FREE_MB = 200
 WORK_MB = 700
@@ -82,7 +83,7 @@ def _check_file(entry: ModelEntry) -> Check:
 def check_memory(model_mb: int, memory: Path = MEMORY) -> Check:
     """Look whether the memory that is free holds a model of `model_mb`, and at the cores."""
     cores, needed = physical_cores(), model_mb + WORK_MB
-    said = f"{cores} cores" if cores > 1 else "1 core"
+    said = count(cores, "core")
     try:
         lines = dict(line.split(":", 1) for line in memory.read_text(encoding="ascii").splitlines())
         free_mb = int(lines["MemAvailable"].split()[0]) // 1024

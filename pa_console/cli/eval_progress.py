@@ -14,6 +14,7 @@ from rich.progress import (
 from pa_console.cli.live_bar import LiveBar
 from pa_console.cli.output import errors
 from pa_console.evaluation.record import RunRecord
+from pa_console.tui.words import count
 
 
 class EvalProgress(LiveBar):
@@ -38,7 +39,7 @@ class EvalProgress(LiveBar):
     def __enter__(self) -> Self:
         super().__enter__()
         if self._before:
-            errors.print(f"{self._before} of {self._total} runs were there already")
+            errors.print(f"there already: {self._before} of {count(self._total, 'run')}")
         return self
 
     def add(self, record: RunRecord) -> None:

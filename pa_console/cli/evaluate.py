@@ -49,6 +49,7 @@ from pa_console.llm.catalog import LocalModel, find_model
 from pa_console.llm.engine import Engine
 from pa_console.llm.threads import physical_cores
 from pa_console.orchestrator.compose import load_site
+from pa_console.tui.words import count
 
 app = typer.Typer(
     help="Run mission sets against models and variants of the pipeline; more below.",
@@ -128,7 +129,7 @@ def evaluate(
     except KeyboardInterrupt:
         made = len(results.done & {job.run for job in planned})
         errors.print(
-            f"stopped: {made} of {len(planned)} runs are kept; the same command with "
+            f"stopped: {made} of {count(len(planned), 'run')} kept; the same command with "
             f"--out {escape(str(folder))} goes on",
             soft_wrap=True,
         )

@@ -22,6 +22,7 @@ from pa_console.export.opening import (
     world_of,
 )
 from pa_console.export.whole import whole_file
+from pa_console.tui.words import count
 
 app = typer.Typer(
     help="Write a recorded session as Markdown, MCAP, SVG or asciinema cast.",
@@ -89,4 +90,4 @@ def mcap(
         )
     with ExportBar("writing", len(session.recording)) as bar, whole_file(target, log) as file:
         messages = write_mcap(session, site, file, bar.advance)
-    written(target, f"{messages} messages")
+    written(target, count(messages, "message"))

@@ -19,6 +19,7 @@ from pa_console.cli.export_session import (
 from pa_console.export.opening import OpenedSession, choose_mission, site_of
 from pa_console.export.whole import whole_file, whole_folder
 from pa_console.schema.event import MissionReceived
+from pa_console.tui.words import count
 
 DEFAULT_KINDS = ("approval_requested", "decision_made", "plan_halted", "mission_finished")
 LEAST, MOST = (40, 10), (400, 200)
@@ -86,7 +87,7 @@ def svg(
             await take(made, shots, folder, session.started.session, bar.advance)
 
         asyncio.run(film(site, player, screen, direct))
-    written(target, f"{len(shots)} pictures of {screen[0]}x{screen[1]}")
+    written(target, f"{count(len(shots), 'picture')} of {screen[0]}x{screen[1]}")
 
 
 def cast(
@@ -129,7 +130,7 @@ def cast(
 
         asyncio.run(film(site, player, screen, direct))
     seconds = (shown[-1] - shown[0]) / speed
-    written(target, f"{len(shown)} frames of {screen[0]}x{screen[1]}, {seconds:.0f} s")
+    written(target, f"{count(len(shown), 'frame')} of {screen[0]}x{screen[1]}, {seconds:.0f} s")
 
 
 def size_of(text: str) -> tuple[int, int]:

@@ -6,6 +6,7 @@ from pa_console.cli.eval_tables import to_rich
 from pa_console.cli.output import out
 from pa_console.evaluation.judge_quality import JudgeReport, Quality, Share
 from pa_console.evaluation.reporting.table import Table, fraction_cell, seconds
+from pa_console.tui.words import count
 
 
 def show(report: JudgeReport) -> None:
@@ -24,14 +25,19 @@ def show(report: JudgeReport) -> None:
         out.print()
     notes = [
         f"judge {report.model} ({report.fingerprint[:12]}), plans of {', '.join(report.planners)}",
-        f"the model was asked {report.asked} times, {report.reused} prompts came again",
+        f"the model was asked {count(report.asked, 'time')}, "
+        f"{count(report.reused, 'prompt')} came again",
         f"left out: {counts(report.left_out)}",
     ]
     if report.own_plans:
         notes.append(f"{report.own_plans} of the plans are by the judge's own model")
     if report.changed:
-        notes.append(f"in {report.changed} runs the world's or the rules' file was another one")
-    notes += [f"no verdict, {count} times: {error}" for error, count in report.errors.items()]
+        notes.append(
+            f"in {count(report.changed, 'run')} the world's or the rules' file was another one"
+        )
+    notes += [
+        f"no verdict, {count(times, 'time')}: {error}" for error, times in report.errors.items()
+    ]
     for note in notes:
         out.print(note, markup=False, soft_wrap=True)
 
@@ -101,4 +107,4 @@ def _cell(share: Share | None) -> str:
 
 def counts(left_out: Mapping[str, int]) -> str:
     """Return what was left out, with its reasons, in one line."""
-    return ", ".join(f"{count} ({reason})" for reason, count in left_out.items()) or "none"
+    return ", ".join(f"{number} ({reason})" for reason, number in left_out.items()) or "none"

@@ -81,7 +81,7 @@ def _explain(error: Exception) -> int:
 
     match error:
         case typer.TyperException():
-            return _fail(f"{error.format_message()} See pa-console --help.", BAD_INPUT)
+            return _fail(_usage(error), BAD_INPUT)
         case DocumentError() | ModelError() | ValueError():
             return _fail(str(error), BAD_INPUT)
         case EngineError():
@@ -91,6 +91,14 @@ def _explain(error: Exception) -> int:
             return _fail(f"{place}: {error.strerror or error}", FAILED)
         case _:
             return _fail(f"internal error: {error}; {_keep_traceback(error)}", FAILED)
+
+
+def _usage(error: typer.TyperException) -> str:
+    """Say what was wrong with the words of the command line, and whose help tells more."""
+    context: typer.Context | None = getattr(error, "ctx", None)
+    asked = context.command_path if context is not None else "pa-console"
+    problem = error.format_message().replace(": Value error, ", ": ").removesuffix(".")
+    return f"{problem}. See '{asked} --help'."
 
 
 def _fail(text: str, code: int) -> int:

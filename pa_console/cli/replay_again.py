@@ -22,6 +22,7 @@ from pa_console.schema.world import World
 from pa_console.session.chain import LogError
 from pa_console.session.reader import line_of
 from pa_console.session.recording import Recording
+from pa_console.tui.words import count
 
 
 @dataclass(frozen=True)
@@ -68,8 +69,8 @@ def run_again(log: Path, place: Place) -> Again:
         worlds=[place.world] if place.world else (), rules=[place.rules] if place.rules else ()
     )
     world, path = _world(sites, started, place.world, log)
-    situation = _situation(world, path, place.scenario, started.scenario)
-    with errors.status(f"running {len(recording)} events again"):
+    situation = _situation(world, path, place.scenario, started)
+    with errors.status(f"running {count(len(recording), 'event')} again"):
         twin = resimulate(_events(recording), world, situation)
         rules = sites.rules_of(started)
         decided = None if rules is None else decided_again(_events(recording), world, rules)
@@ -98,8 +99,8 @@ def print_again(log: Path, again: Again) -> None:
     twin, decided = again.twin, again.decided
     if twin.equal:
         _say(
-            f"{log}: {twin.pictures} pictures, all equal, and {twin.rehearsals} "
-            f"rehearsal{'s' * (twin.rehearsals != 1)} of plans; SHA-256 {twin.repeated_sha256}"
+            f"{log}: {count(twin.pictures, 'picture')}, all equal, and "
+            f"{count(twin.rehearsals, 'rehearsal')} of plans; SHA-256 {twin.repeated_sha256}"
         )
     else:
         at = f"{log}:{again.line}" if again.line is not None else str(log)
@@ -121,8 +122,8 @@ def print_again(log: Path, again: Again) -> None:
     if not decided.flips:
         left = f"; {len(decided.gaps)} could not be" if decided.gaps else ""
         _say(
-            f"{log}: {decided.compared} findings on {decided.plans} plans of {decided.missions} "
-            f"missions decided again, all equal{left}"
+            f"{log}: {count(decided.compared, 'finding')} on {count(decided.plans, 'plan')} of "
+            f"{count(decided.missions, 'mission')} decided again, all equal{left}"
         )
 
 
@@ -139,14 +140,31 @@ def _world(
     return world, path
 
 
-def _situation(world: World, path: Path, given: str | None, recorded: str) -> Scenario | None:
-    played = given or recorded
+def _situation(
+    world: World, path: Path, given: str | None, started: SessionStarted
+) -> Scenario | None:
+    """Return the session's scenario, if it had one, or the one that is given in its place.
+
+    Raises ValueError when the one of its name is not what its log pins.
+    """
+    played = given or started.scenario
+    if not played:
+        return None
     try:
-        return open_scenario(world, path, played).scenario if played else None
+        found = open_scenario(world, path, played)
     except DocumentError as error:
         if given is not None:
             raise
         raise ValueError(f"{error}; give the session's own file with --scenario") from error
+    pinned = started.scenario_sha256
+    if pinned and found.sha256 != pinned:
+        if given is None:
+            raise ValueError(
+                f"the scenario {played!r} of this session is not here as it was then "
+                f"(SHA-256 {pinned[:12]}); give its file with --scenario"
+            )
+        _object(f"note: {given} is not the scenario of this session as it was then")
+    return found.scenario
 
 
 def _events(recording: Recording) -> Iterator[Event]:

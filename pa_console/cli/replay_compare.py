@@ -14,6 +14,7 @@ from pa_console.session.compare import Comparison, Difference, compare
 from pa_console.session.event_words import event_in_words, kind_in_words
 from pa_console.session.recording import Recording
 from pa_console.settings.sources import Loaded
+from pa_console.tui.words import count
 
 CHANGES = 12
 """So many values that differ are printed; --json has all."""
@@ -28,14 +29,14 @@ def compare_logs(first: Path, second: Path, json: bool) -> None:
     with errors.status("comparing") as status:
 
         def going_on(done: int, total: int) -> None:
-            status.update(f"comparing, {done} of {total} events")
+            status.update(f"comparing, {done} of {count(total, 'event')}")
 
         found = compare(a, b, going_on)
     problem = a.problem or b.problem
     if json:
         print_json({"same": found.same and not problem, **asdict(found)})
     elif found.same and not problem:
-        out.print(f"the same: {len(a)} events", markup=False)
+        out.print(f"the same: {count(len(a), 'event')}", markup=False)
     else:
         _print(found, (a, b), (first, second))
     if problem is not None:
@@ -65,7 +66,9 @@ def show_compared(first: Path, second: Path, world: str | None, settings: Loaded
 
 def _print(found: Comparison, both: tuple[Recording, Recording], names: tuple[Path, Path]) -> None:
     for letter, name, recording in zip("AB", names, both, strict=True):
-        out.print(f"{letter}  {name}: {len(recording)} events", markup=False, soft_wrap=True)
+        out.print(
+            f"{letter}  {name}: {count(len(recording), 'event')}", markup=False, soft_wrap=True
+        )
     if found.started:
         out.print("\nstarted differently", style="bold")
         for change in found.started:
@@ -82,7 +85,7 @@ def _print_difference(title: str, found: Difference, both: tuple[Recording, Reco
     out.print(f"\n{title}", style="bold")
     for letter, recording, at in zip("AB", both, (found.a, found.b), strict=True):
         if at >= len(recording):
-            out.print(f"  {letter}  ends after {len(recording)} events")
+            out.print(f"  {letter}  ends after {count(len(recording), 'event')}")
             continue
         event = recording[at]
         words = f"{event.mission or ''} {kind_in_words(event.data.kind)}".strip()
@@ -96,7 +99,7 @@ def _print_difference(title: str, found: Difference, both: tuple[Recording, Reco
         out.print(f"     {change.path}: {_short(change.a)} | {_short(change.b)}", markup=False,
                   soft_wrap=True)  # fmt: skip
     if len(found.changes) > CHANGES:
-        out.print(f"     and {len(found.changes) - CHANGES} more values; --json has all")
+        out.print(f"     and {count(len(found.changes) - CHANGES, 'more value')}; --json has all")
 
 
 def _short(text: str) -> str:

@@ -10,6 +10,7 @@ from pa_console.cli.replay_again import Again, Place, print_again, run_again
 from pa_console.session.head import head_path
 from pa_console.session.verify import VerifyResult, verify
 from pa_console.signing import is_fingerprint, known_keys
+from pa_console.tui.words import count
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ def _print_result(log: Path, result: VerifyResult, own: frozenset[str]) -> None:
         "open": f"{by} up to line {result.vouched} only." if result.key else "not signed yet.",
         "not signed": "not signed: nothing shows that it was not written anew.",
     }[result.standing]
-    told = f"{log}: {result.lines} lines, chain intact, {standing}"
+    told = f"{log}: {count(result.lines, 'line')}, chain intact, {standing}"
     told += f" {result.note[:1].upper()}{result.note[1:]}." if result.note else ""
     out.print(told, markup=False, soft_wrap=True)
 

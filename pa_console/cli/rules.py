@@ -14,6 +14,7 @@ from pa_console.policy.retriever import DEFAULT_METHOD, METHODS, Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import find_data
 from pa_console.schema.rule import Rule
+from pa_console.tui.words import count
 
 BROKEN = 2
 
@@ -42,7 +43,7 @@ def list_rules(rules: RulesOption = "checkpoint", json: JsonOption = False) -> N
     if json:
         print_json([rule.model_dump(mode="json") for rule in book.rules])
         return
-    title = f"{book.name}: {len(book.rules)} rules, {told(book.seal)}"
+    title = f"{book.name}: {count(len(book.rules), 'rule')}, {told(book.seal)}"
     table = Table("rule", "priority", "how", "text", title=title)
     for rule in book.rules:
         table.add_row(rule.id, rule.priority, _how(rule), rule.text)
@@ -113,7 +114,8 @@ def check(
                 markup=False,
             )
         out.print(
-            f"{len(book.rules)} rules, {checked} checked, {examples} examples, {len(wrong)} wrong"
+            f"{count(len(book.rules), 'rule')}, {checked} checked, "
+            f"{count(examples, 'example')}, {len(wrong)} wrong"
         )
         out.print(f"{book.name}, {told(book.seal)}", markup=False, soft_wrap=True)
         if book.seal.altered:

@@ -9,9 +9,19 @@ from rich.table import Table
 
 from pa_console.cli.output import JsonOption, WorldOption, out, print_json
 from pa_console.orchestrator.compose import open_scenario, open_world
-from pa_console.schema.scenario import After, AssetIs, Condition, TrackIs
-from pa_console.session.wording import in_words
+from pa_console.schema.scenario import After, AssetIs, AssetReach, Condition, TrackIs
+from pa_console.session.wording import truth_in_words
 from pa_console.sim.scenario_file import list_scenarios
+from pa_console.tui.words import count
+
+_ASSET_STATES: dict[AssetReach, str] = {
+    "moving": "is moving",
+    "arrived": "has arrived",
+    "low_battery": "is low on battery",
+    "failed": "has failed",
+    "charging": "is charging",
+    "silent": "is silent",
+}
 
 app = typer.Typer(no_args_is_help=True, help="List, show and check the situations of a world.")
 
@@ -44,14 +54,18 @@ def show(
         return
     head = f"{scenario.title} ({scenario.duration_s:g} s)\n{scenario.about.strip()}\n"
     out.print(head, markup=False)
+    table = Table(box=None, show_header=False, padding=(0, 2))
+    table.add_column(no_wrap=True)
+    table.add_column()
     for event in scenario.events:
         when = f"{event.at_s:g} s" if event.at_s is not None else _condition(event.when)
         delay = f" + {event.delay_s:g} s" if event.delay_s else ""
-        out.print(f"  {when + delay:<34} {in_words(event.do)}", markup=False, highlight=False)
+        table.add_row(when + delay, escape(truth_in_words(event.do)))
     for drawn in scenario.random:
         for incident in drawn.do:
             when = f"now and then, {drawn.mean_s:g} s apart"
-            out.print(f"  {when:<34} {in_words(incident)}", markup=False, highlight=False)
+            table.add_row(when, escape(truth_in_words(incident)))
+    out.print(table, highlight=False)
 
 
 @app.command()
@@ -63,7 +77,8 @@ def check(
     found, path = open_world(world)
     scenario = open_scenario(found, path, str(file)).scenario
     out.print(
-        f"{file}: ok, {len(scenario.events)} events, {len(scenario.random)} random kinds",
+        f"{file}: ok, {count(len(scenario.events), 'event')}, "
+        f"{count(len(scenario.random), 'random kind')}",
         markup=False,
         soft_wrap=True,
     )
@@ -74,7 +89,7 @@ def _condition(condition: Condition | None) -> str:
         case TrackIs(track=track, state=state):
             return f"when {track} is {state}"
         case AssetIs(asset=asset, state=state, at=at):
-            return f"when {asset} is {state.replace('_', ' ')}{f' at {at}' if at else ''}"
+            return f"when {asset} {_ASSET_STATES[state]}{f' at {at}' if at else ''}"
         case After(event=event):
             return f"after {event}"
         case None:

@@ -13,6 +13,7 @@ from pa_console.training.data_folder import REPORT, DataFolder
 from pa_console.training.data_report import DataReport, fingerprint, write_report
 from pa_console.training.data_set import Job, Made, Part, build
 from pa_console.training.planner_data import Recipe
+from pa_console.tui.words import count
 
 MOST_REASONS = 12
 """Reasons for drops that are printed; the report has them all."""
@@ -69,7 +70,7 @@ def _missing(data: DataFolder, recipes: Sequence[Recipe], parts: tuple[Part, ...
 def _tell_before(data: DataFolder, generator: str, there: int) -> None:
     """Say what is there already, and that another version of the generator has made it."""
     if there:
-        errors.print(f"{there} groups were there already")
+        errors.print(f"there already: {count(there, 'group')}")
     if data.generators - {generator}:
         errors.print(
             "note: rules, words or code changed since; the report tells the versions apart",
@@ -84,7 +85,7 @@ def _print(folder: Path, report: DataReport) -> None:
         table.add_row(task, str(train.get(task, 0)), str(valid.get(task, 0)))
     out.print(table)
     dropped = Table("dropped", "missions or texts")
-    for why, count in list(report.dropped.items())[:MOST_REASONS]:
-        dropped.add_row(escape(why), str(count))
+    for why, number in list(report.dropped.items())[:MOST_REASONS]:
+        dropped.add_row(escape(why), str(number))
     out.print(dropped)
     out.print(str(folder / REPORT), markup=False, soft_wrap=True)

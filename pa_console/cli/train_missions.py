@@ -13,6 +13,7 @@ from pa_console.resources import find_data
 from pa_console.training.data_report import fingerprint
 from pa_console.training.mission_export import Found, generated_missions, write_mission_set
 from pa_console.training.names import Split
+from pa_console.tui.words import count as counted
 
 
 def make_missions(
@@ -47,5 +48,7 @@ def make_missions(
         table.add_row(escape(category), str(number))
     out.print(table)
     dropped = sum(part.dropped for part in found)
-    errors.print(f"{len(missions.worlds)} worlds; {dropped} missions were not taken")
+    errors.print(
+        f"{counted(len(missions.worlds), 'world')}; not taken: {counted(dropped, 'mission')}"
+    )
     out.print(str(file), markup=False, soft_wrap=True)

@@ -15,6 +15,7 @@ from rich.progress import (
 from pa_console.cli.live_bar import LiveBar
 from pa_console.cli.output import errors
 from pa_console.training.data_set import Made
+from pa_console.tui.words import count
 
 if TYPE_CHECKING:  # it needs torch, which only training itself may import
     from pa_console.training.lora.loop import Progress as Step
@@ -42,7 +43,7 @@ class DataProgress(LiveBar):
         self._samples += len(made.samples)
         now = monotonic()
         rate = self._samples / max(now - self._began, 1e-6)
-        text = f"{self._samples} samples, {rate:.1f}/s"
+        text = f"{count(self._samples, 'sample')}, {rate:.1f}/s"
         self._progress.update(self._task, advance=1, description=text)
         if not errors.is_terminal and (now - self._told > LINE_S or self._done == self._total):
             self._told = now

@@ -9,6 +9,7 @@ from pa_console.cli.output import errors, out
 from pa_console.orchestrator.compose import open_world
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.world_generator import generate_world, world_yaml
+from pa_console.tui.words import count
 
 app = typer.Typer(no_args_is_help=True, help="Generate a checkpoint world, or check one.")
 
@@ -26,7 +27,7 @@ def generate(
     """Generate a valid world: other gates, shapes and teams for every seed."""
     if output is not None and output.exists() and not force:
         raise ValueError(f"{output} exists; give another name, or --force to write over it")
-    with errors.status(f"laying out {gates} gates and {assets} assets"):
+    with errors.status(f"laying out {count(gates, 'gate')} and {count(assets, 'asset')}"):
         text = world_yaml(generate_world(gates, assets, seed))
     if output is None:
         typer.echo(text, nl=False)
@@ -34,7 +35,7 @@ def generate(
     output.parent.mkdir(parents=True, exist_ok=True)
     output.write_text(text, encoding="utf-8")
     out.print(
-        f"{output}: {gates} gates, {assets} assets; "
+        f"{output}: {count(gates, 'gate')}, {count(assets, 'asset')}; "
         f"open it with: pa-console console --world {output}",
         markup=False,
         soft_wrap=True,
@@ -51,8 +52,8 @@ def check(
         picture = Checkpoint(loaded).picture()
     bare = [gate for gate, cover in picture.gates.items() if not cover.covered]
     out.print(
-        f"{path}: ok, {len(loaded.gates)} gates, {len(loaded.assets)} assets, "
-        f"{len(loaded.cameras)} cameras",
+        f"{path}: ok, {count(len(loaded.gates), 'gate')}, {count(len(loaded.assets), 'asset')}, "
+        f"{count(len(loaded.cameras), 'camera')}",
         markup=False,
         soft_wrap=True,
     )

@@ -16,7 +16,7 @@ from pa_console.orchestrator.compose import Site
 from pa_console.policy.retriever import Retriever
 from pa_console.session.replay import Player
 from pa_console.tui.app import ConsoleApp
-from pa_console.tui.refresh import ALL_VIEWS
+from pa_console.tui.refresh import ALL_VIEWS, views_of
 from pa_console.tui.screens.recording import RecordingScreen
 
 Size = tuple[int, int]
@@ -39,10 +39,19 @@ class TapeDriver(HeadlessDriver):
 class FilmScreen(RecordingScreen):
     """A recording that is moved by whoever films it."""
 
+    shown: int | None = None
+    """How many events had been played when it was painted last."""
+
     def show_now(self) -> None:
-        """Paint every pane as the player's state has it."""
-        self._dirty = ALL_VIEWS
+        """Paint what has changed since, as the player's state has it."""
         self._moved()
+        first, now = self.shown, self.player.index
+        if first is None or now < first:
+            self._dirty = ALL_VIEWS
+        else:
+            kinds = self.player.recording.timeline.kinds_between(first, now)
+            self._dirty = frozenset(view for kind in kinds for view in views_of(kind))
+        self.shown = now
         self.repaint()
 
 

@@ -8,6 +8,7 @@ from pa_console.schema.rehearsal import Timeline
 from pa_console.schema.rule import PRIORITIES, Rule
 from pa_console.session.evidence import Evidence, evidence_of
 from pa_console.session.mission_trace import Attempt
+from pa_console.tui.words import count
 
 
 def attempt_parts(attempt: Attempt, rules: Mapping[str, Rule]) -> Iterator[str]:
@@ -67,11 +68,12 @@ def _checks(attempt: Attempt, rules: Mapping[str, Rule]) -> Iterator[str]:
     broken.sort(key=lambda found: PRIORITIES.index(found.priority))
     rest = [found for found in attempt.findings if not found.broken]
     yield "### Checks"
-    yield f"{len(broken)} of {len(attempt.findings)} rules broken, in {attempt.checks_s:.3f} s."
+    checked = count(len(attempt.findings), "rule")
+    yield f"{len(broken)} of {checked} broken, in {attempt.checks_s:.3f} s."
     if broken:
         yield _findings(broken, rules)
     if rest:
-        yield folded(f"{len(rest)} rules not broken", _findings(rest, rules))
+        yield folded(f"{count(len(rest), 'rule')} not broken", _findings(rest, rules))
 
 
 def _findings(findings: list[Finding], rules: Mapping[str, Rule]) -> str:

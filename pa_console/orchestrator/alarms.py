@@ -14,7 +14,7 @@ Change = AlarmRaised | AlarmCleared
 MOST_MINOR = 12
 """So many medium and low alarms of one kind stay open at a time; the rest wait for room."""
 
-_OVER: dict[AlarmKind, str] = {
+CLEARS_WHEN: dict[AlarmKind, str] = {
     "hostile_track": "the threat is over",
     "defiant_track": "the threat is over",
     "unknown_track": "the track is gone, leaves or is known to be harmless",
@@ -27,6 +27,7 @@ _OVER: dict[AlarmKind, str] = {
     "low_battery": "the asset charges, is on its way to the base, or was taken care of",
     "camera_lost": "the camera works again",
 }
+"""What an alarm of each kind waits for; it clears with these words."""
 
 
 @dataclass
@@ -146,7 +147,7 @@ class AlarmBook:
                 if gone > min(1.0, entry.cause.settle_s):
                     del self._watched[key]
                 continue
-            reason = _OVER[entry.alarm.kind] if gone > entry.cause.linger_s else ""
+            reason = CLEARS_WHEN[entry.alarm.kind] if gone > entry.cause.linger_s else ""
             if key[0] == "track" and key[1] in threats:
                 reason = f"superseded by {threats[key[1]]}"
             if reason:

@@ -20,7 +20,8 @@ def standing_approver(mode: ApprovalMode, override_reason: str = "") -> Approver
     """Return the approver that follows a standing instruction given before the mission.
 
     `auto` approves what may be approved and acknowledges warnings; a judge's Failure is only
-    overridden with `override_reason`. `never` rejects every plan.
+    overridden with `override_reason`, which stands with such a decision alone. `never` rejects
+    every plan.
     """
 
     def decide(request: ev.ApprovalRequested) -> Decision:
@@ -35,7 +36,9 @@ def standing_approver(mode: ApprovalMode, override_reason: str = "") -> Approver
         return Decision(
             kind="approve",
             by=by,
-            reason=override_reason or "approved by standing instruction",
+            reason=override_reason
+            if request.needs_override
+            else "approved by standing instruction",
             override_judge=request.needs_override,
             acknowledged=request.acknowledge,
         )

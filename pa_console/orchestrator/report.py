@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from pa_console.orchestrator.alarm_causes import silence
+from pa_console.orchestrator.alarms import CLEARS_WHEN
 from pa_console.schema.alarm import Alarm
 from pa_console.schema.event import WorkflowMoved
 from pa_console.schema.finding import Verdict
@@ -106,7 +107,9 @@ def after_action_report(
     elif status != "verified" and reason:
         lines.append(f"Outcome: {reason}")
     lines.extend(_gates(facts, picture))
-    lines.extend(_open(picture, open_alarms))
+    answered = [a for a in open_alarms if a.id == mission.alarm and status == "verified"]
+    lines.extend(f"{a.id} is answered; it clears when {CLEARS_WHEN[a.kind]}" for a in answered)
+    lines.extend(_open(picture, [alarm for alarm in open_alarms if alarm not in answered]))
     return "\n".join(lines)
 
 

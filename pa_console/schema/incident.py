@@ -144,7 +144,7 @@ class RevealTrack(StrictModel):
 
 
 class WorkerFault(StrictModel):
-    """The LLM's process is killed; nothing in the checkpoint changes."""
+    """The LLM's worker process is killed; nothing in the checkpoint changes."""
 
     kind: Literal["worker"] = "worker"
 

@@ -1,6 +1,6 @@
 """Says in one short line what an incident or a decision was, as the event list shows it."""
 
-from pa_console.schema.incident import Incident
+from pa_console.schema.incident import Incident, Reaction, RevealTrack, SpawnTrack
 from pa_console.schema.mission import Decision
 
 _TEMPLATES: dict[str, str] = {
@@ -18,12 +18,17 @@ _TEMPLATES: dict[str, str] = {
     "weather": "weather: {weather}",
     "obstruct": "the way is obstructed at ({start[0]:g}, {start[1]:g})",
     "phantom": "a sensor at {gate} reports what is not there",
-    "turn": "{track} is not what it was",
-    "worker": "the model's process is killed",
+    "turn": "the truth behind {track} changes",
+    "worker": "the model's worker process is killed",
     "place": "{asset} is placed at {frame}",
     "clear": "all tracks at {gate} are gone",
 }
 _LINK = {"ok": "works", "degraded": "is degraded", "lost": "is lost"}
+_REACTIONS: dict[Reaction, str] = {
+    "leave": "leaves when warned",
+    "stop": "stops when warned",
+    "go_on": "goes on when warned",
+}
 
 
 def in_words(incident: Incident) -> str:
@@ -41,6 +46,20 @@ def in_words(incident: Incident) -> str:
         case _:
             pass
     return _TEMPLATES[incident.kind].format_map(values)
+
+
+def truth_in_words(incident: Incident) -> str:
+    """Return all of `incident`, the truth behind a track too: for who reads a script of them."""
+    match incident:
+        case SpawnTrack(name=name, track=track, gate=gate):
+            who = f"a {track}{f' ({name})' if name else ''} appears on the lane to {gate}"
+        case RevealTrack(track=track):
+            who = f"{track} from now on"
+        case _:
+            return in_words(incident)
+    truth = [known for known in (incident.identity, incident.intent) if known]
+    truth += [_REACTIONS[incident.when_warned]] if incident.when_warned else []
+    return f"{who}: {', '.join(truth)}" if truth else who
 
 
 def overriding(decision: Decision) -> str:

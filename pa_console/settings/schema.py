@@ -22,9 +22,12 @@ def _whole(path: Path) -> Path:
 WholePath = Annotated[Path, AfterValidator(_whole)]
 
 
-def _about(group: str, *, restart: bool = True) -> dict[str, Any]:
-    """Return what the schema says of a field beyond its type: its group, and when it counts."""
-    return {"group": group, "restart": restart}
+def _about(group: str, *, restart: bool = True, form: str = "") -> dict[str, Any]:
+    """Return what the schema says of a field beyond its type: its group, and when it counts.
+
+    `form` shows how a value that is more than one word or number is written.
+    """
+    return {"group": group, "restart": restart, "form": form}
 
 
 class Settings(BaseSettings):
@@ -134,7 +137,12 @@ class Settings(BaseSettings):
         title="Keys",
         description="Other keys for the console's actions: an action's name and its keys, "
         "separated by commas.",
-        json_schema_extra=_about("Keys", restart=False),
+        json_schema_extra=_about(
+            "Keys",
+            restart=False,
+            form="`keys: {stop: f11}` in the file, `--set keys.stop=f11` on the command line, "
+            """`PA_CONSOLE_KEYS='{"stop": "f11"}'` in the environment""",
+        ),
     )
 
     @classmethod
@@ -194,7 +202,7 @@ def _limits(about: Mapping[str, Any]) -> str:
         case {"minimum": least, "maximum": most, "type": kind}:
             return f"a {'whole ' if kind == 'integer' else ''}number from {least:g} to {most:g}"
         case _:
-            return ""
+            return about["form"]
 
 
 def value_text(value: object) -> str:

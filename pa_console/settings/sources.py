@@ -157,6 +157,8 @@ def _worded(field: FieldPath, problem: str, kind: str) -> str:
         hint = f"did you mean {near[0]}? " if near else ""
         return f"there is no such setting; {hint}Known: {', '.join(about)}"
     setting = about[name]
+    if kind == "dict_type":
+        problem = "expected names, each with its value"
     remedy = f"give {setting.limits}" if setting.limits else "correct it"
     default = value_text(setting.default)
     return f"{problem_text(problem)}; {remedy}, or leave it out for the default" + (

@@ -1,5 +1,7 @@
 """Which panes an event concerns, so that the others are left alone."""
 
+from textual.widget import Widget
+
 FRAME_S = 0.12
 """Least wall time between two repaints: about eight a second, whatever the event rate."""
 
@@ -29,3 +31,9 @@ _MISSION = frozenset(("status", "alarms", "trace", "events"))
 def views_of(kind: str) -> frozenset[str]:
     """Return the panes that show something of an event of this kind."""
     return _BY_KIND.get(kind, _MISSION)
+
+
+def retitle(pane: Widget, title: str) -> None:
+    """Give `pane` another title; the same one again, which would paint all of it, does nothing."""
+    if pane.border_title != title:
+        pane.border_title = title

@@ -12,7 +12,7 @@ from pa_console.tui.words import clock_text
 
 MISSIONS = frozenset[MarkKind](("mission",))
 FINDINGS = frozenset(MARK_KINDS) - MISSIONS
-WIDE = 100
+WIDE = 120
 """Cells from which on the line has room for the signs of the marks."""
 
 
@@ -91,7 +91,7 @@ class ReplayDeck:
         """Return the banner: that this is a replay, where it stands, and how to move it."""
         player = self.player
         sign = "▶ playing" if player.playing else "■ ended" if player.finished else "‖ paused"
-        where = f"{clock_text(player.position)} of {clock_text(player.duration)}"
+        where = f"log {clock_text(player.position)} of {clock_text(player.duration)}"
         total = len(player.recording)
         parts: list[tuple[str, str] | str] = [
             (" REPLAY ", "bold reverse $text-warning"),

@@ -12,6 +12,7 @@ from pa_console.schema.rules_seal import RulesSeal
 from pa_console.session.rule_uses import RuleUse
 from pa_console.tui.trace.rows import Part, Row, column, row
 from pa_console.tui.vocabulary import BAD, GOOD, NOTE, QUIET, WARN, term
+from pa_console.tui.words import count
 
 _EXPECTED = {"pass": "must hold", "fail": "must be broken", "not_applicable": "must not apply"}
 _GOT = {"pass": "holds", "fail": "is broken", "not_applicable": "does not apply"}
@@ -124,9 +125,13 @@ def draft_line(draft: RuleDraft) -> Part:
     if draft.entry is not None and not draft.entry.rule.decidable:
         return "✔ can be in force; the LLM judges it, code cannot", GOOD
     if draft.wrong:
-        return f"▲ compiles, but {len(draft.wrong)} of {len(draft.examples)} examples wrong", WARN
-    count = len(draft.examples)
-    return (f"✔ compiles, {count} examples right", GOOD) if count else ("▲ no examples", WARN)
+        return (
+            f"▲ compiles, but {len(draft.wrong)} of {count(len(draft.examples), 'example')} wrong",
+            WARN,
+        )
+    if not draft.examples:
+        return "▲ no examples", WARN
+    return f"✔ compiles, {count(len(draft.examples), 'example')} right", GOOD
 
 
 def draft_rows(draft: RuleDraft, trials: Iterable[Trial]) -> Iterator[Row]:

@@ -102,7 +102,7 @@ def _answers(record: RunRecord) -> list[Part]:
         parts.append((f", {record.reused} taken from equal prompts", QUIET))
     usage = record.planner
     if usage.completion_tokens:
-        tokens = f"  first answer {usage.prompt_tokens} + {usage.completion_tokens} tokens"
+        tokens = f"  first answer {usage.prompt_tokens} + {count(usage.completion_tokens, 'token')}"
         parts.append((f"{tokens}, {duration_text(usage.seconds)}", QUIET))
     return parts
 

@@ -19,9 +19,13 @@ from pa_console.schema.document import Document
 from pa_console.schema.scenario import Scenario
 from pa_console.session.replay import Player
 from tests.cli.inside import Call
+from tests.cli.terminal import painted, screen
 from tests.cli.test_replay_verb import SCENARIO
 from tests.evaluation.sessions import IDENTIFY, RECON, WARN, play
 from tests.scripted import ScriptedEngine
+
+QUIET = 10
+"""So many events at the end of the session tell little that is new."""
 
 
 @pytest.fixture(scope="module")
@@ -159,6 +163,27 @@ def test_a_cast_is_a_terminal_recording(call: Call, log: Path, tmp_path: Path) -
     assert f"event {len(recorded)}" in plain
     assert call("export", "cast", str(log), "--size", "80", "--out", str(target)).code == 2
     assert call("export", "cast", str(log), "--from", "9999", "--out", str(target)).code == 2
+
+
+async def test_a_shot_tells_only_what_has_changed_and_the_screen_is_whole(log: Path) -> None:
+    site, recording = load_site("checkpoint", "checkpoint"), Player.open(log).recording
+    told: list[str] = []
+
+    async def shoot(made: Film, *indices: int) -> None:
+        for index in indices:
+            made.player.to_event(index)
+            await made.show()
+            told.append(made.written())
+
+    end = len(recording)
+    shots = (*range(0, end - QUIET, 4), *range(end - QUIET, end))
+    await film(site, Player.open(log), (120, 36), lambda made: shoot(made, *shots))
+    assert min(map(painted, told[-QUIET:])) < 120 * 36 / 4
+    for number in (9, len(shots) // 2, len(shots) - 1):
+        whole = screen("".join(told[: number + 1]))
+        at_once = len(told)
+        await film(site, Player.open(log), (120, 36), lambda made, n=number: shoot(made, shots[n]))
+        assert whole == screen("".join(told[at_once:]))
 
 
 async def test_an_interrupted_film_ends(log: Path) -> None:

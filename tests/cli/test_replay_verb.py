@@ -1,6 +1,7 @@
 """`pa-console replay --resimulate`: a log whose telemetry does not come out again is told."""
 
 import asyncio
+import hashlib
 import json
 from pathlib import Path
 
@@ -157,6 +158,31 @@ def test_another_world_of_the_same_name_is_not_taken_for_the_sessions(
     assert "note: checkpoint is not the world" in call(*words, "--world", "checkpoint").err
 
 
+def test_another_scenario_of_the_same_name_is_not_taken_for_the_sessions(
+    call: Call, folder: Path, tmp_path: Path
+) -> None:
+    world, own = tmp_path / "world.yaml", tmp_path / "scenarios" / "one-van.yaml"
+    world.write_bytes(find_data("worlds", "checkpoint", "world.yaml").read_bytes())
+    own.parent.mkdir()
+    own.write_text(SCENARIO, encoding="utf-8")
+    pinned = hashlib.sha256(own.read_bytes()).hexdigest()
+    log = tampered(folder, tmp_path / "own.jsonl", "session_started", "0" * 64, pinned)
+    words = ("replay", str(log), "--resimulate", "--world", str(world))
+    again = call(*words)
+    assert (again.code, again.err) == (0, "")
+    own.write_text(SCENARIO.replace("at_s: 1,", "at_s: 9,"), encoding="utf-8")
+    other = call(*words)
+    assert other.code == 2
+    assert (
+        f"'one-van' of this session is not here as it was then (SHA-256 {pinned[:12]})" in other.err
+    )
+    assert "--scenario" in other.err
+    given = call(*words, "--scenario", str(own))
+    assert given.code == 1
+    assert f"note: {own} is not the scenario of this session as it was then" in given.err
+    assert call(*words, "--scenario", str(folder / "one-van.yaml")).code == 0
+
+
 def test_something_that_is_no_log_is_refused(call: Call, tmp_path: Path) -> None:
     path = tmp_path / "notes.txt"
     path.write_text("not a log\n", encoding="utf-8")
@@ -172,7 +198,7 @@ def test_the_audit_runs_an_intact_log_again(call: Call, folder: Path, tmp_path: 
     assert whole.code == 0, whole.said
     assert "chain intact" in whole.said
     assert "pictures, all equal" in whole.said
-    assert "plans of 1 missions decided again, all equal" in whole.said
+    assert "plans of 1 mission decided again, all equal" in whole.said
     nowhere = call("replay", str(log), "--verify", "--unsigned")
     assert nowhere.code == 1
     assert "not run again: " in nowhere.said

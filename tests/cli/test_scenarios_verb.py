@@ -48,10 +48,22 @@ def test_every_kind_of_trigger_is_told_in_words(call: Call, tmp_path: Path) -> N
     for words in (
         "3 s",
         "when Van is observed + 2 s",
-        "when Ugv_T01 is arrived at EastGate",
+        "when Ugv_T01 has arrived at EastGate",
         "after arrival",
     ):
         assert words in said
+
+
+def test_who_comes_and_what_becomes_of_it_is_told_plainly(call: Call, tmp_path: Path) -> None:
+    turn = "{kind: turn, track: Van, intent: hostile, when_warned: go_on}"
+    path = write(tmp_path / "turn.yaml", f"{{at_s: 3, do: {SPAWN}}}", f"{{at_s: 9, do: {turn}}}")
+    said = call("scenarios", "show", str(path)).said
+    van = "a vehicle (Van) appears on the lane to WestGate"
+    assert f"{van}: unauthorized, benign, leaves when warned" in said
+    assert "Van from now on: hostile, goes on when warned" in said
+    assert "ok, 2 events, 0 random kinds" in call("scenarios", "check", str(path)).said
+    path = write(tmp_path / "one.yaml", f"{{at_s: 3, do: {SPAWN}}}")
+    assert "ok, 1 event, 0 random kinds" in call("scenarios", "check", str(path)).said
 
 
 @pytest.mark.parametrize(

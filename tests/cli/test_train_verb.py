@@ -28,7 +28,7 @@ def test_data_is_made_once_and_gone_on_with(call: Call, tmp_path: Path) -> None:
     before = (out / "planner.jsonl").read_bytes()
     second = call("train", "data", "--out", str(out), *SMALL)
     assert second.code == 0
-    assert "1 groups were there already" in second.said
+    assert "there already: 1 group" in second.said
     assert (out / "planner.jsonl").read_bytes() == before
     assert len(list(read_samples(out / "planner.jsonl"))) == 2
 

@@ -50,6 +50,24 @@ def test_bad_input_is_named_and_ends_with_2(call: Call, words: list[str], says: 
     assert says in done.err
 
 
+@pytest.mark.parametrize(
+    ("words", "asked"),
+    [
+        (["--nonsense"], "pa-console"),
+        (["replay"], "pa-console replay"),
+        (["replay", "session.jsonl", "--nonsense"], "pa-console replay"),
+        (["rules", "nonsense"], "pa-console rules"),
+        (["rules", "search", "gate", "--top", "many"], "pa-console rules search"),
+    ],
+)
+def test_a_wrong_word_leads_to_the_help_of_its_own_verb(
+    call: Call, words: list[str], asked: str
+) -> None:
+    done = call(*words)
+    assert done.code == 2
+    assert done.err.rstrip().endswith(f"See '{asked} --help'.")
+
+
 def verbs(command: object, *words: str) -> Iterator[tuple[str, ...]]:
     """Yield the words of every verb below `command`, groups included."""
     yield words

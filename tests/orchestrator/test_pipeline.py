@@ -120,6 +120,16 @@ async def test_an_override_is_logged_with_its_reason(rig: Rig) -> None:
     assert trace.decision.reason == "the gate was checked by eye"
 
 
+async def test_the_reason_for_an_override_stands_only_where_a_verdict_is_overruled(
+    rig: Rig,
+) -> None:
+    approver = standing_approver("auto", "the gate was checked by eye")
+    trace = await rig.run(ScriptedEngine([SPARE]), approver=approver)
+    assert trace.decision is not None
+    assert not trace.decision.override_judge
+    assert trace.decision.reason == "approved by standing instruction"
+
+
 async def test_an_inadmissible_approval_is_recorded_and_asked_again(rig: Rig) -> None:
     answers = iter([Decision(kind="approve"), Decision(kind="reject", reason="no")])
     trace = await rig.run(

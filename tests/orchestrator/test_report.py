@@ -61,6 +61,19 @@ def test_a_mission_in_phases_is_told_from_alarm_to_outcome() -> None:
     assert len(facts.halts) == 1
 
 
+def test_an_answered_alarm_that_clears_later_is_not_told_as_open() -> None:
+    facts = ReportFacts(MISSION, alarm=ALARM)
+    facts.executed(PLAN, MISSION, seen("pass"), ())
+    other = ALARM.model_copy(update={"id": "A002", "text": "Track_02: another"})
+    lines = after_action_report(facts, "verified", "", COVERED, [ALARM, other]).splitlines()
+    clears = "it clears when the track is gone, leaves or is known to be harmless"
+    assert f"A001 is answered; {clears}" in lines
+    assert "Open alarms: A002 Track_02: another" in lines
+    unverified = after_action_report(facts, "unverified", "why", COVERED, [ALARM])
+    assert "answered" not in unverified
+    assert "Open alarms: A001" in unverified
+
+
 def test_nothing_executed_says_why() -> None:
     text = after_action_report(ReportFacts(MISSION), "rejected", "too risky", COVERED)
     assert "Nothing was executed: too risky" in text

@@ -54,6 +54,7 @@ def test_without_a_file_the_defaults_are_in_force(
         ("approval_delay_s: soon", 1, "approval_delay_s: .*number"),
         ("\nthemes: nord", 2, "did you mean theme"),
         ("keys:\n  stop: 12", 2, "keys.stop"),
+        ("keys: f11", 1, "keys: expected names.*`keys: {stop: f11}` in the file"),
         ("- theme", 1, "theme: pa-console-light"),
         ("theme: [", 1, "not valid YAML"),
         ("logs: here", 1, "whole path"),
@@ -74,6 +75,7 @@ def test_a_wrong_file_is_explained_with_its_line(
     [
         ("PA_CONSOLE_SPEED", "fast", "PA_CONSOLE_SPEED: .*from 1 to 8"),
         ("PA_CONSOLE_KEYS", "stop=f11", "PA_CONSOLE_KEYS: not JSON"),
+        ("PA_CONSOLE_KEYS", '["f11"]', """give .*PA_CONSOLE_KEYS='{"stop": "f11"}'"""),
     ],
 )
 @pytest.mark.usefixtures("file")

@@ -25,6 +25,7 @@ from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.scrubber import Scrubber
 from pa_console.tui.widgets.sheet import Sheet
+from pa_console.tui.widgets.status_bar import StatusBar
 from tests.session.logs import write_log
 from tests.tui import story
 from tests.tui.scripted import FakeClock, console, settle, until
@@ -90,6 +91,15 @@ async def test_one_goes_through_a_recording_by_events_seconds_missions_and_findi
         assert tape.state.tick == before
         await press(pilot, "N")
         assert tape.index == index_of("mission_received") + 1
+
+
+async def test_the_two_clocks_of_a_recording_say_what_they_are(tmp_path: Path) -> None:
+    app = console(None, tmp_path, player=player())
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot)
+        await press(pilot, "n")
+        assert "session 05:00 ×1" in str(app.screen.query_one(StatusBar).render())
+        assert "log 00:05 of 01:06" in str(app.screen.query_one("#replay", Static).render())
 
 
 async def test_the_rate_goes_from_a_quarter_to_thirty_two(tmp_path: Path) -> None:

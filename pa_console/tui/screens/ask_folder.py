@@ -8,6 +8,8 @@ from textual.containers import Vertical
 from textual.screen import ModalScreen
 from textual.widgets import Input, Static
 
+from pa_console.tui.widgets.fields import LineField
+
 
 class AskFolder(ModalScreen[Path | None]):
     """Returns an existing folder, or None; says so when there is no such folder."""
@@ -22,7 +24,7 @@ class AskFolder(ModalScreen[Path | None]):
         """Yield the question, the field and what is wrong with it."""
         with Vertical(id="ask"):
             yield Static(self._question, markup=False)
-            yield Input(self._given, compact=True, id="ask-folder", placeholder="folder")
+            yield LineField(self._given, compact=True, id="ask-folder", placeholder="folder")
             yield Static("Enter opens it, Esc goes back", id="ask-note", markup=False)
 
     def on_mount(self) -> None:

@@ -9,6 +9,8 @@ from textual.containers import Vertical
 from textual.screen import ModalScreen
 from textual.widgets import Input, Static
 
+from pa_console.tui.widgets.fields import LineField
+
 Answer = TypeVar("Answer")
 
 
@@ -26,7 +28,7 @@ class AskLine(ModalScreen[Answer | None], Generic[Answer]):
         """Yield the question, the field, and the hint or what is wrong."""
         with Vertical(id="ask"):
             yield Static(self._question, markup=False)
-            yield Input(compact=True, id="ask-folder")
+            yield LineField(compact=True, id="ask-folder")
             yield Static(self._hint, id="ask-note", markup=False)
 
     def on_mount(self) -> None:

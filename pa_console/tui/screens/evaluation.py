@@ -23,6 +23,7 @@ from pa_console.tui.run_trace import show_trace
 from pa_console.tui.screens.ask_folder import AskFolder
 from pa_console.tui.trace.rows import layout, row
 from pa_console.tui.vocabulary import WARN
+from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.report_tables import ReportTables
 from pa_console.tui.widgets.run_rows import RunRows
 from pa_console.tui.widgets.sheet import Sheet
@@ -57,7 +58,7 @@ class EvaluationScreen(Screen[None]):
         yield Static(id="evaluation-title", markup=False)
         with Vertical(id="evaluation-runs"):
             with Horizontal(id="evaluation-filters"):
-                yield Input(
+                yield LineField(
                     compact=True,
                     id="evaluation-search",
                     placeholder="filter: mission, model, variant, category, command",

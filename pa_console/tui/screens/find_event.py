@@ -16,6 +16,7 @@ from pa_console.session.recording import Recording
 from pa_console.session.search import Hit, search
 from pa_console.tui.trace.rows import column
 from pa_console.tui.vocabulary import NOTE, QUIET
+from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.virtual_rows import VirtualRows
 from pa_console.tui.words import clock_text
 
@@ -64,7 +65,7 @@ class FindEvent(ModalScreen[int | None]):
     def compose(self) -> ComposeResult:
         """Yield the field, the list and what was found."""
         with Vertical(id="find"):
-            yield Input(compact=True, id="find-words", placeholder="words that an event says")
+            yield LineField(compact=True, id="find-words", placeholder="words that an event says")
             yield HitRows(self._recording, id="find-list")
             yield Static(HINT, id="find-note", markup=False)
 

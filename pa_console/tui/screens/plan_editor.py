@@ -10,6 +10,7 @@ from textual.screen import ModalScreen
 from textual.widgets import Button, Static, TextArea
 
 from pa_console.schema.plan import COMMANDS, Plan
+from pa_console.tui.widgets.fields import TextField
 
 
 def plan_json(plan: Plan) -> str:
@@ -29,7 +30,7 @@ def read_plan(text: str) -> Plan | str:
         return f"{place}: {first['msg']}" if place else first["msg"]
 
 
-class PlanText(TextArea):
+class PlanText(TextField):
     """The text of a plan, all of which is selected by one key, to be replaced by another."""
 
     BINDINGS = [Binding("ctrl+a", "select_all", "Select all", show=False)]

@@ -24,6 +24,7 @@ from pa_console.tui.screens.confirm import Confirm
 from pa_console.tui.screens.rule_editor import RuleEditor
 from pa_console.tui.trace.rows import row
 from pa_console.tui.vocabulary import QUIET
+from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.sheet import Sheet
 from pa_console.tui.workbench import Workbench
 
@@ -62,7 +63,7 @@ class PolicyScreen(Screen[str]):
         """Yield the search line, the filters, the list and the detail."""
         yield Static("Policies", id="policy-title", markup=False)
         with Horizontal(id="policy-filters"):
-            yield Input(
+            yield LineField(
                 compact=True, id="policy-search", placeholder="Score the rules against a text"
             )
             yield Select(_DOMAINS, prompt="all domains", compact=True, id="policy-domain")

@@ -1,7 +1,7 @@
 """A recorded session in the main screen: played, stepped and searched; it takes no command."""
 
 from collections.abc import Callable, Mapping
-from typing import cast
+from typing import Protocol, cast
 
 from textual import events
 from textual.app import ComposeResult
@@ -14,6 +14,7 @@ from pa_console.session.chain import LogError
 from pa_console.session.fold import SessionState
 from pa_console.session.marks import MarkKind
 from pa_console.session.replay import Player
+from pa_console.tui.actions import Situation
 from pa_console.tui.history import History
 from pa_console.tui.ports import Clock
 from pa_console.tui.refresh import ALL_VIEWS, FRAME_S
@@ -23,6 +24,15 @@ from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.widgets.scrubber import Scrubber
 
 CLOSED = "REPLAY: this is a recording, every command is refused"
+
+
+class _Host(KeysHost, Protocol):
+    """What is needed of the app."""
+
+    @property
+    def situation(self) -> Situation:
+        """What decides which actions are legal now."""
+        ...
 
 
 class RecordingScreen(MainScreen):
@@ -46,6 +56,7 @@ class RecordingScreen(MainScreen):
         self._deck = ReplayDeck(player, clock)
         self._over, self._view = over, view
         self._dirty: frozenset[str] = ALL_VIEWS
+        self._situation: Situation | None = None
 
     @property
     def state(self) -> SessionState:
@@ -108,7 +119,7 @@ class RecordingScreen(MainScreen):
 
     def _moved(self) -> None:
         self._dirty |= self._deck.views
-        self.query_one("#replay", Static).update(self._deck.line(self.size.width))
+        self.query_one("#replay", Static).update(self._deck.line(self.size.width), layout=False)
         self.query_one(Scrubber).show(self.player.position)
 
     def repaint(self) -> None:
@@ -116,7 +127,10 @@ class RecordingScreen(MainScreen):
         views, self._dirty = self._dirty, frozenset()
         if views and self.is_mounted:
             self.refresh_views(self.state, views, self.rate, 0.0)
-            self.app.refresh_bindings()
+            situation = cast(_Host, self.app).situation
+            if situation != self._situation:
+                self._situation = situation
+                self.app.refresh_bindings()
 
     def move(self, how: Callable[[ReplayDeck], object]) -> None:
         """Move the recording; a log that cannot be read any more is told."""

@@ -23,6 +23,7 @@ from pa_console.tui.rule_rows import draft_line, draft_rows
 from pa_console.tui.screens.confirm import Confirm
 from pa_console.tui.trace.rows import row
 from pa_console.tui.vocabulary import NOTE, QUIET
+from pa_console.tui.widgets.fields import TextField
 from pa_console.tui.widgets.sheet import Sheet
 from pa_console.tui.workbench import Workbench
 
@@ -64,7 +65,7 @@ class RuleEditor(Screen[str]):
         """Yield title, text, results, status and keys."""
         yield Static(id="rule-title", markup=False)
         with Horizontal(id="rule-body"):
-            yield TextArea(
+            yield TextField(
                 self._begun, id="rule-text", tab_behavior="focus", compact=True,
                 show_line_numbers=True,
             )  # fmt: skip

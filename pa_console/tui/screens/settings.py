@@ -20,6 +20,7 @@ from pa_console.settings.sources import Loaded
 from pa_console.tui.settings_rows import Choice, choices, is_chosen, to_write, value_of
 from pa_console.tui.trace.rows import Row, column, row
 from pa_console.tui.vocabulary import NOTE, QUIET
+from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.sheet import Sheet
 
 HINT = "Enter changes it, Del goes back to the default"
@@ -49,7 +50,7 @@ class SettingsScreen(Screen[None]):
             yield OptionList(id="setting-list", markup=False)
             with VerticalScroll(id="setting-detail", can_focus=False):
                 yield Sheet(id="setting-help")
-                yield Input(compact=True, id="setting-value")
+                yield LineField(compact=True, id="setting-value")
                 yield Select[str]((), prompt="the default", compact=True, id="setting-option")
                 yield Static(id="setting-note", markup=False)
         yield Footer(show_command_palette=False, compact=True)

@@ -122,7 +122,7 @@ def plan(attempt: Attempt) -> Section:
     ]
     if not read.actions:
         rows.append(row("  ", ("no action: nothing would move", QUIET)))
-    spent = f"{usage.completion_tokens} tokens, {duration_text(usage.seconds)}"
+    spent = f"{count(usage.completion_tokens, 'token')}, {duration_text(usage.seconds)}"
     note = "by the operator" if attempt.author == "operator" else spent
     return Section(f"plan-{attempt.number}", title("Plan", note=note), tuple(rows))
 
@@ -142,7 +142,9 @@ def rehearsal(attempt: Attempt, run: Rehearsal) -> Section:
             )
         )
     if len(shown) < len(gates):
-        rows.append(row("  ", (f"{len(gates) - len(shown)} more gates: covered, no gap", QUIET)))
+        rows.append(
+            row("  ", (f"{count(len(gates) - len(shown), 'more gate')}: covered, no gap", QUIET))
+        )
     for asset, line in run.timeline.assets.items():
         mark = term("reply", "done" if line.finished else "failed")
         facts = [f"{line.travelled_m:.0f} m", f"battery {line.least_battery_pct:.0f} %"]
@@ -188,7 +190,7 @@ def checks(attempt: Attempt, rules: Rules) -> tuple[Section, ...]:
         if broken
         else Term("✔", "no rule broken", "$text-success")
     )
-    note = f"{len(attempt.findings)} rules, {duration_text(attempt.checks_s)}"
+    note = f"{count(len(attempt.findings), 'rule')}, {duration_text(attempt.checks_s)}"
     rows = [item for f in broken for item in _finding(f, rules)]
     if not rows:
         rows = [row("  ", ("every checked rule holds or does not apply", QUIET))]

@@ -18,7 +18,7 @@ class AlarmBar(Static):
         """Show the session; a stop colours the whole line until a mission starts."""
         self._state = state
         self.set_class(state.stop is not None, "-stopped")
-        self.update(summary(state, max(self.content_size.width, 20)))
+        self.update(summary(state, max(self.content_size.width, 20)), layout=False)
 
     def on_resize(self, _event: events.Resize) -> None:
         """Fit the line to the new width."""

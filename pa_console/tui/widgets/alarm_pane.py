@@ -3,6 +3,7 @@
 from textual.content import Content
 
 from pa_console.session.fold import OpenAlarm, SessionState
+from pa_console.tui.refresh import retitle
 from pa_console.tui.vocabulary import QUIET
 from pa_console.tui.widgets.alarm_rows import alarm_row, answering, queue_rows
 from pa_console.tui.widgets.virtual_rows import VirtualRows
@@ -51,7 +52,7 @@ class AlarmPane(VirtualRows):
             self.cursor = keys[0] if first is None else f"{_ALARM}{first}"
         new = sum(not item.acknowledged for item in state.alarms)
         title = f"Alarms {len(state.alarms)}" + (f", {new} new" if new else "")
-        self.border_title = f"{title}   Queue {len(state.queue)}"
+        retitle(self, f"{title}   Queue {len(state.queue)}")
         self.set_keys(keys)
 
     def row(self, index: int, width: int) -> Content:

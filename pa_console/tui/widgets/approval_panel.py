@@ -13,6 +13,7 @@ from pa_console.schema.mission import Decision
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.ports import Clock
 from pa_console.tui.widgets.approval_text import approval_rows, blocked_reason
+from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.sheet import Sheet
 from pa_console.tui.widgets.tick import Tick
 
@@ -60,7 +61,7 @@ class ApprovalPanel(Vertical):
         with VerticalScroll(id="approval-body", can_focus=False):
             yield Sheet(id="approval-text")
         yield ItemGrid(id="approval-warnings", min_column_width=18)
-        yield Input(compact=True, id="approval-reason")
+        yield LineField(compact=True, id="approval-reason")
         with Horizontal(id="approval-buttons"):
             yield Button("Reject (r)", id="reject", variant="error", compact=True)
             yield Button("Modify (m)", id="modify", compact=True)

@@ -8,7 +8,9 @@ from textual.widgets import Input
 
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
+from pa_console.tui.refresh import retitle
 from pa_console.tui.widgets.asset_table import AssetTable
+from pa_console.tui.widgets.fields import LineField
 
 PROBLEMS = "problem"
 """The word by which a filter finds what needs an eye."""
@@ -26,7 +28,7 @@ class AssetPane(Vertical):
 
     def compose(self) -> ComposeResult:
         """Yield the filter's line, hidden until it is used, and the table."""
-        yield Input(
+        yield LineField(
             compact=True,
             id="asset-filter",
             placeholder="filter: uav, NorthGate, problem, stale, hostile, any text; Enter, Esc",
@@ -88,4 +90,4 @@ class AssetPane(Vertical):
             title += f"  ▲ {count.problems} of {count.total} {verb} an eye"
         if self._text:
             title += f"  filter “{self._text}”: {count.shown} of {count.total}, Esc clears"
-        self.border_title = title.replace("[", r"\[")
+        retitle(self, title.replace("[", r"\["))

@@ -12,6 +12,7 @@ from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.tui.map.projection import Projection
 from pa_console.tui.map.scene import ROLES, Scene, Window
+from pa_console.tui.refresh import retitle
 
 LEGEND = (
     ("◇", "UNCOVERED", "gate-uncovered"), ("?", "cover unknown", "gate-unknown"),
@@ -119,7 +120,7 @@ class MapView(Widget):
             title += f" ×{self._zoom:g}"
         if self.followed:
             title += f" following {self.followed}"
-        self.border_title = title
+        retitle(self, title)
 
     def on_show(self) -> None:
         """Draw what was left out while the map was hidden."""

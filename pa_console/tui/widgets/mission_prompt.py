@@ -9,12 +9,13 @@ from textual.widgets import Input, Static
 
 from pa_console.schema.mission import MAX_MISSION_TEXT
 from pa_console.tui.history import History
+from pa_console.tui.widgets.fields import LineField
 
 _ELSEWHERE = "Say in plain words what is to be done; i brings you here"
 _HERE = "Say in plain words what is to be done; Enter sends it"
 
 
-class MissionInput(Input):
+class MissionInput(LineField):
     """A line of text; what was typed is kept until the mission was taken."""
 
     BINDINGS = [

@@ -1,5 +1,7 @@
 """The bar of a replay: how far it has come, and where missions, alarms and troubles are."""
 
+from itertools import groupby
+
 from textual import events
 from textual.content import Content
 from textual.message import Message
@@ -50,7 +52,9 @@ class Scrubber(Static):
             elif place == now:
                 glyph, style = "┃", f"bold {WARN}"
             parts.append((glyph, f"{style} reverse" if place == now else style))
-        self.update(Content.assemble(*parts))
+        runs = groupby(parts, key=lambda part: part[1])
+        joined = (("".join(glyph for glyph, _ in run), style) for style, run in runs)
+        self.update(Content.assemble(*joined), layout=False)
 
     def on_resize(self, _event: events.Resize) -> None:
         """Fit the bar to the new width."""

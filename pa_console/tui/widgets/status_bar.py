@@ -30,7 +30,8 @@ class StatusBar(Static):
             parts.append(("PA Console  ", "bold $text-primary"))
         if wide and state.active is None:
             parts.append((f"{title}  ", QUIET))
-        parts += [self._mode(mode), f"  {time} ", (f"×{rate:g}", QUIET)]
+        clock = ("session ", QUIET) if mode == "REPLAY" else ""
+        parts += [self._mode(mode), "  ", clock, f"{time} ", (f"×{rate:g}", QUIET)]
         if state.started is not None and (seal := state.started.rules_seal) and seal.altered:
             parts += ["  ", (" RULES ALTERED ", "bold reverse $text-error")]
         if stale:
@@ -38,7 +39,7 @@ class StatusBar(Static):
         if wide or worker.word != "ready":
             parts += [("  model ", QUIET), (f"{worker.glyph} {worker.word}", worker.style)]
         parts += ["  ", self._gates(state), "  ", self._mission(state)]
-        self.update(Content.assemble(*parts))
+        self.update(Content.assemble(*parts), layout=False)
 
     def _mode(self, mode: str) -> Content:
         style = {"LIVE": "bold $text-success"}.get(mode, "bold reverse $text-warning")

@@ -1,0 +1,47 @@
+"""Fields to type in: their keys act in the order in which they were pressed.
+
+The library puts a letter into a field at once, but lets the field's other keys (a deletion, a
+movement) go round by the application first, which may be busy. What was typed after such a key
+would then come before it, and be deleted with the rest.
+"""
+
+from textual import events
+from textual.binding import Binding
+from textual.widget import Widget
+from textual.widgets import Input, TextArea
+
+
+class LineField(Input):
+    """A field for one line."""
+
+    async def on_key(self, event: events.Key) -> None:
+        """Do at once what a key of this field does."""
+        await _act(self, event)
+
+
+class TextField(TextArea):
+    """A field for many lines; begin and end of the whole text have their usual keys."""
+
+    BINDINGS = [
+        Binding("ctrl+home", "to_edge", "Begin of the text", show=False),
+        Binding("ctrl+end", "to_edge(True)", "End of the text", show=False),
+        Binding("ctrl+shift+home", "to_edge(False, True)", "Select to the begin", show=False),
+        Binding("ctrl+shift+end", "to_edge(True, True)", "Select to the end", show=False),
+    ]
+
+    async def on_key(self, event: events.Key) -> None:
+        """Do at once what a key of this field does."""
+        await _act(self, event)
+
+    def action_to_edge(self, end: bool = False, select: bool = False) -> None:
+        """Put the cursor at the begin or the end of the text; what lies between is selected."""
+        self.move_cursor(self.document.end if end else self.document.start, select=select)
+
+
+async def _act(field: Widget, event: events.Key) -> None:
+    """Run the action that `field` itself binds to a key, instead of passing the key on."""
+    bound = None if event.is_printable else field.screen.active_bindings.get(event.key)
+    if bound is not None and bound.node is field and bound.enabled:
+        event.stop()
+        event.prevent_default()
+        await field.run_action(bound.binding.action)
