@@ -75,22 +75,27 @@ def _there(case: Case, wish: Wish) -> Iterator[str]:
     if team.names:
         return
     sent = len(case.moves.sent(place, team.kind))
-    spare = [name for name in case.spare(wish, team.kind) if case.moves.post(name) != place]
+    spare = [
+        name
+        for name in case.spare(wish, team.kind)
+        if case.moves.post(name) != place and team.origin in ("", case.moves.post(name))
+        if not _is_left(case.moves, name)
+    ]
     wanted = 1 if team.number == "all" else team.number
     word = "asset" if team.kind is None else WORDS[team.kind]
     if sent < wanted and len(spare) > sent:
         yield f"{sent} of {wanted} {word} to {place}"
-    elif wish.task == "mass" and (left := [n for n in spare if not _bound(case.moves, n, place)]):
+    elif wish.task == "mass" and (left := [n for n in spare if case.moves.ends(n) != place]):
         yield f"{', '.join(left)} not sent to {place}"
     elif wish.task == "go" and sent > wanted and team.kind != "uav" and team.number != "all":
         yield f"{sent} instead of {wanted} {word} to {place}"
 
 
-def _bound(moves: PlanMoves, name: str, place: str) -> bool:
-    """Whether an asset goes to `place`, or stays as the last guard of its gate (WF-03)."""
-    others = [guard for guard in moves.guards(moves.post(name)) if guard != name]
-    guards = name in moves.guards(moves.post(name))
-    return moves.ends(name) == place or (guards and all(guard in moves.moved for guard in others))
+def _is_left(moves: PlanMoves, name: str) -> bool:
+    """Whether an asset is the guard that stays at a gate when all others leave it (WF-03)."""
+    guards = moves.guards(moves.post(name))
+    others = [guard for guard in guards if guard != name]
+    return name in guards and name not in moves.moved and all(o in moves.moved for o in others)
 
 
 def _absent(case: Case, wish: Wish, place: str) -> Iterator[str]:

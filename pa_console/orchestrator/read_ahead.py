@@ -30,11 +30,11 @@ class ReadAhead:
         self._turn = asyncio.Lock()
 
     async def load(self) -> None:
-        """Load the dictionary and the model and read the beginning of every role's prompts."""
-        await asyncio.to_thread(prepare)
+        """Load the model and the dictionary and read the beginning of every role's prompts."""
         async with self._turn:
             with suppress(EngineError):  # told by the engine's state, and to whoever asks it
                 await self._services.engine.start()
+                await asyncio.to_thread(prepare)
                 for role in ROLES:
                     await self._warm(role)
 
