@@ -224,4 +224,3 @@ def test_what_asks_for_nothing_is_often_told_beside_an_order() -> None:
     said = [phrase(order, world, EMPTY, rng) for _ in range(300)]
     beside = sum(bool(re.search("north|south|west", one.text, re.IGNORECASE)) for one in said)
     assert 0.15 < beside / len(said) < 0.6
-
