@@ -1,6 +1,7 @@
 """Nothing that the user of this machine has chosen reaches a test; each worker has its cores."""
 
 import os
+import signal
 from collections.abc import Iterator
 
 import pytest
@@ -12,10 +13,13 @@ KEPT = ("cache",)
 
 
 def pytest_configure() -> None:
-    """Take a share of the cores, where the suite has several workers.
+    """Take a share of the cores, where the suite has several workers, and hear Ctrl-C.
 
-    Models that compute on the same cores wait for each other's threads at every layer.
+    Models that compute on the same cores wait for each other's threads at every layer. A shell that
+    starts the suite behind its back has it ignore Ctrl-C, and so would every command under test.
     """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     worker = os.environ.get("PYTEST_XDIST_WORKER", "")
     if worker.startswith("gw") and hasattr(os, "sched_setaffinity"):
         count = int(os.environ["PYTEST_XDIST_WORKER_COUNT"])

@@ -25,6 +25,9 @@ class Sample(StrictModel):
     given: str = Field(
         default="", description="the part of the answer that the grammar writes: nothing to learn"
     )
+    goes_on: bool = Field(
+        default=False, description="more would follow the answer, and is nothing to learn"
+    )
 
 
 def make_sample(  # noqa: PLR0917

@@ -52,6 +52,12 @@ class TrainConfig(StrictModel):
     clip: float = Field(default=1.0, gt=0.0, description="largest norm of the whole gradient")
     packs_per_step: int = Field(default=4, ge=1, description="prefixes with their branches")
     pack_tokens: int = Field(default=2048, ge=64, description="most tokens of one pack")
+    readings: float = Field(
+        default=0.0,
+        ge=0.0,
+        le=1.0,
+        description="share of the planner's groups of which only the reading is learnt",
+    )
     epochs: float = Field(default=1.0, gt=0.0, description="passes over the data")
     steps: int | None = Field(default=None, ge=1, description="instead of epochs")
     max_minutes: float | None = Field(default=None, gt=0.0, description="ends sooner if reached")

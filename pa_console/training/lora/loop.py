@@ -14,6 +14,7 @@ from pa_console.training.lora.base import Base, read_base
 from pa_console.training.lora.batch import Score, gradients, score
 from pa_console.training.lora.checkpoint import RunFolder, State
 from pa_console.training.lora.config import TrainConfig, find_base
+from pa_console.training.lora.readings import readings
 from pa_console.training.lora.schedule import Order, learning_rate
 from pa_console.training.lora.start import first_weights
 from pa_console.training.lora.stopping import StopRequest
@@ -60,7 +61,7 @@ def train(
         config = folder.config()
     path, chat = find_base(config)
     tokeniser = Tokeniser(path, chat)
-    packs = _packs(config, Path(config.data), tokeniser)
+    packs = _packs(config, Path(config.data), tokeniser, config.readings)
     held_out = _held_out(config, tokeniser)
     base = read_base(path, config.device)
     adapter = Adapter(base.shape, config.rank, config.alpha, config.seed, config.device)
@@ -220,9 +221,13 @@ class _Run:
         return max(share, self._seconds() / (60.0 * minutes)) if minutes else share
 
 
-def _packs(config: TrainConfig, path: Path, tokeniser: Tokeniser) -> list[Pack]:
-    """Return the samples of `path` as packs; raises ValueError when there is none of the task."""
-    packs = make_packs(read_samples(path, config.task), tokeniser, config.pack_tokens)
+def _packs(config: TrainConfig, path: Path, tokeniser: Tokeniser, short: float = 0.0) -> list[Pack]:
+    """Return the samples of `path` as packs, a share of them cut down to their readings.
+
+    Raises ValueError when there is none of the task.
+    """
+    samples = readings(read_samples(path, config.task), short, config.seed)
+    packs = make_packs(samples, tokeniser, config.pack_tokens)
     if not packs:
         raise ValueError(f"{path}: holds no sample for the {config.task}")
     return packs

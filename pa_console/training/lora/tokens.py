@@ -25,8 +25,8 @@ Tokens = NDArray[np.int32]
 class Branch:
     """One sample behind the shared prefix.
 
-    `tokens` are the rest of the prompt, then the answer without its end; `targets` is the answer
-    with its end: what the last `len(targets)` of `tokens` are to predict, each with its weight. A
+    `tokens` are the rest of the prompt, then the answer without its last token; `targets` is the
+    answer: what the last `len(targets)` of `tokens` are to predict, each with its weight. A
     weight of zero is that of a token which the grammar writes.
     """
 
@@ -66,22 +66,21 @@ class Tokeniser:
         return self._chat.tokens(sample.system, sample.picture + sample.rest)
 
     def answer(self, sample: Sample) -> list[int]:
-        """Return the answer of `sample` and the token that ends it."""
-        return [
-            *self._runtime.tokenise(sample.answer, special=False),
-            self._runtime.end_token,
-        ]
+        """Return the answer of `sample` and, if it is whole, the token that ends it."""
+        written = self._runtime.tokenise(sample.answer, special=False)
+        return written if sample.goes_on else [*written, self._runtime.end_token]
 
     def weights(self, sample: Sample) -> NDArray[np.float32]:
         """Return the weight of every token of `answer`: none within what is given."""
         tokens = self.answer(sample)
         weights = np.full(len(tokens), sample.weight, np.float32)
         if sample.given:
-            lengths = [len(self._runtime.token_text(token)) for token in tokens[:-1]]
+            written = tokens if sample.goes_on else tokens[:-1]
+            lengths = [len(self._runtime.token_text(token)) for token in written]
             ends = np.cumsum(lengths)
             begin = sample.answer.index(sample.given)
             inside = (ends - lengths >= begin) & (ends <= begin + len(sample.given))
-            weights[:-1][inside] = 0.0
+            weights[: len(written)][inside] = 0.0
         return weights
 
 
