@@ -2,8 +2,12 @@
 
 from dataclasses import dataclass
 
+from pa_console.llm.reading import Reading
+from pa_console.orchestrator.fulfilment import gaps
+from pa_console.orchestrator.plan_moves import PlanMoves
 from pa_console.orchestrator.safeguards import Examination
 from pa_console.schema.finding import Verdict
+from pa_console.schema.world import World
 
 
 @dataclass
@@ -27,3 +31,10 @@ class Candidate:
     def objected(self) -> bool:
         """Whether the judge says that the plan is not right."""
         return self.verdict is not None and self.verdict.verdict == "Failure"
+
+
+def missing(found: Examination, reading: Reading | None, world: World) -> tuple[str, ...]:
+    """Return in which points a plan is not what was asked, as far as `reading` tells that."""
+    if reading is None or not reading.readable or found.rehearsal is None:
+        return ()
+    return gaps(PlanMoves(world, found.rehearsal.before, found.plan), reading)

@@ -19,10 +19,9 @@ from pa_console.orchestrator.results import Results
 from pa_console.orchestrator.services import Payloads, Services, Stopwatch
 from pa_console.policy.checks import check_mission
 from pa_console.policy.moments import moment
-from pa_console.policy.monitor import Monitor
+from pa_console.policy.monitor import Monitor, halts
 from pa_console.schema import event as ev
 from pa_console.schema.alarm import Alarm
-from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission, MissionStatus
 from pa_console.schema.moment import Moment
 from pa_console.schema.telemetry import Picture
@@ -111,19 +110,12 @@ class MissionRun:
         orders = self.execution.orders
         agents = tuple(order.agent for order in orders)
         now = moment(picture, self._services.sim.world, orders, agents)
+        halting = self._services.variant.checks
         for finding in self._monitor.observe(now):
-            if self._halting(finding):
+            if halting and halts(finding, self._services.rulebook):
                 self.execution.breaches.append(f"{finding.rule_id}: {finding.message}")
         for move in self._course.observe(now):
             yield self._note(move)
-
-    def _halting(self, finding: Finding) -> bool:
-        """Whether a broken ordering halts the plan; premises and alarms see to gates."""
-        if not finding.blocking or not self._services.variant.checks:
-            return False
-        return any(
-            order.each != "gate" for order in self._services.rulebook.get(finding.rule_id).order
-        )
 
     async def _plan_after_plan(self) -> Payloads:
         """Steps 2 to 8, once for every plan that the mission takes."""
@@ -245,14 +237,11 @@ class MissionRun:
 
         At most WATCH_S simulated seconds.
         """
-        course, sim = self._course, self._services.sim
+        sim = self._services.sim
         end_s = sim.time_s + WATCH_S
         with self._feed.follow() as steps:
             async for _ in steps:
-                waiting = (phase and course.phase == phase) or not course.settled
-                follow_up = self._results.follow_up
-                waiting = waiting or (follow_up is not None and follow_up.text == task.text)
-                if not waiting or sim.time_s >= end_s:
+                if not self._results.awaits(phase, task) or sim.time_s >= end_s:
                     return
 
     def _now(self) -> Moment:

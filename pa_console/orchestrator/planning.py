@@ -5,10 +5,8 @@ from time import perf_counter
 
 from pa_console.llm.judge import Judgement
 from pa_console.llm.reading import Reading, read_reason
-from pa_console.orchestrator.candidate import Candidate
-from pa_console.orchestrator.fulfilment import gaps
+from pa_console.orchestrator.candidate import Candidate, missing
 from pa_console.orchestrator.judging import PlanCase, ask_about_plan
-from pa_console.orchestrator.plan_moves import PlanMoves
 from pa_console.orchestrator.proposing import Proposing
 from pa_console.orchestrator.safeguards import Examination, examine
 from pa_console.orchestrator.services import Payloads, Services, Stopwatch
@@ -218,7 +216,8 @@ class Planning:
 
     async def _examine(self, attempt: int, plan: Plan) -> Payloads:
         found = await self._safeguards(plan)
-        self._latest = candidate = Candidate(attempt, found, self._gaps(found))
+        lacking = missing(found, self._reading, self._services.sim.world)
+        self._latest = candidate = Candidate(attempt, found, lacking)
         if found.rehearsal is not None and self._services.variant.rehearsal:
             yield ev.PlanRehearsed(
                 attempt=attempt, rehearsal=found.rehearsal, seconds=found.rehearsal_s
@@ -226,13 +225,6 @@ class Planning:
         yield ev.PlanChecked(attempt=attempt, findings=found.findings, seconds=found.checks_s)
         if self.best is None or candidate.badness < self.best.badness:
             self.best = candidate
-
-    def _gaps(self, found: Examination) -> tuple[str, ...]:
-        """Return in which points a plan is not what the planner says was asked."""
-        if self._reading is None or not self._reading.readable or found.rehearsal is None:
-            return ()
-        moves = PlanMoves(self._services.sim.world, found.rehearsal.before, found.plan)
-        return gaps(moves, self._reading)
 
     async def _safeguards(self, plan: Plan) -> Examination:
         services = self._services

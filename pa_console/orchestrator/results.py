@@ -36,6 +36,13 @@ class Results:
             return None
         return self.mission.model_copy(update={"text": alarm.command})
 
+    def awaits(self, phase: str, task: Mission) -> bool:
+        """Whether `phase` or `task` may still come to its end without another plan."""
+        if (phase and self.course.phase == phase) or not self.course.settled:
+            return True
+        following = self.follow_up
+        return following is not None and following.text == task.text
+
     def lacking(self, following: Mission, last: Mission) -> tuple[str, ...]:
         """Return what the plan for `following` has to make good of the one for `last`."""
         verification = self.verifications[-1]

@@ -198,6 +198,12 @@ class Monitor:
             return _Watch(entry.rule, ordering, 0.0, f"{type(error).__name__}: {error}")
 
 
+def halts(finding: Finding, rulebook: Rulebook) -> bool:
+    """Whether a broken ordering halts the running plan; premises and alarms see to gates."""
+    orderings = rulebook.get(finding.rule_id).order
+    return finding.blocking and any(ordering.each != "gate" for ordering in orderings)
+
+
 def _findings(breaches: Iterable[Breach]) -> tuple[Finding, ...]:
     """Return one finding a rule, all that is wrong with it in one message."""
     by_rule: dict[str, list[Breach]] = {}

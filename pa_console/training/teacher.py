@@ -4,43 +4,37 @@ It never sees words. It proposes plans in the order of preference; who uses it v
 takes the first that holds. What must be true of a run is written by teacher_success.py.
 """
 
-import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from itertools import islice
-from typing import NamedTuple
 
 from pydantic import Field
 
-from pa_console.llm.grammar import REASON_CHARS
 from pa_console.orchestrator.premises import ENCOUNTERS
 from pa_console.schema.base import Positive, StrictModel
 from pa_console.schema.mission_set import Expectation
-from pa_console.schema.plan import Action, Plan, Verb
+from pa_console.schema.plan import Plan, Verb
 from pa_console.schema.telemetry import Digest, Picture
 from pa_console.schema.world import World
 from pa_console.training import teacher_encounters as encounters
 from pa_console.training import teacher_moves as moves
 from pa_console.training import teacher_still as still
-from pa_console.training.asked import asked
 from pa_console.training.conditions import due_asks
 from pa_console.training.order import Ask, Order, Task
 from pa_console.training.teacher_backfill import (
-    Filled,
     bare_gates,
     fillings,
     relays,
     unseen_places,
 )
-from pa_console.training.teacher_draft import Command, Desk, Draft, goals, refusal
+from pa_console.training.teacher_draft import Desk, Draft, goals, refusal
 from pa_console.training.teacher_objections import objection
+from pa_console.training.teacher_plan import Solution, plan_of
 from pa_console.training.teacher_roster import Roster
 from pa_console.training.teacher_success import conditions
 
 MOST_PLANS = 8
 WATCH_S, FOLLOW_S = 60.0, 150.0
 """So long a run is watched at least: for a plan, and for a workflow that goes on."""
-_STATE = re.compile(r"\w+: (free|alone|busy)(, \w+: (free|alone|busy))*")
-"""What need not be said of those who are sent once a takeover is told."""
 _TASKS: Mapping[Task, Callable[[Ask, Desk, Roster], list[Draft]]] = {
     "go": moves.go,
     "look": moves.look,
@@ -74,13 +68,6 @@ class Target(StrictModel):
     )
 
 
-class _Solution(NamedTuple):
-    """Drafts for every ask, and what is added to them."""
-
-    drafts: tuple[Draft, ...]
-    filled: Filled
-
-
 def teach(
     order: Order, world: World, picture: Picture, digest: Digest, verbs: Collection[Verb] = ()
 ) -> Target:
@@ -105,8 +92,8 @@ def _target(
     order: Order, asks: Sequence[Ask], roster: Roster, barred: Mapping[int, tuple[str, str]]
 ) -> Target:
     """Return the target when the asks with the `barred` places in order are refused."""
-    first: _Solution | None = None
-    alike: list[_Solution] = []
+    first: Solution | None = None
+    alike: list[Solution] = []
     needs: dict[int, tuple[str, str]] = {}
     for drafts in islice(_served(asks, Desk(reserved=_reserved(asks)), roster, barred), MOST_PLANS):
         culprits = _culprits(order, drafts, roster)
@@ -122,7 +109,7 @@ def _target(
         if not needs.keys() - barred.keys():
             needs = dict.fromkeys(range(len(asks)), ("not together", "CAP-10"))
         return _target(order, asks, roster, {**barred, **needs})
-    plans = [_plan(order, solution, roster) for solution in alike]
+    plans = [plan_of(order, solution, roster) for solution in alike]
     plans = list(dict.fromkeys(plans))[:MOST_PLANS]
     drafts = first.drafts
     follow = _goes_on(plans[0], roster)
@@ -141,7 +128,7 @@ def _target(
     )
 
 
-def _meaning(solution: _Solution) -> list[tuple[Ask, bool]]:
+def _meaning(solution: Solution) -> list[tuple[Ask, bool]]:
     """Return what a solution serves of an order: equal for those that have the same aim."""
     return [(draft.ask, draft.done) for draft in solution.drafts]
 
@@ -163,15 +150,15 @@ def _served(
             yield (option, *rest)
 
 
-def _filled(order: Order, drafts: tuple[Draft, ...], roster: Roster) -> Iterator[_Solution]:
+def _filled(order: Order, drafts: tuple[Draft, ...], roster: Roster) -> Iterator[Solution]:
     """Yield `drafts` with what they need besides; nothing when that may or can not be had."""
     reserved = _reserved([draft.ask for draft in drafts])
     if not _culprits(order, drafts, roster, alone=True):
         for filled in fillings(drafts, roster, reserved):
-            yield _Solution(drafts, filled)
+            yield Solution(drafts, filled)
         if not order.others_stay and not bare_gates(drafts, roster):
             for filled in relays(drafts, roster, reserved):
-                yield _Solution(drafts, filled)
+                yield Solution(drafts, filled)
 
 
 def _culprits(
@@ -223,39 +210,6 @@ def _expected(drafts: Sequence[Draft]) -> Expectation:
         hold = all(draft.done and draft.ask.task == "hold" for draft in drafts)
         return "execute" if hold else "refuse"
     return "trim" if any(draft.undone for draft in drafts) else "execute"
-
-
-def _plan(order: Order, solution: _Solution, roster: Roster) -> Plan:
-    """Return the plan of a solution: takeovers first, then the asks in order; else one hold."""
-    commands = [*solution.filled.commands, *(c for d in solution.drafts for c in d.commands)]
-    why = [*solution.filled.why]
-    for draft in solution.drafts:
-        said = [w for w in draft.why if not (solution.filled.why and _STATE.fullmatch(w))]
-        why += [f"{w} ({draft.rule})" if draft.rule and "(" not in w else w for w in said]
-    if not commands:
-        commands = _holder([draft.ask for draft in solution.drafts], roster)
-        why += ["hold"] if any(d.ask.task != "hold" for d in solution.drafts) else []
-    return Plan(
-        reason=_reason(order, why, roster),
-        actions=tuple(Action(agent=agent, command=command) for agent, command in commands),
-    )
-
-
-def _reason(order: Order, why: Sequence[str], roster: Roster) -> str:
-    """Return the canonical reason, no longer than a grammar lets it be."""
-    words = f"asked: {asked(order, roster.world, roster.picture, roster.digest)}"
-    parts = list(dict.fromkeys(why)) or ["nothing to do"]
-    while len(parts) > 1 and len(words) + 2 + len(", ".join(parts)) > REASON_CHARS:
-        parts.pop(-2 if parts[-1] == "hold" else -1)
-    text = f"{words}; {', '.join(parts)}"
-    return text if len(text) <= REASON_CHARS else text[: text.rfind(" ", 0, REASON_CHARS)]
-
-
-def _holder(asks: Sequence[Ask], roster: Roster) -> list[Command]:
-    """Return a hold by the first asset named that is up, else the first free one, else any."""
-    named = [name for ask in asks for name in (*ask.who.names, ask.leaving) if roster.up(name)]
-    names = [*named, *roster.free(("uav", "ugv", "robot")), *roster.every()]
-    return [(name, "hold") for name in names[:1]]
 
 
 def _reserved(asks: Sequence[Ask]) -> frozenset[str]:
