@@ -50,9 +50,10 @@ def _unasked(case: Case) -> Iterator[str]:
 
 
 def _watches(case: Case, name: str) -> bool:
-    """Whether a drone goes to look where nobody can do what was asked."""
+    """Whether a drone goes to look at somebody whom nobody can deal with as was asked."""
     goal, flies = case.moves.ends(name), case.moves.kind(name) == "uav"
-    return flies and goal in case.watched and not case.others_stay
+    seen = goal in case.watched and bool(case.moves.tracks(goal))
+    return flies and seen and not case.others_stay
 
 
 def _besides(case: Case, name: str, served: Sequence[Wish]) -> bool:

@@ -28,7 +28,9 @@ def hindrance(wish: Wish, world: World, picture: Picture) -> str:
     problems = [why for name in names if (why := unfit(name, wish, world, picture))]
     if problems and (len(problems) == len(names) or wish.task == "swap"):
         return problems[0]
-    return _incapable(kind, wish.task) if kind is not None and not names else ""
+    if names:
+        return ""
+    return (_incapable(kind, wish.task) if kind is not None else "") or _nobody(wish, picture)
 
 
 def unfit(name: str, wish: Wish, world: World, picture: Picture) -> str:
@@ -44,6 +46,14 @@ def unfit(name: str, wish: Wish, world: World, picture: Picture) -> str:
     if wish.task in VERBS and asset.comms != "ok":
         return f"{name} has a poor link (CAP-05)"
     return _incapable(asset.kind, wish.task)
+
+
+def _nobody(wish: Wish, picture: Picture) -> str:
+    """Return that every asset which could do it is down."""
+    kind, verb = wish.team.kind, VERBS.get(wish.task)
+    kinds = (kind,) if kind is not None else COMMANDS[verb].kinds if verb is not None else ()
+    up = {asset.kind for asset in picture.assets.values() if asset.available}
+    return "" if not kinds or up.intersection(kinds) else "whoever could do it is down (CAP-10)"
 
 
 def _incapable(kind: AssetKind, task: WishTask) -> str:

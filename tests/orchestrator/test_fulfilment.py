@@ -78,7 +78,7 @@ CAR = (SpawnTrack(gate="EastGate", distance_m=12.0),)
         ("1 drone to unknown place", ["Drone_T04 hold"]),
         ("Drone_T09 to EastGate", ["Drone_T04 hold"]),
         ("1 drone warn at EastGate", ["Drone_T04 hold"]),
-        ("1 drone identify at EastGate", ["Drone_T04 observe EastGate"]),
+        ("1 drone identify at EastGate", ["Drone_T04 hold"]),
         ("block SouthGate", ["Ugv_T02 block SouthGate"]),
         ("Drone_T02 to EastGate", ["Drone_T04 move_to NorthGate", "Drone_T02 move_to EastGate"]),
         ("use force at EastGate; 1 drone to WestGate", ["Drone_T04 move_to WestGate"]),
@@ -86,6 +86,20 @@ CAR = (SpawnTrack(gate="EastGate", distance_m=12.0),)
 )
 def test_a_plan_that_does_what_was_asked_has_no_gap(words: str, orders: list[str]) -> None:
     assert found(words, moves(*orders)) == ()
+
+
+def test_whom_nobody_can_deal_with_may_be_looked_at() -> None:
+    words, looks = "1 drone identify at EastGate", "Drone_T04 observe EastGate"
+    assert found(words, moves(looks, setup=CAR)) == ()
+    assert found(words, moves(looks)) == ("Drone_T04 is not to move",)
+
+
+def test_nobody_moves_for_what_all_who_could_do_it_are_down_for() -> None:
+    broken = (FailAsset(asset="Ugv_T01"), FailAsset(asset="Ugv_T02"))
+    for words in ("block EastGate", "1 vehicle block EastGate", "1 vehicle to EastGate"):
+        assert found(words, moves("Drone_T04 hold", setup=broken)) == ()
+        plan = moves("Drone_T04 move_to EastGate", setup=broken)
+        assert found(words, plan) == ("Drone_T04 is not to move",)
 
 
 def test_who_is_down_needs_not_go_home_to_be_relieved() -> None:
