@@ -9,12 +9,12 @@ from pa_console.orchestrator.clock import Clock
 from pa_console.orchestrator.desk import Desk
 from pa_console.orchestrator.feed import StepFeed
 from pa_console.orchestrator.intake import Intake
-from pa_console.orchestrator.notices import Noticer
 from pa_console.orchestrator.read_ahead import ReadAhead
 from pa_console.orchestrator.rules_reload import RulesReload
 from pa_console.orchestrator.rules_watch import RulesWatch
 from pa_console.orchestrator.services import Services
 from pa_console.orchestrator.stops import Stops
+from pa_console.orchestrator.ticking import Ticking
 from pa_console.policy.retriever import Retriever
 from pa_console.schema import event as ev
 from pa_console.schema.incident import Incident
@@ -54,9 +54,9 @@ class Station:
         self._reload = RulesReload(services, watch, self._emit, self._desk)
         self._background = Background(self._broken)
         self._ahead = ReadAhead(services)
-        self._last = self._sim.picture()
-        self._noticer = Noticer(self._last)
-        services.sightings.look(self._last)
+        self._ticking = Ticking(
+            services, clock, self._feed, self._intake, self._stops, self._desk, self._emit
+        )
         self._closed = False
 
     @property
@@ -86,10 +86,16 @@ class Station:
     async def run(self) -> AsyncGenerator[ev.Event]:
         """Yield every event of the session until `close`; stopping the iteration closes it too."""
         self._emit(self._started)
-        self._emit(ev.TelemetryReceived(picture=self._last))
+        self._emit(ev.TelemetryReceived(picture=self._ticking.first))
         self._services.engine.on_state = self.worker_changed
         ahead, serving = self._ahead, self._desk.serve(self._background, self._ahead.load)
-        for work in (self._tick(), serving, ahead.load(), ahead.serve(), self._reload.serve()):
+        for work in (
+            self._ticking.run(),
+            serving,
+            ahead.load(),
+            ahead.serve(),
+            self._reload.serve(),
+        ):
             self._background.start(work)
         try:
             while (event := await self._events.get()) is not None:
@@ -170,7 +176,7 @@ class Station:
         """Let something happen in the simulation; raises ValueError for an unknown name."""
         self._writable()
         self._sim.inject(incident)
-        self._happened(incident, "operator")
+        self._ticking.happened(incident, "operator")
 
     async def advance(self, seconds: float) -> None:
         """Wait until `seconds` of simulated time have passed."""
@@ -208,50 +214,6 @@ class Station:
         self._events.put_nowait(
             ev.Event(t=datetime.now(UTC), tick=self._sim.tick, mission=mission, data=payload)
         )
-
-    async def _tick(self) -> None:
-        """Move the world on whenever the clock says so, and report telemetry at its own period.
-
-        A clock that lets the world wait for the mission does so while it is thought about only.
-        """
-        every = max(1, round(self.world.telemetry_period_s / self.world.dt_s))
-        while True:
-            for _ in range(await self._clock.due(self.world.dt_s, self._wanted)):
-                replies = tuple(self._sim.step())
-                self._feed.publish(self._sim.tick, replies)
-                for incident in self._sim.take_incidents():
-                    self._happened(incident, "scenario")
-                for text in self._sim.take_skipped():
-                    self._emit(ev.Noticed(level="warning", subject="scenario", text=text))
-                for payload in self._stops.step((self._sim.tick, replies)):
-                    self._emit(payload)
-                if self._sim.tick % every == 0:
-                    self._look()
-
-    def _wanted(self) -> bool:
-        """Return whether somebody waits for the world to move, and nobody thinks about it."""
-        return (self._feed.wanted or self._stops.waiting) and not self._desk.thinking
-
-    def _look(self) -> None:
-        """Take in new telemetry: tell it, raise alarms, queue their missions."""
-        picture = self._sim.picture()
-        for notice in self._noticer.look(picture):
-            self._emit(notice)
-        self._last = picture
-        self._services.sightings.look(picture)
-        self._emit(ev.TelemetryReceived(picture=picture))
-        arrivals = self._intake.look(picture, self._desk.handled)
-        for payload, mission in arrivals.payloads:
-            self._emit(payload, mission)
-        for mission in arrivals.obsolete:
-            self._desk.drop(mission, "its cause is gone")
-        self._desk.queue_changed()
-        self._desk.see(picture)
-
-    def _happened(self, incident: Incident, source: ev.IncidentSource) -> None:
-        self._emit(ev.IncidentHappened(incident=incident, source=source))
-        if incident.kind == "worker":
-            self._services.engine.kill_worker()
 
     def _broken(self, error: BaseException) -> None:
         """End the session in order when one of its own tasks broke."""
