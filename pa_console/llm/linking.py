@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import NamedTuple
 
-from pa_console.llm.bare_names import describes, is_place_alone
 from pa_console.llm.world_names import DIGITS, GATE, NUMBERS, WORD, WorldNames
 from pa_console.schema.world import World
 
@@ -51,12 +50,11 @@ class _Token(NamedTuple):
 
 
 class _Link(NamedTuple):
-    """Tokens from `first` up to `end` that mean `name`; an article may belong to what follows."""
+    """Tokens from `first` up to `end` that mean `name`."""
 
     first: int
     end: int
     name: str
-    describes: bool = False
 
 
 def link_names(world: World, text: str) -> str:
@@ -87,7 +85,7 @@ class _Linker:
         at = 0
         while at < len(self._tokens):
             found = [*self._gates(at)] or [*self._place(at)] or [*self._assets(at)]
-            found = found or [*self._kind(at)] or [*self._alone(at)]
+            found = found or [*self._kind(at)]
             if found and all(map(self._whole, found)):
                 yield from found
                 self._linked = found[-1].end
@@ -105,11 +103,7 @@ class _Linker:
         before = self._text[:start].lower()
         if before.endswith("frame_"):
             start -= len("frame_")
-        elif (
-            not link.describes
-            and self._names.is_place(link.name)
-            and (article := _ARTICLES.search(before))
-        ):
+        elif self._names.is_place(link.name) and (article := _ARTICLES.search(before)):
             start = article.start()
         return start, end
 
@@ -130,12 +124,6 @@ class _Linker:
             if name is not None:
                 yield _Link(at, end, name)
                 return
-
-    def _alone(self, at: int) -> Iterator[_Link]:
-        """Yield the gate whose name is said without the word for gates."""
-        name, token = self._names.called(self._word(at)), self._tokens[at]
-        if name is not None and is_place_alone(self._text, token.start, token.end):
-            yield _Link(at, at + 1, name, describes(self._text, token.end))
 
     def _assets(self, at: int) -> Iterator[_Link]:
         """Yield the asset that is named from `at`, and those of the same team behind it."""

@@ -1,7 +1,7 @@
 """The names of a world by what operators call them: `the w gate`, `uav four`, `drone no. 4`."""
 
 import re
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Sequence
 from functools import lru_cache
 
@@ -18,16 +18,12 @@ KIND_WORDS: dict[str, AssetKind] = {
 }
 """What an asset of a kind is called whatever its name is; the first of a kind is the plainest."""
 GATE = "gate"
-GATES = frozenset((GATE, "entrance", "entry", "exit", "portal", "door"))
-"""Words that names of gates end with, or begin with."""
 DIGITS = ("zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
 _TEENS = ("thirteen", "fourteen", "fifteen", "sixteen", "seventeen", "eighteen", "nineteen")
 NUMBERS = (*DIGITS, "ten", "eleven", "twelve", *_TEENS, "twenty")
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _COMPASS = {"n": "north", "e": "east", "s": "south", "w": "west"}
 _NUMBERED = re.compile(r"(.*?)(\d+)\D*")
-_CALLED = 3
-"""Letters that a gate's own word has at least, to stand for it alone."""
 _LONG = 5
 """Words of so many letters may be misspelt by any slip, of one less by a swap only."""
 
@@ -41,7 +37,6 @@ class WorldNames:
     def __init__(self, places: Sequence[str], assets: Sequence[tuple[str, AssetKind]]) -> None:
         self._places = _places(places)
         self._stems = {key.removesuffix(GATE): name for key, name in self._places.items()}
-        self._called = _called(places, [name for name, _ in assets])
         self._numbered: defaultdict[tuple[str, int], list[str]] = defaultdict(list)
         self._patterns: defaultdict[str, set[tuple[str, int]]] = defaultdict(set)
         self._kinds: dict[str, AssetKind] = {}
@@ -86,10 +81,6 @@ class WorldNames:
     def gate_with(self, word: str) -> str | None:
         """Return the gate whose name is `word` and gate."""
         return self._stems.get(word)
-
-    def called(self, word: str) -> str | None:
-        """Return the gate that is called `word` when that is a word of no other name."""
-        return self._called.get(word)
 
     def team(self, word: str) -> str:
         """Return the team or kind that `word` is, also in the plural or misspelt; else nothing."""
@@ -136,17 +127,6 @@ def _places(names: Sequence[str]) -> dict[str, str]:
     """Return the places of more than one word, by their words in lower case."""
     words = {name: _words(name) for name in names}
     return {"".join(said): name for name, said in words.items() if len(said) > 1}
-
-
-def _called(places: Sequence[str], assets: Sequence[str]) -> dict[str, str]:
-    """Return the gates by the one word that their names have beside a word for gates."""
-    used = Counter(word for name in (*places, *assets) for word in {*_words(name)})
-    found: dict[str, str] = {}
-    for name in places:
-        own = [word for word in _words(name) if word not in GATES]
-        if len(own) == 1 < len(_words(name)) and len(own[0]) >= _CALLED and used[own[0]] == 1:
-            found[own[0]] = name
-    return {word: name for word, name in found.items() if word.isalpha() and word not in KIND_WORDS}
 
 
 def _team_word(name: str) -> str:

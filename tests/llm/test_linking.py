@@ -36,24 +36,6 @@ def test_a_name_in_other_words_is_linked(said: str, read: str) -> None:
     assert link_names(WORLD, said) == read
 
 
-@pytest.mark.parametrize(
-    ("said", "read"),
-    [
-        ("robot to south", "robot to SouthGate"),
-        ("car at east, warn it off", "car at EastGate, warn it off"),
-        ("FROM WEST TO NORTH, NOW", "FROM WestGate TO NorthGate, NOW"),
-        ("Check East: with nobody there, all to West.",
-         "Check EastGate: with nobody there, all to WestGate."),
-        ("clear out North, East and West", "clear out NorthGate, EastGate and WestGate"),
-        ("one of the West drones to the North", "one of the WestGate drones to NorthGate"),
-    ],
-)  # fmt: skip
-def test_a_gates_own_word_stands_for_the_gate_where_nothing_else_is_meant(
-    said: str, read: str
-) -> None:
-    assert link_names(WORLD, said) == read
-
-
 def test_a_teams_own_word_becomes_the_word_for_its_kind() -> None:
     assert link_names(site.WORLD, "any hawk to the hill gate") == "any drone to HillGate"
     assert link_names(site.WORLD, "an hawk or 2 mules") == "a drone or 2 ugvs"
@@ -69,10 +51,6 @@ def test_a_teams_own_word_becomes_the_word_for_its_kind() -> None:
         "T01 holds",
         "T02",
         "go north",
-        "the road south of the plaza",
-        "An East is a newspaper. East wind",
-        "hold at east side of the road",
-        "the brand is North Star",
         "the gate NorthGate",
     ],
 )
