@@ -7,6 +7,7 @@ from pa_console.llm.facts import WORDS
 from pa_console.llm.reading import Wish, WishTask
 from pa_console.orchestrator.hindrance import unfit
 from pa_console.orchestrator.plan_moves import PlanMoves
+from pa_console.orchestrator.reporters import of_everyone, reporters
 from pa_console.schema.world import AssetKind
 
 
@@ -163,20 +164,19 @@ def _stood_down(case: Case, wish: Wish) -> Iterator[str]:
 
 
 def _reported(case: Case, wish: Wish) -> Iterator[str]:
-    told = {action.agent for action in case.moves.plan.actions if action.verb == "report"}
-    team = wish.team
-    if team.names:
+    """Yield whose report is missing, but for those of whom everybody is asked and who act."""
+    actions = case.moves.plan.actions
+    told = {action.agent for action in actions if action.verb == "report"}
+    if wish.team.names:
         yield from (f"no report by {n}" for n in _fit(case, wish) if n not in told)
         return
-    asked = [
-        name
-        for name, asset in case.moves.before.assets.items()
-        if asset.available and team.kind in (None, asset.kind)
-        if all(asset.post == at for at in (wish.place, team.origin) if at)
-    ]
-    wanted = len(asked) if team.number == "all" or wish.place else team.number
-    if len(told.intersection(asked)) < wanted:
-        yield f"{len(told.intersection(asked))} of {wanted} reports"
+    asked = {*reporters(wish, case.moves.before)}
+    wanted = wish.team.number
+    if wanted == "all" or of_everyone(wish):
+        asked -= {action.agent for action in actions if action.verb not in ("hold", "report")}
+        wanted = len(asked)
+    if len(told & asked) < wanted:
+        yield f"{len(told & asked)} of {wanted} reports"
 
 
 def _held(case: Case, wish: Wish) -> Iterator[str]:

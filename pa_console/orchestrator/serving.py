@@ -10,6 +10,7 @@ from pa_console.llm.reading import Reading, Wish, WishTask
 from pa_console.llm.slot_grammar import Slot
 from pa_console.orchestrator.hindrance import hindrance, unfit
 from pa_console.orchestrator.plan_moves import PlanMoves
+from pa_console.orchestrator.reporters import beside, of_everyone, reporters
 from pa_console.policy.context import goes_to
 from pa_console.schema.plan import MAX_ACTIONS, Action, Plan
 from pa_console.schema.telemetry import Picture
@@ -33,6 +34,8 @@ def serving_slots(reading: Reading, world: World, picture: Picture) -> tuple[Slo
     try:
         asked = [slot for wish in due for slot in _SERVES[wish.task](stands, wish)]
         slots = [*_backfills(stands, asked, reading.others_stay), *asked]
+        called = (reporters(wish, picture) for wish in due if of_everyone(wish))
+        slots += beside(slots, list(dict.fromkeys(name for names in called for name in names)))
     except _UntoldError:
         return ()
     if not slots:
@@ -182,16 +185,9 @@ def _reported(stands: PlanMoves, wish: Wish) -> Iterator[Slot]:
     if team.names:
         yield from (Slot((name,), "report") for name in _fit(stands, wish))
         return
-    asked = tuple(
-        name
-        for name, asset in stands.before.assets.items()
-        if asset.available and team.kind in (None, asset.kind)
-        if all(asset.post == at for at in (wish.place, team.origin) if at)
-    )
-    if team.number == "all" or wish.place:
-        yield from (Slot((name,), "report") for name in asked)
-    else:
-        yield from (Slot(asked, "report") for _ in range(min(team.number, len(asked))))
+    asked, number = reporters(wish, stands.before), team.number
+    if number != "all" and not of_everyone(wish):
+        yield from (Slot(asked, "report") for _ in range(min(number, len(asked))))
 
 
 def _held(stands: PlanMoves, wish: Wish) -> Iterator[Slot]:

@@ -7,7 +7,7 @@ from pa_console.training.teacher_teams import named, none_free, only
 
 
 def report(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
-    """Let those named report, else those at the place or of the kind, else the first free one."""
+    """Let those named report, else those at the place or of the kind, else everybody."""
     if ask.who.names:
         able, why = named(ask, desk, roster)
         return [_each(ask, able, "report", roster, why)]
@@ -21,7 +21,7 @@ def report(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
         pool = [n for n in pool if roster.kind(n) == ask.who.kind]
     if ask.who.origin:
         pool = [n for n in pool if roster.stands(n) == ask.who.origin]
-    if ask.who.count != "all":
+    if ask.who.count != "all" and (ask.who.kind is not None or ask.who.origin):
         spare = [n for n in roster.free(roster.digest.free) if n in pool]
         pool = [*spare, *(n for n in pool if n not in spare)][: ask.who.count]
     return (

@@ -73,6 +73,13 @@ CAR = (SpawnTrack(gate="EastGate", distance_m=12.0),)
         ),
         ("report by Drone_T01", ["Drone_T01 report"]),
         ("report by 1 robot", ["Robot_T01 report"]),
+        (
+            "report; Drone_T04 to EastGate",
+            [
+                "Drone_T04 move_to EastGate",
+                *(f"{n} report" for n in WORLD.assets if n != "Drone_T04"),
+            ],
+        ),
         ("Drone_T01 hold", ["Drone_T01 hold"]),
         ("use force at EastGate", ["Drone_T04 hold"]),
         ("1 drone to unknown place", ["Drone_T04 hold"]),
@@ -150,6 +157,7 @@ def test_nobody_is_sent_where_he_stands(words: str) -> None:
          "Drone_T02 does not take the place of Drone_T04"),
         ("report by Drone_T01", ["Drone_T02 report"], "no report by Drone_T01"),
         ("report by all robots", ["Robot_T01 report"], "1 of 2 reports"),
+        ("report", ["Robot_T01 report"], "1 of 8 reports"),
         ("Drone_T01 hold", ["Drone_T01 move_to EastGate"], "Drone_T01 is not to move"),
         ("use force at EastGate", ["Ugv_T02 block EastGate"], "Ugv_T02 is not to move"),
         ("1 drone to EastGate; others stay",

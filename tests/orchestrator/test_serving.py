@@ -52,6 +52,16 @@ def slots(words: str, setup: tuple[Incident, ...] = ()) -> list[str]:
         ),
         ("report by 1 robot", ["Robot_T01|Robot_T02 report"]),
         ("report by all at WestGate", ["Drone_T01 report"]),
+        ("report by all robots", ["Robot_T01 report", "Robot_T02 report"]),
+        (
+            "report; Drone_T03 hold; 1 robot to EastGate",
+            [
+                "Drone_T03 hold",
+                "Robot_T01|Robot_T02 move_to EastGate",
+                *(f"{n} report" for n in ("Drone_T01", "Drone_T02", "Drone_T04")),
+                *("Ugv_T01 report", "Ugv_T02 report", "Robot_T01|Robot_T02 report"),
+            ],
+        ),
         ("Drone_T03 hold", ["Drone_T03 hold"]),
     ],
 )
