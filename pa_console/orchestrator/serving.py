@@ -4,6 +4,7 @@ It is the other side of `fulfilment.py`: there a plan is compared with what was 
 console says what a plan for it is made of. Who of those that could go does go is left to the model.
 """
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from pa_console.llm.reading import Reading, Wish, WishTask
@@ -73,7 +74,19 @@ def _backfills(stands: PlanMoves, asked: Sequence[Slot], others_stay: bool) -> I
         if guards and gate not in goals and all(leaving.get(n, gate) != gate for n in guards):
             if others_stay:
                 raise _UntoldError
-            yield Slot(_among(stands, stands.free()), f"move_to {gate}")
+            yield Slot(_in_time(stands, _among(stands, stands.free()), gate), f"move_to {gate}")
+
+
+def _in_time(stands: PlanMoves, names: Sequence[str], gate: str) -> tuple[str, ...]:
+    """Return those of `names` who can be at `gate` before its grace is over, or the two soonest."""
+    world, goal = stands.world, stands.world.frames[gate].at
+    way_s = {
+        name: math.dist(stands.before.assets[name].position, goal)
+        / world.platforms[stands.kind(name)].speed_mps
+        for name in names
+    }
+    soonest = sorted(way_s, key=way_s.__getitem__)[:2]
+    return tuple(n for n in names if n in soonest or way_s[n] <= world.coverage_grace_s)
 
 
 def _among(stands: PlanMoves, names: Sequence[str], elsewhere: str = "") -> tuple[str, ...]:

@@ -42,7 +42,7 @@ def slots(words: str, setup: tuple[Incident, ...] = ()) -> list[str]:
         (
             "Drone_T01 to EastGate",
             [
-                "Drone_T04|Ugv_T02|Robot_T01|Robot_T02 move_to WestGate",
+                "Drone_T04|Ugv_T02 move_to WestGate",
                 "Drone_T01 move_to EastGate",
             ],
         ),
