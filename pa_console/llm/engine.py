@@ -160,6 +160,7 @@ class Engine:
 
     async def _loaded(self, worker: Worker) -> bool:
         """Wait for the model; False when cancelled meanwhile."""
+        name = self.model.name
         stop = asyncio.ensure_future(self._stop.wait())
         try:
             await asyncio.wait(
@@ -171,16 +172,12 @@ class Engine:
             return False
         if worker.ready.done():
             if worker.error:
-                raise ModelUnavailableError(
-                    f"model {self.model.name} cannot be used: {worker.error}"
-                )
+                raise ModelUnavailableError(f"model {name} cannot be used: {worker.error}")
             if worker.ended:
                 raise EngineDiedError(DIED)
             return True
         await worker.kill()
-        raise ModelUnavailableError(
-            f"model {self.model.name} was not loaded within {LOAD_LIMIT_S:.0f} s"
-        )
+        raise ModelUnavailableError(f"model {name} was not loaded within {LOAD_LIMIT_S:.0f} s")
 
     async def _exchange(
         self, worker: Worker, number: int, request: Request

@@ -95,12 +95,10 @@ class MissionRun:
         self, status: MissionStatus, reason: str
     ) -> tuple[ev.MissionReported, ev.MissionFinished]:
         """Return the report and the end of the mission."""
-        facts = self._facts
-        picture = self._services.sim.picture()
+        facts, picture = self._facts, self._services.sim.picture()
         text = after_action_report(facts, status, reason, picture, self._open_alarms())
-        metrics = self._watch.metrics(
-            self._planning.attempts, plans=len(facts.plans), halts=len(facts.halts)
-        )
+        plans, stops = len(facts.plans), len(facts.halts)
+        metrics = self._watch.metrics(self._planning.attempts, plans=plans, halts=stops)
         finished = ev.MissionFinished(status=status, reason=reason, metrics=metrics)
         return ev.MissionReported(text=text), finished
 

@@ -9,8 +9,7 @@ Need = Literal[
     "live", "replay", "writable", "mission", "idle_trace", "approval", "alarm", "unseen", "queue"
 ]
 Group = Literal[
-    "Mission", "Safety", "Alarms", "Queue", "View", "Map", "Copy", "Simulation", "Replay",
-    "Console",
+    "Mission", "Safety", "Alarms", "Queue", "View", "Map", "Copy", "Simulation", "Replay", "Console",
 ]  # fmt: skip
 
 
@@ -65,10 +64,10 @@ class ConsoleAction:
             )
         ]  # fmt: skip
         if others:
-            name = f"{self.id}.also"
             also = Binding(
-                others, self.action, self.label, show=False, id=name, priority=self.opens_field
-            )
+                others, self.action, self.label, show=False, id=f"{self.id}.also",
+                priority=self.opens_field,
+            )  # fmt: skip
             result.append(also)
         return result
 
