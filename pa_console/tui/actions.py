@@ -9,7 +9,7 @@ Need = Literal[
     "live", "replay", "writable", "mission", "idle_trace", "approval", "alarm", "unseen", "queue"
 ]
 Group = Literal[
-    "Mission", "Safety", "Alarms", "Queue", "View", "Map", "Copy", "Simulation", "Replay", "Console",
+    "Mission", "Safety", "Alarms", "Queue", "View", "Map", "Copy", "Simulation", "Replay", "Console"
 ]  # fmt: skip
 
 
