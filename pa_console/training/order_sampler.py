@@ -23,6 +23,10 @@ SHARE_STAY, SHARE_INJECTED, SHARE_HARMLESS = 0.10, 0.06, 0.08
 _HARMLESS: tuple[Task, ...] = ("go", "look", "identify", "hold", "home", "report")
 _ABOUT_TRACKS: tuple[Task, ...] = ("respond", "identify", "warn", "block")
 _TWINS = 0.5
+_BESIDE: dict[Task, Task] = {"go": "home", "home": "go"}
+"""What is asked for beside a task more often than chance has it: one out, another one back. Where
+it is rare, a planner takes the one who comes back for somebody who is relieved."""
+_MORE_BESIDE = 4.0
 _REST = 1.0 - SHARE_FORBIDDEN - SHARE_IMPOSSIBLE - SHARE_HARMLESS
 """Of all orders, those that are neither wrong nor sound so."""
 _TRIES = 60
@@ -86,10 +90,13 @@ def _dressed(view: View, order: Order, kind: str, *, wrong: bool) -> tuple[Order
     return order.model_copy(update=update), kind
 
 
-def _plain(view: View) -> Ask | None:
+def _plain(view: View, beside: Task | None = None) -> Ask | None:
+    """Return an ask that fits the situation, and the task that it stands `beside` in an order."""
     weights: dict[Task, float] = {
         task: weight * _urgency(task, view) for task, weight in TASKS.items()
     }
+    if beside in _BESIDE:
+        weights[_BESIDE[beside]] *= _MORE_BESIDE
     return draw_ask(view.weighted(weights), view)
 
 
@@ -110,7 +117,7 @@ def _compound(view: View, first: Ask) -> tuple[Ask, ...]:
         if len(asks) >= wanted:
             break
         before = set(view.named)
-        other = _plain(view)
+        other = _plain(view, first.task)
         if other is not None and all(_apart(ask, other) for ask in asks):
             asks.append(other)
         else:

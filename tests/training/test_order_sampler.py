@@ -78,8 +78,11 @@ def test_every_task_and_every_kind_of_order_is_drawn() -> None:
             kinds[kind.partition("/")[0]] += 1
             kinds["injected"] += order.injected
             kinds["others_stay"] += order.others_stay
-            tasks |= {ask.task for ask in order.asks if ask.wrong is None}
+            asked_for = {ask.task for ask in order.asks if ask.wrong is None}
+            kinds["one out, another back"] += {"go", "home"} <= asked_for
+            tasks |= asked_for
     assert tasks == set(TASKS)
+    assert kinds["one out, another back"] > 10
     for kind, least in (("wrong", 100), ("partly", 15), ("compound", 60), ("harmless", 25)):
         assert kinds[kind] > least
     assert min(kinds["if-so"], kinds["if-not"], kinds["injected"], kinds["others_stay"]) > 25
