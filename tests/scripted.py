@@ -6,7 +6,6 @@ from collections.abc import AsyncGenerator, Sequence
 from pathlib import Path
 from typing import cast
 
-from pa_console.llm.adapters import LocalAdapter
 from pa_console.llm.catalog import LocalModel
 from pa_console.llm.engine import Engine, OnState
 from pa_console.llm.errors import EngineError
@@ -35,22 +34,14 @@ class ScriptedEngine:
         plans: Sequence[Answer],
         verdicts: Sequence[Answer] = (SUCCESS,),
         others: Sequence[str] = (),
-        *,
-        trained: bool = False,
     ) -> None:
-        """`others` are what comes when several answers are asked for at once.
-
-        With `trained`, the judge is one that was trained for its work.
-        """
+        """`others` are what comes when several answers are asked for at once."""
         self._others = others
         self._answers = {"planner": list(plans), "judge": list(verdicts)}
         self.requests: list[Request] = []
         self.several: list[Request] = []
         """Those for several answers at once."""
-        adapter = LocalAdapter("judge", Path("/dev/null"), "0" * 64)
-        self.model = LocalModel(
-            "scripted", Path("/dev/null"), "0" * 64, adapters=(adapter,) if trained else ()
-        )
+        self.model = LocalModel("scripted", Path("/dev/null"), "0" * 64)
         self.sampler = "scripted"
         self.on_state: OnState | None = None
         self.busy = False

@@ -123,10 +123,6 @@ class LocalModel:
         parts = [self.sha256, *(f"{item.role} {item.sha256}" for item in self.adapters)]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
-    def trained(self, role: Role) -> bool:
-        """Whether an adapter was trained for `role`."""
-        return any(adapter.role == role for adapter in self.adapters)
-
 
 class Catalog(StrictModel):
     """Every known model, and the name of the one used when none is asked for."""

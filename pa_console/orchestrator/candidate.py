@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from pa_console.llm.reading import Reading
+from pa_console.llm.grammar import PLANNED
+from pa_console.llm.reading import Reading, read_asked, read_reason
 from pa_console.orchestrator.fulfilment import gaps
 from pa_console.orchestrator.plan_moves import PlanMoves
 from pa_console.orchestrator.safeguards import Examination
@@ -26,6 +27,22 @@ class Candidate:
         """Blocking findings, gaps, then warnings: the smaller the better."""
         blocking, warnings = self.examination.badness
         return blocking, len(self.gaps), warnings
+
+    @property
+    def second_reading(self) -> str:
+        """What the judge says was asked, where the plan does nothing and it objects; '' otherwise.
+
+        Orders are given to be carried out: of two readings that differ, the one after which nothing
+        is left to do is the likelier mistake. A refusal of what no order may have done stands.
+        """
+        plan = self.examination.plan
+        own = read_reason(plan.reason)
+        refused = own is not None and any(wish.task == "refused" for wish in own.wishes)
+        idle = all(action.verb == "hold" for action in plan.actions)
+        if self.verdict is None or not self.objected or not idle or refused:
+            return ""
+        asked = self.verdict.feedback.partition(PLANNED)[0]
+        return asked if read_asked(asked) is not None else ""
 
     @property
     def objected(self) -> bool:

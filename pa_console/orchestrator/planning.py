@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from time import perf_counter
 
 from pa_console.llm.judge import Judgement
-from pa_console.llm.reading import Reading, read_reason
+from pa_console.llm.reading import Reading, read_asked, read_reason
 from pa_console.orchestrator.candidate import Candidate, missing
 from pa_console.orchestrator.judging import PlanCase, ask_about_plan
 from pa_console.orchestrator.proposing import Proposing
@@ -109,28 +109,22 @@ class Planning:
     async def judge(self) -> Payloads:
         """Step 6: the JudgeLLM's verdict on `best`; a blocked plan needs none.
 
-        Where the variant says so, a trained judge's objection is a reason to look at the planner's
-        other answers: the first that nothing blocks and that it passes becomes `best`, else the
-        plan that it objected to stays.
+        A trained judge reads the order for itself. Where it objects to a plan that does nothing,
+        one that serves what it read becomes `best`, if nothing blocks that and the judge passes it.
         """
-        first = self.best
         async for payload in self._judge():
             yield payload
-        most = self._services.variant.reconsidered
-        trained = self._services.engine.model.trained("judge")
-        if first is None or not first.objected or not trained or most < 1:
+        first = self.best
+        asked = first.second_reading if first is not None else ""
+        if not asked or not self._services.variant.second_reading:
             return
-        async for payload in self._proposing.ask_for_others():
+        self._reading = read_asked(asked)
+        async for payload in self._ask_who(asked, as_judged=True):
             yield payload
-        for _ in range(most):
-            async for payload in self._next_sound(first.examination.plan):
-                yield payload
-            if self.best is first:
-                return
+        if self.best is not first:
             async for payload in self._judge():
                 yield payload
-            if self.best is not None and self.best.verdict is not None and not self.best.objected:
-                return
+        if self.best is not None and self.best.objected:
             self.best = first
 
     async def reexamine(self) -> Examination | None:
@@ -164,22 +158,21 @@ class Planning:
             async for payload in self._examine(*self._proposing.others.pop(0)):
                 yield payload
         if reading is not None and not self._sound:
-            async for payload in self._proposing.ask_who(reading):
+            async for payload in self._ask_who(self._proposing.said):
                 yield payload
-            for other in self._proposing.others or ():
-                async for payload in self._examine(*other):
-                    yield payload
 
-    async def _next_sound(self, known: Plan) -> Payloads:
-        """Make the next other answer `best` that does not do as `known` and that nothing blocks."""
-        before = self.best
-        while self.best is before and self._proposing.others:
-            attempt, plan = self._proposing.others.pop(0)
-            if plan.actions == known.actions:
-                continue
-            async for payload in self._examine(attempt, plan):
+    async def _ask_who(self, asked: str, *, as_judged: bool = False) -> Payloads:
+        """Examine a plan for what was `asked` of which the console gives the commands.
+
+        A sound one becomes `best`, where that is a plan for another reading too.
+        """
+        async for payload in self._proposing.ask_who(asked, as_judged=as_judged):
+            yield payload
+        for other in self._proposing.others or ():
+            async for payload in self._examine(*other):
                 yield payload
-            self.best = before if self._latest.examination.blocked else self._latest
+            if not any(self._latest.badness[:2]):
+                self.best = self._latest
 
     async def _judge(self) -> Payloads:
         candidate, question = self.best, self._proposing.question

@@ -6,7 +6,7 @@ from time import perf_counter
 
 from pa_console.llm.grounds import grounded_reason
 from pa_console.llm.planner import Proposal
-from pa_console.llm.reading import Reading, asked_words
+from pa_console.llm.reading import asked_words, read_asked
 from pa_console.llm.slot_grammar import slot_grammar
 from pa_console.orchestrator.question import Question, ask_for_plan
 from pa_console.orchestrator.services import Payloads, Services, Stopwatch
@@ -109,25 +109,26 @@ class Proposing:
             if proposal.plan is not None:
                 self.others.append((self.attempts, proposal.plan))
 
-    async def ask_who(self, reading: Reading) -> Payloads:
-        """Step 5 once more, with the commands given that serve `reading`: who is to have each.
+    async def ask_who(self, asked: str, *, as_judged: bool = False) -> Payloads:
+        """Step 5 once more, with the commands given that serve what was `asked`: who has each.
 
-        What was asked is taken from the last answer. The plan waits in `others`.
+        The plan, which says that this was asked, waits in `others`. With `as_judged` it is what the
+        judge read in the mission.
         """
-        sim, asked, plan = self._services.sim, self.question, self.latest.plan
-        slots = serving_slots(reading, sim.world, sim.picture())
+        sim, question, reading = self._services.sim, self.question, read_asked(asked)
+        slots = serving_slots(reading, sim.world, sim.picture()) if reading is not None else ()
         self.others = []
-        if asked is None or plan is None or not slots or self._verbs:
+        if question is None or not slots or self._verbs:
             return
-        words = asked_words(plan.reason).rstrip("; ")
-        reasons = grounded_reason(sim.world, asked.digest, self.task.text, words)
+        reasons = grounded_reason(sim.world, question.digest, self.task.text, asked)
         grammar = slot_grammar(slots, reasons)
         first = self.attempts
         with self._watch.time("planning_s"):
-            async for piece in self._services.planner.plan(asked.prompt, grammar):
+            async for piece in self._services.planner.plan(question.prompt, grammar):
                 if not isinstance(piece, str):
                     self.attempts += 1
-                    yield _proposed(self.attempts, piece, instead_of=first, given=True)
+                    told = _proposed(self.attempts, piece, instead_of=first, given=True)
+                    yield told.model_copy(update={"as_judged": as_judged})
                     if piece.plan is not None:
                         self.others.append((self.attempts, piece.plan))
 
@@ -138,11 +139,19 @@ class Proposing:
         yield ev.PlanProposed(attempt=self.attempts, author="operator", text=plan.answer, plan=plan)
 
     @property
+    def said(self) -> str:
+        """What the last answer says was asked; '' without that."""
+        return self._words.rstrip("; ")
+
+    @property
     def _asked(self) -> str:
         """The beginning of the last answer in which it says what was asked; '' without that."""
-        text, plan = self.latest.text, self.latest.plan
-        words = asked_words(plan.reason) if plan is not None else ""
+        text, words = self.latest.text, self._words
         return text[: text.find(words) + len(words)] if words and words in text else ""
+
+    @property
+    def _words(self) -> str:
+        return asked_words(self.latest.plan.reason) if self.latest.plan is not None else ""
 
     def _retrieved(self, text: str) -> tuple[RuleHit, ...]:
         """Return the rules for the prompt: pinned ones, best ones, or both, by variant."""

@@ -67,6 +67,9 @@ class PlanProposed(Payload):
     given: bool = Field(
         default=False, description="the console gave the commands, its author who has them"
     )
+    as_judged: bool = Field(
+        default=False, description="it is for what the judge read in the mission"
+    )
 
 
 class PlanRehearsed(Payload):

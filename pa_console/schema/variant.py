@@ -27,8 +27,9 @@ class Variant(StrictModel):
         default=True,
         description="others are looked at when the first is not what its planner says was asked",
     )
-    reconsidered: int = Field(
-        default=0, ge=0, description="other plans that a trained judge sees if it objects to one"
+    second_reading: bool = Field(
+        default=True,
+        description="a plan that does nothing gives way to what a judge that objects has read",
     )
     grammar: bool = Field(default=True, description="decoding is constrained to executable plans")
     grounded: bool = Field(

@@ -44,6 +44,7 @@ def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
             attempt.author, attempt.text, attempt.plan = data.author, data.text, data.plan
             attempt.error, attempt.usage = data.error, data.usage
             attempt.instead_of, attempt.given = data.instead_of, data.given
+            attempt.as_judged = data.as_judged
         case ev.PlanRehearsed(attempt=number, rehearsal=rehearsal, seconds=seconds):
             attempt = trace.attempt(number)
             attempt.rehearsal, attempt.rehearsal_s = rehearsal, seconds

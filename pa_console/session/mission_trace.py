@@ -45,15 +45,16 @@ class Attempt:
     """The attempt whose prompt this is another answer to."""
     given: bool = False
     """Whether the console gave the commands and the planner chose who has them."""
+    as_judged: bool = False
+    """Whether it is for what the judge read in the mission, not the planner."""
 
     @property
     def aside(self) -> str:
         """What it stands beside, to be told after its number and author; '' for a first answer."""
         if self.instead_of is None:
             return ""
-        return (
-            f", instead of {self.instead_of}" + ", its commands given by the console" * self.given
-        )
+        given = ", its commands given by the console" * self.given
+        return f", instead of {self.instead_of}{given}{', as the judge read it' * self.as_judged}"
 
 
 @dataclass

@@ -1,5 +1,7 @@
 """When the first plan breaks a rule, others are looked at, and all of them are in the trace."""
 
+import json
+
 import pytest
 
 from pa_console.orchestrator.headless import standing_approver
@@ -11,13 +13,6 @@ STRIPS = plan(("Drone_T01", "move_to EastGate"))
 STRIPS_TOO = plan(("Drone_T02", "move_to EastGate"))
 SOUND = plan(("Drone_T04", "move_to EastGate"))
 REPORT = plan(("Drone_T04", "report"))
-
-
-@pytest.fixture
-def second_look(rig: Rig) -> Rig:
-    """Return the rig with two other plans for the judge where it objects to one."""
-    rig.variant = Variant(reconsidered=2)
-    return rig
 
 
 async def test_the_first_sound_one_of_several_is_put_to_the_operator(rig: Rig) -> None:
@@ -99,43 +94,69 @@ async def test_when_none_is_sound_the_faults_go_back_to_the_planner(rig: Rig) ->
     assert kinds == ["plan_proposed", "plan_proposed", "repair_requested", "plan_proposed"]
 
 
-async def test_a_trained_judges_objection_brings_up_the_next_sound_plan(second_look: Rig) -> None:
-    others = [STRIPS, SOUND]
-    engine = ScriptedEngine([REPORT], [FAILURE, SUCCESS], others=others, trained=True)
-    trace = await second_look.run(engine)
+SAYS_EAST = "asked: 1 drone to EastGate; planned: hold; 0 of 1 drone to EastGate"
+OBJECTS = json.dumps({"rules": [], "feedback": SAYS_EAST, "verdict": "Failure"})
+SERVES_EAST = plan(
+    ("Drone_T04", "move_to EastGate"), reason="asked: 1 drone to EastGate; Free drone: Drone_T04"
+)
+
+
+def proposed(rig: Rig) -> list[tuple[int, bool, bool]]:
+    data = (e.data for e in rig.events if e.data.kind == "plan_proposed")
+    return [(p.attempt, p.given, p.as_judged) for p in data]
+
+
+def asked_about(rig: Rig) -> list[tuple[int, bool]]:
+    data = (e.data for e in rig.events if e.data.kind == "approval_requested")
+    return [(a.attempt, a.needs_override) for a in data]
+
+
+NOTHING = plan(("Drone_T04", "hold"), reason="asked: 1 drone to unknown place; no such place, hold")
+
+
+async def test_where_the_judge_reads_something_to_do_it_is_put_to_the_operator(rig: Rig) -> None:
+    trace = await rig.run(ScriptedEngine([NOTHING, SERVES_EAST], [OBJECTS, SUCCESS]))
     assert trace.status == "verified"
-    assert second_look.state.picture is not None
-    assert second_look.state.picture.assets["Drone_T04"].at == "EastGate"
-    judged = [e.data.attempt for e in second_look.events if e.data.kind == "plan_judged"]
-    assert judged == [1, 3]
-    asked = [e.data.attempt for e in second_look.events if e.data.kind == "approval_requested"]
-    assert asked == [3]
+    assert proposed(rig) == [(1, False, False), (2, True, True)]
+    assert trace.attempt(2).aside == (
+        ", instead of 1, its commands given by the console, as the judge read it"
+    )
+    assert asked_about(rig) == [(2, False)]
+    assert rig.state.picture is not None
+    assert rig.state.picture.assets["Drone_T04"].at == "EastGate"
 
 
-async def test_if_the_judge_passes_no_other_plan_its_first_objection_stands(
-    second_look: Rig,
-) -> None:
-    others = [SOUND, plan(("Drone_T04", "hold")), plan(("Robot_T01", "report"))]
-    engine = ScriptedEngine([REPORT], [FAILURE], others=others, trained=True)
-    trace = await second_look.run(engine)
-    assert trace.status == "rejected"
-    judged = [e.data.attempt for e in second_look.events if e.data.kind == "plan_judged"]
-    assert judged == [1, 2, 3]
-    approval = next(e.data for e in second_look.events if e.data.kind == "approval_requested")
-    assert (approval.attempt, approval.needs_override) == (1, True)
+async def test_a_plan_for_the_judges_reading_that_it_does_not_pass_is_not_put(rig: Rig) -> None:
+    await rig.run(ScriptedEngine([NOTHING, SERVES_EAST], [OBJECTS]))
+    assert len(proposed(rig)) == 2
+    assert asked_about(rig) == [(1, True)]
 
 
-async def test_the_same_orders_are_not_judged_again(second_look: Rig) -> None:
-    others = [plan(("Drone_T04", "report"), reason="said otherwise")]
-    await second_look.run(ScriptedEngine([REPORT], [FAILURE], others=others, trained=True))
-    assert second_look.kinds().count("plan_judged") == 1
+async def test_a_blocked_plan_for_the_judges_reading_is_not_put(rig: Rig) -> None:
+    await rig.run(ScriptedEngine([NOTHING, STRIPS], [OBJECTS, SUCCESS]))
+    assert rig.kinds().count("plan_judged") == 1
+    assert asked_about(rig) == [(1, True)]
 
 
-async def test_by_default_an_objection_asks_for_no_other_plan(rig: Rig) -> None:
-    await rig.run(ScriptedEngine([REPORT], [FAILURE, SUCCESS], others=[SOUND], trained=True))
-    assert rig.kinds().count("plan_proposed") == 1
+@pytest.mark.parametrize(
+    ("first", "verdict"),
+    [
+        pytest.param(SERVES_EAST, OBJECTS, id="a plan that does something"),
+        pytest.param(NOTHING, FAILURE, id="a judge that does not say what was asked"),
+        pytest.param(NOTHING, SUCCESS, id="a judge that agrees"),
+        pytest.param(
+            plan(("Drone_T04", "hold"), reason="asked: use force at EastGate; no force, hold"),
+            OBJECTS,
+            id="a refusal of what no order may have done",
+        ),
+    ],
+)
+async def test_the_first_plan_stands_for(rig: Rig, first: str, verdict: str) -> None:
+    await rig.run(ScriptedEngine([first, SERVES_EAST], [verdict, SUCCESS]))
+    assert len(proposed(rig)) == 1
 
 
-async def test_an_untrained_judges_objection_asks_for_no_other_plan(second_look: Rig) -> None:
-    await second_look.run(ScriptedEngine([REPORT], [FAILURE, SUCCESS], others=[SOUND]))
-    assert second_look.kinds().count("plan_proposed") == 1
+async def test_without_a_second_reading_a_plan_that_does_nothing_stands(rig: Rig) -> None:
+    rig.variant = Variant(second_reading=False)
+    await rig.run(ScriptedEngine([NOTHING, SERVES_EAST], [OBJECTS, SUCCESS]))
+    assert asked_about(rig) == [(1, True)]

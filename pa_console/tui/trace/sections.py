@@ -97,6 +97,7 @@ def _heading(attempt: Attempt) -> Section:
     if attempt.instead_of is not None:
         author = f"another answer to the prompt of attempt {attempt.instead_of}"
         author += ", commands by the console" * attempt.given
+        author += ", as the judge read the mission" * attempt.as_judged
     title = Content.assemble(
         (f"Attempt {attempt.number}", "bold"),
         (f"  {attempt.phase}" if attempt.phase else "", NOTE),
