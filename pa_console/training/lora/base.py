@@ -44,7 +44,7 @@ class Base:
     """Radians a position of each pair of a head, float32 (head_width / 2)."""
 
 
-def read_base(path: Path, device: str = "cpu", dtype: torch.dtype = torch.bfloat16) -> Base:
+def read_base(path: Path, device: str = "cpu", dtype: torch.dtype = torch.float32) -> Base:
     """Read the GGUF file at `path`; raises ValueError when it cannot be trained, or OSError."""
     weights = _Weights(path, device, dtype)
     embedding = weights.get("token_embd")

@@ -66,6 +66,9 @@ class TrainConfig(StrictModel):
     checkpoint_minutes: float = Field(default=5.0, gt=0.0)
     seed: int = 0
     device: str = Field(default="cpu", description="cpu, cuda or cuda:N")
+    precision: Literal["auto", "bfloat16", "float32"] = Field(
+        default="auto", description="of the frozen weights; auto: what the device is faster with"
+    )
     workers: int | None = Field(
         default=None, ge=1, description="packs computed at once; by default one a core on a CPU"
     )

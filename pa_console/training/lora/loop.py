@@ -14,6 +14,7 @@ from pa_console.training.lora.base import Base, read_base
 from pa_console.training.lora.batch import Score, gradients, score
 from pa_console.training.lora.checkpoint import RunFolder, State
 from pa_console.training.lora.config import TrainConfig, find_base
+from pa_console.training.lora.precision import FORMATS, fastest_precision
 from pa_console.training.lora.readings import readings
 from pa_console.training.lora.schedule import Order, learning_rate
 from pa_console.training.lora.start import first_weights
@@ -59,11 +60,15 @@ def train(
     folder = RunFolder(out)
     if resume:
         config = folder.config()
+    precision = config.precision
+    if precision == "auto":
+        precision = fastest_precision(config.device)
+        config = config.model_copy(update={"precision": precision})
     path, chat = find_base(config)
     tokeniser = Tokeniser(path, chat)
     packs = _packs(config, Path(config.data), tokeniser, config.readings)
     held_out = _held_out(config, tokeniser)
-    base = read_base(path, config.device)
+    base = read_base(path, config.device, FORMATS[precision])
     adapter = Adapter(base.shape, config.rank, config.alpha, config.seed, config.device)
     hashes = hash_file(path), hash_file(Path(config.data))
     with Workers(config.device, config.workers) as workers, StopRequest() as stop:

@@ -60,7 +60,7 @@ def compare(
 @torch.no_grad()
 def our_logits(base: Path, adapter: Adapter | None, tokens: Sequence[int]) -> NDArray[np.float32]:
     """Return the logits (tokens, vocabulary) of the forward pass that is trained, in float32."""
-    weights = read_base(base, dtype=torch.float32)
+    weights = read_base(base)
     adapter = adapter or Adapter(weights.shape, 1, 1.0, 0, "cpu")
     layout = Layout.make(len(tokens), (), "cpu")
     states = hidden(weights, adapter.working(torch.float32), torch.tensor(tokens), layout)

@@ -83,8 +83,31 @@ def test_the_seed_decides_the_result_and_the_workers_do_not(
     for name, (seed, workers) in runs.items():
         chosen = config(tiny, data, seed=seed, workers=workers, steps=3)
         train(chosen, tmp_path / name, False, ignore)
-    assert logged(tmp_path / "one") == logged(tmp_path / "two")
-    assert logged(tmp_path / "one") != logged(tmp_path / "other")
+    one, two, other = ([line["loss"] for line in logged(tmp_path / name)] for name in runs)
+    assert one == pytest.approx(two, rel=1e-5)
+    assert one != pytest.approx(other, rel=1e-5)
+
+
+def test_a_run_keeps_the_format_that_its_machine_computes_in(
+    tiny: Path, data: Path, tmp_path: Path
+) -> None:
+    train(config(tiny, data, steps=1), tmp_path / "run", False, ignore)
+    chosen = RunFolder(tmp_path / "run").config().precision
+    assert chosen in ("bfloat16", "float32")
+    named = config(tiny, data, steps=1, precision=chosen)
+    train(named, tmp_path / "named", False, ignore)
+    assert logged(tmp_path / "run") == logged(tmp_path / "named")
+
+
+@pytest.mark.parametrize("precision", ["bfloat16", "float32"])
+def test_a_run_learns_in_the_format_that_it_is_told(
+    tiny: Path, data: Path, tmp_path: Path, precision: str
+) -> None:
+    out = tmp_path / "run"
+    train(config(tiny, data, precision=precision), out, False, ignore)
+    losses = [line["loss"] for line in logged(out)]
+    assert losses[-1] < losses[0]
+    assert RunFolder(out).config().precision == precision
 
 
 def test_an_exported_run_says_where_it_comes_from(tiny: Path, data: Path, tmp_path: Path) -> None:

@@ -98,7 +98,7 @@ def test_a_pack_counts_the_shared_prefix_once(packs: dict[int, list[Pack]]) -> N
 def test_a_pack_learns_what_its_samples_learn_one_by_one(
     packs: dict[int, list[Pack]], tiny: Path
 ) -> None:
-    base = read_base(tiny, dtype=torch.float32)
+    base = read_base(tiny)
     adapter = Adapter(base.shape, 4, 8.0, 0, "cpu")
     with torch.no_grad():
         for number, master in enumerate(adapter.masters):
@@ -116,7 +116,7 @@ def test_a_pack_learns_what_its_samples_learn_one_by_one(
 
 
 def test_scores_add_up(packs: dict[int, list[Pack]], tiny: Path) -> None:
-    base = read_base(tiny, dtype=torch.float32)
+    base = read_base(tiny)
     pairs = Adapter(base.shape, 4, 8.0, 0, "cpu").working(torch.float32)
     together = score(base, pairs, packs[2048][0])
     alone = [score(base, pairs, pack) for pack in packs[1][:4]]
