@@ -144,8 +144,12 @@ class _Names(NamedTuple):
 
 @lru_cache(maxsize=8)
 def _names(places: tuple[str, ...], assets: tuple[str, ...]) -> _Names:
-    """Return the words of the names of places and of assets, these in the plural too."""
+    """Return the words of the names of places and of assets, these in the plural too.
+
+    A place's words may be typed as one: `stonegate`.
+    """
     said = [word.lower() for name in (*places, *assets) for word in WORD.findall(name)]
+    said += ["".join(WORD.findall(name)).lower() for name in places if len(WORD.findall(name)) > 1]
     said += [f"{word.lower()}s" for name in assets for word in WORD.findall(name)]
     counts = Counter(word for word in said if len(word) > _SHORT - 1 and word.isalpha())
     return _Names(tuple(counts), tuple(counts.values()))

@@ -28,6 +28,7 @@ LISTED = [
         ("OBSERV THE GATEHOUSE", "OBSERVE THE GATEHOUSE"),
         ("Drone_T04 identfy whoevr is their", "Drone_T04 identify whoever is their"),
         ("move to Sotuh gate", "move to South gate"),
+        ("a drone to estgate and nortgate", "a drone to eastgate and northgate"),
         ("approahcing vehicel; ignroe it", "approaching vehicle; ignore it"),
     ],
 )
@@ -43,6 +44,7 @@ def test_a_slip_of_the_hand_is_read_as_what_was_meant(site: Site, typed: str, re
         "Schicke sofort eine Drohne zum Nordtor und beobachte das Fahrzeug",
         "Send Mr Nordvik's parcel to the loading dock",
         "the QRF and the CCTV",
+        "everything quiet at northgate and southgate",
         "",
     ],
 )

@@ -50,6 +50,14 @@ def slots(words: str, setup: tuple[Incident, ...] = ()) -> list[str]:
             "swap Drone_T04 and Drone_T02",
             ["Drone_T04 move_to NorthGate", "Drone_T02 move_to Checkpoint"],
         ),
+        (
+            "swap Robot_T01 and Ugv_T01",
+            [
+                "Drone_T04|Ugv_T02|Robot_T02 move_to EastGate",
+                "Robot_T01 move_to EastGate",
+                "Ugv_T01 move_to Checkpoint",
+            ],
+        ),
         ("report by 1 robot", ["Robot_T01|Robot_T02 report"]),
         ("report by all at WestGate", ["Drone_T01 report"]),
         ("report by all robots", ["Robot_T01 report", "Robot_T02 report"]),
