@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from pa_console.schema import event as ev
 from pa_console.session.fold import SessionState
-from pa_console.tui.trace.rows import plain
+from pa_console.tui.trace.rows import layout, plain
 from pa_console.tui.trace.sections import headline, progress, sections
 from pa_console.tui.trace.workflow import standing
 from pa_console.tui.widgets.alarm_rows import summary
@@ -91,3 +91,17 @@ def test_whatever_happened_can_be_shown(payloads: list[ev.EventPayload], width: 
         assert progress(trace)
         assert headline(trace)
     assert summary(state, width).cell_length >= 0
+
+
+def test_where_an_answer_comes_from_is_told_in_full_however_narrow_the_trace_is() -> None:
+    second = ev.PlanProposed(
+        attempt=2, text="{}", plan=story.PLAN, instead_of=1, given=True, as_judged=True
+    )
+    trace = told([*story.told("approval")[:-1], second]).missions[MISSION.id]
+    (heading,) = (part for part in sections(trace, {}) if part.key == "heading-2")
+    assert heading.title.plain == "Attempt 2  instead of 1"
+    lines = [line.plain.strip() for line in layout(heading.rows, 30)]
+    assert " ".join(lines) == (
+        "another answer to the prompt of attempt 1, commands by the console, "
+        "as the judge read the mission"
+    )

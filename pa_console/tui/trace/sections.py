@@ -93,17 +93,21 @@ def _attempt(attempt: Attempt, rules: Rules) -> list[Section]:
 
 
 def _heading(attempt: Attempt) -> Section:
-    author = "by the operator" if attempt.author == "operator" else "shown in full"
+    how, rows = "shown in full", tuple[Row, ...]()
+    if attempt.author == "operator":
+        how = "by the operator"
     if attempt.instead_of is not None:
-        author = f"another answer to the prompt of attempt {attempt.instead_of}"
-        author += ", commands by the console" * attempt.given
-        author += ", as the judge read the mission" * attempt.as_judged
+        how = f"instead of {attempt.instead_of}"
+        origin = f"another answer to the prompt of attempt {attempt.instead_of}"
+        origin += ", commands by the console" * attempt.given
+        origin += ", as the judge read the mission" * attempt.as_judged
+        rows = (row("  ", (origin, QUIET)),)
     title = Content.assemble(
         (f"Attempt {attempt.number}", "bold"),
         (f"  {attempt.phase}" if attempt.phase else "", NOTE),
-        (f"  {author}", QUIET),
+        (f"  {how}", QUIET),
     )
-    return Section(f"heading-{attempt.number}", title, ())
+    return Section(f"heading-{attempt.number}", title, rows)
 
 
 def _folded(attempt: Attempt, parts: list[Section]) -> Section:
