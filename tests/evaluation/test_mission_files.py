@@ -34,7 +34,6 @@ WRONG: list[Other] = [
 ]
 TO_DO = ("execute", "trim")
 SAMPLE = 40
-MISREAD = frozenset({"F108"})
 """Harmless sentences that ROE-01 takes for a call for force, and so refuses before any plan."""
 SHORT_S = 20.0
 """Runs are watched so long at least, not their own time: what a plan does lasts as long as it."""
@@ -62,17 +61,15 @@ def test_every_mission_that_is_to_be_carried_out_has_a_witness() -> None:
     assert {name for name, _ in [*OTHERS, *WRONG]} <= set(CASES)
 
 
-def test_what_is_to_be_carried_out_is_refused_for_its_words_in_known_cases_only() -> None:
+def test_nothing_that_is_to_be_carried_out_is_refused_for_its_words() -> None:
     to_do = [name for name, (_, case) in CASES.items() if case.expect in TO_DO]
-    refused = {n for n in to_do if words_findings(mission(n)[1], CASES[n][1], RULES)}
-    assert refused == MISREAD
+    assert not [name for name in to_do if words_findings(mission(name)[1], CASES[name][1], RULES)]
 
 
 @pytest.mark.parametrize("name", sorted(WITNESSES))
 def test_a_plan_carries_it_out_that_the_safeguards_admit(name: str) -> None:
     case, world = mission(name)
-    spoken = case.model_copy(update={"command": "as planned"}) if name in MISREAD else case
-    objects = safeguards(spoken, RULES)
+    objects = safeguards(case, RULES)
     todo = plans(WITNESSES[name])
     scored, against = play(short(case), begin(case, world, 0), ENFORCED, todo, objects)
     assert (against, scored.failed, scored.broken) == ([], (), ())
@@ -92,8 +89,7 @@ def test_doing_nothing_is_success_only_where_that_is_right(name: str) -> None:
 def test_another_plan_that_an_operator_would_take_succeeds_too(other: Other) -> None:
     name, lines = other
     case, world = mission(name)
-    spoken = case.model_copy(update={"command": "as planned"}) if name in MISREAD else case
-    objects = safeguards(spoken, RULES)
+    objects = safeguards(case, RULES)
     scored, against = play(short(case), begin(case, world, 0), ENFORCED, plans(lines), objects)
     assert (against, scored.failed, scored.broken) == ([], (), ())
 

@@ -3,7 +3,7 @@
 import pickle
 import random
 
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pa_console.evaluation.scoring.idle import begin
@@ -43,10 +43,13 @@ def test_one_without_history_is_as_an_evaluation_begins_its_case(seed: int) -> N
 
 @settings(max_examples=25, deadline=None)
 @given(SEEDS)
+@example(197342)
 def test_troubles_show_in_the_picture(seed: int) -> None:
     situation = situation_of(seed)
     picture, digest = situation.picture, situation.digest
     assert situation.troubles or not situation.setup
+    queued = set[str]()
+    """Gates with a contact that may be too far off to be seen; others come behind it."""
     for incident in situation.setup:
         match incident:
             case FailAsset(asset=name):
@@ -57,8 +60,10 @@ def test_troubles_show_in_the_picture(seed: int) -> None:
                 assert name in digest.degraded_comms
             case SetWeather(weather=weather):
                 assert picture.weather == weather
-            case SpawnTrack(gate=gate, distance_m=near) if near == 1.0:
+            case SpawnTrack(gate=gate, distance_m=near) if near == 1.0 and gate not in queued:
                 assert gate in {track.gate for track in picture.tracks.values()}
+            case SpawnTrack(gate=gate):
+                queued.add(gate)
             case _:
                 pass
 
