@@ -149,7 +149,7 @@ def _names(places: tuple[str, ...], assets: tuple[str, ...]) -> _Names:
     A place's words may be typed as one: `stonegate`.
     """
     said = [word.lower() for name in (*places, *assets) for word in WORD.findall(name)]
-    said += ["".join(WORD.findall(name)).lower() for name in places if len(WORD.findall(name)) > 1]
+    said += ["".join(words).lower() for words in map(WORD.findall, places) if len(words) > 1]
     said += [f"{word.lower()}s" for name in assets for word in WORD.findall(name)]
     counts = Counter(word for word in said if len(word) > _SHORT - 1 and word.isalpha())
     return _Names(tuple(counts), tuple(counts.values()))

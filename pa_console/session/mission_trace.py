@@ -51,10 +51,13 @@ class Attempt:
     @property
     def aside(self) -> str:
         """What it stands beside, to be told after its number and author; '' for a first answer."""
-        if self.instead_of is None:
-            return ""
+        return f", instead of {self.instead_of}{self.origin}" if self.instead_of is not None else ""
+
+    @property
+    def origin(self) -> str:
+        """Who else had a part in it, to be told after what it stands beside; '' for nobody."""
         given = ", its commands given by the console" * self.given
-        return f", instead of {self.instead_of}{given}{', as the judge read it' * self.as_judged}"
+        return given + ", as the judge read it" * self.as_judged
 
 
 @dataclass

@@ -34,7 +34,6 @@ WRONG: list[Other] = [
 ]
 TO_DO = ("execute", "trim")
 SAMPLE = 40
-"""Harmless sentences that ROE-01 takes for a call for force, and so refuses before any plan."""
 SHORT_S = 20.0
 """Runs are watched so long at least, not their own time: what a plan does lasts as long as it."""
 

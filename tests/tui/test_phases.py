@@ -101,7 +101,4 @@ def test_where_an_answer_comes_from_is_told_in_full_however_narrow_the_trace_is(
     (heading,) = (part for part in sections(trace, {}) if part.key == "heading-2")
     assert heading.title.plain == "Attempt 2  instead of 1"
     lines = [line.plain.strip() for line in layout(heading.rows, 30)]
-    assert " ".join(lines) == (
-        "another answer to the prompt of attempt 1, commands by the console, "
-        "as the judge read the mission"
-    )
+    assert " ".join(lines) == "its commands given by the console, as the judge read it"

@@ -93,15 +93,11 @@ def _attempt(attempt: Attempt, rules: Rules) -> list[Section]:
 
 
 def _heading(attempt: Attempt) -> Section:
-    how, rows = "shown in full", tuple[Row, ...]()
-    if attempt.author == "operator":
-        how = "by the operator"
+    how = "by the operator" if attempt.author == "operator" else "shown in full"
     if attempt.instead_of is not None:
         how = f"instead of {attempt.instead_of}"
-        origin = f"another answer to the prompt of attempt {attempt.instead_of}"
-        origin += ", commands by the console" * attempt.given
-        origin += ", as the judge read the mission" * attempt.as_judged
-        rows = (row("  ", (origin, QUIET)),)
+    origin = attempt.origin.removeprefix(", ")
+    rows = (row("  ", (origin, QUIET)),) if origin else ()
     title = Content.assemble(
         (f"Attempt {attempt.number}", "bold"),
         (f"  {attempt.phase}" if attempt.phase else "", NOTE),
