@@ -16,12 +16,28 @@ NOWHERE = "unknown place"
 
 def asked(order: Order, world: World, picture: Picture, digest: Digest) -> str:
     """Return what `order` asks, with its condition and how that stands, e.g. "hold; report"."""
-    words = _all(order.asks, world)
+    words = _depending(order, world)
     if order.condition is not None:
         so = "so" if holds(order.condition, picture) else "not so"
-        now = f"{evidence(order.condition, digest)}, {so}"
-        otherwise = _all(order.otherwise, world) if order.otherwise else "nothing"
-        words = f"if {in_words(order.condition)}: {words}, else: {otherwise}; now: {now}"
+        words = f"{words}; now: {evidence(order.condition, digest)}, {so}"
+    return _of_others(order, words)
+
+
+def meant(order: Order, world: World) -> str:
+    """Return what `order` asks, whatever the picture is, e.g. "if A: hold, else: nothing"."""
+    return _of_others(order, _depending(order, world))
+
+
+def _depending(order: Order, world: World) -> str:
+    """Return everything that is asked, under its condition if there is one."""
+    words = _all(order.asks, world)
+    if order.condition is None:
+        return words
+    otherwise = _all(order.otherwise, world) if order.otherwise else "nothing"
+    return f"if {in_words(order.condition)}: {words}, else: {otherwise}"
+
+
+def _of_others(order: Order, words: str) -> str:
     return f"{words}; others stay" if order.others_stay else words
 
 

@@ -18,6 +18,7 @@ from pa_console.training.planner_data import Group, Recipe, make_group, planner_
 from pa_console.training.processes import each_in_order
 from pa_console.training.rewording import Rewording
 from pa_console.training.samples import Sample
+from pa_console.training.spoken import spoken_words
 from pa_console.training.worlds import Numbers, generated_numbers, shipped_missions
 
 Part = Literal["planner", "judge"]
@@ -69,7 +70,8 @@ def _make(task: tuple[Job, Path, frozenset[Numbers]]) -> Made:
     drop_known(group)
     made = Made(before)
     if "planner" in job.parts:
-        words = Rewording(group.situation, rulebook, known, _rng("words", recipe), recipe.split)
+        rng, spoken = _rng("words", recipe), spoken_words(recipe)
+        words = Rewording(group.situation, rulebook, known, rng, recipe.split, spoken)
         missions = words.all(group.proven, recipe.wordings)
         made.samples += planner_samples(group, missions, rulebook, retriever)
         made.dropped += group.dropped
