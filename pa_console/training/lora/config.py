@@ -58,6 +58,10 @@ class TrainConfig(StrictModel):
         le=1.0,
         description="share of the planner's groups of which only the reading is learnt",
     )
+    missions: str | None = Field(
+        default=None,
+        description="planner samples, JSON lines, whose missions a judge learns to read as well",
+    )
     epochs: float = Field(default=1.0, gt=0.0, description="passes over the data")
     steps: int | None = Field(default=None, ge=1, description="instead of epochs")
     max_minutes: float | None = Field(default=None, gt=0.0, description="ends sooner if reached")
@@ -84,6 +88,7 @@ class TrainConfig(StrictModel):
             "base": self.base,
             "data": self.data,
             "validation": self.validation,
+            "missions": self.missions,
             "start": self.start,
         }
         names: dict[str, object] = {

@@ -14,14 +14,13 @@ from pa_console.training.lora.base import Base, read_base
 from pa_console.training.lora.batch import Score, gradients, score
 from pa_console.training.lora.checkpoint import RunFolder, State
 from pa_console.training.lora.config import TrainConfig, find_base
+from pa_console.training.lora.material import packs_held_out, packs_to_learn
 from pa_console.training.lora.precision import FORMATS, fastest_precision
-from pa_console.training.lora.readings import readings
 from pa_console.training.lora.schedule import Order, learning_rate
 from pa_console.training.lora.start import first_weights
 from pa_console.training.lora.stopping import StopRequest
-from pa_console.training.lora.tokens import Pack, Tokeniser, make_packs
+from pa_console.training.lora.tokens import Pack, Tokeniser
 from pa_console.training.lora.workers import Workers
-from pa_console.training.samples import read_samples
 
 BETAS = (0.9, 0.99)
 
@@ -66,8 +65,7 @@ def train(
         config = config.model_copy(update={"precision": precision})
     path, chat = find_base(config)
     tokeniser = Tokeniser(path, chat)
-    packs = _packs(config, Path(config.data), tokeniser, config.readings)
-    held_out = _held_out(config, tokeniser)
+    packs, held_out = packs_to_learn(config, tokeniser), packs_held_out(config, tokeniser)
     base = read_base(path, config.device, FORMATS[precision])
     adapter = Adapter(base.shape, config.rank, config.alpha, config.seed, config.device)
     hashes = hash_file(path), hash_file(Path(config.data))
@@ -224,27 +222,3 @@ class _Run:
         share = self._state.step / self._order.steps
         minutes = self._config.max_minutes
         return max(share, self._seconds() / (60.0 * minutes)) if minutes else share
-
-
-def _packs(config: TrainConfig, path: Path, tokeniser: Tokeniser, short: float = 0.0) -> list[Pack]:
-    """Return the samples of `path` as packs, a share of them cut down to their readings.
-
-    Raises ValueError when there is none of the task.
-    """
-    samples = readings(read_samples(path, config.task), short, config.seed)
-    packs = make_packs(samples, tokeniser, config.pack_tokens)
-    if not packs:
-        raise ValueError(f"{path}: holds no sample for the {config.task}")
-    return packs
-
-
-def _held_out(config: TrainConfig, tokeniser: Tokeniser) -> list[Pack]:
-    """Return whole packs of the validation file until there are samples enough."""
-    if config.validation is None:
-        return []
-    kept: list[Pack] = []
-    for pack in _packs(config, Path(config.validation), tokeniser):
-        if sum(len(p.branches) for p in kept) >= config.validation_samples:
-            break
-        kept.append(pack)
-    return kept

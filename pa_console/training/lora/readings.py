@@ -1,16 +1,19 @@
 """Planner samples cut down to what was understood of the mission, which is what is hard to learn.
 
 Rules, facts and commands make up more than half of a sample and follow from what was understood.
-Without them two to three times as many missions are read in the same time.
+Without them two to three times as many missions are read in the same time. A judge reads missions
+as well, and for that no plan has to be carried out: the planner's samples tell what was asked.
 """
 
 import random
 from collections.abc import Iterable, Iterator
 
+from pa_console.llm.compact_prompt import TASKS
+from pa_console.llm.grammar import PLANNED
 from pa_console.llm.reading import asked_words
 from pa_console.training.samples import Sample
 
-_REASON = '{"reason": "'
+_REASON, _FEEDBACK = '{"reason": "', '{"feedback": "'
 _MISSION = "\nMission: "
 
 
@@ -26,16 +29,33 @@ def reading_of(sample: Sample) -> Sample:
 
     That word tells that nothing more was asked. A sample whose reason has no reading stays whole.
     """
-    reason = sample.answer.removeprefix(_REASON).partition('", "actions"')[0]
-    asked = asked_words(reason)
+    asked = _asked(sample)
     if not asked:
         return sample
-    cut = sample.answer.find(" ", len(_REASON) + len(asked))
+    return _begun(sample, sample.answer[: sample.answer.find(" ", len(_REASON) + len(asked))])
+
+
+def judge_readings(samples: Iterable[Sample]) -> Iterator[Sample]:
+    """Yield what the judge is to read of the missions of planner `samples`, where they tell it.
+
+    Its answer begins with the same words, and goes on with what was planned.
+    """
+    for sample in samples:
+        asked = _asked(sample).removesuffix("; ")
+        if asked:
+            begun = _begun(sample, f"{_FEEDBACK}{asked}{PLANNED.rstrip(': ')}")
+            system = begun.system.replace(TASKS["planner"], TASKS["judge"], 1)
+            yield begun.model_copy(update={"system": system, "task": "judge"})
+
+
+def _asked(sample: Sample) -> str:
+    """Return how the reason of a planner's sample begins, '' where that is no reading."""
+    return asked_words(sample.answer.removeprefix(_REASON).partition('", "actions"')[0])
+
+
+def _begun(sample: Sample, answer: str) -> Sample:
+    """Return `sample` without its rules, with only the beginning of an answer."""
     mission = f"\n{sample.rest}".partition(_MISSION)[2]
     return sample.model_copy(
-        update={
-            "rest": _MISSION.lstrip() + mission,
-            "answer": sample.answer[:cut],
-            "goes_on": True,
-        }
+        update={"rest": _MISSION.lstrip() + mission, "answer": answer, "goes_on": True}
     )

@@ -3,7 +3,8 @@
 import pytest
 
 from pa_console.llm.catalog import LocalModel
-from pa_console.training.lora.readings import reading_of, readings
+from pa_console.llm.reading import read_asked, read_reason
+from pa_console.training.lora.readings import judge_readings, reading_of, readings
 from pa_console.training.lora.tokens import Tokeniser, make_packs
 from pa_console.training.samples import Sample
 from tests.llm.conftest import smallest_model
@@ -57,3 +58,26 @@ def test_whole_groups_are_cut_down_as_many_as_are_asked_for() -> None:
     assert 30 < cut[::2].count(True) < 70
     assert not any(each.goes_on for each in readings(samples, 0.0, seed=3))
     assert all(each.goes_on for each in readings(samples, 1.0, seed=3))
+
+
+@pytest.mark.parametrize("reason", REASONS)
+def test_the_judge_reads_what_the_planner_read(reason: str, smallest_model: LocalModel) -> None:
+    (read,) = judge_readings([sample(reason)])
+    assert (read.task, read.system) == ("judge", "Judge the plan.")
+    assert read.rest == reading_of(sample(reason)).rest
+    asked = read.answer.removeprefix('{"feedback": "').removesuffix("; planned")
+    assert reason.startswith(asked) and asked.startswith("asked: ")
+    assert read_asked(asked) == read_reason(reason)
+    whole = read.model_copy(
+        update={
+            "answer": f"{read.answer}: 1 drone to EastGate; it fits\", \"verdict\": \"Success\"}}",
+            "goes_on": False,
+        }
+    )
+    tokeniser = Tokeniser(smallest_model.path, smallest_model.chat)
+    learnt = tokeniser.answer(read)
+    assert learnt == tokeniser.answer(whole)[: len(learnt)]
+
+
+def test_the_judge_learns_nothing_of_a_reason_without_a_reading() -> None:
+    assert list(judge_readings([sample("the gate is open")])) == []

@@ -1,0 +1,71 @@
+"""What a run learns from: its own samples, and for a judge the missions that it reads as well."""
+
+from pathlib import Path
+
+import pytest
+
+from pa_console.llm.catalog import LocalModel
+from pa_console.training.lora.config import TrainConfig
+from pa_console.training.lora.material import packs_held_out, packs_to_learn
+from pa_console.training.lora.tokens import Pack, Tokeniser
+from pa_console.training.samples import Sample, write_samples
+from tests.llm.conftest import smallest_model
+
+__all__ = ["smallest_model"]
+
+
+def planned(group: str) -> Sample:
+    return Sample(
+        group=group,
+        system="Plan the mission.",
+        picture="EastGate: nobody\n",
+        rest='Mission: "go"',
+        answer='{"reason": "asked: 1 drone to EastGate; Free drone: Hawk_1", "actions": []}',
+        task="planner",
+        kind="go/plain",
+    )
+
+
+def judged(group: str) -> Sample:
+    return planned(group).model_copy(update={"task": "judge", "answer": '{"feedback": "fine"}'})
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> dict[str, str]:
+    write_samples(tmp_path / "planner.jsonl", map(planned, "abc"))
+    write_samples(tmp_path / "judge.jsonl", map(judged, "de"))
+    return {name: str(tmp_path / f"{name}.jsonl") for name in ("planner", "judge")}
+
+
+def answers(packs: list[Pack]) -> int:
+    return sum(len(pack.branches) for pack in packs)
+
+
+def test_a_judge_learns_to_read_missions_beside_its_own_samples(
+    files: dict[str, str], smallest_model: LocalModel
+) -> None:
+    tokeniser = Tokeniser(smallest_model.path, smallest_model.chat)
+    config = TrainConfig(
+        task="judge", base="smollm2-135m", data=files["judge"], validation=files["judge"]
+    )
+    assert answers(packs_to_learn(config, tokeniser)) == 2
+    both = config.model_copy(update={"missions": files["planner"]})
+    assert answers(packs_to_learn(both, tokeniser)) == 5
+    assert answers(packs_held_out(both, tokeniser)) == 2
+
+
+def test_a_planner_learns_its_own_samples_only(
+    files: dict[str, str], smallest_model: LocalModel
+) -> None:
+    tokeniser = Tokeniser(smallest_model.path, smallest_model.chat)
+    config = TrainConfig(
+        task="planner", base="smollm2-135m", data=files["planner"], missions=files["planner"]
+    )
+    assert answers(packs_to_learn(config, tokeniser)) == 3
+    assert packs_held_out(config, tokeniser) == []
+
+
+def test_of_files_only_names_are_kept() -> None:
+    config = TrainConfig(task="judge", base="b", data="a/judge.jsonl", missions="a/planner.jsonl")
+    kept = config.without_folders()
+    assert (kept.data, kept.missions) == ("judge.jsonl", "planner.jsonl")
