@@ -37,10 +37,10 @@ def _here(entry: ModelEntry) -> str:
     """Return whether the model's file is on this machine, and whether its weights are prepared."""
     if entry.local_file is None:
         return "no"
-    if entry.prepare is None:
+    if entry.prepared_type is None:
         return "yes"
     made = "prepared" if entry.prepared_file is not None else "to be prepared"
-    return f"yes, {entry.prepare} {made}"
+    return f"yes, {entry.prepared_type} {made}"
 
 
 def _row(catalog: Catalog, entry: ModelEntry) -> dict[str, Any]:

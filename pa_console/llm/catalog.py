@@ -14,6 +14,7 @@ from pa_console.llm.dialect import DialectName
 from pa_console.llm.errors import ModelError
 from pa_console.llm.prepare import Progress, Quantisation, Sha256, prepare, prepared_path, silent
 from pa_console.llm.sources import PathSource, Source
+from pa_console.llm.weight_type import fastest_type
 from pa_console.resources import data_folder
 from pa_console.schema.base import StrictModel
 from pa_console.schema.document import Document
@@ -27,8 +28,9 @@ N_CTX = 4096
 class ModelEntry(StrictModel):
     """One model; `sha256` None means that no hash of it is known to be right.
 
-    `prepare` names the type its weights are converted to after the download. Adapters learnt the
-    compact prompts; a model without them needs examples.
+    `prepare` names the type its weights are converted to after the download, or says that it is the
+    one that this machine is fastest with. Adapters learnt the compact prompts; a model without them
+    needs examples.
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")
@@ -42,7 +44,7 @@ class ModelEntry(StrictModel):
     size_mb: int = Field(gt=0)
     sha256: Sha256 | None
     chat: ChatFormat = "template"
-    prepare: Quantisation | None = None
+    prepare: Quantisation | Literal["fastest"] | None = None
     adapters: dict[Role, AdapterFile] = {}
     prompts: DialectName = "examples"
     n_ctx: int = Field(default=N_CTX, ge=512)
@@ -67,11 +69,16 @@ class ModelEntry(StrictModel):
         return next((path for path in paths if path.is_file()), None)
 
     @property
+    def prepared_type(self) -> Quantisation | None:
+        """The type that its weights are converted to on this machine."""
+        return fastest_type() if self.prepare == "fastest" else self.prepare
+
+    @property
     def prepared_file(self) -> Path | None:
         """The model's prepared weights when they are on this machine, not checked."""
-        if self.prepare is None:
+        if self.prepared_type is None:
             return None
-        path = prepared_path(self.stem, self.prepare)
+        path = prepared_path(self.stem, self.prepared_type)
         return path if path.is_file() else None
 
     def ready_file(self, path: Path, progress: Progress = silent) -> tuple[Path, str]:
@@ -80,9 +87,9 @@ class ModelEntry(StrictModel):
         Raises ModelError when `path` is not the pinned file or cannot be prepared.
         """
         digest = self.check(path)
-        if self.prepare is None:
+        if self.prepared_type is None:
             return path, digest
-        prepared = prepare(self.stem, self.prepare, path, digest, progress)
+        prepared = prepare(self.stem, self.prepared_type, path, digest, progress)
         return prepared.path, prepared.sha256
 
     def check(self, path: Path) -> str:

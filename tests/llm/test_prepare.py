@@ -14,6 +14,7 @@ from pa_console.llm.catalog import Catalog, ModelEntry
 from pa_console.llm.errors import ModelError, PullError
 from pa_console.llm.prepare import Prepared, find_prepared, prepare, prepared_path, silent
 from pa_console.llm.sources import PathSource
+from pa_console.llm.weight_type import fastest_type
 from tests.training.lora.tiny import write_tiny
 
 NEVER = (sys.executable, "-c", "raise SystemExit('must not be made again')")
@@ -139,3 +140,29 @@ def test_a_source_that_is_not_the_pinned_one_is_not_prepared(source: Path, empty
     with pytest.raises(ModelError, match="not the pinned file"):
         catalog.locate("tiny")
     assert left_over(empty_cache) == []
+
+
+def test_the_fastest_type_is_that_of_the_machine(source: Path, monkeypatch: pytest.MonkeyPatch):
+    chosen = {"prepare": "fastest"}
+    catalog = catalog_of(source)
+    entry = catalog.get("tiny").model_copy(update=chosen)
+    for kind in ("f16", "bf16"):
+        monkeypatch.setattr("pa_console.llm.catalog.fastest_type", lambda kind=kind: kind)
+        path, digest = entry.ready_file(source)
+        assert path == prepared_path("tiny", kind) == entry.prepared_file
+        assert digest == hash_file(path)
+
+
+@pytest.mark.parametrize(
+    ("flags", "kind"),
+    [
+        ("fpu avx avx2 f16c", "f16"),
+        ("fpu avx2 avx512f avx512_vnni", "bf16"),
+        ("fpu avx2 avx512fake", "f16"),
+    ],
+)
+def test_wide_vectors_decide_which_type_is_fastest(flags: str, kind: str, tmp_path: Path):
+    info = tmp_path / "cpuinfo"
+    info.write_text(f"processor : 0\nflags\t\t: {flags}\n")
+    assert fastest_type(info) == kind
+    assert fastest_type(tmp_path / "none") == "f16"
