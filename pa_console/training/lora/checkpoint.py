@@ -33,6 +33,7 @@ class State:
     tokens: int = 0
     base_sha256: str = ""
     data_sha256: str = ""
+    missions_sha256: str = ""
 
 
 class RunFolder:

@@ -68,7 +68,8 @@ def train(
     packs, held_out = packs_to_learn(config, tokeniser), packs_held_out(config, tokeniser)
     base = read_base(path, config.device, FORMATS[precision])
     adapter = Adapter(base.shape, config.rank, config.alpha, config.seed, config.device)
-    hashes = hash_file(path), hash_file(Path(config.data))
+    missions = hash_file(Path(config.missions)) if config.missions is not None else ""
+    hashes = hash_file(path), hash_file(Path(config.data)), missions
     with Workers(config.device, config.workers) as workers, StopRequest() as stop:
         run = _Run(config, base, adapter, Order(packs, config), held_out, workers, folder)
         run.start(resume, hashes)
@@ -102,18 +103,19 @@ class _Run:
         self._saved = self._began = monotonic()
         self.progress = Progress(0, order.steps, 0.0, 0.0, 0.0, 0.0)
 
-    def start(self, resume: bool, hashes: tuple[str, str]) -> None:
+    def start(self, resume: bool, hashes: tuple[str, str, str]) -> None:
         """Begin, or continue at the last checkpoint; raises ValueError when inputs changed."""
         if not resume:
             self._folder.begin(self._config)
-            self._state.base_sha256, self._state.data_sha256 = hashes
+            state = self._state
+            state.base_sha256, state.data_sha256, state.missions_sha256 = hashes
             first = first_weights(self._config, self._base.shape, hashes[0])
             if first is not None:
                 self._take_over(first)
             self.save()
             return
         state = self._folder.load()
-        if (state.base_sha256, state.data_sha256) != hashes:
+        if (state.base_sha256, state.data_sha256, state.missions_sha256) != hashes:
             raise ValueError(
                 f"{self._folder.path}: base or data changed since the run began: start it anew"
             )

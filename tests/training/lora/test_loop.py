@@ -141,6 +141,17 @@ def test_a_run_does_not_go_on_with_other_data(tiny: Path, data: Path, tmp_path: 
         train(config(tiny, own), tmp_path / "run", True, ignore)
 
 
+def test_a_run_does_not_go_on_with_other_missions(tiny: Path, data: Path, tmp_path: Path) -> None:
+    judged, read = tmp_path / "judge.jsonl", tmp_path / "planner.jsonl"
+    judged.write_text(data.read_text().replace('"planner"', '"judge"'))
+    read.write_text(data.read_text())
+    chosen = config(tiny, judged, task="judge", validation=str(judged), missions=str(read), steps=1)
+    train(chosen, tmp_path / "run", False, ignore)
+    read.write_text(data.read_text().replace("east", "south"))
+    with pytest.raises(ValueError, match="base or data changed"):
+        train(chosen, tmp_path / "run", True, ignore)
+
+
 def test_nothing_to_resume_is_said(tiny: Path, data: Path, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="no training run to go on with"):
         train(config(tiny, data), tmp_path / "none", True, ignore)
