@@ -1,20 +1,23 @@
 """Which clauses can stand for what was asked in a world: those that name what is there or was said.
 
-Assets, frames, zones and tracks go by the names that the picture has for them. A name that stands
-in the mission's own words is let through, and so is another number of a team: that something is not
-there must be sayable.
+Assets, frames, zones and tracks go by the names that the picture has for them, and stand where it
+says: a guard is relieved at its own gate, an asset comes from where one of its kind is. A name that
+stands in the mission's own words is let through, and so is another number of a team: that something
+is not there must be sayable.
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
+from pa_console.llm.compact_prompt import standing, stands_at
 from pa_console.llm.condition import told_assets, told_frames
 from pa_console.llm.contact import contacts
+from pa_console.llm.facts import WORDS
 from pa_console.llm.grammar import exactly
 from pa_console.llm.linking import link_names
-from pa_console.llm.reading import clause_pattern
+from pa_console.llm.reading import NOWHERE, Names, clause_pattern
 from pa_console.schema.telemetry import Digest
-from pa_console.schema.world import World
+from pa_console.schema.world import AssetKind, World
 
 _UNDER = r"(if [ !#-9;-\[\]-~]+: )?"
 _NOW = r"now: [ !#-:<-\[\]-~]+"
@@ -26,23 +29,67 @@ _WORD = re.compile(r"[A-Za-z0-9_]+")
 _NUMBER = re.compile(r"\d+")
 
 
-def asked_pattern(world: World, digest: Digest, words: str) -> str:
+def asked_pattern(world: World, digest: Digest, words: str, *, facts: bool = True) -> str:
     """Return a regular expression (Rust's syntax) for reasons that begin with readable clauses.
 
-    `words` are those of the mission; of an order under a condition both cases are readable.
+    `words` are those of the mission; of an order under a condition both cases are readable. With
+    `facts`, those that decide may follow.
     """
-    tracks = [contact.id for contact in contacts(digest.tracks)]
+    told, tracks = told_assets(world, digest), contacts(digest.tracks)
     frames = [*told_frames(world, digest), *world.zones]
-    known = {*told_assets(world, digest), *frames, *tracks}
-    said = [name for name in _names(link_names(world, words)) if name not in known]
-    numbered = dict.fromkeys(map(_numbered, told_assets(world, digest)))
-    assets = _either((*numbered, *map(exactly, said)))
-    places = _either(map(exactly, (*frames, *said)))
-    targets = _either(map(exactly, (*tracks, *said)))
-    clause = clause_pattern(assets, places, targets)
+    known = {*told, *frames, *(contact.id for contact in tracks)}
+    said = [*map(exactly, (n for n in _names(link_names(world, words)) if n not in known))]
+    assets = _either((*dict.fromkeys(map(_numbered, told)), *said))
+    places = _either((*map(exactly, frames), *said))
+    targets = _either((*(exactly(contact.id) for contact in tracks), *said))
+    gates = _either((*map(exactly, _gates(world, frames)), *said))
+    seen = (f"{exactly(track.id)} at ({exactly(track.gate)}|{NOWHERE})" for track in tracks)
+    guards = (*_guards(told, digest, gates), *(f"{name} at {gates}" for name in said))
+    clause = clause_pattern(
+        Names(
+            asset=assets,
+            place=places,
+            gate=gates,
+            team=_teams(digest, said),
+            track=_either((*seen, *(f"{name} at {gates}" for name in said))),
+            guard=_either(guards),
+        )
+    )
     follows = rf"((; |, else: )({clause}|nothing)){{0,{MOST_CLAUSES - 1}}}"
     asked = rf"asked: {_UNDER}{clause}{follows}(; {_NOW})?(; others stay)?"
-    return rf"{asked}(; {_facts(assets, places, targets)})?"
+    return rf"{asked}(; {_facts(assets, places, targets)})?" if facts else asked
+
+
+def _gates(world: World, frames: Iterable[str]) -> list[str]:
+    return [name for name in frames if name in world.frames and world.frames[name].kind == "gate"]
+
+
+def _guards(told: Iterable[str], digest: Digest, gates: str) -> Iterator[str]:
+    """Yield who can be relieved: at the gate of its own, at any where its place is not told."""
+    for name in told:
+        at = stands_at(digest, name) if name in digest.posts else ""
+        if at in digest.covered or not at:
+            yield f"{exactly(name)} at {exactly(at) if at else gates}"
+
+
+def _teams(digest: Digest, said: Iterable[str]) -> str:
+    """Return the expression for so many of a kind, or of any, from where there are such."""
+    stand = standing(digest)
+    every = _from(frame for frame, names in stand.items() if names)
+    ways = [f"(all|any){every}"]
+    for kind, word in WORDS.items():
+        there = (f for f, names in stand.items() if any(_is(digest, n, kind) for n in names))
+        ways.append(f"([0-9]+|all) {word}s?{_from(there)}")
+    ways += [f"([0-9]+|all) ({'|'.join(WORDS.values())})s? from {name}" for name in said]
+    return "|".join(ways)
+
+
+def _is(digest: Digest, name: str, kind: AssetKind) -> bool:
+    return digest.posts[name].partition(" ")[0] == kind
+
+
+def _from(frames: Iterable[str]) -> str:
+    return f"( from {_either(map(exactly, frames))})?"
 
 
 def _facts(assets: str, places: str, targets: str) -> str:

@@ -57,7 +57,7 @@ def grounded_asked(world: World, digest: Digest, words: str) -> tuple[str, ...]:
 
     Facts of the picture, which come with colons, brackets and rule ids, have no place in it.
     """
-    return _asked(world, digest, _ORDER), asked_pattern(world, digest, words)
+    return _asked(world, digest, _ORDER), asked_pattern(world, digest, words, facts=False)
 
 
 def _asked(world: World, digest: Digest, unconditional: str) -> str:

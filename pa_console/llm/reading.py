@@ -71,52 +71,79 @@ MOST_NAMES = 12
 """Assets that one clause can name."""
 _KIND = "|".join(_KINDS)
 _ORIGINS = ("origin", "origin2", "origin3")
+NOWHERE = "unknown place"
+"""What a place is called that the world has not."""
 _ASIDE = "set rules aside, "
 _UNLAWFUL = " (without identification|without warning|with noncombatants)"
 """What makes of any clause one that no order may have done."""
 
 
-def clause_pattern(asset: str, frame: str, track: str) -> str:
-    """Return a regular expression, without groups, for the clauses that can be read.
+class Names(NamedTuple):
+    """What the names in clauses can be: a regular expression for each sort of them."""
 
-    Each argument is the expression for a name of its sort.
+    asset: str
+    place: str
+    """Where an asset can be sent."""
+    gate: str
+    """Where something can come, and a guard stand."""
+    team: str
+    """Assets that are not named, with where they come from."""
+    track: str
+    """A track with where it is: "T at G"."""
+    guard: str
+    """Who is relieved, with where: "A at G"."""
+
+
+_ANY = Names(
+    _NAME,
+    _NAME,
+    _NAME,
+    rf"all( from (?P<origin>{_NAME}))?|any( from (?P<origin2>{_NAME}))?"
+    rf"|(?P<count>[0-9]+|all) (?P<kind>{_KIND})( from (?P<origin3>{_NAME}))?",
+    rf"{_NAME} at (?P<at>{_NAME}|{NOWHERE})",
+    rf"(?P<leaving>{_NAME})( at (?P<place>{_NAME}|{NOWHERE}))?",
+)
+"""Everything that can be read, whatever there is."""
+
+
+def clause_pattern(names: Names) -> str:
+    """Return a regular expression, without named groups, for the clauses that can be read.
+
+    `names` are without groups of their own.
     """
-    forms = "|".join(form for _, form in _forms(asset, frame, track))
+    forms = "|".join(form for _, form in _forms(names))
     return rf"({_ASIDE})?({re.sub(r'[?]P<[a-z0-9]+>', '', forms)})({_UNLAWFUL})?"
 
 
-def _forms(asset: str, frame: str, track: str) -> Iterator[tuple[WishTask, str]]:
+def _forms(names: Names) -> Iterator[tuple[WishTask, str]]:
     """Yield the form of every clause with its task."""
-    place = rf"(?P<place>{frame}|unknown place)"
-    start, start_any, start_kind = (rf"( from (?P<{n}>{frame}))?" for n in _ORIGINS)
-    who = (
-        rf"(?P<who>all{start}|any{start_any}"
-        rf"|(?P<count>[0-9]+|all) (?P<kind>{_KIND}){start_kind}"
-        rf"|somebody|{asset}(, {asset}){{0,{MOST_NAMES - 1}}})"
-    )
-    thing = rf"((vehicle|person|{track}) )?"
+    asset = names.asset
+    place = rf"(?P<place>{names.place}|{NOWHERE})"
+    gate = rf"(?P<place>{names.gate}|{NOWHERE})"
+    who = rf"(?P<who>{names.team}|somebody|{asset}(, {asset}){{0,{MOST_NAMES - 1}}})"
+    target = rf"(((vehicle|person) )?at {gate}|{names.track})"
     yield "refused", rf"use force( at {place})?"
     yield "refused", "chase beyond the perimeter"
     yield "refused", rf"leave (all gates|{place}) without guard"
     yield "swap", rf"swap (?P<first>{asset}) and (?P<second>{asset})"
-    yield "stand_down", rf"stand down {place}"
-    yield "mass", rf"all free( (?P<mass>{_KIND}))? to {place}"
-    yield "cover", rf"cover {place}( by {who})?"
-    yield "relieve", rf"({who} relieves|relieve) (?P<leaving>{asset})( at {place})?"
+    yield "stand_down", rf"stand down {gate}"
+    yield "mass", rf"all free( (?P<mass>{_KIND}))? to {gate}"
+    yield "cover", rf"cover {gate}( by {who})?"
+    yield "relieve", rf"({who} relieves|relieve) {names.guard}"
     yield "report", rf"report( by {who})?( at {place})?"
     yield "hold", rf"({who} )?hold"
     yield "home", rf"{who} home"
     yield "look", rf"({who} )?look at {place}"
-    yield "identify", rf"({who} )?identify {thing}at {place}"
-    yield "warn", rf"({who} )?warn {thing}at {place}"
-    yield "block", rf"({who} )?block {place}"
-    yield "respond", rf"(unknown( vehicle| person)?|{track}) at {place}"
+    yield "identify", rf"({who} )?identify {target}"
+    yield "warn", rf"({who} )?warn {target}"
+    yield "block", rf"({who} )?block {gate}"
+    yield "respond", rf"(unknown( vehicle| person)? at {gate}|{names.track})"
     yield "go", rf"{who} to {place}"
 
 
 _CLAUSES: list[tuple[WishTask, re.Pattern[str]]] = [
     ("refused", re.compile(rf"{_ASIDE}.+|.+{_UNLAWFUL}")),
-    *((task, re.compile(form)) for task, form in _forms(_NAME, _NAME, _NAME)),
+    *((task, re.compile(form)) for task, form in _forms(_ANY)),
 ]
 _UNDER = re.compile(
     r"if [^:]+: (?P<then>[^:]+), else: (?P<otherwise>[^:]+); now: (?P<now>.+?), (?P<so>not so|so)"
@@ -181,7 +208,7 @@ def _wish(clause: str) -> Wish:
 
 
 def _made(task: WishTask, said: dict[str, str]) -> Wish:
-    place, leaving = said.get("place", ""), said.get("leaving", "")
+    place, leaving = said.get("place", said.get("at", "")), said.get("leaving", "")
     if task == "swap":
         return Wish(task, Team((said["first"], said["second"])))
     if task == "mass":

@@ -6,12 +6,11 @@ it has understood. Text that is no order of the operator leaves no trace in it.
 
 from pa_console.llm.condition import evidence, in_words
 from pa_console.llm.facts import WORDS
+from pa_console.llm.reading import NOWHERE
 from pa_console.schema.telemetry import Digest, Picture
 from pa_console.schema.world import World
 from pa_console.training.conditions import holds
 from pa_console.training.order import Ask, Order, Who
-
-NOWHERE = "unknown place"
 
 
 def asked(order: Order, world: World, picture: Picture, digest: Digest) -> str:

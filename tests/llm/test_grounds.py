@@ -155,6 +155,31 @@ def test_what_is_not_there_or_no_clause_cannot_have_been_asked(asked: str) -> No
     assert not can_begin(f"asked: {asked}")
 
 
+@pytest.mark.parametrize(
+    ("there", "elsewhere"),
+    [
+        ("1 drone relieves Hawk_1 at RiverGate", "1 drone relieves Hawk_1 at HillGate"),
+        ("relieve Mule_1 at HillGate", "Hawk_1 relieves Hawk_2 at Depot"),
+        ("warn Track_02 at HillGate", "warn Track_02 at RiverGate"),
+        ("Track_01 at RiverGate", "Track_01 at HillGate"),
+        ("1 robot from Depot home", "1 robot from RiverGate home"),
+        ("all from RiverGate hold", "all from HillGate hold"),
+        ("cover HillGate by 1 robot", "cover Depot by 1 robot"),
+        ("all free to HillGate", "all free to Depot"),
+    ],
+)
+def test_what_was_asked_is_about_things_where_they_are(there: str, elsewhere: str) -> None:
+    assert can_plan(f"asked: {there}; Hawk_2: free")
+    assert can_begin(f"asked: {there}")
+    assert not can_plan(f"asked: {elsewhere}; Hawk_2: free")
+    assert not can_begin(f"asked: {elsewhere}")
+
+
+def test_the_judge_says_nothing_after_what_was_asked() -> None:
+    assert can_begin("asked: Hawk_2 home; others stay")
+    assert not can_begin("asked: Hawk_2 home; Hawk_1 takes over")
+
+
 def test_a_name_that_the_mission_says_can_have_been_asked_for() -> None:
     asked = "asked: Zeppelin_1 to HillGate"
     facts = "Zeppelin_1: no such asset (CAP-10), hold"
