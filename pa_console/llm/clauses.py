@@ -1,9 +1,9 @@
 """Which clauses can stand for what was asked in a world: those that name what is there or was said.
 
 Assets, frames, zones and tracks go by the names that the picture has for them, and stand where it
-says: a guard is relieved at its own gate, an asset comes from where one of its kind is. A name that
-stands in the mission's own words is let through, and so is another number of a team: that something
-is not there must be sayable.
+says: a guard is relieved at its own gate, a track is at its own, and nobody comes from where nobody
+is. A name that stands in the mission's own words is let through, and so is another number of a
+team: that something is not there must be sayable.
 """
 
 import re
@@ -17,7 +17,7 @@ from pa_console.llm.grammar import exactly
 from pa_console.llm.linking import link_names
 from pa_console.llm.reading import NOWHERE, Names, clause_pattern
 from pa_console.schema.telemetry import Digest
-from pa_console.schema.world import AssetKind, World
+from pa_console.schema.world import World
 
 _UNDER = r"(if [ !#-9;-\[\]-~]+: )?"
 _NOW = r"now: [ !#-:<-\[\]-~]+"
@@ -73,23 +73,13 @@ def _guards(told: Iterable[str], digest: Digest, gates: str) -> Iterator[str]:
 
 
 def _teams(digest: Digest, said: Iterable[str]) -> str:
-    """Return the expression for so many of a kind, or of any, from where there are such."""
-    stand = standing(digest)
-    every = _from(frame for frame, names in stand.items() if names)
-    ways = [f"(all|any){every}"]
-    for kind, word in WORDS.items():
-        there = (f for f, names in stand.items() if any(_is(digest, n, kind) for n in names))
-        ways.append(f"([0-9]+|all) {word}s?{_from(there)}")
-    ways += [f"([0-9]+|all) ({'|'.join(WORDS.values())})s? from {name}" for name in said]
-    return "|".join(ways)
+    """Return the expression for so many of a kind, or of any, from where somebody is.
 
-
-def _is(digest: Digest, name: str, kind: AssetKind) -> bool:
-    return digest.posts[name].partition(" ")[0] == kind
-
-
-def _from(frames: Iterable[str]) -> str:
-    return f"( from {_either(map(exactly, frames))})?"
+    That none of the kind is there must be sayable.
+    """
+    there = (exactly(frame) for frame, names in standing(digest).items() if names)
+    kinds = "|".join(WORDS.values())
+    return rf"(all|any|([0-9]+|all) ({kinds})s?)( from {_either((*there, *said))})?"
 
 
 def _facts(assets: str, places: str, targets: str) -> str:

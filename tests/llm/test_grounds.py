@@ -162,7 +162,7 @@ def test_what_is_not_there_or_no_clause_cannot_have_been_asked(asked: str) -> No
         ("relieve Mule_1 at HillGate", "Hawk_1 relieves Hawk_2 at Depot"),
         ("warn Track_02 at HillGate", "warn Track_02 at RiverGate"),
         ("Track_01 at RiverGate", "Track_01 at HillGate"),
-        ("1 robot from Depot home", "1 robot from RiverGate home"),
+        ("1 drone from RiverGate home", "1 drone from HillGate home"),
         ("all from RiverGate hold", "all from HillGate hold"),
         ("cover HillGate by 1 robot", "cover Depot by 1 robot"),
         ("all free to HillGate", "all free to Depot"),
