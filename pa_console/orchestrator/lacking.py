@@ -86,9 +86,11 @@ def _there(case: Case, wish: Wish) -> Iterator[str]:
     word = "asset" if team.kind is None else WORDS[team.kind]
     if sent < wanted and len(spare) > sent:
         yield f"{sent} of {wanted} {word} to {place}"
-    elif wish.task == "mass" and (left := [n for n in spare if case.moves.ends(n) != place]):
-        yield f"{', '.join(left)} not sent to {place}"
-    elif wish.task == "go" and sent > wanted and team.kind != "uav" and team.number != "all":
+    elif team.number == "all":
+        left = [name for name in spare if case.moves.ends(name) != place]
+        if left:
+            yield f"{', '.join(left)} not sent to {place}"
+    elif wish.task == "go" and sent > wanted and (team.kind != "uav" or case.others_stay):
         yield f"{sent} instead of {wanted} {word} to {place}"
 
 
