@@ -95,13 +95,13 @@ class Names(NamedTuple):
 
 
 _ANY = Names(
-    _NAME,
-    _NAME,
-    _NAME,
-    rf"all( from (?P<origin>{_NAME}))?|any( from (?P<origin2>{_NAME}))?"
+    asset=_NAME,
+    place=_NAME,
+    gate=_NAME,
+    team=rf"all( from (?P<origin>{_NAME}))?|any( from (?P<origin2>{_NAME}))?"
     rf"|(?P<count>[0-9]+|all) (?P<kind>{_KIND})( from (?P<origin3>{_NAME}))?",
-    rf"{_NAME} at (?P<at>{_NAME}|{NOWHERE})",
-    rf"(?P<leaving>{_NAME})( at (?P<place>{_NAME}|{NOWHERE}))?",
+    track=rf"{_NAME} at (?P<at>{_NAME}|{NOWHERE})",
+    guard=rf"(?P<leaving>{_NAME})( at (?P<place>{_NAME}|{NOWHERE}))?",
 )
 """Everything that can be read, whatever there is."""
 
