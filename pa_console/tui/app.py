@@ -1,6 +1,7 @@
 """The operator console: wires the operator's actions to the station, the replay and the screens."""
 
 import asyncio
+import sys
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -15,6 +16,7 @@ from pa_console.schema.world import World
 from pa_console.session.replay import Player
 from pa_console.settings.sources import Loaded, load_settings
 from pa_console.tui.actions import ACTIONS, bindings, key_text
+from pa_console.tui.hangup import when_hung_up
 from pa_console.tui.history import History, history_file
 from pa_console.tui.keymap import shown_keys
 from pa_console.tui.palette import ConsoleCommands
@@ -109,6 +111,13 @@ class ConsoleApp(SettingsApp):
     def _start(self) -> None:
         self.use_settings(self.settings)
         self.start_session()
+        if sys.__stdin__ is not None and not self.is_headless:
+            when_hung_up(sys.__stdin__.fileno(), self._hung_up)
+
+    def _hung_up(self) -> None:
+        """Leave without a question: there is nobody left to answer it."""
+        if self.is_running:
+            self.call_from_thread(self.run_worker, self._close(), exit_on_error=False)
 
     # Commands to the station
 
