@@ -1,8 +1,8 @@
 """Which clauses can stand for what was asked in a world: those that name what is there or was said.
 
 Assets, frames, zones and tracks go by the names that the picture has for them, and stand where it
-says: a guard is relieved at its own gate, a track is at its own, and nobody comes from where nobody
-is. A name that stands in the mission's own words is let through, and so is another number of a
+says: an asset is relieved where it is, a track is at its own gate, and nobody comes from where
+nobody is. A name that stands in the mission's own words is let through, and so is another number of a
 team: that something is not there must be sayable.
 """
 
@@ -65,11 +65,10 @@ def _gates(world: World, frames: Iterable[str]) -> list[str]:
 
 
 def _guards(told: Iterable[str], digest: Digest, gates: str) -> Iterator[str]:
-    """Yield who can be relieved: at the gate of its own, at any where its place is not told."""
+    """Yield who can be relieved: where it is, at any gate where that is not told."""
     for name in told:
         at = stands_at(digest, name) if name in digest.posts else ""
-        if at in digest.covered or not at:
-            yield f"{exactly(name)} at {exactly(at) if at else gates}"
+        yield f"{exactly(name)} at {exactly(at) if at else gates}"
 
 
 def _teams(digest: Digest, said: Iterable[str]) -> str:

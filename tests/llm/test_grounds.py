@@ -159,7 +159,8 @@ def test_what_is_not_there_or_no_clause_cannot_have_been_asked(asked: str) -> No
     ("there", "elsewhere"),
     [
         ("1 drone relieves Hawk_1 at RiverGate", "1 drone relieves Hawk_1 at HillGate"),
-        ("relieve Mule_1 at HillGate", "Hawk_1 relieves Hawk_2 at Depot"),
+        ("relieve Mule_1 at HillGate", "relieve Mule_1 at Depot"),
+        ("Guard_1 relieves Hawk_2 at Depot", "Guard_1 relieves Hawk_2 at HillGate"),
         ("warn Track_02 at HillGate", "warn Track_02 at RiverGate"),
         ("Track_01 at RiverGate", "Track_01 at HillGate"),
         ("1 drone from RiverGate home", "1 drone from HillGate home"),
