@@ -1,6 +1,6 @@
 """Writes generated missions in generated worlds as a mission set that evaluations can run."""
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from functools import cache
@@ -17,7 +17,7 @@ from pa_console.training.data_set import drop_known
 from pa_console.training.names import Split
 from pa_console.training.planner_data import Group, Proven, Recipe, make_group
 from pa_console.training.processes import each_in_order
-from pa_console.training.situations import settled
+from pa_console.training.situations import Situation, settled
 from pa_console.training.verify import verify
 from pa_console.training.worlds import Numbers, generated_numbers, shipped_missions
 
@@ -103,17 +103,28 @@ def _find(task: _Task) -> Found:
 
 
 def _robust(proven: Proven, group: Group, rulebook: Rulebook) -> bool:
-    """Return whether the plan is right under every seed that evaluations begin with."""
+    """Return whether words and plan are right under every seed that evaluations begin with.
+
+    An order may speak of a track, which must not be at another gate then.
+    """
     there = group.situation
+    tracks = dict(_tracks(there))
     for seed in SIMULATION_SEEDS:
         try:
             situation = settled(there.world, seed, there.setup, like=there.sim)
         except ValueError:  # the set-up finds no room with this seed
             return False
+        if any(gate != tracks.get(name, gate) for name, gate in _tracks(situation)):
+            return False
         follow = proven.target.follow
         if not verify(proven.case, situation, proven.plan, rulebook, follow=follow).right:
             return False
     return True
+
+
+def _tracks(situation: Situation) -> Iterator[tuple[str, str]]:
+    """Yield every track in sight with its gate."""
+    return ((name, track.gate) for name, track in situation.picture.tracks.items())
 
 
 def _tagged(proven: Proven) -> MissionCase:
