@@ -2,8 +2,8 @@
 
 Assets, frames, zones and tracks go by the names that the picture has for them, and stand where it
 says: an asset is relieved where it is, a track is at its own gate, and nobody comes from where
-nobody is. A name that stands in the mission's own words is let through, and so is another number of a
-team: that something is not there must be sayable.
+nobody is. A name that stands in the mission's own words is let through, and so is another number of
+a team: that something is not there must be sayable.
 """
 
 import re
