@@ -165,13 +165,22 @@ def _identified(stands: PlanMoves, wish: Wish) -> Iterator[Slot]:
     """Yield that a drone looks first where nobody has (WF-02), and who identifies who is there."""
     tracks = stands.tracks(wish.place)
     if not tracks or not all(track.observed for track in tracks):
-        drones = _near(stands, wish.place, "uav")
-        if not drones:
-            raise _UntoldError
-        yield Slot(drones, f"observe {wish.place}")
+        yield _seen(stands, wish.place)
     if tracks:
         robots = tuple(_fit(stands, wish)) or _near(stands, wish.place, "robot")
         yield Slot(robots, f"identify {wish.place}")
+
+
+def _seen(stands: PlanMoves, place: str) -> Slot:
+    """Return that a drone looks at a place; raises _UntoldError for nobody."""
+    return Slot(_among(stands, _near(stands, place, "uav")), f"observe {place}")
+
+
+def _met(stands: PlanMoves, wish: Wish) -> Iterator[Slot]:
+    """Yield that a drone looks where nobody is known to be; a track has to be met in order."""
+    if stands.tracks(wish.place):
+        raise _UntoldError
+    yield _seen(stands, wish.place)
 
 
 def _blocked(stands: PlanMoves, wish: Wish) -> Iterator[Slot]:
@@ -226,8 +235,8 @@ _SERVES: Mapping[WishTask, Callable[[PlanMoves, Wish], Iterator[Slot]]] = {
     "home": _home,
     "look": _looked,
     "identify": _identified,
-    "warn": _untold,
-    "respond": _untold,
+    "warn": _met,
+    "respond": _met,
     "block": _blocked,
     "cover": _taken_over,
     "relieve": _taken_over,

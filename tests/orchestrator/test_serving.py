@@ -71,6 +71,11 @@ def slots(words: str, setup: tuple[Incident, ...] = ()) -> list[str]:
             ],
         ),
         ("Drone_T03 hold", ["Drone_T03 hold"]),
+        ("1 robot warn at WestGate", ["Drone_T01|Drone_T04 observe WestGate"]),
+        (
+            "report by all drones; unknown vehicle at EastGate",
+            ["Drone_T04 observe EastGate", *(f"Drone_T0{n} report" for n in (1, 2, 3))],
+        ),
     ],
 )
 def test_commands_serve_what_was_understood(words: str, commands: list[str]) -> None:
