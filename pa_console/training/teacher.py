@@ -136,18 +136,36 @@ def _meaning(solution: Solution) -> list[tuple[Ask, bool]]:
 def _served(
     asks: Sequence[Ask], desk: Desk, roster: Roster, barred: Mapping[int, tuple[str, str]]
 ) -> Iterator[tuple[Draft, ...]]:
-    """Yield drafts for all asks, one after another: who serves one is taken for the next."""
+    """Yield drafts for all asks, in their order; who serves one is taken for those after it.
+
+    Those who report because nobody is named are whoever has nothing else to do.
+    """
+    turns = sorted(range(len(asks)), key=lambda number: _waits(asks[number]))
+    for drafts in _in_turn([(number, asks[number]) for number in turns], desk, roster, barred):
+        yield tuple(drafts[number] for number in range(len(asks)))
+
+
+def _waits(ask: Ask) -> bool:
+    return ask.task == "report" and not ask.who.names
+
+
+def _in_turn(
+    asks: Sequence[tuple[int, Ask]],
+    desk: Desk,
+    roster: Roster,
+    barred: Mapping[int, tuple[str, str]],
+) -> Iterator[dict[int, Draft]]:
+    """Yield drafts for the numbered `asks`, by number: who serves one is taken for the next."""
     if not asks:
-        yield ()
+        yield {}
         return
-    ask = asks[0]
-    problem = barred.get(0) or objection(ask, roster)
+    number, ask = asks[0]
+    problem = barred.get(number) or objection(ask, roster)
     options = [refusal(ask, *problem)] if problem else _TASKS[ask.task](ask, desk, roster)
-    later = {number - 1: why for number, why in barred.items() if number}
     for option in options:
         used = desk.used | {*option.agents}
-        for rest in _served(asks[1:], Desk(used, desk.reserved), roster, later):
-            yield (option, *rest)
+        for rest in _in_turn(asks[1:], Desk(used, desk.reserved), roster, barred):
+            yield {number: option, **rest}
 
 
 def _filled(order: Order, drafts: tuple[Draft, ...], roster: Roster) -> Iterator[Solution]:

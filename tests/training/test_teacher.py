@@ -154,6 +154,18 @@ def test_an_order_gets_the_plan_that_is_convention_and_it_is_right(
     assert verify(case, situation, target.plan, book, follow=target.follow).right
 
 
+@pytest.mark.parametrize("turned", [False, True])
+def test_whoever_has_nothing_else_to_do_reports(turned: bool) -> None:
+    asks = [Ask(task="report"), Ask(task="respond", place="EastGate", track="vehicle")]
+    target = target_of(QUIET, *(reversed(asks) if turned else asks))
+    others = QUIET.picture.assets.keys() - {"Drone_T04"}
+    assert {*lines(target.plan)} == {
+        "Drone_T04 observe EastGate",
+        *(f"{name} report" for name in others),
+    }
+    assert target.expect == "execute"
+
+
 def test_success_tells_the_wrong_gate_the_wrong_asset_and_doing_nothing_apart(
     book: Rulebook,
 ) -> None:
