@@ -1,14 +1,18 @@
 """Generated mission sets: they load, their worlds lie beside them, plans for them exist."""
 
+import dataclasses
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from pa_console.evaluation.mission_set import load_with_worlds
 from pa_console.resources import find_data
 from pa_console.schema.mission_set import MissionCase
+from pa_console.training import mission_export
 from pa_console.training.mission_export import Found, generated_missions, write_mission_set
 from pa_console.training.near_duplicates import NearDuplicates
+from pa_console.training.situations import Situation, settled
 from pa_console.training.worlds import shipped_missions, shipped_world
 
 RULES = find_data("rules", "checkpoint", "rules.yaml")
@@ -27,6 +31,24 @@ def test_as_many_missions_as_were_asked_for(found: list[Found]) -> None:
 def test_equal_arguments_give_equal_missions(found: list[Found]) -> None:
     [again] = generated_missions(1, 9001, "heldout", RULES, 1)
     assert (again.world, again.cases) == (found[0].world, found[0].cases[:1])
+
+
+def test_no_order_is_taken_whose_tracks_are_elsewhere_under_another_seed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def moved(*given: Any, **named: Any) -> Situation:
+        there = settled(*given, **named)
+        tracks = {
+            name: track.model_copy(update={"gate": "OtherGate"})
+            for name, track in there.picture.tracks.items()
+        }
+        assert tracks
+        picture = there.picture.model_copy(update={"tracks": tracks})
+        return dataclasses.replace(there, picture=picture)
+
+    monkeypatch.setattr(mission_export, "settled", moved)
+    with pytest.raises(ValueError, match="no mission"):
+        list(generated_missions(1, 9001, "heldout", RULES, 1))
 
 
 def test_a_written_set_reads_back_equal_with_its_worlds(found: list[Found], tmp_path: Path) -> None:
