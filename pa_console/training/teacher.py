@@ -140,8 +140,8 @@ def _served(
 
     Those who report because nobody is named are whoever has nothing else to do.
     """
-    turns = sorted(range(len(asks)), key=lambda number: _waits(asks[number]))
-    for drafts in _in_turn([(number, asks[number]) for number in turns], desk, roster, barred):
+    turns = sorted(enumerate(asks), key=lambda turn: _waits(turn[1]))
+    for drafts in _in_turn(turns, desk, roster, barred):
         yield tuple(drafts[number] for number in range(len(asks)))
 
 
