@@ -1,6 +1,6 @@
 """What of one wish a plan lacks, by the kind of its task; what cannot be done is not looked for."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from pa_console.llm.facts import WORDS
@@ -8,6 +8,8 @@ from pa_console.llm.reading import Wish, WishTask
 from pa_console.orchestrator.hindrance import unfit
 from pa_console.orchestrator.plan_moves import PlanMoves
 from pa_console.orchestrator.reporters import of_everyone, reporters
+from pa_console.schema.plan import Verb
+from pa_console.schema.telemetry import Track
 from pa_console.schema.world import AssetKind
 
 
@@ -118,14 +120,45 @@ def _looked(case: Case, wish: Wish) -> Iterator[str]:
 
 
 def _identified(case: Case, wish: Wish) -> Iterator[str]:
-    """Yield those who were named and do not go to the track that is to be dealt with."""
+    """Yield those who were named and do not go to the track, or that nobody finds out who it is."""
     names = _fit(case, wish)
-    if not names or not case.moves.tracks(wish.place):
+    if names and case.moves.tracks(wish.place):
+        if all(name in case.moves.alone for name in names) and not case.spare(wish):
+            return
+        if not any(a.agent in names and a.target == wish.place for a in case.moves.plan.actions):
+            yield f"{', '.join(names)} not sent to {wish.place}"
+            return
+    yield from _step_left_out(case, wish)
+
+
+def _step_left_out(case: Case, wish: Wish) -> Iterator[str]:
+    """Yield what is left out at a place: to identify who is there, and then to warn (WF-01).
+
+    Whoever was not seen is looked at first, in the same plan (WF-02); noncombatants are only
+    watched (ROE-08).
+    """
+    moves = case.moves
+    tracks = [track for track in moves.tracks(wish.place) if track.status != "leaving"]
+    if any(track.noncombatants for track in tracks):
         return
-    if all(name in case.moves.alone for name in names) and not case.spare(wish):
-        return
-    if not any(a.agent in names and a.target == wish.place for a in case.moves.plan.actions):
-        yield f"{', '.join(names)} not sent to {wish.place}"
+    due: Verb | None = None
+    if any(track.identity == "unknown" for track in tracks):
+        due = "identify"
+    elif wish.task == "warn" and any(_is_to_be_warned(track) for track in tracks):
+        due = "warn"
+    if due and _can(case, wish, tracks) and not moves.commands(wish.place, [due]):
+        yield f"nobody sent to {due} who is at {wish.place}"
+
+
+def _can(case: Case, wish: Wish, tracks: Sequence[Track]) -> bool:
+    """Whether a robot can be had for `tracks`, and a drone where one has to look before."""
+    seen = all(track.observed for track in tracks)
+    kinds: tuple[AssetKind, ...] = ("robot",) if seen else ("robot", "uav")
+    return all(case.moves.there(wish.place, kind) or case.spare(wish, kind) for kind in kinds)
+
+
+def _is_to_be_warned(track: Track) -> bool:
+    return track.identity == "unauthorized" and not track.warned
 
 
 def _blocked(case: Case, wish: Wish) -> Iterator[str]:
@@ -206,7 +239,7 @@ LACKING: Mapping[WishTask, Callable[[Case, Wish], Iterator[str]]] = {
     "home": _there,
     "look": _looked,
     "identify": _identified,
-    "warn": _nothing,
+    "warn": _step_left_out,
     "respond": _nothing,
     "block": _blocked,
     "cover": _taken_over,

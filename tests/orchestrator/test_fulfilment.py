@@ -185,10 +185,20 @@ def test_whoever_looks_first_and_whoever_meets_a_track_belongs_to_it() -> None:
     words = "1 robot identify vehicle at EastGate"
     both = ("Drone_T04 observe EastGate", "Robot_T01 identify EastGate")
     assert found(words, moves(*both, setup=CAR)) == ()
-    assert found(words, moves(both[0], setup=CAR)) == ()
     assert found("unknown vehicle at EastGate", moves("Drone_T04 hold", setup=CAR)) == (
         "nobody sent to deal with EastGate",
     )
+
+
+@pytest.mark.parametrize("task", ["1 robot identify", "identify", "warn"])
+def test_to_go_there_or_to_look_is_not_to_identify(task: str) -> None:
+    words, gap = f"{task} vehicle at EastGate", "nobody sent to identify who is at EastGate"
+    for orders in (("Drone_T04 observe EastGate",), ("Robot_T01 move_to EastGate",)):
+        assert gap in found(words, moves(*orders, setup=CAR))
+    broken = (*CAR, FailAsset(asset="Robot_T01"), FailAsset(asset="Robot_T02"))
+    assert gap not in found(words, moves("Drone_T04 observe EastGate", setup=broken))
+    others_down = tuple(FailAsset(asset=f"Drone_T0{number}") for number in (1, 2, 3, 4))
+    assert gap not in found(words, moves("Robot_T01 hold", setup=(*CAR, *others_down)))
 
 
 def test_who_cannot_go_is_not_missed() -> None:
