@@ -18,6 +18,7 @@ from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.mission_set import MissionCase
 from pa_console.schema.plan import Action
 from pa_console.schema.rule import Rule
+from pa_console.training.as_said import as_said
 from pa_console.training.asked import asked
 from pa_console.training.corruptions import (
     Variant,
@@ -80,7 +81,9 @@ def judge_samples(  # noqa: PLR0917
             said = label._replace(feedback=f"asked: {words}{PLANNED}{compared.told}")
             answer = answer_of(said, [rule.id for rule in rules])
             kind = f"{told.kind.partition('/')[0]}/{variant.how}/{verdict_word(label.right)}"
-            yield make_sample(group.name, "judge", prompt, picture, answer, kind, compared.told)
+            yield as_said(
+                make_sample(group.name, "judge", prompt, picture, answer, kind, compared.told)
+            )
 
 
 def answer_of(label: Label, rule_ids: Sequence[str]) -> str:

@@ -12,6 +12,7 @@ from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.mission_set import MissionCase
 from pa_console.schema.plan import Plan, Verb
+from pa_console.training.as_said import as_said
 from pa_console.training.console_missions import console_missions
 from pa_console.training.names import Split
 from pa_console.training.order import Order
@@ -143,7 +144,7 @@ def planner_samples(
     for proven in missions:
         prompt = planner_prompt_of(proven.case, situation, rulebook, retriever)
         answer = proven.plan.answer
-        yield make_sample(group.name, "planner", prompt, picture, answer, proven.kind)
+        yield as_said(make_sample(group.name, "planner", prompt, picture, answer, proven.kind))
 
 
 def planner_prompt_of(

@@ -1,0 +1,94 @@
+"""Names stand in an answer in the order in which the mission has them, and nothing else changes."""
+
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pa_console.llm.reading import Reading, read_reason
+from pa_console.training.as_said import as_said
+from pa_console.training.samples import Sample
+
+SYSTEM = "Plan the mission.\nGates: EastGate, WestGate\nPlaces: Depot; base: Camp\nClosed: none"
+ASSETS = ("Drone_T01", "Drone_T02", "Ugv_T01")
+PICTURE = "".join(f"{name}: free drone at EastGate\n" for name in ASSETS)
+
+
+def sample(mission: str, reason: str, key: str = "reason") -> Sample:
+    return Sample(
+        group="g",
+        system=SYSTEM,
+        picture=PICTURE,
+        rest=f'WF-04: Drone_T02 before Drone_T01.\nMission: "{mission}"',
+        answer=json.dumps({key: reason}),
+        task="planner" if key == "reason" else "judge",
+        kind="go/plain",
+    )
+
+
+@pytest.mark.parametrize(
+    ("mission", "reason", "wanted"),
+    [
+        (
+            "Drone_T02 and Drone_T01 home",
+            "Drone_T01, Drone_T02 home; Drone_T01: free",
+            "Drone_T02, Drone_T01 home; Drone_T01: free",
+        ),
+        (
+            "Ugv_T01 for Drone_T02",
+            "swap Drone_T02 and Ugv_T01; nothing to do",
+            "swap Ugv_T01 and Drone_T02; nothing to do",
+        ),
+        (
+            "no news? then Ugv_T01 and Drone_T01 tell",
+            "if no track at EastGate: report by Drone_T01, Ugv_T01, else: nothing; "
+            "now: At EastGate: no track, so; Drone_T01: free",
+            "if no track at EastGate: report by Ugv_T01, Drone_T01, else: nothing; "
+            "now: At EastGate: no track, so; Drone_T01: free",
+        ),
+        (
+            "Drone_T01 to Camp",
+            "Drone_T01 to Camp; Drone_T01: free",
+            "Drone_T01 home; Drone_T01: free",
+        ),
+        (
+            "the other two, then Drone_T02",
+            "Drone_T01, Drone_T02 hold; all of them",
+            "Drone_T01, Drone_T02 hold; all of them",
+        ),
+        (
+            "Drone_T02, Drone_T01 to Campsite",
+            "Drone_T01 to Campsite; Drone_T01: free",
+            "Drone_T01 to Campsite; Drone_T01: free",
+        ),
+    ],
+)
+def test_names_stand_as_the_mission_has_them(mission: str, reason: str, wanted: str) -> None:
+    after = as_said(sample(mission, f"asked: {reason}"))
+    assert json.loads(after.answer) == {"reason": f"asked: {wanted}"}
+
+
+def test_a_judge_says_what_was_asked_in_the_same_order() -> None:
+    feedback = "asked: Drone_T01, Ugv_T01 home; planned: Drone_T01, Ugv_T01 home; it fits"
+    after = as_said(sample("Ugv_T01, Drone_T01: home", feedback, "feedback"))
+    wanted = "asked: Ugv_T01, Drone_T01 home; planned: Drone_T01, Ugv_T01 home; it fits"
+    assert json.loads(after.answer) == {"feedback": wanted}
+
+
+@given(
+    said=st.permutations(ASSETS),
+    drawn=st.permutations(ASSETS),
+    ends=st.sampled_from(["home", "hold", "to EastGate", "look at WestGate"]),
+)
+def test_the_same_is_asked_of_the_same(said: list[str], drawn: list[str], ends: str) -> None:
+    before = sample(f"{' '.join(said)}: {ends}", f"asked: {', '.join(drawn)} {ends}; all of them")
+    after = json.loads(as_said(before).answer)["reason"]
+    assert after == f"asked: {', '.join(said)} {ends}; all of them"
+    assert _unordered(after) == _unordered(json.loads(before.answer)["reason"])
+
+
+def _unordered(reason: str) -> list[tuple[str, str, frozenset[str]]]:
+    reading = read_reason(reason)
+    assert isinstance(reading, Reading)
+    return [(wish.task, wish.place, frozenset(wish.team.names)) for wish in reading.wishes]
