@@ -50,10 +50,14 @@ def _unasked(case: Case) -> Iterator[str]:
 
 
 def _watches(case: Case, name: str) -> bool:
-    """Whether a drone goes to look at somebody whom nobody can deal with as was asked."""
+    """Whether a drone goes to look at somebody whom nobody can deal with as was asked.
+
+    Where one stands already, no other one has to.
+    """
     goal, flies = case.moves.ends(name), case.moves.kind(name) == "uav"
     seen = goal in case.watched and bool(case.moves.tracks(goal))
-    return flies and seen and not case.others_stay
+    stands = any(drone != name for drone in case.moves.there(goal, "uav"))
+    return flies and seen and not stands and not case.others_stay
 
 
 def _besides(case: Case, name: str, served: Sequence[Wish]) -> bool:

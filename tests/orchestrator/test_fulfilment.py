@@ -99,6 +99,11 @@ def test_whom_nobody_can_deal_with_may_be_looked_at() -> None:
     words, looks = "1 drone identify at EastGate", "Drone_T04 observe EastGate"
     assert found(words, moves(looks, setup=CAR)) == ()
     assert found(words, moves(looks)) == ("Drone_T04 is not to move",)
+    at_drone = (SpawnTrack(gate="NorthGate", distance_m=12.0),)
+    second = moves("Drone_T04 observe NorthGate", setup=at_drone)
+    assert found("1 drone identify at NorthGate", second) == ("Drone_T04 is not to move",)
+    first = moves("Drone_T02 observe NorthGate", setup=at_drone)
+    assert found("1 drone identify at NorthGate", first) == ()
 
 
 def test_nobody_moves_for_what_all_who_could_do_it_are_down_for() -> None:
