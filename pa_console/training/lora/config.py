@@ -50,7 +50,11 @@ class TrainConfig(StrictModel):
     warmup_steps: int = Field(default=20, ge=0)
     weight_decay: float = Field(default=0.0, ge=0.0)
     clip: float = Field(default=1.0, gt=0.0, description="largest norm of the whole gradient")
-    packs_per_step: int = Field(default=4, ge=1, description="prefixes with their branches")
+    packs_per_step: int = Field(
+        default=4,
+        ge=1,
+        description="prefixes with their branches; a multiple of `workers` keeps all of them busy",
+    )
     pack_tokens: int = Field(default=2048, ge=64, description="most tokens of one pack")
     readings: float = Field(
         default=0.0,
