@@ -8,9 +8,10 @@ from collections.abc import Iterator, Sequence
 
 from pa_console.llm.reading import Reading, Wish, WishTask
 from pa_console.orchestrator.hindrance import hindrance
-from pa_console.orchestrator.lacking import LACKING, Case, may
+from pa_console.orchestrator.lacking import LACKING
 from pa_console.orchestrator.plan_moves import PlanMoves
 from pa_console.orchestrator.premises import ENCOUNTERS
+from pa_console.orchestrator.wish_moves import Case, may
 
 _MEETS: frozenset[WishTask] = frozenset(("identify", "warn", "block", "respond"))
 

@@ -56,6 +56,11 @@ def _nobody(wish: Wish, picture: Picture) -> str:
     return "" if not kinds or up.intersection(kinds) else "whoever could do it is down (CAP-10)"
 
 
-def _incapable(kind: AssetKind, task: WishTask) -> str:
+def can_have(kind: AssetKind, task: WishTask) -> bool:
+    """Whether assets of a kind have the command that a task is carried out with."""
     verb = VERBS.get(task)
-    return "" if verb is None or kind in COMMANDS[verb].kinds else f"no {kind} can {verb}"
+    return verb is None or kind in COMMANDS[verb].kinds
+
+
+def _incapable(kind: AssetKind, task: WishTask) -> str:
+    return "" if can_have(kind, task) else f"no {kind} can {VERBS[task]}"

@@ -1,71 +1,16 @@
 """What of one wish a plan lacks, by the kind of its task; what cannot be done is not looked for."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 from pa_console.llm.facts import WORDS
 from pa_console.llm.reading import Wish, WishTask
 from pa_console.orchestrator.hindrance import unfit
 from pa_console.orchestrator.plan_moves import PlanMoves
 from pa_console.orchestrator.reporters import of_everyone, reporters
+from pa_console.orchestrator.wish_moves import Case, post_of
 from pa_console.schema.plan import Verb
 from pa_console.schema.telemetry import Track
 from pa_console.schema.world import AssetKind
-
-
-@dataclass(frozen=True)
-class Case:
-    """A plan, and the wishes of its order that can be carried out."""
-
-    moves: PlanMoves
-    due: tuple[Wish, ...]
-    others_stay: bool
-    watched: frozenset[str] = frozenset()
-    """Places of wishes that nobody can carry out: to look there is a safe alternative (CAP-10)."""
-
-    def spare(self, wish: Wish, kind: AssetKind | None = None) -> list[str]:
-        """Return who is free, of one kind if that is given, and does nothing but for `wish`."""
-        moves, others = self.moves, [each for each in self.due if each != wish]
-        return [
-            name
-            for name in moves.free(kind)
-            if not moves.takes_over(name)
-            and not (name in moves.moved and any(may(moves, name, each) for each in others))
-        ]
-
-    def can_deal(self, wish: Wish) -> bool:
-        """Whether somebody could look at the place of `wish`, or deal with whoever is there.
-
-        A drone can, from where it stands or as a spare one; a robot once a track was seen (WF-02).
-        """
-        moves = self.moves
-        seen = all(track.observed for track in moves.tracks(wish.place))
-        kinds: tuple[AssetKind, ...] = ("uav", "robot") if seen else ("uav",)
-        if any(moves.there(wish.place, kind) for kind in kinds):
-            return True
-        return not self.others_stay and any(self.spare(wish, kind) for kind in kinds)
-
-
-def may(moves: PlanMoves, name: str, wish: Wish) -> bool:
-    """Whether `name` may move for `wish`."""
-    if name in (*wish.team.names, wish.leaving):
-        return True
-    goal, fits = moves.ends(name), wish.team.kind in (None, moves.kind(name))
-    match wish.task:
-        case "go" | "mass":
-            return not wish.team.names and goal == wish.place and fits
-        case "home":
-            return not wish.team.names and goal == moves.world.base and fits
-        case "look":
-            return goal == wish.place and moves.kind(name) == "uav"
-        case "cover" | "relieve":
-            return goal == _post(moves, wish)
-        case "stand_down":
-            return goal == moves.world.base and moves.post(name) == wish.place
-        case "identify" | "warn" | "block" | "respond":
-            return goal == wish.place
-        case _:
-            return False
 
 
 def _there(case: Case, wish: Wish) -> Iterator[str]:
@@ -171,13 +116,14 @@ def _blocked(case: Case, wish: Wish) -> Iterator[str]:
 
 
 def _taken_over(case: Case, wish: Wish) -> Iterator[str]:
-    place, leaving = _post(case.moves, wish), case.moves.before.assets.get(wish.leaving)
+    place, leaving = post_of(case.moves, wish), case.moves.before.assets.get(wish.leaving)
     home = case.moves.goals.get(wish.leaving) == case.moves.world.base
     if leaving is not None and leaving.available and not home:
         yield f"{wish.leaving} does not go home"
-    stays = [name for name in wish.team.names if case.moves.ends(name) == place]
-    sent = [name for name in case.moves.sent(place) if name != wish.leaving]
-    if not stays and not sent and case.spare(wish):
+    yield from _absent(case, wish, place)
+    kind = wish.team.kind
+    sent = [name for name in case.moves.sent(place, kind) if name != wish.leaving]
+    if not _fit(case, wish) and not sent and case.spare(wish, kind):
         yield f"nobody takes over {place}"
 
 
@@ -221,11 +167,6 @@ def _held(case: Case, wish: Wish) -> Iterator[str]:
 def _nothing(_case: Case, _wish: Wish) -> Iterator[str]:
     """Yield nothing: what is due is known by the track's own workflow, or not readable."""
     yield from ()
-
-
-def _post(moves: PlanMoves, wish: Wish) -> str:
-    """Return the place that is to be taken over: as said, or that of the asset that leaves."""
-    return wish.place or (moves.post(wish.leaving) if wish.leaving else "")
 
 
 def _fit(case: Case, wish: Wish) -> list[str]:

@@ -127,6 +127,24 @@ def test_a_named_guard_that_stays_takes_over_from_the_other() -> None:
     assert found(words, moves("Drone_T01 return_to_base", setup=beside)) == ()
 
 
+def test_who_is_named_for_a_relief_is_the_one_who_takes_over() -> None:
+    home = "Ugv_T01 return_to_base"
+    other = moves("Drone_T04 move_to EastGate", "Robot_T01 move_to WestGate", home)
+    words = "Robot_T01 relieves Ugv_T01 at EastGate"
+    assert "Robot_T01 is not sent to EastGate" in found(words, other)
+    assert found(words, moves("Robot_T01 move_to EastGate", home)) == ()
+    kind = "1 robot relieves Ugv_T01 at EastGate"
+    assert "nobody takes over EastGate" in found(kind, other)
+
+
+def test_what_is_asked_outright_comes_before_a_look_ahead() -> None:
+    words = "1 robot identify vehicle at EastGate; 1 drone to WestGate"
+    looks = moves("Drone_T04 observe EastGate")
+    assert "0 of 1 drone to WestGate" in found(words, looks)
+    assert found(words, moves("Drone_T04 move_to WestGate")) == ()
+    assert "0 of 1 drone to WestGate" in found(words, moves("Drone_T04 hold", setup=CAR))
+
+
 def test_the_last_guard_of_a_gate_is_no_reinforcement() -> None:
     beside = (PlaceAsset(asset="Drone_T04", frame="WestGate"),)
     sent = ("Drone_T04", "Ugv_T02", "Robot_T01", "Robot_T02")
