@@ -4,7 +4,6 @@ It is the other side of `fulfilment.py`: there a plan is compared with what was 
 console says what a plan for it is made of. Who of those that could go does go is left to the model.
 """
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from pa_console.llm.reading import Reading, Wish, WishTask
@@ -12,33 +11,42 @@ from pa_console.llm.slot_grammar import Slot
 from pa_console.orchestrator.hindrance import hindrance, unfit
 from pa_console.orchestrator.plan_moves import PlanMoves
 from pa_console.orchestrator.reporters import beside, of_everyone, reporters
-from pa_console.policy.context import goes_to
-from pa_console.schema.plan import MAX_ACTIONS, Action, Plan
+from pa_console.orchestrator.serving_backfill import UntoldError, among, backfills
+from pa_console.schema.plan import MAX_ACTIONS, Plan
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import AssetKind, World
 
+_LOOKED_AHEAD: frozenset[WishTask] = frozenset(("identify", "warn", "respond"))
+"""What is served with a look where nobody is known to be; orders outright come before that."""
 _NOTHING = Plan(reason="nothing yet", actions=())
-
-
-class _UntoldError(Exception):
-    """What serves a wish depends on more than the picture tells."""
 
 
 def serving_slots(reading: Reading, world: World, picture: Picture) -> tuple[Slot, ...]:
     """Return the commands of a plan that serves `reading`, those that cover a gate first (WF-03).
 
-    Where nothing of it can be done, somebody holds. It is empty where the console cannot tell: a
-    workflow has to go on at a gate, or there are more wishes than assets.
+    Where nothing of it can be done, somebody holds. Where it takes more than there are, nobody
+    looks ahead. It is empty where the console cannot tell: a workflow has to go on at a gate, or
+    there are more wishes than assets.
     """
     stands = PlanMoves(world, picture, _NOTHING)
     due = [wish for wish in reading.wishes if not hindrance(wish, world, picture)]
+    outright = [w for w in due if w.task not in _LOOKED_AHEAD or stands.tracks(w.place)]
     try:
-        asked = [slot for wish in due for slot in _SERVES[wish.task](stands, wish)]
-        slots = [*_backfills(stands, asked, reading.others_stay), *asked]
-        called = (reporters(wish, picture) for wish in due if of_everyone(wish))
-        slots += beside(slots, list(dict.fromkeys(name for names in called for name in names)))
-    except _UntoldError:
+        found = _slots(stands, due, reading.others_stay)
+        if not found and outright:
+            found = _slots(stands, outright, reading.others_stay)
+    except UntoldError:
         return ()
+    return found
+
+
+def _slots(stands: PlanMoves, due: Sequence[Wish], others_stay: bool) -> tuple[Slot, ...]:
+    """Return the commands that serve the wishes that are `due`, empty for too few assets."""
+    picture = stands.before
+    asked = [slot for wish in due for slot in _SERVES[wish.task](stands, wish)]
+    slots = [*backfills(stands, asked, others_stay), *asked]
+    called = (reporters(wish, picture) for wish in due if of_everyone(wish))
+    slots += beside(slots, list(dict.fromkeys(name for names in called for name in names)))
     if not slots:
         slots = [Slot(tuple(n for n, asset in picture.assets.items() if asset.available), "hold")]
     return _apart(slots)
@@ -59,51 +67,6 @@ def _apart(slots: Sequence[Slot]) -> tuple[Slot, ...]:
     every = {name for slot in free for name in slot.agents}
     doubled = len({*fixed}) < len(fixed) or not all(slot.agents for slot in free)
     return () if doubled or len(slots) > min(len(every), MAX_ACTIONS) else tuple(free)
-
-
-def _backfills(stands: PlanMoves, asked: Sequence[Slot], others_stay: bool) -> Iterator[Slot]:
-    """Yield who takes over each gate that all its guards would leave too long (WF-03).
-
-    Who is sent there anyway takes over, unless that is later than the gate's grace.
-    """
-    ways = [(s, goes_to(Action(agent=s.agents[0], command=s.command), stands.world)) for s in asked]
-    leaving = {slot.agents[0]: goal for slot, goal in ways if len(slot.agents) == 1 and goal}
-    free = [name for name in stands.free() if name not in leaving]
-    for gate in stands.world.gates:
-        guards, others = stands.guards(gate), free
-        if coming := [name for slot, goal in ways if goal == gate for name in slot.agents]:
-            others = [name for name in free if _is_in_time(stands, name, gate)]
-        stays = any(leaving.get(name, gate) == gate for name in guards)
-        if not guards or stays or any(_is_in_time(stands, name, gate) for name in coming):
-            continue
-        if others or not coming:
-            if others_stay:
-                raise _UntoldError
-            yield Slot(_in_time(stands, _among(stands, others), gate), f"move_to {gate}")
-
-
-def _in_time(stands: PlanMoves, names: Sequence[str], gate: str) -> tuple[str, ...]:
-    """Return those of `names` who can be at `gate` before its grace is over, or the two soonest."""
-    soonest = sorted(names, key=lambda name: _way_s(stands, name, gate))[:2]
-    return tuple(n for n in names if n in soonest or _is_in_time(stands, n, gate))
-
-
-def _is_in_time(stands: PlanMoves, name: str, gate: str) -> bool:
-    return _way_s(stands, name, gate) <= stands.world.coverage_grace_s
-
-
-def _way_s(stands: PlanMoves, name: str, gate: str) -> float:
-    """Return how long an asset needs at least to be at a gate, in seconds."""
-    way = math.dist(stands.before.assets[name].position, stands.world.frames[gate].at)
-    return way / stands.world.platforms[stands.kind(name)].speed_mps
-
-
-def _among(stands: PlanMoves, names: Sequence[str], elsewhere: str = "") -> tuple[str, ...]:
-    """Return those of `names` who do not stand `elsewhere`; raises _UntoldError for nobody."""
-    found = tuple(name for name in names if not elsewhere or stands.post(name) != elsewhere)
-    if not found:
-        raise _UntoldError
-    return found
 
 
 def _sent(stands: PlanMoves, wish: Wish, command: str, place: str) -> Iterator[Slot]:
@@ -172,21 +135,21 @@ def _identified(stands: PlanMoves, wish: Wish) -> Iterator[Slot]:
 
 
 def _seen(stands: PlanMoves, place: str) -> Slot:
-    """Return that a drone looks at a place; raises _UntoldError for nobody."""
-    return Slot(_among(stands, _near(stands, place, "uav")), f"observe {place}")
+    """Return that a drone looks at a place; raises UntoldError for nobody."""
+    return Slot(among(stands, _near(stands, place, "uav")), f"observe {place}")
 
 
 def _met(stands: PlanMoves, wish: Wish) -> Iterator[Slot]:
     """Yield that a drone looks where nobody is known to be; a track has to be met in order."""
     if stands.tracks(wish.place):
-        raise _UntoldError
+        raise UntoldError
     yield _seen(stands, wish.place)
 
 
 def _blocked(stands: PlanMoves, wish: Wish) -> Iterator[Slot]:
     """Yield who closes a lane where nobody is who would have to be met first (WF-01)."""
     if stands.tracks(wish.place):
-        raise _UntoldError
+        raise UntoldError
     if wish.team.names:
         yield from (Slot((name,), f"block {wish.place}") for name in _fit(stands, wish))
     elif vehicles := _near(stands, wish.place, "ugv"):
@@ -202,7 +165,7 @@ def _taken_over(stands: PlanMoves, wish: Wish) -> Iterator[Slot]:
     if team.names:
         yield from (Slot((name,), f"move_to {place}") for name in names)
     else:
-        yield Slot(_among(stands, stands.free(team.kind), place), f"move_to {place}")
+        yield Slot(among(stands, stands.free(team.kind), place), f"move_to {place}")
 
 
 def _swapped(stands: PlanMoves, wish: Wish) -> Iterator[Slot]:
@@ -226,7 +189,7 @@ def _held(stands: PlanMoves, wish: Wish) -> Iterator[Slot]:
 
 
 def _untold(_stands: PlanMoves, _wish: Wish) -> Iterator[Slot]:
-    raise _UntoldError
+    raise UntoldError
 
 
 _SERVES: Mapping[WishTask, Callable[[PlanMoves, Wish], Iterator[Slot]]] = {

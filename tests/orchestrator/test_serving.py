@@ -71,6 +71,10 @@ def slots(words: str, setup: tuple[Incident, ...] = ()) -> list[str]:
             ],
         ),
         ("Drone_T03 hold", ["Drone_T03 hold"]),
+        (
+            "1 robot identify vehicle at EastGate; 1 drone to WestGate",
+            ["Drone_T04 move_to WestGate"],
+        ),
         ("1 robot warn at WestGate", ["Drone_T01|Drone_T04 observe WestGate"]),
         (
             "report by all drones; unknown vehicle at EastGate",
