@@ -43,12 +43,13 @@ class Team(NamedTuple):
 
 
 class Wish(NamedTuple):
-    """One thing that an order asks for; `place` is '' where none is said."""
+    """One thing that an order asks for, in its `words`; `place` is '' where none is said."""
 
     task: WishTask
     team: Team = Team()
     place: str = ""
     leaving: str = ""
+    words: str = ""
 
 
 class Reading(NamedTuple):
@@ -203,8 +204,9 @@ def _wish(clause: str) -> Wish:
     for task, pattern in _CLAUSES:
         found = pattern.fullmatch(clause)
         if found is not None:
-            return _made(task, {k: v for k, v in found.groupdict().items() if v})
-    return Wish("unreadable")
+            said = {k: v for k, v in found.groupdict().items() if v}
+            return _made(task, said)._replace(words=clause)
+    return Wish("unreadable", words=clause)
 
 
 def _made(task: WishTask, said: dict[str, str]) -> Wish:

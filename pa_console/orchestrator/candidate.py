@@ -1,12 +1,14 @@
 """A plan that may be put to the operator, and how good it is beside others for the same task."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from pa_console.llm.grammar import PLANNED
 from pa_console.llm.reading import Reading, read_asked, read_reason
 from pa_console.orchestrator.fulfilment import gaps
 from pa_console.orchestrator.plan_moves import PlanMoves
 from pa_console.orchestrator.safeguards import Examination
+from pa_console.orchestrator.unmet import unmet
 from pa_console.schema.finding import Verdict
 from pa_console.schema.world import World
 
@@ -50,8 +52,17 @@ class Candidate:
         return self.verdict is not None and self.verdict.verdict == "Failure"
 
 
-def missing(found: Examination, reading: Reading | None, world: World) -> tuple[str, ...]:
-    """Return in which points a plan is not what was asked, as far as `reading` tells that."""
+class Met(NamedTuple):
+    """How far a plan is what was asked."""
+
+    gaps: tuple[str, ...] = ()
+    unmet: tuple[str, ...] = ()
+    """What of it no plan can do now, and why."""
+
+
+def met(found: Examination, reading: Reading | None, world: World) -> Met:
+    """Compare a plan with what was asked, as far as `reading` tells that."""
     if reading is None or not reading.readable or found.rehearsal is None:
-        return ()
-    return gaps(PlanMoves(world, found.rehearsal.before, found.plan), reading)
+        return Met()
+    moves = PlanMoves(world, found.rehearsal.before, found.plan)
+    return Met(gaps(moves, reading), unmet(moves, reading))

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from pa_console.llm.facts import WORDS
 from pa_console.llm.reading import Wish, WishTask
 from pa_console.schema.plan import COMMANDS, Verb
 from pa_console.schema.telemetry import Picture
@@ -63,4 +64,4 @@ def can_have(kind: AssetKind, task: WishTask) -> bool:
 
 
 def _incapable(kind: AssetKind, task: WishTask) -> str:
-    return "" if can_have(kind, task) else f"no {kind} can {VERBS[task]}"
+    return "" if can_have(kind, task) else f"no {WORDS[kind]} can {VERBS[task]}"

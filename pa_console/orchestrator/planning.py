@@ -5,7 +5,7 @@ from time import perf_counter
 
 from pa_console.llm.judge import Judgement
 from pa_console.llm.reading import Reading, read_asked, read_reason
-from pa_console.orchestrator.candidate import Candidate, missing
+from pa_console.orchestrator.candidate import Candidate, met
 from pa_console.orchestrator.judging import PlanCase, ask_about_plan
 from pa_console.orchestrator.proposing import Proposing
 from pa_console.orchestrator.safeguards import Examination, examine
@@ -209,13 +209,15 @@ class Planning:
 
     async def _examine(self, attempt: int, plan: Plan) -> Payloads:
         found = await self._safeguards(plan)
-        lacking = missing(found, self._reading, self._services.sim.world)
-        self._latest = candidate = Candidate(attempt, found, lacking)
+        fits = met(found, self._reading, self._services.sim.world)
+        self._latest = candidate = Candidate(attempt, found, fits.gaps)
         if found.rehearsal is not None and self._services.variant.rehearsal:
             yield ev.PlanRehearsed(
                 attempt=attempt, rehearsal=found.rehearsal, seconds=found.rehearsal_s
             )
-        yield ev.PlanChecked(attempt=attempt, findings=found.findings, seconds=found.checks_s)
+        yield ev.PlanChecked(
+            attempt=attempt, findings=found.findings, seconds=found.checks_s, unmet=fits.unmet
+        )
         if self.best is None or candidate.badness < self.best.badness:
             self.best = candidate
 

@@ -88,6 +88,9 @@ class PlanChecked(Payload):
     attempt: int
     findings: tuple[Finding, ...]
     seconds: float
+    unmet: tuple[str, ...] = Field(
+        default=(), description="what of the order no plan can do now, and why"
+    )
 
 
 class PlanJudged(Payload):

@@ -56,9 +56,10 @@ def _planned(data: ev.EventPayload) -> str:
     match data:
         case ev.PlanProposed(plan=plan, error=error):
             said = _plan(plan) if plan is not None else error
-        case ev.PlanChecked(findings=findings):
+        case ev.PlanChecked(findings=findings, unmet=unmet):
             broken = [finding.rule_id for finding in findings if finding.broken]
             said = f"broken: {', '.join(broken)}" if broken else "no rule broken"
+            said += "".join(f"; not met: {text}" for text in unmet)
         case (
             ev.PlanJudged(verdict=verdict, error=error)
             | ev.OutcomeJudged(verdict=verdict, error=error)

@@ -33,6 +33,8 @@ class Attempt:
     usage: Usage = field(default_factory=Usage)
     findings: tuple[Finding, ...] = ()
     checks_s: float = 0.0
+    unmet: tuple[str, ...] = ()
+    """What of the order no plan can do now, and why."""
     rehearsal: Rehearsal | None = None
     rehearsal_s: float = 0.0
     judge_text: str = ""

@@ -84,9 +84,8 @@ def test_what_no_order_may_have_is_told_apart(order: str) -> None:
 
 def test_the_facts_of_a_reason_are_no_part_of_the_order() -> None:
     reason = "asked: 1 drone look at EastGate; others stay; Free drone: Drone_T04"
-    assert read_reason(reason) == Reading(
-        (Wish("look", Team(kind="uav"), "EastGate"),), others_stay=True
-    )
+    asked = Wish("look", Team(kind="uav"), "EastGate", words="1 drone look at EastGate")
+    assert read_reason(reason) == Reading((asked,), others_stay=True)
 
 
 @pytest.mark.parametrize(("so", "place"), [("so", "EastGate"), ("not so", "WestGate")])

@@ -123,6 +123,7 @@ def plan(attempt: Attempt) -> Section:
     if not read.actions:
         rows.append(row("  ", ("no action: nothing would move", QUIET)))
     spent = f"{count(usage.completion_tokens, 'token')}, {duration_text(usage.seconds)}"
+    rows += [row(["  ", column("not met", 11, "$text-warning")], text) for text in attempt.unmet]
     note = "by the operator" if attempt.author == "operator" else spent
     return Section(f"plan-{attempt.number}", title("Plan", note=note), tuple(rows))
 

@@ -1,0 +1,100 @@
+"""What of an order no plan can do now is told with the reason, and nothing else is."""
+
+import pytest
+
+from pa_console.llm.reading import read_asked
+from pa_console.orchestrator.plan_moves import PlanMoves
+from pa_console.orchestrator.unmet import unmet
+from pa_console.policy.rulebook import load_rules
+from pa_console.resources import data_folder
+from pa_console.schema import event as ev
+from pa_console.schema.incident import FailAsset, Incident, SetBattery
+from pa_console.schema.plan import Action, Plan
+from pa_console.session.event_words import event_in_words
+from pa_console.session.mission_trace import Attempt
+from pa_console.training.asked import asked
+from pa_console.training.planner_data import Recipe, make_group
+from pa_console.tui.trace.planning import plan as section_of
+from pa_console.tui.trace.rows import layout
+from tests.orchestrator.test_fulfilment import CAR, moves
+
+NO_DRONE = (FailAsset(asset="Drone_T04"),)
+
+
+def told(words: str, *orders: str, setup: tuple[Incident, ...] = ()) -> tuple[str, ...]:
+    reading = read_asked(f"asked: {words}")
+    assert reading is not None
+    return unmet(moves(*orders, setup=setup), reading)
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        ("use force at EastGate", "no order may have that"),
+        ("1 drone to unknown place", "no such place (CAP-06)"),
+        ("Drone_T09 to EastGate", "no asset Drone_T09 (CAP-10)"),
+        ("1 vehicle warn at EastGate", "no vehicle can warn"),
+        ("Drone_T04 to EastGate", "Drone_T04 is down"),
+        ("1 drone to EastGate", "nobody can be spared"),
+        ("look at EastGate", "nobody can be spared"),
+        ("Ugv_T01 to WestGate", "Ugv_T01 covers EastGate alone"),
+    ],
+)
+def test_what_cannot_be_done_is_told_with_the_reason(words: str, why: str) -> None:
+    assert told(words, "Robot_T01 hold", setup=NO_DRONE) == (f"{words}: {why}",)
+
+
+def test_of_two_wishes_for_one_asset_the_other_is_told() -> None:
+    words = "1 robot identify vehicle at NorthGate; 1 drone to SouthGate"
+    assert told("look at EastGate; 1 drone to WestGate", "Drone_T04 move_to WestGate") == (
+        "look at EastGate: nobody can be spared",
+    )
+    assert told(words, "Drone_T02 observe NorthGate", "Drone_T04 move_to SouthGate") == ()
+
+
+def test_the_part_that_cannot_be_done_is_told() -> None:
+    low = (SetBattery(asset="Robot_T01", percent=9.0),)
+    words, sent = "Robot_T01, Robot_T02 to EastGate", "Robot_T02 move_to EastGate"
+    assert told(words, sent, setup=low) == (f"{words}: Robot_T01 is low (CAP-04)",)
+    assert told("3 robots to EastGate", "Robot_T01 move_to EastGate", sent) == (
+        "3 robots to EastGate: no more than 2 can be spared",
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "orders"),
+    [
+        ("1 drone to EastGate", ["Drone_T04 move_to EastGate"]),
+        ("1 drone to EastGate", ["Drone_T04 hold"]),
+        ("1 drone to WestGate", ["Drone_T04 hold"]),
+        ("1 robot identify vehicle at EastGate", ["Drone_T04 observe EastGate"]),
+        ("relieve Ugv_T01 at EastGate",
+         ["Drone_T04 move_to EastGate", "Ugv_T01 return_to_base"]),
+        ("report; Drone_T03 hold", ["Drone_T01 report"]),
+    ],
+)  # fmt: skip
+def test_of_what_is_done_or_could_be_nothing_is_told(words: str, orders: list[str]) -> None:
+    assert told(words, *orders, setup=CAR) == ()
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_of_whole_orders_with_proven_plans_nothing_is_told(number: int) -> None:
+    rulebook = load_rules(data_folder() / "rules" / "checkpoint.yaml")
+    group = make_group(Recipe(number, 31, 6), rulebook, frozenset())
+    now = group.situation
+    for proven in group.proven:
+        reading = read_asked(f"asked: {asked(proven.order, now.world, now.picture, now.digest)}")
+        assert reading is not None
+        plan = PlanMoves(now.world, now.picture, proven.plan)
+        idle = all(action.verb == "hold" for action in proven.plan.actions)
+        if unmet(plan, reading):
+            assert idle or len(reading.wishes) > 1
+
+
+def test_the_trace_and_the_log_say_it_beside_the_plan() -> None:
+    reason, hold = "asked: look at A; free", Action(agent="Drone_T04", command="hold")
+    attempt = Attempt(1, plan=Plan(reason=reason, actions=(hold,)), unmet=("look at A: nobody",))
+    rows = layout(section_of(attempt).rows, 60)
+    assert any(line.plain.split() == ["not", "met", "look", "at", "A:", "nobody"] for line in rows)
+    data = ev.PlanChecked(attempt=1, findings=(), seconds=0.0, unmet=attempt.unmet)
+    assert event_in_words(data) == "no rule broken; not met: look at A: nobody"
