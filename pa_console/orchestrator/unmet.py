@@ -1,4 +1,4 @@
-"""What of an order no plan can do now, and why: the operator is told before the approval.
+"""What of an order no plan can do now, or need not, and why: told before the operator decides.
 
 What could be done and is not planned is the judge's to object to (`fulfilment.py`).
 """
@@ -36,6 +36,8 @@ def _why(case: Case, wish: Wish) -> str:
     team, sent = wish.team, len(moves.sent(wish.place, wish.team.kind))
     if wish.task == "go" and team.number != "all" and 0 < sent < team.number:
         return f"no more than {sent} can be spared"
+    if there := [name for name in _standing(moves, wish) if wish.task == "go" and not sent]:
+        return f"{', '.join(there)} there already"
     return "" if _begun(moves, wish) or case.spare(wish, _needed(wish)) else "nobody can be spared"
 
 
@@ -45,6 +47,8 @@ def _kept(moves: PlanMoves, wish: Wish) -> Iterator[str]:
         post = moves.post(name) if name in moves.world.assets else ""
         if why := unfit(name, wish, moves.world, moves.before):
             yield why
+        elif wish.task == "go" and post == wish.place and name not in moves.moved:
+            yield f"{name} there already"
         elif wish.task in _GOES and name in moves.alone and moves.ends(name) == post != wish.place:
             yield f"{name} covers {post} alone"
 
@@ -52,11 +56,15 @@ def _kept(moves: PlanMoves, wish: Wish) -> Iterator[str]:
 def _begun(moves: PlanMoves, wish: Wish) -> bool:
     """Whether somebody acts for `wish`, or whoever it needs stands there already."""
     acting = (a.agent for a in moves.plan.actions if a.verb not in ("hold", "report"))
+    return bool(_standing(moves, wish)) or any(may(moves, name, wish) for name in acting)
+
+
+def _standing(moves: PlanMoves, wish: Wish) -> list[str]:
+    """Return who of those that `wish` needs stands where it wants somebody."""
     place = moves.world.base if wish.task == "home" else post_of(moves, wish)
     kind = _needed(wish)
     kinds: tuple[AssetKind, ...] = (kind,) if kind else ("uav", "ugv", "robot")
-    stands = any(moves.there(place, kind) for kind in kinds)
-    return stands or any(may(moves, name, wish) for name in acting)
+    return [name for kind in kinds for name in moves.there(place, kind)]
 
 
 def _needed(wish: Wish) -> AssetKind | None:

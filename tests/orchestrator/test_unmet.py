@@ -38,6 +38,8 @@ def told(words: str, *orders: str, setup: tuple[Incident, ...] = ()) -> tuple[st
         ("1 drone to EastGate", "nobody can be spared"),
         ("look at EastGate", "nobody can be spared"),
         ("Ugv_T01 to WestGate", "Ugv_T01 covers EastGate alone"),
+        ("Ugv_T01 to EastGate", "Ugv_T01 there already"),
+        ("1 vehicle to EastGate", "Ugv_T01 there already"),
     ],
 )
 def test_what_cannot_be_done_is_told_with_the_reason(words: str, why: str) -> None:
@@ -66,7 +68,6 @@ def test_the_part_that_cannot_be_done_is_told() -> None:
     [
         ("1 drone to EastGate", ["Drone_T04 move_to EastGate"]),
         ("1 drone to EastGate", ["Drone_T04 hold"]),
-        ("1 drone to WestGate", ["Drone_T04 hold"]),
         ("1 robot identify vehicle at EastGate", ["Drone_T04 observe EastGate"]),
         ("relieve Ugv_T01 at EastGate",
          ["Drone_T04 move_to EastGate", "Ugv_T01 return_to_base"]),
