@@ -21,6 +21,8 @@ class Candidate:
     examination: Examination
     gaps: tuple[str, ...] = ()
     """In which points the plan is not what the planner itself says was asked."""
+    unmet: tuple[str, ...] = ()
+    """What of that no plan can do now, and why."""
     verdict: Verdict | None = None
     judge_error: str = ""
 

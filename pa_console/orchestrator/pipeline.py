@@ -131,8 +131,7 @@ class MissionRun:
             if approved is None:
                 self._stop_short(phase, reasons)
                 return
-            if self._deciding.decision is not None:
-                self._facts.decided(self._deciding.decision)
+            self._facts.decided(self._deciding.decision, approved.unmet)
             async for payload in self._carry_out(approved, task):
                 yield payload
             reasons = self.execution.halted

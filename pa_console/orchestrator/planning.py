@@ -210,7 +210,7 @@ class Planning:
     async def _examine(self, attempt: int, plan: Plan) -> Payloads:
         found = await self._safeguards(plan)
         fits = met(found, self._reading, self._services.sim.world)
-        self._latest = candidate = Candidate(attempt, found, fits.gaps)
+        self._latest = candidate = Candidate(attempt, found, fits.gaps, fits.unmet)
         if found.rehearsal is not None and self._services.variant.rehearsal:
             yield ev.PlanRehearsed(
                 attempt=attempt, rehearsal=found.rehearsal, seconds=found.rehearsal_s

@@ -18,13 +18,17 @@ GAP_WORTH_S = 1.0
 
 @dataclass
 class PlanFacts:
-    """One plan that was carried out; `halted` says why it did not run to its end."""
+    """One plan that was carried out; `halted` says why it did not run to its end.
+
+    `unmet` says what of the order nobody could do when it was made, and why.
+    """
 
     plan: Plan
     task: str
     verification: Verification | None
     halted: tuple[str, ...] = ()
     decision: Decision | None = None
+    unmet: tuple[str, ...] = ()
     verdict: Verdict | None = None
 
 
@@ -44,23 +48,24 @@ class ReportFacts:
     """Longest time without known cover per gate."""
     seen_from_s: float | None = None
     _decision: Decision | None = None
+    _unmet: tuple[str, ...] = ()
 
     @property
     def halts(self) -> tuple[PlanFacts, ...]:
         """The plans that were halted."""
         return tuple(facts for facts in self.plans if facts.halted)
 
-    def decided(self, decision: Decision) -> None:
-        """Note who decided on the next plan that is executed."""
-        self._decision = decision
+    def decided(self, decision: Decision | None, unmet: Sequence[str]) -> None:
+        """Note who decided on the next plan that is executed, and what it leaves `unmet`."""
+        self._decision, self._unmet = decision, tuple(unmet)
 
     def executed(
         self, plan: Plan, task: Mission, verification: Verification | None, halted: Sequence[str]
     ) -> None:
         """Note a plan that was carried out for `task`, to its end or until it was `halted`."""
-        facts = PlanFacts(plan, task.text, verification, tuple(halted), self._decision)
+        facts = PlanFacts(plan, task.text, verification, tuple(halted), self._decision, self._unmet)
         self.plans.append(facts)
-        self._decision = None
+        self._decision, self._unmet = None, ()
 
     def judged(self, verdict: Verdict | None) -> None:
         """Note the judge's verdict on the outcome of the last plan."""
@@ -133,6 +138,7 @@ def _plan(facts: PlanFacts, name: str, mission: Mission) -> Iterator[str]:
         why = f", {facts.decision.reason}" if facts.decision.reason else ""
         override = ", the judge overridden" if facts.decision.override_judge else ""
         yield f"Decided by {facts.decision.by}: {facts.decision.kind}{override}{why}"
+    yield from (f"Not met: {text}" for text in facts.unmet)
     if facts.halted:
         yield f"Halted: {'; '.join(facts.halted)}"
     seen = facts.verification

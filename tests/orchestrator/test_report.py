@@ -37,7 +37,7 @@ def test_a_mission_in_phases_is_told_from_alarm_to_outcome() -> None:
         "phases": ("recon", "identify"),
     }  # fmt: skip
     facts.moved(WorkflowMoved(**steps, phase=0), 13.0)
-    facts.decided(Decision(kind="approve", reason="looks right"))
+    facts.decided(Decision(kind="approve", reason="looks right"), ["1 drone home: none is spared"])
     facts.executed(PLAN, MISSION, None, ["D1 failed on its way"])
     facts.executed(PLAN, MISSION.model_copy(update={"text": "Identify it."}), seen("pass"), ())
     facts.judged(Verdict(verdict="Success", feedback="served"))
@@ -50,6 +50,7 @@ def test_a_mission_in_phases_is_told_from_alarm_to_outcome() -> None:
         "Workflow inspection (WF-01) for Track_01: recon from 13 s; over at 61 s: it left",
         "Plan 1. Rationale: one drone observes",
         "Decided by operator: approve, looks right",
+        "Not met: 1 drone home: none is spared",
         "Halted: D1 failed on its way",
         "- D4 observe WestGate",
         "Plan 2 for 'Identify it.'. Rationale: one drone observes",
