@@ -102,7 +102,10 @@ def planning(attempt: int = 1) -> list[ev.EventPayload]:
 
 
 def judged(
-    broken: tuple[str, ...] = (), verdict: str = "Success", blocked: tuple[str, ...] = ()
+    broken: tuple[str, ...] = (),
+    verdict: str = "Success",
+    blocked: tuple[str, ...] = (),
+    unmet: tuple[str, ...] = (),
 ) -> list[ev.EventPayload]:
     """Steps 5 and 6 up to the operator's turn."""
     opinions = tuple(
@@ -118,7 +121,7 @@ def judged(
     return [
         ev.PlanProposed(attempt=1, text=PLAN.model_dump_json(), plan=PLAN, usage=usage),
         ev.PlanRehearsed(attempt=1, rehearsal=rehearsal(), seconds=0.06),
-        ev.PlanChecked(attempt=1, findings=findings(broken), seconds=0.003),
+        ev.PlanChecked(attempt=1, findings=findings(broken), seconds=0.003, unmet=unmet),
         ev.PlanJudged(attempt=1, verdict=given, usage=usage),
         ev.ApprovalRequested(
             attempt=1,

@@ -10,6 +10,7 @@ from pa_console.schema import event as ev
 from pa_console.schema.mission import Metrics
 from pa_console.tui.trace.sections import sections
 from pa_console.tui.widgets.approval_panel import ARM_DELAY_S, ApprovalPanel
+from pa_console.tui.widgets.sheet import Sheet
 from pa_console.tui.widgets.tick import Tick
 from tests.tui import story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, notices, settle
@@ -83,6 +84,18 @@ async def test_a_stray_enter_rejects_and_never_approves(tmp_path: Path) -> None:
         await pilot.press("enter")
         await settle(pilot, station)
         assert [decision.kind for decision in station.decisions] == ["reject"]
+
+
+async def test_what_of_the_order_is_left_out_is_told_where_the_operator_decides(
+    tmp_path: Path,
+) -> None:
+    unmet = ("1 drone to WestGate: nobody can be spared",)
+    station = ScriptedStation(story.told("approval", unmet=unmet))
+    app = console(station, tmp_path, FakeClock())
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        said = app.screen.query_one("#approval-text", Sheet).render().plain
+        assert f"NOT MET  {unmet[0]}" in said.replace("\n ", "")
 
 
 async def test_a_second_key_does_not_decide_twice(tmp_path: Path) -> None:

@@ -24,11 +24,13 @@ BLOCKED = {
     "verdict": "Failure",
     "blocked": ("WF-03: a gate is left without cover",),
 }
+UNMET = ("Drone_T04 to WestGate: Drone_T04 covers SouthGate alone", "report: Drone_T03 is down")
 SCREENS: dict[str, tuple[list[EventPayload], tuple[str, ...]]] = {
     "empty": ([], ()),
     "planning": (story.told("planning"), ("f4",)),
     "approval": (story.told("approval", broken=("CAP-04",)), ()),
     "blocked": (story.told("approval", **BLOCKED), ()),
+    "partly": (story.told("approval", unmet=UNMET), ()),
     "executing": (story.told("executing"), ()),
     "finished": (story.told("finished"), ("f4",)),
     "assets": (story.told("executing"), ("f3",)),
@@ -46,7 +48,7 @@ SCREENS: dict[str, tuple[list[EventPayload], tuple[str, ...]]] = {
 LOOKED_AT = (
     *((name, size) for name in ("planning", "approval", "executing", "policies") for size in SIZES),
     *((name, size) for name in ("alarmed", "workflow", "halted", "stopped") for size in SIZES),
-    *((name, "80x24") for name in ("queue", "doubtful")),
+    *((name, "80x24") for name in ("queue", "doubtful", "partly")),
     *((name, "80x24") for name in ("empty", "finished", "assets", "help")),
     *((name, "120x36") for name in ("blocked", "editor", "leaving")),
 )

@@ -1,4 +1,4 @@
-"""What the approval panel says: consequences, obstacles and the judge, in words."""
+"""What the approval panel says: what will happen and what will not, obstacles, and the judge."""
 
 from collections.abc import Iterator, Sequence
 
@@ -10,7 +10,7 @@ from pa_console.tui.words import action_sentence
 
 
 def approval_rows(trace: MissionTrace) -> Iterator[Row]:
-    """Yield what will happen, what stands in the way, and what the judge thinks."""
+    """Yield what will happen, what of the order will not, what stands in the way, and the judge."""
     request = trace.approval
     if request is None:
         return
@@ -29,6 +29,8 @@ def approval_rows(trace: MissionTrace) -> Iterator[Row]:
         yield row((f" {number} ", "bold"), action_sentence(action, picture, trace.digest))
     if not request.plan.actions:
         yield row("   ", "nothing moves: the plan has no action")
+    for text in attempt.unmet if attempt else ():
+        yield row(("△ ", WARN), ("NOT MET  ", f"bold {WARN}"), text)
     for reason in request.blocked_by:
         yield row(("✘ ", BAD), ("BLOCKED  ", f"bold {BAD}"), (reason, BAD))
     for rule_id in request.acknowledge:
