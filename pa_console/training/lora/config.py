@@ -38,7 +38,7 @@ class TrainConfig(StrictModel):
     validation: str | None = Field(default=None, description="samples that are never trained on")
     start: str | None = Field(
         default=None,
-        description="an earlier run of equal rank to begin from: its folder, or an adapter's file",
+        description="an earlier run, of no higher rank, to begin from: its folder, or a file",
     )
     lesson: Lesson | None = Field(
         default=None, description="what is added to the weights of `start` before the first step"

@@ -1,5 +1,6 @@
 """The weights that a run begins with when it goes on from an earlier one."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pa_console.training.lora.adapter import slots
+from pa_console.training.lora.adapter import Adapter, slots
 from pa_console.training.lora.adapter_file import BASE, BASE_SHA256, AdapterFile
 from pa_console.training.lora.base import to_halves
 from pa_console.training.lora.checkpoint import RunFolder
@@ -30,9 +31,6 @@ def first_weights(config: TrainConfig, shape: Shape, base_sha256: str) -> list[T
         return weights
     ends = (Path(config.lesson.before), Path(config.lesson.after))
     before, after = (start_weights(end, config, shape, base_sha256) for end in ends)
-    sizes = [[master.shape for master in each] for each in (weights, before, after)]
-    if sizes[0] != sizes[1] or sizes[0] != sizes[2]:
-        raise ValueError(f"lesson: start, {ends[0]} and {ends[1]} are not of one base and rank")
     share = config.lesson.share
     return [
         (own + share * (new - old)).detach()
@@ -43,17 +41,44 @@ def first_weights(config: TrainConfig, shape: Shape, base_sha256: str) -> list[T
 def start_weights(start: Path, config: TrainConfig, shape: Shape, base_sha256: str) -> list[Tensor]:
     """Return the weights at `start`, a run's folder or an adapter's file, as `Adapter.masters`.
 
-    `shape` and `base_sha256` are of the base that is trained. An adapter's file has to be of this
-    base and of the config's rank and alpha; of a folder that is left to the caller. Raises
-    ValueError for what cannot be begun from, or OSError.
+    Weights of a lower rank or another alpha are widened to the config's: they correct the base by
+    the same. `shape` and `base_sha256` are of the base that is trained, which `start` has to be of.
+    Raises ValueError for what cannot be begun from, or OSError.
     """
     if not start.exists():
         raise ValueError(f"start: {start}: is not here: name a run's folder or an adapter's file")
     if start.is_dir():
-        return RunFolder(start).load().masters
-    file = AdapterFile.open(start)
-    _check(file, config, base_sha256)
-    return read_masters(file, shape, config.rank)
+        folder = RunFolder(start)
+        earlier, masters = folder.config(), folder.load().masters
+        rank, alpha = earlier.rank, earlier.alpha
+    else:
+        file = AdapterFile.open(start)
+        _check(file, config, base_sha256)
+        rank, alpha, masters = file.rank, file.alpha, read_masters(file, shape, file.rank)
+    own = Adapter(shape, rank, alpha, 0, "cpu").masters
+    if [master.shape for master in masters] != [master.shape for master in own]:
+        raise ValueError(f"{start}: is of another base than {config.base}")
+    if rank > config.rank:
+        raise ValueError(f"{start}: is of rank {rank}, the run of {config.rank}: set rank={rank}")
+    if (rank, alpha) == (config.rank, config.alpha):
+        return masters
+    return _widened(masters, rank, alpha, config, shape)
+
+
+def _widened(
+    masters: Sequence[Tensor], rank: int, alpha: float, config: TrainConfig, shape: Shape
+) -> list[Tensor]:
+    """Return `masters` of `rank` beside the fresh rows (B zero) of an adapter of the config."""
+    fresh = Adapter(shape, config.rank, config.alpha, config.seed, "cpu")
+    scale = (alpha / rank) / (config.alpha / config.rank)
+    found = [master.detach() for master in fresh.masters]
+    for number, slot in enumerate(fresh.slots):
+        a, b = masters[2 * number : 2 * number + 2]
+        for part in range(len(slot.parts)):
+            rows = found[2 * number][part * config.rank :]
+            rows[:rank] = a[part * rank : (part + 1) * rank]
+        found[2 * number + 1][:, :rank] = b * scale
+    return found
 
 
 def read_masters(file: AdapterFile, shape: Shape, rank: int) -> list[Tensor]:
@@ -96,10 +121,3 @@ def _check(file: AdapterFile, config: TrainConfig, base_sha256: str) -> None:
             f"(SHA-256 {own[:12]}), than {config.base} ({base_sha256[:12]}): "
             "set base, or start from another"
         )
-    if file.rank != config.rank:
-        raise ValueError(
-            f"{path}: is of rank {file.rank}, the run of {config.rank}: set rank={file.rank}"
-        )
-    if np.float32(file.alpha) != np.float32(config.alpha):
-        own, other = f"{file.alpha:g}", f"{config.alpha:g}"
-        raise ValueError(f"{path}: is of alpha {own}, the run of {other}: set alpha={own}")

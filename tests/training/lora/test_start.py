@@ -3,8 +3,11 @@
 from dataclasses import replace
 from pathlib import Path
 
+import gguf
+import numpy as np
 import pytest
 import torch
+from numpy.typing import NDArray
 
 from pa_console.llm.cache import hash_file
 from pa_console.training.lora.adapter import Adapter
@@ -94,7 +97,7 @@ def test_a_lesson_needs_weights_to_be_added_to(tiny: Path, data: Path, tmp_path:
     train(config(tiny, data, rank=8, steps=1), tmp_path / "wide", False, ignore)
     other = {"before": str(tmp_path / "one"), "after": str(tmp_path / "wide")}
     mixed = wider.model_copy(update={"rank": 4, "lesson": Lesson.model_validate(other)})
-    with pytest.raises(ValueError, match=r"lesson: .* not of one base and rank"):
+    with pytest.raises(ValueError, match=r"wide: is of rank 8, the run of 4: set rank=8"):
         train(mixed, tmp_path / "run2", False, ignore)
 
 
@@ -107,20 +110,55 @@ def written(tiny: Path, target: Path, **changed: int) -> Path:
     return target
 
 
-@pytest.mark.parametrize(
-    ("settings", "says"),
-    [
-        ({"rank": 8}, "is of rank 4, the run of 8: set rank=4"),
-        ({"alpha": 16.0}, "is of alpha 32, the run of 16: set alpha=32"),
-    ],
-)
-def test_settings_that_do_not_fit_the_file_are_refused(
-    settings: dict[str, float], says: str, tiny: Path, data: Path, tmp_path: Path
+@pytest.mark.parametrize("folder", [True, False])
+@pytest.mark.parametrize("settings", [{"rank": 8}, {"alpha": 16.0}, {"rank": 12, "alpha": 5.0}])
+def test_a_run_of_higher_rank_or_another_alpha_begins_with_the_same_corrections(
+    settings: dict[str, float], folder: bool, tiny: Path, data: Path, tmp_path: Path
+) -> None:
+    first, file = tmp_path / "first", tmp_path / "first.gguf"
+    train(config(tiny, data, steps=2, rank=4), first, False, ignore)
+    export_adapter(first, file)
+    wide = config(tiny, data, rank=4, start=str(first if folder else file)).model_copy(
+        update=settings
+    )
+    begun(wide, tmp_path / "wide")
+    export_adapter(tmp_path / "wide", tmp_path / "wide.gguf")
+    before, after = corrections(file), corrections(tmp_path / "wide.gguf")
+    assert before.keys() == after.keys()
+    for name, correction in before.items():
+        np.testing.assert_allclose(after[name], correction, rtol=0.01, atol=1e-4)
+
+
+def corrections(file: Path) -> dict[str, NDArray[np.float32]]:
+    """Return what an adapter adds to each matrix of its base."""
+    found = AdapterFile.open(file)
+    values = {
+        name: gguf.dequantize(tensor.data, tensor.tensor_type)
+        for name, tensor in found.stored.items()
+    }
+    scale = found.alpha / found.rank
+    parts = (name.removesuffix(".lora_a") for name in values if name.endswith(".lora_a"))
+    return {part: scale * values[f"{part}.lora_b"] @ values[f"{part}.lora_a"] for part in parts}
+
+
+def test_a_lower_rank_than_that_of_the_start_is_refused(
+    tiny: Path, data: Path, tmp_path: Path
 ) -> None:
     file = written(tiny, tmp_path / "adapter.gguf")
-    chosen = config(tiny, data, start=str(file), **settings)
-    with pytest.raises(ValueError, match=f"adapter.gguf: {says}"):
+    chosen = config(tiny, data, start=str(file), rank=2)
+    with pytest.raises(ValueError, match=r"adapter.gguf: is of rank 4, the run of 2: set rank=4"):
         train(chosen, tmp_path / "run", False, ignore)
+
+
+def test_a_folder_of_another_base_is_refused(tiny: Path, data: Path, tmp_path: Path) -> None:
+    shape = replace(open_gguf(tiny)[1], hidden=40)
+    other = RunFolder(tmp_path / "other")
+    other.begin(config(tiny, data))
+    other.save(State(Adapter(shape, 4, 32.0, 0, "cpu").masters, {}))
+    for rank in (4, 8):
+        chosen = config(tiny, data, start=str(tmp_path / "other"), rank=rank)
+        with pytest.raises(ValueError, match="other: is of another base than"):
+            train(chosen, tmp_path / f"run{rank}", False, ignore)
 
 
 @pytest.mark.parametrize(
