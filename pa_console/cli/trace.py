@@ -75,6 +75,8 @@ def _print_attempt(console: Console, attempt: Attempt) -> None:
         console.print(f"  {attempt.plan.reason}", style="italic", markup=False)
         for action in attempt.plan.actions:
             console.print(f"  {action.agent}  {action.command}", markup=False)
+        for text in attempt.unmet:
+            console.print(f"  not met: {text}", style="yellow", markup=False)
     broken = [finding for finding in attempt.findings if finding.broken]
     for finding in broken:
         style = "red" if finding.blocking else "yellow"

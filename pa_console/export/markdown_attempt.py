@@ -48,6 +48,8 @@ def _plan(attempt: Attempt) -> Iterator[str]:
         actions = enumerate(attempt.plan.actions, start=1)
         rows = [(n, act.agent, act.verb, act.target) for n, act in actions]
         yield table(("#", "asset", "command", "target"), rows) if rows else "No action."
+        if attempt.unmet:
+            yield table(("not met",), [(text,) for text in attempt.unmet])
     if attempt.text:
         yield folded(f"The {attempt.author}'s answer", fenced(attempt.text))
     if attempt.author == "planner":

@@ -30,6 +30,14 @@ def test_rules_plan_and_verdict_are_shown_before_the_question(
         assert words in told
 
 
+def test_what_of_the_order_is_left_out_is_shown_before_the_question(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    unmet = ("1 drone to WestGate: nobody can be spared",)
+    decided(monkeypatch, "n\n", unmet=unmet)
+    assert f"not met: {unmet[0]}" in capsys.readouterr().err.partition("Approve?")[0]
+
+
 @pytest.mark.parametrize(
     ("typed", "kind"), [("n\n", "reject"), ("", "reject"), ("x\ny\n", "approve")]
 )
