@@ -11,7 +11,7 @@ from pa_console.llm.grammar import REASON_CHARS
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.policy.structure import problems
 from pa_console.resources import find_data
-from pa_console.schema.incident import FailAsset, Incident, SetBattery, SpawnTrack
+from pa_console.schema.incident import FailAsset, Incident, PlaceAsset, SetBattery, SpawnTrack
 from pa_console.schema.plan import Action, Plan
 from pa_console.training.order import Ask, Order, Who
 from pa_console.training.order_sampler import sample_order
@@ -206,6 +206,18 @@ def test_the_last_guards_are_not_sent_away_by_two_asks_together() -> None:
     target = target_of(QUIET, *asks)
     gone = {action.agent for action in target.plan.actions if action.verb == "return_to_base"}
     assert len(gone) == len({a.agent for a in target.plan.actions if a.target}) >= 1
+
+
+@pytest.mark.parametrize("names", [("Ugv_T01", "Drone_T04"), ("Drone_T04", "Ugv_T01")])
+def test_of_two_asks_that_go_only_one_by_one_the_first_is_served(names: tuple[str, ...]) -> None:
+    asks = [Ask(task="home", who=Who(names=(name,))) for name in names]
+    two_at_east = with_(PlaceAsset(asset="Drone_T04", frame="EastGate"))
+    target = target_of(two_at_east, *asks, others_stay=True)
+    assert target.expect == "trim"
+    assert lines(target.plan) == [f"{names[0]} return_to_base"]
+    assert f"{names[1]} needed at EastGate (WF-03)" in target.plan.reason
+    assert target.otherwise is not None
+    assert lines(target.otherwise.plan) == [f"{names[1]} return_to_base"]
 
 
 def test_only_the_verbs_of_a_phase_are_used() -> None:
