@@ -38,12 +38,16 @@ class TrainConfig(StrictModel):
     validation: str | None = Field(default=None, description="samples that are never trained on")
     start: str | None = Field(
         default=None,
-        description="an earlier run, of no higher rank, to begin from: its folder, or a file",
+        description="an earlier run to begin from: its folder, or an adapter's file; of a higher "
+        "rank, it is cut down to this one's",
     )
     lesson: Lesson | None = Field(
         default=None, description="what is added to the weights of `start` before the first step"
     )
     rank: int = Field(default=16, ge=1, le=256)
+    stored: Literal["f16", "q8_0"] = Field(
+        default="f16", description="of the exported file; q8_0 needs a rank that 32 divides"
+    )
     alpha: float = Field(default=32.0, gt=0.0, description="the update is scaled by alpha / rank")
     learning_rate: float = Field(default=8e-4, gt=0.0, description="after the warm-up")
     final_rate: float = Field(default=0.05, ge=0.0, le=1.0, description="of learning_rate")

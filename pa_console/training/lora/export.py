@@ -29,8 +29,9 @@ from pa_console.training.lora.shape import Shape, open_gguf
 def export_adapter(run: Path, target: Path) -> str:
     """Write the adapter of the run in folder `run` to `target` and return its SHA-256.
 
-    Weights are float16; the metadata tells the runs that it went through (`lineage.py`). Raises
-    ValueError when there is no run or its base is not here, or OSError.
+    Weights are of the config's `stored`; the metadata tells the runs that it went through
+    (`lineage.py`). Raises ValueError when there is no run, its base is not here, or its matrices do
+    not fit that type, or OSError.
     """
     folder = RunFolder(run)
     config, state = folder.config(), folder.load()
@@ -67,9 +68,14 @@ def write_adapter(
     writer.add_string(CONFIG, config.model_dump_json())
     for key, value in origin.items():
         writer.add_string(key, value)
-    for name, (a, b) in matrices(adapter, shape).items():
-        writer.add_tensor(f"{name}.weight.lora_a", a)
-        writer.add_tensor(f"{name}.weight.lora_b", b)
+    kind = gguf.GGMLQuantizationType[config.stored.upper()]
+    for name, pair in matrices(adapter, shape).items():
+        for end, values in zip(("lora_a", "lora_b"), pair, strict=True):
+            try:
+                stored = gguf.quantize(values, kind)
+            except gguf.QuantError as error:
+                raise ValueError(f"stored: {name}: {error}: set stored=f16") from error
+            writer.add_tensor(f"{name}.weight.{end}", stored, raw_dtype=kind)
     writer.write_header_to_file()
     writer.write_kv_data_to_file()
     writer.write_tensors_to_file()
@@ -79,12 +85,12 @@ def write_adapter(
 
 def matrices(
     adapter: Adapter, shape: Shape
-) -> dict[str, tuple[NDArray[np.float16], NDArray[np.float16]]]:
+) -> dict[str, tuple[NDArray[np.float32], NDArray[np.float32]]]:
     """Return A (rank, inputs) and B (outputs, rank) of every linear layer, by llama.cpp's names.
 
     B of q and k has its rows where the base has them (`Shape.paired_heads`).
     """
-    found: dict[str, tuple[NDArray[np.float16], NDArray[np.float16]]] = {}
+    found: dict[str, tuple[NDArray[np.float32], NDArray[np.float32]]] = {}
     per_layer = len(adapter.slots) // shape.layers
     for number, slot in enumerate(adapter.slots):
         a, b = adapter.masters[2 * number : 2 * number + 2]
@@ -98,10 +104,7 @@ def matrices(
             rows = _array(own_b)
             if part in shape.paired_heads:
                 rows = to_pairs(rows, shape.paired_heads[part])
-            found[f"blk.{number // per_layer}.{part}"] = (
-                _array(own_a).astype(np.float16),
-                rows.astype(np.float16),
-            )
+            found[f"blk.{number // per_layer}.{part}"] = _array(own_a), rows
     return found
 
 

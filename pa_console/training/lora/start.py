@@ -1,6 +1,5 @@
 """The weights that a run begins with when it goes on from an earlier one."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ from pa_console.training.lora.adapter_file import BASE, BASE_SHA256, AdapterFile
 from pa_console.training.lora.base import to_halves
 from pa_console.training.lora.checkpoint import RunFolder
 from pa_console.training.lora.config import TrainConfig
+from pa_console.training.lora.ranks import of_other_rank
 from pa_console.training.lora.shape import Shape
 
 
@@ -41,9 +41,9 @@ def first_weights(config: TrainConfig, shape: Shape, base_sha256: str) -> list[T
 def start_weights(start: Path, config: TrainConfig, shape: Shape, base_sha256: str) -> list[Tensor]:
     """Return the weights at `start`, a run's folder or an adapter's file, as `Adapter.masters`.
 
-    Weights of a lower rank or another alpha are widened to the config's: they correct the base by
-    the same. `shape` and `base_sha256` are of the base that is trained, which `start` has to be of.
-    Raises ValueError for what cannot be begun from, or OSError.
+    Weights of another rank or alpha are given the config's (`ranks.py`). `start` has to be of the
+    base that is trained, to which `shape` and `base_sha256` belong. Raises ValueError for what
+    cannot be begun from, or OSError.
     """
     if not start.exists():
         raise ValueError(f"start: {start}: is not here: name a run's folder or an adapter's file")
@@ -58,27 +58,16 @@ def start_weights(start: Path, config: TrainConfig, shape: Shape, base_sha256: s
     own = Adapter(shape, rank, alpha, 0, "cpu").masters
     if [master.shape for master in masters] != [master.shape for master in own]:
         raise ValueError(f"{start}: is of another base than {config.base}")
-    if rank > config.rank:
-        raise ValueError(f"{start}: is of rank {rank}, the run of {config.rank}: set rank={rank}")
+    if rank > config.rank and config.lesson is not None:
+        raise ValueError(
+            f"{start}: is of rank {rank}, the run of {config.rank}: a lesson is not added to "
+            f"matrices that are cut down: set rank={rank}"
+        )
     if (rank, alpha) == (config.rank, config.alpha):
         return masters
-    return _widened(masters, rank, alpha, config, shape)
-
-
-def _widened(
-    masters: Sequence[Tensor], rank: int, alpha: float, config: TrainConfig, shape: Shape
-) -> list[Tensor]:
-    """Return `masters` of `rank` beside the fresh rows (B zero) of an adapter of the config."""
-    fresh = Adapter(shape, config.rank, config.alpha, config.seed, "cpu")
-    scale = (alpha / rank) / (config.alpha / config.rank)
-    found = [master.detach() for master in fresh.masters]
-    for number, slot in enumerate(fresh.slots):
-        a, b = masters[2 * number : 2 * number + 2]
-        for part in range(len(slot.parts)):
-            rows = found[2 * number][part * config.rank :]
-            rows[:rank] = a[part * rank : (part + 1) * rank]
-        found[2 * number + 1][:, :rank] = b * scale
-    return found
+    wanted = Adapter(shape, config.rank, config.alpha, config.seed, "cpu")
+    of_other_rank(masters, rank, alpha, wanted)
+    return [master.detach() for master in wanted.masters]
 
 
 def read_masters(file: AdapterFile, shape: Shape, rank: int) -> list[Tensor]:

@@ -97,7 +97,7 @@ def test_a_lesson_needs_weights_to_be_added_to(tiny: Path, data: Path, tmp_path:
     train(config(tiny, data, rank=8, steps=1), tmp_path / "wide", False, ignore)
     other = {"before": str(tmp_path / "one"), "after": str(tmp_path / "wide")}
     mixed = wider.model_copy(update={"rank": 4, "lesson": Lesson.model_validate(other)})
-    with pytest.raises(ValueError, match=r"wide: is of rank 8, the run of 4: set rank=8"):
+    with pytest.raises(ValueError, match="wide: is of rank 8, the run of 4: a lesson"):
         train(mixed, tmp_path / "run2", False, ignore)
 
 
@@ -141,13 +141,41 @@ def corrections(file: Path) -> dict[str, NDArray[np.float32]]:
     return {part: scale * values[f"{part}.lora_b"] @ values[f"{part}.lora_a"] for part in parts}
 
 
-def test_a_lower_rank_than_that_of_the_start_is_refused(
+def test_a_run_of_lower_rank_begins_with_the_nearest_corrections(
     tiny: Path, data: Path, tmp_path: Path
 ) -> None:
-    file = written(tiny, tmp_path / "adapter.gguf")
-    chosen = config(tiny, data, start=str(file), rank=2)
-    with pytest.raises(ValueError, match=r"adapter.gguf: is of rank 4, the run of 2: set rank=4"):
-        train(chosen, tmp_path / "run", False, ignore)
+    first, file = tmp_path / "first", tmp_path / "first.gguf"
+    train(config(tiny, data, steps=2, rank=8), first, False, ignore)
+    export_adapter(first, file)
+    begun(config(tiny, data, start=str(first), rank=3, alpha=5.0), tmp_path / "cut")
+    export_adapter(tmp_path / "cut", tmp_path / "cut.gguf")
+    after = corrections(tmp_path / "cut.gguf")
+    for name, whole in corrections(file).items():
+        left, sizes, right = np.linalg.svd(whole)
+        nearest = (left[:, :3] * sizes[:3]) @ right[:3]
+        np.testing.assert_allclose(after[name], nearest, rtol=0.01, atol=1e-4)
+
+
+def test_an_adapter_in_eight_bits_corrects_by_the_same_and_can_be_gone_on_from(
+    tiny: Path, data: Path, tmp_path: Path
+) -> None:
+    chosen = config(tiny, data, steps=2, rank=32)
+    for stored in ("f16", "q8_0"):
+        train(chosen.model_copy(update={"stored": stored}), tmp_path / stored, False, ignore)
+        export_adapter(tmp_path / stored, tmp_path / f"{stored}.gguf")
+    exact, coarse = (corrections(tmp_path / f"{name}.gguf") for name in ("f16", "q8_0"))
+    for name, correction in exact.items():
+        largest = float(np.abs(correction).max())
+        np.testing.assert_allclose(coarse[name], correction, atol=0.02 * largest)
+    begun(config(tiny, data, rank=32, start=str(tmp_path / "q8_0.gguf")), tmp_path / "next")
+
+
+def test_a_rank_that_eight_bits_cannot_hold_is_refused(
+    tiny: Path, data: Path, tmp_path: Path
+) -> None:
+    train(config(tiny, data, steps=1, rank=4, stored="q8_0"), tmp_path / "run", False, ignore)
+    with pytest.raises(ValueError, match=r"stored: .*: set stored=f16"):
+        export_adapter(tmp_path / "run", tmp_path / "q8.gguf")
 
 
 def test_a_folder_of_another_base_is_refused(tiny: Path, data: Path, tmp_path: Path) -> None:
@@ -166,7 +194,7 @@ def test_a_folder_of_another_base_is_refused(tiny: Path, data: Path, tmp_path: P
     [
         ({"layers": 1}, r"tensor blk\.1\.attn_q\.weight\.lora_a is missing"),
         ({"layers": 3}, r"blk\.2\.attn_k\.weight\.lora_a: is of a layer that is not trained here"),
-        ({"hidden": 40}, r"blk\.0\.ffn_gate\.weight\.lora_b: is of \(40, 4\), not of \(48, 4\)"),
+        ({"hidden": 40}, r"blk\.0\.ffn_gate\.weight\.lora_b: is of \(40, 4\), not of \(64, 4\)"),
     ],
 )
 def test_a_file_with_other_layers_is_refused(

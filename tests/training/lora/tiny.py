@@ -5,7 +5,7 @@ from pathlib import Path
 import gguf
 import numpy as np
 
-WIDTH, HIDDEN, HEADS, KV_HEADS, LAYERS = 32, 48, 4, 2, 2
+WIDTH, HIDDEN, HEADS, KV_HEADS, LAYERS = 32, 64, 4, 2, 2
 CONTROL = ("<|endoftext|>", "<|im_start|>", "<|im_end|>")
 CHATML = (
     "{% for message in messages %}<|im_start|>{{ message.role }}\n"
