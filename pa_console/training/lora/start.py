@@ -110,3 +110,5 @@ def _check(file: AdapterFile, config: TrainConfig, base_sha256: str) -> None:
             f"(SHA-256 {own[:12]}), than {config.base} ({base_sha256[:12]}): "
             "set base, or start from another"
         )
+    if file.alpha <= 0.0:
+        raise ValueError(f"{path}: does not say its alpha: pa-console train has not made it")

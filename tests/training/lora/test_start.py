@@ -226,6 +226,16 @@ def test_an_adapter_that_does_not_name_its_base_is_refused(
         start_weights(file, chosen, shape, hash_file(tiny))
 
 
+def test_an_adapter_that_does_not_say_its_alpha_is_refused(
+    tiny: Path, data: Path, tmp_path: Path
+) -> None:
+    shape, chosen = open_gguf(tiny)[1], config(tiny, data)
+    file, origin = tmp_path / "adapter.gguf", {BASE_SHA256: hash_file(tiny)}
+    write_adapter(file, Adapter(shape, 4, 0.0, 0, "cpu"), shape, chosen, origin)
+    with pytest.raises(ValueError, match="does not say its alpha"):
+        start_weights(file, chosen, shape, hash_file(tiny))
+
+
 def test_what_is_no_adapter_is_refused(tiny: Path, data: Path, tmp_path: Path) -> None:
     whole = written(tiny, tmp_path / "adapter.gguf").read_bytes()
     cut, head = tmp_path / "cut.gguf", tmp_path / "head.gguf"
