@@ -34,7 +34,7 @@ EXAMPLES = {
     "bench retrieval": "pa-console bench retrieval --method related --size 1000",
     "bench twins": "pa-console bench twins --seeds 3",
     "bench degradation": "pa-console bench degradation --out degradation",
-    "bench judge": "pa-console bench judge results/night/runs.jsonl --every 5",
+    "bench judge": "pa-console bench judge results/night --every 5",
     "scenarios": "pa-console scenarios list",
     "scenarios list": "pa-console scenarios list --world my-world",
     "scenarios show": "pa-console scenarios show situation-2",
