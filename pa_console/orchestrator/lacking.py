@@ -7,7 +7,7 @@ from pa_console.llm.reading import Wish, WishTask
 from pa_console.orchestrator.hindrance import unfit
 from pa_console.orchestrator.plan_moves import PlanMoves
 from pa_console.orchestrator.reporters import of_everyone, reporters
-from pa_console.orchestrator.wish_moves import Case, post_of
+from pa_console.orchestrator.wish_moves import Case, is_of, post_of
 from pa_console.schema.plan import Verb
 from pa_console.schema.telemetry import Track
 from pa_console.schema.world import AssetKind
@@ -22,12 +22,11 @@ def _there(case: Case, wish: Wish) -> Iterator[str]:
         yield f"{', '.join(there)} at {place} already"
     if team.names:
         return
-    sent = len(case.moves.sent(place, team.kind))
+    sent = sum(is_of(case.moves, name, wish) for name in case.moves.sent(place, team.kind))
     spare = [
         name
         for name in case.spare(wish, team.kind)
-        if case.moves.post(name) != place and team.origin in ("", case.moves.post(name))
-        if not _is_left(case.moves, name)
+        if case.moves.post(name) != place and not _is_left(case.moves, name)
     ]
     wanted = 1 if team.number == "all" else team.number
     word = "asset" if team.kind is None else WORDS[team.kind]
@@ -59,8 +58,11 @@ def _absent(case: Case, wish: Wish, place: str) -> Iterator[str]:
 def _looked(case: Case, wish: Wish) -> Iterator[str]:
     yield from _absent(case, wish, wish.place)
     moves = case.moves
-    looks = moves.commands(wish.place, ["observe"]) or moves.sent(wish.place, "uav")
-    if not wish.team.names and not looks and case.spare(wish, "uav"):
+    observers = (action.agent for action in moves.commands(wish.place, ["observe"]))
+    drones = (*observers, *moves.sent(wish.place, "uav"))
+    looks = any(is_of(moves, name, wish) for name in drones)
+    can = (n for n in case.spare(wish, "uav") if not unfit(n, wish, moves.world, moves.before))
+    if not wish.team.names and not looks and any(can):
         yield f"nobody observes {wish.place}"
 
 
@@ -123,7 +125,8 @@ def _taken_over(case: Case, wish: Wish) -> Iterator[str]:
     yield from _absent(case, wish, place)
     kind = wish.team.kind
     sent = [name for name in case.moves.sent(place, kind) if name != wish.leaving]
-    if not _fit(case, wish) and not sent and case.spare(wish, kind):
+    spare = [name for name in case.spare(wish, kind) if case.moves.post(name) != place]
+    if not _fit(case, wish) and not sent and spare:
         yield f"nobody takes over {place}"
 
 

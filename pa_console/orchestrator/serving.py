@@ -11,7 +11,8 @@ from pa_console.llm.slot_grammar import Slot
 from pa_console.orchestrator.hindrance import hindrance, unfit
 from pa_console.orchestrator.plan_moves import PlanMoves
 from pa_console.orchestrator.reporters import beside, of_everyone, reporters
-from pa_console.orchestrator.serving_backfill import UntoldError, among, backfills
+from pa_console.orchestrator.serving_backfill import UntoldError, among, backfills, but_guards
+from pa_console.orchestrator.wish_moves import is_of
 from pa_console.schema.plan import MAX_ACTIONS, Plan
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import AssetKind, World
@@ -79,24 +80,13 @@ def _sent(stands: PlanMoves, wish: Wish, command: str, place: str) -> Iterator[S
     free = [
         name
         for name in stands.free(team.kind)
-        if stands.post(name) != place and team.origin in ("", stands.post(name))
+        if stands.post(name) != place and is_of(stands, name, wish)
     ]
     number = len(free) if team.number == "all" or wish.task == "mass" else team.number
     if number >= len(free):
-        yield from (Slot((name,), command) for name in _but_guards(stands, free, place))
+        yield from (Slot((name,), command) for name in but_guards(stands, free, place))
     else:
         yield from (Slot(tuple(free), command) for _ in range(number))
-
-
-def _but_guards(stands: PlanMoves, names: Sequence[str], place: str) -> Iterator[str]:
-    """Yield `names` without the last guard of each other gate, who stays (WF-03)."""
-    left = {gate: [*stands.guards(gate)] for gate in stands.world.gates if gate != place}
-    for name in names:
-        gate = stands.post(name)
-        if left.get(gate) != [name]:
-            yield name
-            if name in left.get(gate, ()):
-                left[gate].remove(name)
 
 
 def _fit(stands: PlanMoves, wish: Wish) -> list[str]:
@@ -115,8 +105,10 @@ def _home(stands: PlanMoves, wish: Wish) -> Iterator[Slot]:
 def _looked(stands: PlanMoves, wish: Wish) -> Iterator[Slot]:
     if wish.team.names:
         yield from (Slot((name,), f"observe {wish.place}") for name in _fit(stands, wish))
-    elif drones := _near(stands, wish.place, "uav"):
-        yield Slot(drones, f"observe {wish.place}")
+    else:
+        near = (n for n in _near(stands, wish.place, "uav") if is_of(stands, n, wish))
+        if drones := tuple(n for n in near if not unfit(n, wish, stands.world, stands.before)):
+            yield Slot(drones, f"observe {wish.place}")
 
 
 def _near(stands: PlanMoves, place: str, kind: AssetKind) -> tuple[str, ...]:
@@ -157,6 +149,7 @@ def _blocked(stands: PlanMoves, wish: Wish) -> Iterator[Slot]:
 
 
 def _taken_over(stands: PlanMoves, wish: Wish) -> Iterator[Slot]:
+    """Yield who leaves and who comes; nobody comes where those who could stand there already."""
     place = wish.place or (stands.post(wish.leaving) if wish.leaving else "")
     team = wish.team
     if wish.leaving and stands.before.assets[wish.leaving].available:
@@ -164,8 +157,10 @@ def _taken_over(stands: PlanMoves, wish: Wish) -> Iterator[Slot]:
     names = [name for name in _fit(stands, wish) if stands.post(name) != place]
     if team.names:
         yield from (Slot((name,), f"move_to {place}") for name in names)
-    else:
-        yield Slot(among(stands, stands.free(team.kind), place), f"move_to {place}")
+        return
+    free = [n for n in stands.free(team.kind) if n != wish.leaving and is_of(stands, n, wish)]
+    if wish.task == "cover" or not free or any(stands.post(name) != place for name in free):
+        yield Slot(among(stands, free, place), f"move_to {place}")
 
 
 def _swapped(stands: PlanMoves, wish: Wish) -> Iterator[Slot]:

@@ -21,7 +21,8 @@ def backfills(stands: PlanMoves, asked: Sequence[Slot], others_stay: bool) -> It
     """
     ways = [(s, goes_to(Action(agent=s.agents[0], command=s.command), stands.world)) for s in asked]
     leaving = {slot.agents[0]: goal for slot, goal in ways if len(slot.agents) == 1 and goal}
-    free = [name for name in stands.free() if name not in leaving]
+    away = [name for name, goal in leaving.items() if goal != stands.post(name)]
+    free = [n for n in stands.free() if n not in leaving and not _is_last(stands, n, away)]
     for gate in stands.world.gates:
         guards, others = stands.guards(gate), free
         if coming := [name for slot, goal in ways if goal == gate for name in slot.agents]:
@@ -33,6 +34,23 @@ def backfills(stands: PlanMoves, asked: Sequence[Slot], others_stay: bool) -> It
             if others_stay:
                 raise UntoldError
             yield Slot(_in_time(stands, among(stands, others), gate), f"move_to {gate}")
+
+
+def but_guards(stands: PlanMoves, names: Sequence[str], place: str) -> Iterator[str]:
+    """Yield `names` without the last guard of each gate but `place`, who stays (WF-03)."""
+    left = {gate: [*stands.guards(gate)] for gate in stands.world.gates if gate != place}
+    for name in names:
+        gate = stands.post(name)
+        if left.get(gate) != [name]:
+            yield name
+            if name in left.get(gate, ()):
+                left[gate].remove(name)
+
+
+def _is_last(stands: PlanMoves, name: str, away: Sequence[str]) -> bool:
+    """Whether all other guards of the gate that `name` covers go away."""
+    guards = stands.guards(stands.post(name))
+    return name in guards and all(guard in away for guard in guards if guard != name)
 
 
 def _in_time(stands: PlanMoves, names: Sequence[str], gate: str) -> tuple[str, ...]:

@@ -24,12 +24,16 @@ class Case:
     """Places of wishes that nobody can carry out: to look there is a safe alternative (CAP-10)."""
 
     def spare(self, wish: Wish, kind: AssetKind | None = None) -> list[str]:
-        """Return who is free, of one kind if that is given, and does nothing but for `wish`."""
+        """Return who is free, of one kind if that is given, and does nothing but for `wish`.
+
+        Where `wish` says from where they are to come, nobody else.
+        """
         moves, others = self.moves, [each for each in self.due if each != wish]
         return [
             name
             for name in moves.free(kind)
-            if not moves.takes_over(name)
+            if is_of(moves, name, wish)
+            and not moves.takes_over(name)
             and not (name in moves.moved and any(_carries_out(moves, name, w) for w in others))
         ]
 
@@ -46,20 +50,26 @@ class Case:
         return not self.others_stay and any(self.spare(wish, kind) for kind in kinds)
 
 
+def is_of(moves: PlanMoves, name: str, wish: Wish) -> bool:
+    """Whether `name` comes from where those are to come from who are asked for."""
+    return wish.team.origin in ("", moves.post(name))
+
+
 def may(moves: PlanMoves, name: str, wish: Wish) -> bool:
     """Whether `name` may move for `wish`."""
     if name in (*wish.team.names, wish.leaving):
         return True
     goal, fits = moves.ends(name), wish.team.kind in (None, moves.kind(name))
+    from_there = is_of(moves, name, wish)
     match wish.task:
         case "go" | "mass":
-            return not wish.team.names and goal == wish.place and fits
+            return not wish.team.names and goal == wish.place and fits and from_there
         case "home":
-            return not wish.team.names and goal == moves.world.base and fits
+            return not wish.team.names and goal == moves.world.base and fits and from_there
         case "look":
-            return goal == wish.place and moves.kind(name) == "uav"
+            return goal == wish.place and moves.kind(name) == "uav" and from_there
         case "cover" | "relieve":
-            return goal == post_of(moves, wish)
+            return goal == post_of(moves, wish) and from_there
         case "stand_down":
             return goal == moves.world.base and moves.post(name) == wish.place
         case "identify" | "warn" | "block" | "respond":

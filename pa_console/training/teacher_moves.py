@@ -1,6 +1,6 @@
 """Drafts for asks that move assets: go, look, cover, relieve, swap, home, stand down, mass."""
 
-from pa_console.training.order import Ask
+from pa_console.training.order import Ask, Who
 from pa_console.training.teacher_draft import Desk, Draft, going, listed, refusal
 from pa_console.training.teacher_roster import Roster
 from pa_console.training.teacher_teams import (
@@ -80,7 +80,10 @@ def cover(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
 
 
 def relieve(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
-    """Send a guard to where one is that goes home; one that is down only needs the other."""
+    """Send a guard to where one is that goes home; one that is down only needs the other.
+
+    Nobody is sent where all of those who could come stand there already.
+    """
     lost = ask.leaving
     place = ask.place or roster.picture.assets[lost].post or ""
     if not roster.up(lost):
@@ -89,6 +92,11 @@ def relieve(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
         return [refusal(ask, f"{lost} guards no place", "CAP-10")]
     if lost in desk.used:
         return [refusal(ask, f"{lost} has one task already", "CAP-07")]
+    coming, there = guards(ask, desk, roster, place), _standing(ask, desk, roster, place)
+    if there and not any(roster.kind(name) in kinds_of(ask) for name in coming):
+        leaves = Ask(task="home", who=Who(names=(lost,)))
+        why = f"{roster.whereabouts(lost)}, {there[0]} stays"
+        return [Draft(leaves, ((lost, "return_to_base"),), (why,))]
     return [
         Draft(
             ask.model_copy(update={"place": place}),
@@ -98,8 +106,16 @@ def relieve(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:
             ),
             (f"{roster.whereabouts(lost)}, {roster.offered([name])} takes over",),
         )
-        for name in guards(ask, desk, roster, place)
+        for name in coming
     ] or [refusal(ask, f"nobody is free for {place}", "WF-03")]
+
+
+def _standing(ask: Ask, desk: Desk, roster: Roster, place: str) -> list[str]:
+    """Return who could relieve somebody at `place` and stands there already."""
+    if ask.who.names:
+        return []
+    free = roster.free(kinds_of(ask), (*desk.taken(), ask.leaving), ask.who.origin)
+    return [name for name in free if roster.stands(name) == place]
 
 
 def swap(ask: Ask, desk: Desk, roster: Roster) -> list[Draft]:

@@ -120,14 +120,15 @@ def _there(ask: Ask, world: World, verb: Verb | None = None) -> Iterator[str]:
     kind = "uav" if verb == "observe" else ask.who.kind
     if verb is None:
         count = 1 if ask.task == "mass" or ask.who.count == "all" else ask.who.count
-        least = f"size(run.moved.filter(n, {_at('n', place, kind)})) >= {count}"
+        fit = f"{_at('n', place, kind)}{_from('n', ask)}"
+        least = f"size(run.moved.filter(n, {fit})) >= {count}"
         yield least
         if ask.task == "go" and kind != "uav":
             yield f"size(run.moved.filter(n, {_at('n', place, kind)})) <= {count}"
     else:
         yield (
             f"run.actions.exists(a, a.verb == '{verb}' && a.frame == '{place}' && a.done"
-            f" && run.final.assets[a.agent].at == '{place}')"
+            f" && run.final.assets[a.agent].at == '{place}'{_from('a.agent', ask)})"
         )
 
 
@@ -177,6 +178,12 @@ def _at(name: str, place: str, kind: str | None = None) -> str:
     """Return that the asset in the variable `name` is at `place`, and of the kind if given."""
     there = f"run.final.assets[{name}].at == '{place}' && run.final.assets[{name}].available"
     return f"{there} && run.final.assets[{name}].kind == '{kind}'" if kind else there
+
+
+def _from(name: str, ask: Ask) -> str:
+    """Return that the asset in the variable `name` came from where `ask` wants it from, if said."""
+    origin = ask.who.origin
+    return f" && run.start.assets[{name}].post == '{origin}'" if origin else ""
 
 
 def _at_name(name: str, place: str) -> str:

@@ -95,6 +95,26 @@ def test_a_plan_that_does_what_was_asked_has_no_gap(words: str, orders: list[str
     assert found(words, moves(*orders)) == ()
 
 
+def test_who_comes_from_elsewhere_is_not_who_was_asked_for() -> None:
+    setup = (PlaceAsset(asset="Drone_T04", frame="EastGate"),)
+    sent, looking = "Drone_T04 move_to WestGate", "Drone_T04 observe WestGate"
+    for order, words in (
+        (sent, "1 drone from {} to WestGate"),
+        (looking, "1 drone from {} look at WestGate"),
+    ):
+        assert found(words.format("EastGate"), moves(order, setup=setup)) == ()
+        assert "Drone_T04 not asked for" in found(
+            words.format("Checkpoint"), moves(order, setup=setup)
+        )
+
+
+def test_nobody_has_to_come_where_who_could_relieve_stands_already() -> None:
+    setup = (PlaceAsset(asset="Drone_T04", frame="EastGate"),)
+    words = "1 drone relieves Ugv_T01 at EastGate"
+    assert found(words, moves("Ugv_T01 return_to_base", setup=setup)) == ()
+    assert found(words, moves("Drone_T04 hold", setup=setup)) == ("Ugv_T01 does not go home",)
+
+
 def test_whom_nobody_can_deal_with_may_be_looked_at() -> None:
     words, looks = "1 drone identify at EastGate", "Drone_T04 observe EastGate"
     assert found(words, moves(looks, setup=CAR)) == ()

@@ -9,7 +9,7 @@ from pa_console.orchestrator.plan_moves import PlanMoves
 from pa_console.orchestrator.serving import serving_slots
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import data_folder
-from pa_console.schema.incident import FailAsset, Incident, SpawnTrack
+from pa_console.schema.incident import FailAsset, Incident, PlaceAsset, SpawnTrack
 from pa_console.schema.plan import Action, Plan
 from pa_console.training.asked import asked
 from pa_console.training.planner_data import Recipe, make_group
@@ -109,6 +109,32 @@ def test_what_depends_on_more_is_left_to_the_planner(
     words: str, setup: tuple[Incident, ...]
 ) -> None:
     assert slots(words, setup) == []
+
+
+def test_only_those_come_who_are_to_come_from_there() -> None:
+    elsewhere = (PlaceAsset(asset="Robot_T02", frame="NorthGate"),)
+    assert slots("1 robot from NorthGate to EastGate", elsewhere) == ["Robot_T02 move_to EastGate"]
+    beside = (PlaceAsset(asset="Drone_T04", frame="EastGate"),)
+    (only,) = slots("1 drone from Checkpoint look at WestGate", beside)
+    assert only.endswith(" hold")
+    assert slots("1 drone from EastGate look at WestGate", beside) == ["Drone_T04 observe WestGate"]
+
+
+def test_where_who_could_relieve_stands_already_the_guard_goes_home() -> None:
+    beside = (PlaceAsset(asset="Drone_T04", frame="EastGate"),)
+    words = "1 drone relieves Ugv_T01 at EastGate"
+    assert slots(words, beside) == ["Ugv_T01 return_to_base"]
+
+
+def test_nobody_takes_over_a_gate_whose_gate_would_then_be_left() -> None:
+    two_each = (
+        PlaceAsset(asset="Ugv_T02", frame="NorthGate"),
+        PlaceAsset(asset="Drone_T04", frame="NorthGate"),
+        *(FailAsset(asset=name) for name in ("Drone_T02", "Robot_T01", "Robot_T02")),
+    )
+    assert slots("Drone_T01 to EastGate", two_each)[0] == "Drone_T04|Ugv_T02 move_to WestGate"
+    words = "Drone_T01 to EastGate; Ugv_T02 to EastGate"
+    assert slots(words, two_each) == []
 
 
 def test_a_drone_looks_before_a_robot_identifies() -> None:

@@ -194,6 +194,19 @@ def test_what_can_be_done_is_done_and_the_rest_is_named() -> None:
     assert target.rule_ids == ("ROE-01",)
 
 
+def test_who_is_relieved_goes_home_where_who_could_come_stands_already(book: Rulebook) -> None:
+    beside = with_(PlaceAsset(asset="Drone_T04", frame="EastGate"))
+    wish = Ask(task="relieve", who=Who(kind="uav"), leaving="Ugv_T01", place="EastGate")
+    target = target_of(beside, wish)
+    assert lines(target.plan) == ["Ugv_T01 return_to_base"]
+    assert target.expect == "execute"
+
+
+def test_success_tells_who_came_from_elsewhere_apart() -> None:
+    wish = Ask(task="go", who=Who(kind="robot", origin="Checkpoint"), place="EastGate")
+    assert any("post == 'Checkpoint'" in text for text in target_of(QUIET, wish).success)
+
+
 def test_nobody_takes_over_when_the_words_forbid_it() -> None:
     ask = Ask(task="home", who=Who(names=("Drone_T02",)))
     target = target_of(QUIET, ask, others_stay=True)
