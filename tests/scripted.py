@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import cast
 
 from pa_console.llm.catalog import LocalModel
+from pa_console.llm.confidence import Chance
 from pa_console.llm.engine import Engine, OnState
 from pa_console.llm.errors import EngineError
 from pa_console.llm.request import Completed, Request
@@ -34,9 +35,13 @@ class ScriptedEngine:
         plans: Sequence[Answer],
         verdicts: Sequence[Answer] = (SUCCESS,),
         others: Sequence[str] = (),
+        chances: Sequence[Chance] = (),
     ) -> None:
-        """`others` are what comes when several answers are asked for at once."""
-        self._others = others
+        """`others` are what comes when several answers are asked for at once.
+
+        Every single answer comes with `chances`.
+        """
+        self._others, self._chances = others, tuple(chances)
         self._answers = {"planner": list(plans), "judge": list(verdicts)}
         self.requests: list[Request] = []
         self.several: list[Request] = []
@@ -90,4 +95,5 @@ class ScriptedEngine:
         half = len(answer) // 2
         yield answer[:half]
         yield answer[half:]
-        yield Completed(answer, Usage(completion_tokens=2, seconds=0.01), "stop")
+        usage = Usage(completion_tokens=2, seconds=0.01)
+        yield Completed(answer, usage, "stop", chances=self._chances)

@@ -77,6 +77,8 @@ def _print_attempt(console: Console, attempt: Attempt) -> None:
             console.print(f"  {action.agent}  {action.command}", markup=False)
         for text in attempt.unmet:
             console.print(f"  not met: {text}", style="yellow", markup=False)
+        if attempt.doubt:
+            console.print(f"  unsure: {attempt.doubt}", style="yellow", markup=False)
     broken = [finding for finding in attempt.findings if finding.broken]
     for finding in broken:
         style = "red" if finding.blocking else "yellow"

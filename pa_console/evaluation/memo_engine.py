@@ -9,6 +9,7 @@ from typing import cast
 
 from pydantic import ValidationError
 
+from pa_console.llm.confidence import Chance
 from pa_console.llm.engine import Engine, OnState
 from pa_console.llm.request import Completed, Request
 from pa_console.schema.base import StrictModel
@@ -23,6 +24,7 @@ class _Remembered(StrictModel):
     text: str
     usage: Usage
     texts: tuple[str, ...] = ()
+    chances: tuple[Chance, ...] = ()
 
 
 _MEASURED = re.compile(r"\b\d+ (m|s|%)(?=\W|$)")
@@ -115,7 +117,13 @@ class MemoEngine:
     def _remember(self, key: str, answer: Completed) -> None:
         self._known[key] = answer
         if self._memory is not None:
-            known = _Remembered(key=key, text=answer.text, usage=answer.usage, texts=answer.texts)
+            known = _Remembered(
+                key=key,
+                text=answer.text,
+                usage=answer.usage,
+                texts=answer.texts,
+                chances=answer.chances,
+            )
             line = known.model_dump_json()
             with self._memory.open("a", encoding="utf-8") as file:
                 file.write(line + "\n")
@@ -131,5 +139,5 @@ def _recall(memory: Path) -> dict[str, Completed]:
             raise ValueError(
                 f"{memory}:{number}: this line is no answer of a model; remove it, or the file"
             ) from error
-        known[entry.key] = Completed(entry.text, entry.usage, "stop", entry.texts)
+        known[entry.key] = Completed(entry.text, entry.usage, "stop", entry.texts, entry.chances)
     return known

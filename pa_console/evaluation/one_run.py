@@ -143,6 +143,7 @@ def _record(  # noqa: PLR0917
         judge_plan=_overall(opinions),
         judge_outcome=outcome,
         verification=trace.verification.outcome if trace.verification is not None else None,
+        confidence=last[0].sure,
         valid_json=bool(trace.attempts) and trace.attempts[0].plan is not None,
         first_sound=bool(trace.attempts) and _sound(trace.attempts[0]),
         attempts=len(trace.attempts),

@@ -53,6 +53,9 @@ class RunRecord(StrictModel):
     broken: tuple[Breach, ...] = ()
     judge_plan: Opinion | None = Field(default=None, description="verdict on the executed plan")
     judge_outcome: Opinion | None = None
+    confidence: float | None = Field(
+        default=None, description="of planner and judge in what was asked, the lower of the two"
+    )
     verification: Outcome | None = Field(default=None, description="telemetry's own answer")
     valid_json: bool = Field(description="the first answer could be read as a plan")
     first_sound: bool = Field(description="the first plan broke no Critical or High rule")

@@ -50,6 +50,8 @@ def _plan(attempt: Attempt) -> Iterator[str]:
         yield table(("#", "asset", "command", "target"), rows) if rows else "No action."
         if attempt.unmet:
             yield table(("not met",), [(text,) for text in attempt.unmet])
+        if attempt.doubt:
+            yield f"**Unsure**: {inline(attempt.doubt)}"
     if attempt.text:
         yield folded(f"The {attempt.author}'s answer", fenced(attempt.text))
     if attempt.author == "planner":

@@ -15,11 +15,12 @@ import numpy as np
 from llguidance import LLMatcher
 from numpy.typing import NDArray
 
+from pa_console.llm.confidence import Chance
 from pa_console.llm.lookup import guess
 from pa_console.llm.protocol import Finish
 from pa_console.llm.runtime import Runtime
 from pa_console.llm.shared_context import InterruptedEvaluationError
-from pa_console.llm.token_choice import forced_tokens, likeliest, readable
+from pa_console.llm.token_choice import forced_tokens, likeliest, log_chance, readable
 from pa_console.schema.finding import Usage
 
 LOOSE = 3
@@ -70,6 +71,7 @@ class AnswerRun:
         self._first_token_s = 0.0
         self._cached = self._written = self._sampled = self._guessed = 0
         self.text = ""
+        self.chances: list[Chance] = []
         self.done = 0
         """How many tokens of prompt and answer are evaluated."""
 
@@ -176,6 +178,7 @@ class AnswerRun:
             return tokens
         token = likeliest(self._matcher, logits)
         self._sampled += 1
+        self.chances.append((len(self.text), round(log_chance(logits, token), 4)))
         return [token, *forced_tokens(self._matcher)]
 
     def _give(self, tokens: Sequence[int]) -> None:

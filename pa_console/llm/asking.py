@@ -4,6 +4,7 @@ from collections.abc import AsyncGenerator
 from contextlib import aclosing
 from dataclasses import dataclass
 
+from pa_console.llm.confidence import Chance
 from pa_console.llm.engine import Engine
 from pa_console.llm.errors import EngineDiedError, EngineError
 from pa_console.llm.request import Completed, Request
@@ -19,6 +20,7 @@ class Answer:
     error: str = ""
     fatal: bool = False
     texts: tuple[str, ...] = ()
+    chances: tuple[Chance, ...] = ()
 
 
 async def ask(engine: Engine, request: Request) -> AsyncGenerator[str | Answer]:
@@ -52,7 +54,7 @@ async def ask(engine: Engine, request: Request) -> AsyncGenerator[str | Answer]:
 def _answer(item: Completed, request: Request) -> Answer:
     match item.finish:
         case "stop":
-            return Answer(item.text, item.usage, texts=item.texts)
+            return Answer(item.text, item.usage, texts=item.texts, chances=item.chances)
         case "length":
             error = f"the answer was cut off after {request.max_tokens} tokens"
             return Answer(item.text, item.usage, error)

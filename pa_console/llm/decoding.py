@@ -11,6 +11,7 @@ from llguidance.llamacpp import lltokenizer_from_vocab
 
 from pa_console.llm.answer_run import AnswerRun, Written
 from pa_console.llm.candidates import Candidates
+from pa_console.llm.confidence import Chance
 from pa_console.llm.protocol import Finish
 from pa_console.llm.runtime import Runtime
 from pa_console.schema.finding import Usage
@@ -28,6 +29,8 @@ class Decoder:
         self._last: dict[int, Written] = {}
         self.written: tuple[int, ...] = ()
         """The tokens of the last answer."""
+        self.chances: tuple[Chance, ...] = ()
+        """Those that were chosen, where it did not go on from another answer."""
 
     def answer(  # noqa: PLR0917
         self,
@@ -58,7 +61,7 @@ class Decoder:
             finish = run.go_on(sequence, context, last, max_tokens)
         else:
             finish = run.write(sequence, context, max_tokens)
-        self.written = tuple(context[len(prompt) :])
+        self.written, self.chances = tuple(context[len(prompt) :]), tuple(run.chances)
         if finish == "stop":
             self._last[sequence] = Written(context[: len(prompt)], self.written, run.text, run.done)
         return finish, run.usage(len(prompt))

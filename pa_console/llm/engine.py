@@ -209,7 +209,8 @@ class Engine:
                 case Texts(id=id_) if id_ == number:
                     texts = message.texts
                 case Done(id=id_) if id_ == number:
-                    yield Completed(text, message.usage, asked or message.finish, texts)
+                    finish = asked or message.finish
+                    yield Completed(text, message.usage, finish, texts, message.chances)
                     return
                 case Refused(id=id_) if id_ == number:
                     raise PromptRefusedError(message.error)

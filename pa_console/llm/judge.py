@@ -7,6 +7,7 @@ from typing import Literal
 from pydantic import Field, ValidationError
 
 from pa_console.llm.asking import Answer, ask
+from pa_console.llm.confidence import confidence
 from pa_console.llm.engine import Engine
 from pa_console.llm.grammar import COMPARED_CHARS
 from pa_console.llm.prompts import Prompt
@@ -27,6 +28,9 @@ class Judgement:
     verdict: Verdict | None
     error: str = ""
     usage: Usage = field(default_factory=Usage)
+    confidence: float | None = None
+    """The chance, 0 to 1, that it gave to the beginning of its answer, where that was asked for
+    by itself: to what it says was asked."""
 
 
 class Judge:
@@ -73,8 +77,9 @@ class Judge:
                     given = len(text)
                 continue
             usage = item.usage if begun is None else begun.usage.going_on(item.usage)
+            sure = confidence(begun.chances, begun.text, begun.text) if begun is not None else None
             verdict, error = (None, item.error) if item.error else read_verdict(item.text, rule_ids)
-            yield Judgement(item.text, verdict, error, usage)
+            yield Judgement(item.text, verdict, error, usage, sure)
 
     def _ask(
         self, prompt: Prompt, grammar: str, role: Role, hint: str, begun: str = ""

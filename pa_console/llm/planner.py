@@ -7,8 +7,10 @@ from json import JSONDecoder
 from pydantic import ValidationError
 
 from pa_console.llm.asking import ask
+from pa_console.llm.confidence import confidence
 from pa_console.llm.engine import Engine
 from pa_console.llm.prompts import Prompt
+from pa_console.llm.reading import asked_words
 from pa_console.llm.request import Request
 from pa_console.schema.finding import Usage
 from pa_console.schema.plan import Action, Plan
@@ -29,6 +31,8 @@ class Proposal:
     error: str = ""
     fatal: bool = False
     usage: Usage = field(default_factory=Usage)
+    confidence: float | None = None
+    """The chance, 0 to 1, that it gave to what it says was asked; None where it says nothing."""
 
 
 class Planner:
@@ -51,7 +55,9 @@ class Planner:
                 yield Proposal(item.text, None, item.error, item.fatal, item.usage)
             else:
                 plan, error = read_plan(item.text)
-                yield Proposal(item.text, plan, error, usage=item.usage)
+                asked = asked_words(plan.reason) if plan is not None else ""
+                sure = confidence(item.chances, item.text, asked)
+                yield Proposal(item.text, plan, error, usage=item.usage, confidence=sure)
 
     async def several(
         self, prompt: Prompt, grammar: str, count: int, begun: str = ""

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field, TypeAdapter
 
 from pa_console.llm.catalog import ChatFormat
+from pa_console.llm.confidence import Chance
 from pa_console.schema.base import StrictModel
 from pa_console.schema.event import Role
 from pa_console.schema.finding import Usage
@@ -77,12 +78,13 @@ class Texts(StrictModel):
 
 
 class Done(StrictModel):
-    """Generation `id` is over; all its text was sent."""
+    """Generation `id` is over; all its text was sent. `chances` are those of a single answer."""
 
     op: Literal["done"] = "done"
     id: int
     finish: Finish
     usage: Usage
+    chances: tuple[Chance, ...] = ()
 
 
 class Refused(StrictModel):

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from pa_console.llm.confidence import Chance
 from pa_console.llm.protocol import Finish
 from pa_console.schema.event import Role
 from pa_console.schema.finding import Usage
@@ -35,3 +36,5 @@ class Completed:
     usage: Usage
     finish: Finish
     texts: tuple[str, ...] = ()
+    chances: tuple[Chance, ...] = ()
+    """How likely each token was that the model chose; nothing where several answers came."""

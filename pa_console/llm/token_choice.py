@@ -25,6 +25,13 @@ def likeliest(matcher: LLMatcher, logits: NDArray[np.float32]) -> int:
     return token
 
 
+def log_chance(logits: NDArray[np.float32], token: int) -> float:
+    """Return the logarithm of the chance that `logits` give to `token`, grammar or not."""
+    highest = logits.max()
+    total = np.exp(logits - highest).sum()
+    return float(logits[token] - highest - np.log(total))
+
+
 def allowed_only(matcher: LLMatcher, logits: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return `logits` with minus infinity for what the grammar refuses; ValueError for all."""
     mask = np.frombuffer(matcher.compute_bitmask(), dtype=np.uint8)

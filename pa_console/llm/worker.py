@@ -99,7 +99,8 @@ def serve(inbox: Inbox, outbox: IO[bytes]) -> None:
         except (ValueError, RuntimeError) as error:
             send(Refused(id=number, error=str(error)))
         else:
-            send(Done(id=number, finish=finish, usage=usage))
+            chances = decoder.chances if request.count == 1 else ()
+            send(Done(id=number, finish=finish, usage=usage, chances=chances))
 
 
 def _answer(

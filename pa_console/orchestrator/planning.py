@@ -237,4 +237,5 @@ def _judged(attempt: int, judgement: Judgement) -> ev.PlanJudged:
         verdict=judgement.verdict,
         error=judgement.error,
         usage=judgement.usage,
+        confidence=judgement.confidence,
     )

@@ -104,7 +104,11 @@ class Proposing:
             )
         for proposal in found:
             self.attempts += 1
-            given = replace(proposal, usage=usage if self.attempts == first + 1 else Usage())
+            given = replace(
+                proposal,
+                usage=usage if self.attempts == first + 1 else Usage(),
+                confidence=self.latest.confidence if as_asked else None,
+            )
             yield _proposed(self.attempts, given, instead_of=first)
             if proposal.plan is not None:
                 self.others.append((self.attempts, proposal.plan))
@@ -127,7 +131,9 @@ class Proposing:
             async for piece in self._services.planner.plan(question.prompt, grammar):
                 if not isinstance(piece, str):
                     self.attempts += 1
-                    told = _proposed(self.attempts, piece, instead_of=first, given=True)
+                    sure = None if as_judged else self.latest.confidence
+                    given = replace(piece, confidence=sure)
+                    told = _proposed(self.attempts, given, instead_of=first, given=True)
                     yield told.model_copy(update={"as_judged": as_judged})
                     if piece.plan is not None:
                         self.others.append((self.attempts, piece.plan))
@@ -172,6 +178,7 @@ def _proposed(
         plan=proposal.plan,
         error=proposal.error,
         usage=proposal.usage,
+        confidence=proposal.confidence,
         instead_of=instead_of,
         given=given,
     )

@@ -61,6 +61,12 @@ class PlanProposed(Payload):
     plan: Plan | None
     error: str = ""
     usage: Usage = Usage()
+    confidence: float | None = Field(
+        default=None,
+        ge=0.0,
+        le=1.0,
+        description="the chance that the planner gave to what it says was asked",
+    )
     instead_of: int | None = Field(
         default=None, description="the attempt whose prompt it is another answer to"
     )
@@ -101,6 +107,12 @@ class PlanJudged(Payload):
     verdict: Verdict | None
     error: str = ""
     usage: Usage = Usage()
+    confidence: float | None = Field(
+        default=None,
+        ge=0.0,
+        le=1.0,
+        description="the chance that the judge gave to what it says was asked",
+    )
 
 
 class RepairRequested(Payload):

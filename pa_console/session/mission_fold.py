@@ -44,7 +44,7 @@ def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
             attempt.author, attempt.text, attempt.plan = data.author, data.text, data.plan
             attempt.error, attempt.usage = data.error, data.usage
             attempt.instead_of, attempt.given = data.instead_of, data.given
-            attempt.as_judged = data.as_judged
+            attempt.as_judged, attempt.confidence = data.as_judged, data.confidence
         case ev.PlanRehearsed(attempt=number, rehearsal=rehearsal, seconds=seconds):
             attempt = trace.attempt(number)
             attempt.rehearsal, attempt.rehearsal_s = rehearsal, seconds
@@ -56,6 +56,7 @@ def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
             attempt = trace.attempt(number)
             attempt.verdict, attempt.judge_error = data.verdict, data.error
             attempt.judge_usage, attempt.judged = data.usage, True
+            attempt.judge_confidence = data.confidence
         case ev.RepairRequested(attempt=number, reasons=reasons):
             trace.attempt(number).repair = reasons
         case _:

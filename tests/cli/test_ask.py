@@ -38,6 +38,13 @@ def test_what_of_the_order_is_left_out_is_shown_before_the_question(
     assert f"not met: {unmet[0]}" in capsys.readouterr().err.partition("Approve?")[0]
 
 
+def test_an_order_that_may_be_misread_is_told_before_the_question(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    decided(monkeypatch, "n\n", confidence=0.41)
+    assert "read with 41% confidence" in capsys.readouterr().err.partition("Approve?")[0]
+
+
 @pytest.mark.parametrize(
     ("typed", "kind"), [("n\n", "reject"), ("", "reject"), ("x\ny\n", "approve")]
 )

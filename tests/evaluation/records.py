@@ -70,6 +70,7 @@ def records() -> st.SearchStrategy[RunRecord]:
         ).map(tuple),
         judge_plan=opinions(),
         judge_outcome=opinions(),
+        confidence=st.none() | st.floats(0, 1),
         verification=st.sampled_from((None, *get_args(Outcome))),
         valid_json=st.booleans(),
         first_sound=st.booleans(),

@@ -1,6 +1,7 @@
 """A verdict that begins with what was asked and goes on with what the console says of the plan."""
 
 import json
+import math
 
 import pytest
 
@@ -37,6 +38,16 @@ async def test_the_whole_answer_is_streamed_once() -> None:
     assert found.verdict.feedback == json.loads(WHOLE)["feedback"]
     opinions = {rule.rule_id: rule.opinion for rule in found.verdict.rules}
     assert opinions == {"WF-03": "violates", "ROE-01": "complies"}
+
+
+async def test_a_judge_is_as_sure_as_of_what_it_says_was_asked() -> None:
+    chances = [(OPENING.index("drone"), math.log(0.5)), (len(OPENING) + 1, math.log(0.5))]
+    engine = ScriptedEngine([], [OPENING, WHOLE], chances=chances)
+    judge = Judge(engine.engine())
+    asked = judge.judge(Prompt("s", "u"), "opening", "judge", (), lambda said: said)
+    last = [item async for item in asked][-1]
+    assert isinstance(last, Judgement)
+    assert last.confidence == 0.5
 
 
 async def test_both_parts_are_paid_for() -> None:

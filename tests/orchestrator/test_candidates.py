@@ -1,6 +1,7 @@
 """When the first plan breaks a rule, others are looked at, and all of them are in the trace."""
 
 import json
+import math
 
 import pytest
 
@@ -59,6 +60,19 @@ async def test_the_other_plans_say_the_same_of_what_was_asked(rig: Rig) -> None:
     assert [request.begun for request in engine.several] == [
         '{"reason": "asked: 1 drone to EastGate; '
     ]
+
+
+async def test_another_plan_for_the_same_is_as_doubtful_as_the_first(rig: Rig) -> None:
+    chances = [(ASTRAY.index("EastGate"), math.log(0.4))]
+    trace = await rig.run(ScriptedEngine([ASTRAY], others=[SOUND], chances=chances))
+    assert [attempt.confidence for attempt in trace.attempts] == [0.4, 0.4]
+    assert "40% confidence" in trace.attempts[-1].doubt
+
+
+async def test_commands_that_are_given_make_the_reading_no_surer(rig: Rig) -> None:
+    chances = [(ASTRAY.index("EastGate"), math.log(0.4))]
+    trace = await rig.run(ScriptedEngine([ASTRAY, SERVES_EAST], others=[ASTRAY], chances=chances))
+    assert [(a.given, a.confidence) for a in trace.attempts][-1] == (True, 0.4)
 
 
 async def test_where_none_says_what_was_asked_the_other_plans_begin_as_they_like(rig: Rig) -> None:

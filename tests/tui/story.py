@@ -106,6 +106,7 @@ def judged(
     verdict: str = "Success",
     blocked: tuple[str, ...] = (),
     unmet: tuple[str, ...] = (),
+    confidence: float | None = None,
 ) -> list[ev.EventPayload]:
     """Steps 5 and 6 up to the operator's turn."""
     opinions = tuple(
@@ -119,7 +120,13 @@ def judged(
     usage = Usage(prompt_tokens=612, completion_tokens=48, first_token_s=0.41, seconds=1.3)
     medium = {rule.id for rule in RULES if rule.priority == "medium"}
     return [
-        ev.PlanProposed(attempt=1, text=PLAN.model_dump_json(), plan=PLAN, usage=usage),
+        ev.PlanProposed(
+            attempt=1,
+            text=PLAN.model_dump_json(),
+            plan=PLAN,
+            usage=usage,
+            confidence=confidence,
+        ),
         ev.PlanRehearsed(attempt=1, rehearsal=rehearsal(), seconds=0.06),
         ev.PlanChecked(attempt=1, findings=findings(broken), seconds=0.003, unmet=unmet),
         ev.PlanJudged(attempt=1, verdict=given, usage=usage),

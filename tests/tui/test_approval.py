@@ -98,6 +98,18 @@ async def test_what_of_the_order_is_left_out_is_told_where_the_operator_decides(
         assert f"NOT MET  {unmet[0]}" in said.replace("\n ", "")
 
 
+@pytest.mark.parametrize(("confidence", "told"), [(0.41, True), (0.93, False), (None, False)])
+async def test_an_order_that_may_be_misread_is_told_where_the_operator_decides(
+    confidence: float | None, told: bool, tmp_path: Path
+) -> None:
+    station = ScriptedStation(story.told("approval", confidence=confidence))
+    app = console(station, tmp_path, FakeClock())
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        said = app.screen.query_one("#approval-text", Sheet).render().plain
+        assert ("UNSURE  " in said and "41% confidence" in said) == told
+
+
 async def test_a_second_key_does_not_decide_twice(tmp_path: Path) -> None:
     station, clock = ScriptedStation(story.told("approval")), FakeClock()
     app = console(station, tmp_path, clock)

@@ -22,6 +22,8 @@ DEFINITIONS = {
     "strict success": "Every success condition of the mission holds on the true state of the "
     "simulation, and no enforced rule was broken there. The scorer shares no code with the checks, "
     "the rehearsal or the verification.",
+    "confidence": "The chance that a trained planner and judge gave to their own choices of words "
+    "in saying what was asked, before the grammar had its say; the lower of the two.",
     "strict if the judge is obeyed": "Strict success if a plan to which the judge objected before "
     "execution had not been carried out. Where the objection met the first plan, the same "
     "situation without any order is scored in its place.",

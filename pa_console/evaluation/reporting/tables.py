@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pa_console.evaluation.record import RunRecord
 from pa_console.evaluation.reporting.table import Table
 from pa_console.evaluation.reporting.tables_ablation import ablation_tables
+from pa_console.evaluation.reporting.tables_confidence import confidence_tables
 from pa_console.evaluation.reporting.tables_failures import failure_tables
 from pa_console.evaluation.reporting.tables_judge import judge_tables
 from pa_console.evaluation.reporting.tables_latency import latency_tables
@@ -23,7 +24,7 @@ def build_sections(records: Sequence[RunRecord]) -> dict[str, list[Table]]:
     sections = {
         SUCCESS: success_tables(records),
         LATENCY: latency_tables(records),
-        JUDGE: judge_tables(records),
+        JUDGE: [*judge_tables(records), *confidence_tables(records)],
         ABLATION: ablation_tables(records),
         FAILURES: failure_tables(records),
     }

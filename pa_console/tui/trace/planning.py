@@ -124,6 +124,8 @@ def plan(attempt: Attempt) -> Section:
         rows.append(row("  ", ("no action: nothing would move", QUIET)))
     spent = f"{count(usage.completion_tokens, 'token')}, {duration_text(usage.seconds)}"
     rows += [row(["  ", column("not met", 11, "$text-warning")], text) for text in attempt.unmet]
+    if attempt.doubt:
+        rows.append(row(["  ", column("unsure", 11, "$text-warning")], attempt.doubt))
     note = "by the operator" if attempt.author == "operator" else spent
     return Section(f"plan-{attempt.number}", title("Plan", note=note), tuple(rows))
 

@@ -10,7 +10,10 @@ from pa_console.tui.words import action_sentence
 
 
 def approval_rows(trace: MissionTrace) -> Iterator[Row]:
-    """Yield what will happen, what of the order will not, what stands in the way, and the judge."""
+    """Yield what will happen, what of the order will not, what stands in the way, and the judge.
+
+    Before what stands in the way: whether the order may have been misread.
+    """
     request = trace.approval
     if request is None:
         return
@@ -31,6 +34,8 @@ def approval_rows(trace: MissionTrace) -> Iterator[Row]:
         yield row("   ", "nothing moves: the plan has no action")
     for text in attempt.unmet if attempt else ():
         yield row(("△ ", WARN), ("NOT MET  ", f"bold {WARN}"), text)
+    if attempt is not None and attempt.doubt:
+        yield row(("△ ", WARN), ("UNSURE  ", f"bold {WARN}"), attempt.doubt)
     for reason in request.blocked_by:
         yield row(("✘ ", BAD), ("BLOCKED  ", f"bold {BAD}"), (reason, BAD))
     for rule_id in request.acknowledge:

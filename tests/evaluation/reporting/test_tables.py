@@ -119,6 +119,22 @@ def test_runs_without_a_verdict_are_counted_apart() -> None:
     assert found["F1"].startswith("0.50")
 
 
+def test_success_is_told_apart_by_confidence() -> None:
+    records = [
+        made_record(confidence=0.95),
+        made_record(seed=1, confidence=0.75, strict=False, judge_plan="Failure"),
+        made_record(seed=2, confidence=0.2, strict=False),
+        made_record(seed=3),
+    ]
+    found = row(named(records, "confidence"), "m", "70%")
+    assert found["sure"].endswith("2/3")
+    assert found["strict where sure"].endswith("1/2")
+    assert found["strict where not"].endswith("0/1")
+    assert found["sure and passed by the judge"].endswith("1/3")
+    assert found["strict of these"].endswith("1/1")
+    assert "confidence" not in [table.name for table in build_tables([made_record()])]
+
+
 def test_an_order_to_hold_that_was_asked_for_is_no_refusal() -> None:
     records = [
         made_record(refused=True, strict=True),
