@@ -11,9 +11,9 @@ from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.rule import RuleHit
 from pa_console.schema.telemetry import Digest
 
-UNSURE = 0.7
-"""Below this confidence it is told that an order may have been misread. On orders that were kept
-from training, nineteen of twenty were read as meant where planner and judge were surer."""
+UNSURE = 0.5
+"""Below this confidence it is told that an order may have been misread: that something else was
+asked is then likelier, in the model's own eyes, than what it wrote."""
 
 
 @dataclass

@@ -10,7 +10,7 @@ from pa_console.evaluation.reporting.statistics import Rate
 from pa_console.evaluation.reporting.table import Table, rate_cell
 from pa_console.session.mission_trace import UNSURE
 
-LEVELS = (0.5, UNSURE, 0.9)
+LEVELS = (UNSURE, 0.7, 0.9)
 
 
 def confidence_tables(records: Records) -> list[Table]:

@@ -66,6 +66,11 @@ class TrainConfig(StrictModel):
         le=1.0,
         description="share of the planner's groups of which only the reading is learnt",
     )
+    shares: dict[str, float] = Field(
+        default_factory=dict[str, float],
+        description="of the samples of each kind that are learnt: {compound: 0.5, "
+        "compound/spoken: 1, others: 0.1}",
+    )
     missions: str | None = Field(
         default=None,
         description="planner samples, JSON lines, whose missions a judge learns to read as well",

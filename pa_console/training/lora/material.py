@@ -1,9 +1,12 @@
 """What a run learns from and what it is validated with: its samples as packs."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 from pa_console.training.lora.config import TrainConfig
 from pa_console.training.lora.readings import judge_readings, readings
+from pa_console.training.lora.shares import drawn
 from pa_console.training.lora.tokens import Pack, Tokeniser, make_packs
 from pa_console.training.samples import read_samples
 
@@ -13,7 +16,7 @@ def packs_to_learn(config: TrainConfig, tokeniser: Tokeniser) -> list[Pack]:
 
     Raises OSError, and ValueError for a file that holds no sample of the task.
     """
-    packs = _packs(config, Path(config.data), tokeniser, config.readings)
+    packs = _packs(config, Path(config.data), tokeniser, config.readings, config.shares)
     if config.missions is not None and config.task == "judge":
         missions = read_samples(Path(config.missions), "planner")
         packs += make_packs(judge_readings(missions), tokeniser, config.pack_tokens)
@@ -32,13 +35,19 @@ def packs_held_out(config: TrainConfig, tokeniser: Tokeniser) -> list[Pack]:
     return kept
 
 
-def _packs(config: TrainConfig, path: Path, tokeniser: Tokeniser, short: float = 0.0) -> list[Pack]:
-    """Return the samples of `path` as packs, a share of them cut down to their readings.
+def _packs(
+    config: TrainConfig,
+    path: Path,
+    tokeniser: Tokeniser,
+    short: float = 0.0,
+    shares: Mapping[str, float] = MappingProxyType({}),
+) -> list[Pack]:
+    """Return `shares` of the samples of `path` as packs, some cut down to their readings.
 
     Raises ValueError when there is none of the task.
     """
-    samples = readings(read_samples(path, config.task), short, config.seed)
-    packs = make_packs(samples, tokeniser, config.pack_tokens)
+    samples = drawn(read_samples(path, config.task), shares, config.seed)
+    packs = make_packs(readings(samples, short, config.seed), tokeniser, config.pack_tokens)
     if not packs:
         raise ValueError(f"{path}: holds no sample for the {config.task}")
     return packs
