@@ -22,7 +22,8 @@ def test_words_that_follow_each_other_are_as_likely_as_both(chances: list[Chance
     first, second = confidence(chances, text, text[:at]), confidence(chances, text, text[at:])
     whole = confidence(chances, text, text)
     assert whole is not None
-    assert whole == pytest.approx((first if at else 1.0) * (second or 0.0), abs=1e-4)
+    assert second is not None
+    assert whole == pytest.approx((first or 0.0 if at else 1.0) * second, abs=1e-4)
 
 
 def test_what_the_model_was_given_no_choice_about_is_certain() -> None:
