@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from pa_console.schema.base import NonNegative, StrictModel
+from pa_console.schema.base import NonNegative, Share, StrictModel
 from pa_console.schema.finding import Usage
 from pa_console.schema.mission import Metrics, MissionStatus, Outcome
 from pa_console.schema.mission_set import Expectation
@@ -53,7 +53,7 @@ class RunRecord(StrictModel):
     broken: tuple[Breach, ...] = ()
     judge_plan: Opinion | None = Field(default=None, description="verdict on the executed plan")
     judge_outcome: Opinion | None = None
-    confidence: float | None = Field(
+    confidence: Share | None = Field(
         default=None, description="of planner and judge in what was asked, the lower of the two"
     )
     verification: Outcome | None = Field(default=None, description="telemetry's own answer")

@@ -4,6 +4,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
+from pa_console.schema.base import Share
 from pa_console.schema.event_base import Payload, Role
 from pa_console.schema.finding import Finding, Usage, Verdict
 from pa_console.schema.mission import Decision
@@ -61,11 +62,8 @@ class PlanProposed(Payload):
     plan: Plan | None
     error: str = ""
     usage: Usage = Usage()
-    confidence: float | None = Field(
-        default=None,
-        ge=0.0,
-        le=1.0,
-        description="the chance that the planner gave to what it says was asked",
+    confidence: Share | None = Field(
+        default=None, description="the chance that the planner gave to what it says was asked"
     )
     instead_of: int | None = Field(
         default=None, description="the attempt whose prompt it is another answer to"
@@ -107,11 +105,8 @@ class PlanJudged(Payload):
     verdict: Verdict | None
     error: str = ""
     usage: Usage = Usage()
-    confidence: float | None = Field(
-        default=None,
-        ge=0.0,
-        le=1.0,
-        description="the chance that the judge gave to what it says was asked",
+    confidence: Share | None = Field(
+        default=None, description="the chance that the judge gave to what it says was asked"
     )
 
 
