@@ -13,6 +13,7 @@ from pa_console.cli.trace import print_proposal
 from pa_console.schema.event import ApprovalRequested
 from pa_console.schema.mission import Decision
 from pa_console.session.mission_trace import MissionTrace
+from pa_console.session.wording import meant
 
 
 def ask(request: ApprovalRequested, trace: MissionTrace | None) -> Decision:
@@ -21,7 +22,7 @@ def ask(request: ApprovalRequested, trace: MissionTrace | None) -> Decision:
         print_proposal(errors, trace, request.attempt)
     for reason in request.blocked_by:
         errors.print(f"blocked: {reason}", style="bold red", markup=False)
-    if request.blocked_by:
+    if request.blocked_by and not request.readings:
         return Decision(kind="reject", reason="; ".join(request.blocked_by))
     if request.acknowledge:
         errors.print(f"broken, to be acknowledged: {', '.join(request.acknowledge)}", markup=False)
@@ -29,6 +30,10 @@ def ask(request: ApprovalRequested, trace: MissionTrace | None) -> Decision:
     _forget_typed()
     try:
         with _interruptible():
+            if request.readings and (asked := _what_was_meant(request)):
+                return Decision(kind="choose", asked=asked)
+            if request.blocked_by:
+                return Decision(kind="reject", reason="; ".join(request.blocked_by))
             if not Confirm.ask("Approve?", console=errors, default=False):
                 return Decision(kind="reject", reason="rejected at the terminal")
             while request.needs_override and not reason:
@@ -42,6 +47,17 @@ def ask(request: ApprovalRequested, trace: MissionTrace | None) -> Decision:
         override_judge=request.needs_override,
         acknowledged=request.acknowledge,
     )
+
+
+def _what_was_meant(request: ApprovalRequested) -> str:
+    """Ask which reading of the order was meant; '' for the one that was planned for."""
+    errors.print("the order may also mean:", markup=False)
+    numbers = [f"{number}" for number, _ in enumerate(request.readings, start=1)]
+    for number, asked in zip(numbers, request.readings, strict=True):
+        errors.print(f"  {number}  {meant(asked)}", markup=False)
+    question = "Was one of these meant? 0: no"
+    chosen = Prompt.ask(question, console=errors, choices=["0", *numbers], default="0")
+    return request.readings[int(chosen) - 1] if chosen != "0" else ""
 
 
 def _forget_typed() -> None:

@@ -53,7 +53,7 @@ async def make_run(job: Job, engine: MemoEngine, idle: Score, log: Path | None) 
         traces = await run_missions(
             station,
             [job.case.command],
-            standing_approver("auto", OVERRIDE),
+            standing_approver("auto", OVERRIDE, job.variant.reading),
             sink,
             job.case.setup,
             duration_s=job.case.watch_s,
@@ -91,6 +91,7 @@ class _Watch:
         self.recorder: RunRecorder | None = None
         self.outcome_s = 0.0
         self.approved: list[int] = []
+        self.offered: int | None = None
         self.ending = ""
 
     def see(self, event: ev.Event) -> None:
@@ -101,6 +102,8 @@ class _Watch:
                 self.recorder = RunRecorder(self._sim, self._command)
             case ev.OutcomeJudged(usage=usage):
                 self.outcome_s += usage.seconds
+            case ev.ApprovalRequested(readings=readings) if self.offered is None:
+                self.offered = len(readings)
             case ev.DecisionMade(accepted=True, attempt=attempt, decision=decision):
                 if decision.kind == "approve":
                     self.approved.append(attempt)
@@ -144,6 +147,7 @@ def _record(  # noqa: PLR0917
         judge_outcome=outcome,
         verification=trace.verification.outcome if trace.verification is not None else None,
         confidence=last[0].sure,
+        offered=watch.offered or 0,
         valid_json=bool(trace.attempts) and trace.attempts[0].plan is not None,
         first_sound=bool(trace.attempts) and _sound(trace.attempts[0]),
         attempts=len(trace.attempts),

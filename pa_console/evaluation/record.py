@@ -56,6 +56,9 @@ class RunRecord(StrictModel):
     confidence: Share | None = Field(
         default=None, description="of planner and judge in what was asked, the lower of the two"
     )
+    offered: int = Field(
+        default=0, ge=0, description="other readings of the command that the operator was offered"
+    )
     verification: Outcome | None = Field(default=None, description="telemetry's own answer")
     valid_json: bool = Field(description="the first answer could be read as a plan")
     first_sound: bool = Field(description="the first plan broke no Critical or High rule")

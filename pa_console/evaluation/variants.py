@@ -1,5 +1,6 @@
 """The ablations by name: each changes one part of the pipeline, all else being equal."""
 
+from pa_console.schema.event import MOST_READINGS
 from pa_console.schema.variant import Variant
 
 REFERENCE = "one-plan"
@@ -27,6 +28,12 @@ ABOUT: dict[str, str] = {
     "eight-candidates": "one-plan; of 8 plans the best when the first is broken",
     "unfitted": "one-plan; a plan that is not what its planner says was asked stands",
     "one-reading": "one-plan; a plan that does nothing stands, whatever the judge has read",
+    "unread": "one-plan; no other readings of an unclear command are looked for",
+    **{
+        f"reading-{number}": f"one-plan; where {number} other readings of an unclear command are "
+        "offered, the operator chooses the last of these"
+        for number in range(1, MOST_READINGS + 1)
+    },
     "ungrounded": "one-plan; the planner's reason may state what the picture denies",
     "no-grammar": "one-plan; the planner writes whatever it likes",
     "paper-retrieval": "one-plan with the paper's retrieval",
@@ -51,6 +58,8 @@ VARIANTS: dict[str, Variant] = {
         _without("eight-candidates", candidates=8),
         _without("unfitted", fitting=False),
         _without("one-reading", second_reading=False),
+        _without("unread", readings=0),
+        *(_without(f"reading-{n}", reading=n) for n in range(1, MOST_READINGS + 1)),
         _without("ungrounded", grounded=False),
         _without("no-grammar", grammar=False),
         _without("paper-retrieval", method="paper"),

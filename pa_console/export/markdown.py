@@ -8,6 +8,7 @@ from pa_console.schema.event import SessionStarted
 from pa_console.schema.rule import Rule
 from pa_console.schema.telemetry import Digest, Selection
 from pa_console.session.mission_trace import CommandTrace, MissionTrace, Verified
+from pa_console.session.wording import meant
 from pa_console.tui.trace.rounds import Round, rounds
 
 
@@ -157,7 +158,7 @@ def _carried_out(given: Round) -> Iterator[str]:
                     made.decision.kind,
                     made.decision.by,
                     "yes" if made.accepted else f"no: {made.detail}",
-                    made.decision.reason,
+                    made.decision.reason or meant(made.decision.asked),
                     "the judge" if made.decision.override_judge else "",
                     ", ".join(made.decision.acknowledged),
                 )

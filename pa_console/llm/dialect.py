@@ -46,12 +46,14 @@ class Dialect:
     judge: Callable[..., Prompt]
     outcome: Callable[..., Prompt]
     verdict: Callable[..., str]
-    reason: Callable[[World, Digest, str], Sequence[str]]
+    reason: Callable[[World, Digest, str, str], Sequence[str]]
     """What the reason of a plan for a mission in those words can state, as regular expressions that
-    all have to match; without any, anything."""
-    opening: Callable[[World, Digest, str], str] | None
+    all have to match; without any, anything. The last argument is what was asked, if the operator
+    has said so."""
+    opening: Callable[[World, Digest, str, str], str] | None
     """The grammar of how a verdict on a plan begins: with what a mission in those words asked, so
-    that the console can compare the plan with it; None: the judge compares on its own."""
+    that the console can compare the plan with it; None: the judge compares on its own. The last
+    argument is as in `reason`."""
     outcome_opening: str | None
     """The same of a verdict on an outcome where none on the plan has said it."""
     ahead: Callable[[Role, World, Digest | None], Prompt]
@@ -77,8 +79,8 @@ def _compact_ahead(role: Role, world: World, digest: Digest | None) -> Prompt:
     return ahead(role, world, digest)
 
 
-def _compact_opening(world: World, digest: Digest, words: str) -> str:
-    return compact_opening_grammar(grounded_asked(world, digest, words))
+def _compact_opening(world: World, digest: Digest, words: str, asked: str) -> str:
+    return compact_opening_grammar(grounded_asked(world, digest, words, asked))
 
 
 DIALECTS: dict[DialectName, Dialect] = {
@@ -88,7 +90,7 @@ DIALECTS: dict[DialectName, Dialect] = {
         judge_prompt,
         outcome_prompt,
         judge_grammar,
-        lambda _world, _digest, _words: (),
+        lambda _world, _digest, _words, _asked: (),
         None,
         None,
         _fixed_only,

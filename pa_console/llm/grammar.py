@@ -29,6 +29,7 @@ PLANNED = "; planned: "
 """What stands between what was asked and what is planned, in a short verdict."""
 Opinion = Literal["Success", "Failure"]
 
+_REASON, _ACTIONS = '{"reason": "', '", "actions": ['
 _AGENT = '{{"agent": "{}", "command": "'
 _OPINION = '{{"id": "{}", "verdict": "'
 _END = '"}'
@@ -59,7 +60,7 @@ def plan_grammar(  # noqa: PLR0917
     if len(up) > MAX_ACTIONS:
         raise ValueError(f"{len(up)} assets are up and a plan can address {MAX_ACTIONS} at most")
     actions = ["first::0x0"] if up else []
-    whole = [_literal('{"reason": "'), "REASON", _literal('", "actions": ['), *actions]
+    whole = [_literal(_REASON), "REASON", _literal(_ACTIONS), *actions]
     lines = [
         f"start: {' '.join(whole)} {_literal(']}')}",
         f"REASON: {_all(reasons) or _text('', REASON_CHARS)}",
@@ -72,6 +73,20 @@ def plan_grammar(  # noqa: PLR0917
         lines += [_commands(kind, verbs) for kind in KINDS if kind in up.values()]
         lines.append("frame: " + _choice(f for f in world.frames if frames is None or f in frames))
     return "\n".join(lines) + "\n"
+
+
+def reason_grammar(reasons: Sequence[str]) -> str:
+    """Return the grammar of how a plan begins: its reason, and what stands before its actions.
+
+    It matches each of `reasons`, regular expressions in Rust's syntax that bound its length. It
+    goes on behind the reason, as models write the quote and what follows it in one token.
+    """
+    return f"start: {_literal(_REASON)} REASON {_literal(_ACTIONS)}\nREASON: {_all(reasons)}\n"
+
+
+def begun_reason(text: str) -> str:
+    """Return the reason in `text`, which `reason_grammar` accepts."""
+    return text.removeprefix(_REASON).removesuffix(_ACTIONS)
 
 
 def judge_grammar(rule_ids: Sequence[str], feedback: str = "") -> str:

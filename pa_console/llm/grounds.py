@@ -39,6 +39,21 @@ _SO = {True: "so", False: "not so", None: "(not )?so"}
 _END = r"( \([A-Z]+-[0-9]+\))?( takes over| stays)?"
 
 
+def asked_now(world: World, digest: Digest, asked: str) -> str:
+    """Return what was `asked` at some moment as it is said in the picture that `digest` tells.
+
+    Of an order under a condition: with how that stands now, where the digest decides it.
+    """
+    meant, under, then = asked.partition("; now: ")
+    for condition in conditions(world, digest) if under else ():
+        if meant.startswith(f"asked: if {in_words(condition)}: "):
+            stay = "; others stay" if then.endswith("; others stay") else ""
+            so = _SO[holds(condition, digest)]
+            stands = f"; now: {evidence(condition, digest)}, {so}{stay}"
+            return meant + stands if so in ("so", "not so") else asked
+    return asked
+
+
 def grounded_reason(world: World, digest: Digest, words: str, asked: str = "") -> tuple[str, ...]:
     """Return regular expressions (Rust's syntax) that a reason has to match, each of them.
 
@@ -52,11 +67,13 @@ def grounded_reason(world: World, digest: Digest, words: str, asked: str = "") -
     return stated, asked_pattern(world, digest, words)
 
 
-def grounded_asked(world: World, digest: Digest, words: str) -> tuple[str, ...]:
+def grounded_asked(world: World, digest: Digest, words: str, asked: str = "") -> tuple[str, ...]:
     """Return the same for what a judge of a plan says was asked, in words like those of orders.
 
     Facts of the picture, which come with colons, brackets and rule ids, have no place in it.
     """
+    if asked:
+        return (exactly(asked),)
     return _asked(world, digest, _ORDER), asked_pattern(world, digest, words, facts=False)
 
 

@@ -1,6 +1,6 @@
 """The planner role: a prompt in, text as it comes, then a plan or why there is none."""
 
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Sequence
 from dataclasses import dataclass, field
 from json import JSONDecoder
 
@@ -9,6 +9,7 @@ from pydantic import ValidationError
 from pa_console.llm.asking import ask
 from pa_console.llm.confidence import confidence
 from pa_console.llm.engine import Engine
+from pa_console.llm.grammar import begun_reason, reason_grammar
 from pa_console.llm.prompts import Prompt
 from pa_console.llm.reading import asked_words
 from pa_console.llm.request import Request
@@ -88,6 +89,31 @@ class Planner:
             if plan is not None:
                 plans.setdefault(plan.actions, Proposal(text, plan))
         return list(plans.values()), usage
+
+    async def readings(
+        self, prompt: Prompt, reasons: Sequence[str], count: int
+    ) -> tuple[list[str], Usage]:
+        """Return what else the planner might have said of `prompt` was asked, the likeliest first.
+
+        `count` reasons that match `reasons` are written besides the most likely one; what was asked
+        in them is given once, in the words in which it would be read. Never raises EngineError.
+        """
+        request = Request(
+            "planner",
+            prompt.system,
+            prompt.user,
+            reason_grammar(reasons),
+            self._max_tokens,
+            self._deadline_s,
+            count,
+        )
+        texts: tuple[str, ...] = ()
+        usage = Usage()
+        async for item in ask(self._engine, request):
+            if not isinstance(item, str):
+                texts, usage = item.texts, item.usage
+        found = (asked_words(begun_reason(text)) for text in texts)
+        return list(dict.fromkeys(asked.rstrip("; ") for asked in found if asked)), usage
 
 
 def read_plan(text: str) -> tuple[Plan | None, str]:

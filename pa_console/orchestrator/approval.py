@@ -17,10 +17,11 @@ def request_approval(  # noqa: PLR0917 - one plan and what was said of it
     judge_error: str,
     *,
     judging: bool = True,
+    readings: Sequence[str] = (),
 ) -> ApprovalRequested:
     """Say what nobody may override, what must be acknowledged, and whether the judge objects.
 
-    With `judging`, a plan without a verdict is on hold.
+    With `judging`, a plan without a verdict is on hold. `readings` are what else was meant, maybe.
     """
     blocked = [f"{finding.rule_id}: {finding.message}" for finding in findings if finding.blocking]
     if not blocked and judging and verdict is None:
@@ -32,6 +33,7 @@ def request_approval(  # noqa: PLR0917 - one plan and what was said of it
         blocked_by=tuple(blocked),
         acknowledge=tuple(warnings(findings)),
         needs_override=verdict is not None and verdict.verdict == "Failure",
+        readings=tuple(readings),
     )
 
 
@@ -48,6 +50,8 @@ def inadmissible(request: ApprovalRequested, decision: Decision) -> str:
         return "" if decision.plan is not None else "a modified plan is missing"
     if decision.kind == "reject":
         return ""
+    if decision.kind == "choose":
+        return "" if decision.asked in request.readings else "no such reading was offered"
     if request.blocked_by:
         return f"the plan cannot be approved by anyone: {'; '.join(request.blocked_by)}"
     missing = [rule for rule in request.acknowledge if rule not in decision.acknowledged]

@@ -25,6 +25,8 @@ class Candidate:
     """What of that no plan can do now, and why."""
     verdict: Verdict | None = None
     judge_error: str = ""
+    judge_confidence: float | None = None
+    """The chance that the judge gave to what it says was asked."""
 
     @property
     def badness(self) -> tuple[int, ...]:

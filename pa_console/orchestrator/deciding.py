@@ -1,10 +1,11 @@
-"""Step 6 of a mission: judge the best plan, ask the operator, take a plan of the operator's own."""
+"""Step 6 of a mission: judge the best plan, ask the operator, take another plan or reading."""
 
 from collections.abc import Awaitable, Callable
 
 from pa_console.orchestrator.approval import inadmissible, request_approval
 from pa_console.orchestrator.candidate import Candidate
 from pa_console.orchestrator.planning import Planning
+from pa_console.orchestrator.rereading import Rereading
 from pa_console.orchestrator.services import Payloads, Stopwatch
 from pa_console.schema import event as ev
 from pa_console.schema.mission import Decision, Mission, MissionStatus
@@ -23,12 +24,15 @@ class Deciding:
         stopwatch: Stopwatch,
         *,
         judging: bool = True,
+        readings: int = 0,
     ) -> None:
         """`decide` is awaited for the operator's answer once approval was requested.
 
-        Without `judging` no verdict is asked for (benchmarks only).
+        Without `judging` no verdict is asked for (benchmarks only). Where the models are unsure of
+        what was asked, `readings` ways to read it are looked at.
         """
         self._planning, self._mission, self._judging = planning, mission, judging
+        self._rereading = Rereading(planning, readings)
         self._decide, self._watch = decide, stopwatch
         self.approved: Candidate | None = None
         self.decision: Decision | None = None
@@ -37,7 +41,7 @@ class Deciding:
         """With no plan approved: what the mission comes to, and why."""
 
     async def settle(self) -> Payloads:
-        """Judge and ask; go round again for a plan of the operator's own."""
+        """Judge and ask; go round again for the operator's own plan, or reading of the order."""
         self.approved = None
         while True:
             candidate = self._planning.best
@@ -48,6 +52,7 @@ class Deciding:
             async for payload in self._planning.judge():
                 yield payload
             candidate = self._planning.best or candidate
+            await self._rereading.reconsider()
             found = candidate.examination
             request = request_approval(
                 f"{self._mission.id}.{candidate.attempt}",
@@ -57,6 +62,7 @@ class Deciding:
                 candidate.verdict,
                 candidate.judge_error,
                 judging=self._judging,
+                readings=self._rereading.offered,
             )
             yield request
             decision = self.decision = None
@@ -74,6 +80,10 @@ class Deciding:
             if decision.kind == "approve":
                 self.approved = candidate
                 return
+            if decision.kind == "choose":
+                async for payload in self._rereading.choose(decision.asked):
+                    yield payload
+                continue
             if decision.kind == "reject" or decision.plan is None:
                 self._reject(candidate, request, decision)
                 return

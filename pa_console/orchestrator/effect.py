@@ -128,6 +128,7 @@ class _Session:
         attempt = self._again.state.missions[mission].find(made.attempt)
         if findings is None or attempt is None or attempt.plan is None or started is None:
             return
+        readings = (made.decision.asked,) if made.decision.kind == "choose" else ()
         request = request_approval(
             made.decision.request_id,
             made.attempt,
@@ -136,6 +137,7 @@ class _Session:
             attempt.verdict,
             attempt.judge_error or "it was not asked, as the plan was blocked",
             judging=started.variant.judging,
+            readings=readings,
         )
         problem = inadmissible(request, made.decision)
         if bool(problem) != made.accepted:

@@ -16,16 +16,24 @@ ApprovalMode = Literal["auto", "never"]
 SETUP_SETTLE_S = 2.0
 
 
-def standing_approver(mode: ApprovalMode, override_reason: str = "") -> Approver:
+def standing_approver(mode: ApprovalMode, override_reason: str = "", reading: int = 0) -> Approver:
     """Return the approver that follows a standing instruction given before the mission.
+
+    Where other readings of the order are offered, it first chooses the one of that number, if
+    there are so many (evaluations only); 0 takes the order as it was read.
 
     `auto` approves what may be approved and acknowledges warnings; a judge's Failure is only
     overridden with `override_reason`, which stands with such a decision alone. `never` rejects
     every plan.
     """
+    chosen: list[str] = []
 
     def decide(request: ev.ApprovalRequested) -> Decision:
         by = f"standing instruction: --approve {mode}"
+        others = request.readings[reading - 1 : reading] if reading and not chosen else ()
+        for asked in others:
+            chosen.append(asked)
+            return Decision(kind="choose", by=by, asked=asked)
         if mode == "never":
             return Decision(kind="reject", by=by, reason="plans are never approved in this run")
         if request.blocked_by:

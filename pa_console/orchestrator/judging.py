@@ -24,7 +24,10 @@ from pa_console.schema.world import World
 
 @dataclass(frozen=True)
 class PlanCase:
-    """A plan for `task`, with the rules and the picture that its planner was given."""
+    """A plan for `task`, with the rules and the picture that its planner was given.
+
+    `asked` is what the operator says was asked; '' where the judge is to read that.
+    """
 
     task: Mission
     hits: Sequence[RuleHit]
@@ -32,6 +35,7 @@ class PlanCase:
     plan: Plan
     findings: Sequence[Finding]
     rehearsal: Rehearsal
+    asked: str = ""
 
 
 @dataclass(frozen=True)
@@ -90,7 +94,7 @@ def ask_about_plan(
     def goes_on(opening: str) -> str:
         return compared_grammar(opening, moves, ids)
 
-    opening = dialect.opening(world, case.digest, case.task.text)
+    opening = dialect.opening(world, case.digest, case.task.text, case.asked)
     return JudgeQuestion("judge", prompt, opening, ids, goes_on, hint=hinted(case.plan.reason))
 
 

@@ -57,7 +57,12 @@ class MissionRun:
         self._monitor = Monitor(services.rulebook, services.sim.world, services.sightings)
         self._planning = Planning(services, mission, self._watch, self._monitor)
         self._deciding = Deciding(
-            self._planning, mission, decide, self._watch, judging=services.variant.judging
+            self._planning,
+            mission,
+            decide,
+            self._watch,
+            judging=services.variant.judging,
+            readings=services.variant.readings,
         )
         self._course = Course(services.rulebook, mission)
         self.execution = Execution(services, mission, self._watch, feed)

@@ -51,6 +51,24 @@ class Planning:
         """The part of the picture that the last prompt spoke of; None means all of it."""
         return self._proposing.selection
 
+    @property
+    def said(self) -> str:
+        """What was asked: as the operator says, or else the planner; '' without that."""
+        return self._proposing.said
+
+    @property
+    def chosen(self) -> str:
+        """What the operator says that the task asks; '' where the planner was to read it."""
+        return self._proposing.chosen
+
+    @property
+    def sure(self) -> float | None:
+        """How sure planner and judge of `best` were of what was asked; None: they did not tell."""
+        if self.best is None:
+            return None
+        told = self._proposing.confidence.get(self.best.attempt), self.best.judge_confidence
+        return min((sure for sure in told if sure is not None), default=None)
+
     async def retrieve(self, task: Mission, verbs: Sequence[Verb] = ()) -> Payloads:
         """Step 2: the rules that concern the words of `task`, and the pinned ones.
 
@@ -79,7 +97,7 @@ class Planning:
                 reasons = (proposal.error,)
             else:
                 if self._services.variant.fitting:
-                    self._reading = self._reading or read_reason(proposal.plan.reason)
+                    self._reading = self._reading or self._read(proposal.plan)
                 async for payload in self._examine(self.attempts, proposal.plan):
                     yield payload
                 sent_back = self._latest
@@ -97,6 +115,16 @@ class Planning:
                 seen.add(proposal.plan)
             previous = answer
             yield ev.RepairRequested(attempt=self.attempts, reasons=tuple(reasons))
+
+    async def plan_for(self, asked: str) -> Payloads:
+        """Steps 3 to 6 for what the operator says was `asked`."""
+        self._proposing.chosen = asked
+        async for payload in self.propose():
+            yield payload
+
+    async def other_readings(self, count: int) -> list[str]:
+        """Return what else the planner might have said was asked, of `count` ways to say it."""
+        return await self._proposing.other_readings(count)
 
     async def take(self, plan: Plan) -> Payloads:
         """Step 6 for a plan that the operator wrote: it is examined like any other."""
@@ -189,6 +217,7 @@ class Planning:
             found.plan,
             found.findings,
             found.rehearsal,
+            question.asked,
         )
         services = self._services
         asked = ask_about_plan(services.dialect, services.sim.world, services.rulebook, case)
@@ -205,7 +234,14 @@ class Planning:
                     yield ev.TextStreamed(role="judge", attempt=candidate.attempt, text=piece)
                 else:
                     candidate.verdict, candidate.judge_error = piece.verdict, piece.error
-                    yield _judged(candidate.attempt, piece)
+                    candidate.judge_confidence = None if question.asked else piece.confidence
+                    yield _judged(candidate, piece)
+
+    def _read(self, plan: Plan) -> Reading | None:
+        """Return what was asked, as far as the console can read it."""
+        if self._proposing.question is not None and self._proposing.question.asked:
+            return read_asked(self._proposing.question.asked)
+        return read_reason(plan.reason)
 
     async def _examine(self, attempt: int, plan: Plan) -> Payloads:
         found = await self._safeguards(plan)
@@ -231,11 +267,11 @@ class Planning:
         return found
 
 
-def _judged(attempt: int, judgement: Judgement) -> ev.PlanJudged:
+def _judged(candidate: Candidate, judgement: Judgement) -> ev.PlanJudged:
     return ev.PlanJudged(
-        attempt=attempt,
+        attempt=candidate.attempt,
         verdict=judgement.verdict,
         error=judgement.error,
         usage=judgement.usage,
-        confidence=judgement.confidence,
+        confidence=candidate.judge_confidence,
     )

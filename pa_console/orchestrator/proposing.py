@@ -32,9 +32,13 @@ class Proposing:
         self._services, self._watch = services, stopwatch
         self.task = mission
         self._verbs: Sequence[Verb] = ()
+        self.chosen = ""
+        """What the operator says that the task asks; '' where the planner is to read it."""
         self.hits: tuple[RuleHit, ...] = ()
         self.question: Question | None = None
         self.attempts = 0
+        self.confidence: dict[int, float | None] = {}
+        """By attempt: the chance that the planner gave to what it says was asked."""
         self.others: list[tuple[int, Plan]] | None = None
         """Attempts that answer the same prompt and wait to be examined; None: not asked for."""
 
@@ -48,6 +52,8 @@ class Proposing:
 
         With `verbs`, the planner is given no other commands for it.
         """
+        if task.text != self.task.text:
+            self.chosen = ""
         self.task, self._verbs = task, verbs
         started = perf_counter()
         retriever = self._services.retriever
@@ -63,7 +69,7 @@ class Proposing:
         services = self._services
         rules = [services.rulebook.get(hit.rule_id) for hit in self.hits]
         self.question = asked = ask_for_plan(
-            services, self.task, rules, self._verbs, reasons, previous
+            services, self.task, rules, self._verbs, reasons, previous, self.chosen
         )
         self._watch.add("picture_s", asked.picture_s)
         self._watch.add("prompt_s", asked.prompt_s)
@@ -80,8 +86,8 @@ class Proposing:
                 if isinstance(piece, str):
                     yield ev.TextStreamed(role="planner", attempt=self.attempts, text=piece)
                 else:
-                    self.latest = piece
-                    yield _proposed(self.attempts, piece)
+                    self.latest = replace(piece, confidence=None) if self.chosen else piece
+                    yield self._proposed(self.latest)
         if self.attempts == 1:
             self._watch.add("first_token_s", self.latest.usage.first_token_s)
 
@@ -109,9 +115,21 @@ class Proposing:
                 usage=usage if self.attempts == first + 1 else Usage(),
                 confidence=self.latest.confidence if as_asked else None,
             )
-            yield _proposed(self.attempts, given, instead_of=first)
+            yield self._proposed(given, instead_of=first)
             if proposal.plan is not None:
                 self.others.append((self.attempts, proposal.plan))
+
+    async def other_readings(self, count: int) -> list[str]:
+        """Return what else the planner might have said was asked, the likeliest first.
+
+        At most `count` ways are looked at. Nothing where it does not say what was asked.
+        """
+        asked = self.question
+        if asked is None or not asked.reasons or not self.said or count < 1:
+            return []
+        with self._watch.time("planning_s"):
+            found, _ = await self._services.planner.readings(asked.prompt, asked.reasons, count)
+        return found
 
     async def ask_who(self, asked: str, *, as_judged: bool = False) -> Payloads:
         """Step 5 once more, with the commands given that serve what was `asked`: who has each.
@@ -133,7 +151,7 @@ class Proposing:
                     self.attempts += 1
                     sure = None if as_judged else self.latest.confidence
                     given = replace(piece, confidence=sure)
-                    told = _proposed(self.attempts, given, instead_of=first, given=True)
+                    told = self._proposed(given, instead_of=first, given=True)
                     yield told.model_copy(update={"as_judged": as_judged})
                     if piece.plan is not None:
                         self.others.append((self.attempts, piece.plan))
@@ -146,7 +164,7 @@ class Proposing:
 
     @property
     def said(self) -> str:
-        """What the last answer says was asked; '' without that."""
+        """What was asked: as the operator says, or else the last answer; '' without that."""
         return self._words.rstrip("; ")
 
     @property
@@ -157,6 +175,8 @@ class Proposing:
 
     @property
     def _words(self) -> str:
+        if self.question is not None and self.question.asked:
+            return self.question.asked
         return asked_words(self.latest.plan.reason) if self.latest.plan is not None else ""
 
     def _retrieved(self, text: str) -> tuple[RuleHit, ...]:
@@ -168,17 +188,19 @@ class Proposing:
         best = retriever.score_all(text)[:top_k]
         return tuple(hit.model_copy(update={"pinned": False}) for hit in best)
 
-
-def _proposed(
-    attempt: int, proposal: Proposal, instead_of: int | None = None, given: bool = False
-) -> ev.PlanProposed:
-    return ev.PlanProposed(
-        attempt=attempt,
-        text=proposal.text,
-        plan=proposal.plan,
-        error=proposal.error,
-        usage=proposal.usage,
-        confidence=proposal.confidence,
-        instead_of=instead_of,
-        given=given,
-    )
+    def _proposed(
+        self, proposal: Proposal, instead_of: int | None = None, given: bool = False
+    ) -> ev.PlanProposed:
+        """Tell the last attempt, and note how sure its planner was."""
+        self.confidence[self.attempts] = proposal.confidence
+        return ev.PlanProposed(
+            attempt=self.attempts,
+            text=proposal.text,
+            plan=proposal.plan,
+            error=proposal.error,
+            usage=proposal.usage,
+            confidence=proposal.confidence,
+            instead_of=instead_of,
+            given=given,
+            as_chosen=bool(self.chosen),
+        )

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from time import perf_counter
 
 from pa_console.llm.grammar import ANY_TEXT, plan_grammar
+from pa_console.llm.grounds import asked_now
 from pa_console.llm.paper_prompt import paper_prompt
 from pa_console.llm.prompts import Prompt
 from pa_console.orchestrator.digest import digest_picture
@@ -18,11 +19,16 @@ from pa_console.schema.telemetry import Digest
 
 @dataclass(frozen=True)
 class Question:
-    """A prompt for the planner and the grammar of its answer; `digest` is what it tells."""
+    """A prompt for the planner and the grammar of its answer; `digest` is what it tells.
+
+    Its reason matches `reasons`, regular expressions, and begins with `asked` where that is known.
+    """
 
     digest: Digest
     prompt: Prompt
     grammar: str
+    reasons: tuple[str, ...]
+    asked: str
     picture_s: float
     prompt_s: float
 
@@ -34,10 +40,11 @@ def ask_for_plan(  # noqa: PLR0917
     verbs: Sequence[Verb] = (),
     reasons: Sequence[str] = (),
     previous: str = "",
+    chosen: str = "",
 ) -> Question:
     """Return the question for a plan for `task`; `reasons` are the faults of the `previous` one.
 
-    With `verbs`, no other commands can be answered.
+    With `verbs`, no other commands can be answered; `chosen` is what the operator says was asked.
     """
     started = perf_counter()
     picture, world = services.sim.picture(), services.sim.world
@@ -48,10 +55,11 @@ def ask_for_plan(  # noqa: PLR0917
         prompt = paper_prompt(world, digest, rules, task)
     else:
         prompt = services.dialect.planner(world, digest, rules, task, reasons, previous)
-    grammar = ANY_TEXT
+    grammar, stated, asked = ANY_TEXT, (), asked_now(world, digest, chosen)
     if services.variant.grammar:
-        chosen = (None, None) if selection is None else (selection.assets, selection.frames)
-        stated = services.dialect.reason(world, digest, task.text)
-        reasons = stated if services.variant.grounded else ()
-        grammar = plan_grammar(world, picture, *chosen, verbs, reasons)
-    return Question(digest, prompt, grammar, digested - started, perf_counter() - digested)
+        shown = (None, None) if selection is None else (selection.assets, selection.frames)
+        if services.variant.grounded:
+            stated = tuple(services.dialect.reason(world, digest, task.text, asked))
+        grammar = plan_grammar(world, picture, *shown, verbs, stated)
+    spent_s = perf_counter() - digested
+    return Question(digest, prompt, grammar, stated, asked, digested - started, spent_s)

@@ -29,6 +29,8 @@ from pa_console.schema.event_intake import (
     WorkflowMoved,
 )
 from pa_console.schema.event_planning import (
+    MOST_READINGS,
+    UNSURE,
     ApprovalRequested,
     DecisionMade,
     PictureDigested,
@@ -57,6 +59,8 @@ from pa_console.schema.event_session import (
 )
 
 __all__ = (
+    "MOST_READINGS",
+    "UNSURE",
     "AlarmAcknowledged",
     "AlarmCleared",
     "AlarmRaised",

@@ -13,6 +13,13 @@ from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.rule import RuleHit
 from pa_console.schema.telemetry import Digest
 
+UNSURE = 0.5
+"""Below this confidence it is told that an order may have been misread: that something else was
+asked is then likelier, in the model's own eyes, than what it wrote."""
+
+MOST_READINGS = 3
+"""So many other readings of an order can be taken in at a glance."""
+
 
 class RulesRetrieved(Payload):
     """Step 2: pinned and top-k rules with their scores, best first."""
@@ -74,6 +81,9 @@ class PlanProposed(Payload):
     as_judged: bool = Field(
         default=False, description="it is for what the judge read in the mission"
     )
+    as_chosen: bool = Field(
+        default=False, description="it is for the reading of the mission that the operator chose"
+    )
 
 
 class PlanRehearsed(Payload):
@@ -128,6 +138,11 @@ class ApprovalRequested(Payload):
     blocked_by: tuple[str, ...] = Field(default=(), description="reasons nobody may override")
     acknowledge: tuple[str, ...] = Field(default=(), description="rule ids of warnings")
     needs_override: bool = Field(default=False, description="the judge said Failure")
+    readings: tuple[str, ...] = Field(
+        default=(),
+        max_length=MOST_READINGS,
+        description="what else the order may mean, likeliest first; the operator may choose one",
+    )
 
 
 class DecisionMade(Payload):

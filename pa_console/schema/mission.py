@@ -9,7 +9,7 @@ from pa_console.schema.base import Name, NonNegative, StrictModel
 from pa_console.schema.plan import Plan
 
 MAX_MISSION_TEXT = 2000
-DecisionKind = Literal["approve", "reject", "modify"]
+DecisionKind = Literal["approve", "reject", "modify", "choose"]
 MissionStatus = Literal[
     "verified", "unverified", "refused", "rejected", "held", "cancelled", "failed"
 ]
@@ -46,6 +46,14 @@ class Decision(StrictModel):
     override_judge: bool = False
     acknowledged: tuple[str, ...] = Field(default=(), description="rule ids of warnings accepted")
     plan: Plan | None = Field(default=None, description="the operator's own plan, for `modify`")
+    asked: str = Field(
+        default="", description="which of the offered readings was meant, for `choose`"
+    )
+
+    @property
+    def settles(self) -> bool:
+        """Whether it ends the wait: neither another plan nor another reading is put forward."""
+        return self.kind in ("approve", "reject")
 
 
 class ActionOutcome(StrictModel):

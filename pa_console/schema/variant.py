@@ -5,6 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from pa_console.schema.base import StrictModel
+from pa_console.schema.event_planning import MOST_READINGS
 
 PromptStyle = Literal["console", "paper"]
 
@@ -30,6 +31,18 @@ class Variant(StrictModel):
     second_reading: bool = Field(
         default=True,
         description="a plan that does nothing gives way to what a judge that objects has read",
+    )
+    readings: int = Field(
+        default=8,
+        ge=0,
+        le=8,
+        description="ways to read an order that are looked at when the models are unsure of it",
+    )
+    reading: int = Field(
+        default=0,
+        ge=0,
+        le=MOST_READINGS,
+        description="of the readings that are offered, the operator chooses this one (evaluations)",
     )
     grammar: bool = Field(default=True, description="decoding is constrained to executable plans")
     grounded: bool = Field(

@@ -2,7 +2,7 @@
 
 from pa_console.schema import event as ev
 from pa_console.schema.plan import Plan
-from pa_console.session.wording import in_words, overriding
+from pa_console.session.wording import in_words, meant, overriding
 
 
 def kind_in_words(kind: str) -> str:
@@ -67,8 +67,9 @@ def _planned(data: ev.EventPayload) -> str:
             said = f"{verdict.verdict}: {verdict.feedback}" if verdict is not None else error
         case ev.RepairRequested(reasons=reasons):
             said = "; ".join(reasons)
-        case ev.ApprovalRequested(blocked_by=blocked, plan=plan):
+        case ev.ApprovalRequested(blocked_by=blocked, plan=plan, readings=readings):
             said = f"blocked: {'; '.join(blocked)}" if blocked else _plan(plan)
+            said += "".join(f" | or: {meant(asked)}" for asked in readings)
         case ev.DecisionMade(decision=decision, accepted=accepted, detail=detail):
             taken = "" if accepted else f", not accepted: {detail}"
             said = f"{decision.kind} by {decision.by} {decision.reason}".strip()

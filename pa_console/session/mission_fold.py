@@ -45,6 +45,7 @@ def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
             attempt.error, attempt.usage = data.error, data.usage
             attempt.instead_of, attempt.given = data.instead_of, data.given
             attempt.as_judged, attempt.confidence = data.as_judged, data.confidence
+            attempt.as_chosen = data.as_chosen
         case ev.PlanRehearsed(attempt=number, rehearsal=rehearsal, seconds=seconds):
             attempt = trace.attempt(number)
             attempt.rehearsal, attempt.rehearsal_s = rehearsal, seconds

@@ -11,10 +11,6 @@ from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.rule import RuleHit
 from pa_console.schema.telemetry import Digest
 
-UNSURE = 0.5
-"""Below this confidence it is told that an order may have been misread: that something else was
-asked is then likelier, in the model's own eyes, than what it wrote."""
-
 
 @dataclass
 class Attempt:
@@ -56,6 +52,8 @@ class Attempt:
     """Whether the console gave the commands and the planner chose who has them."""
     as_judged: bool = False
     """Whether it is for what the judge read in the mission, not the planner."""
+    as_chosen: bool = False
+    """Whether it is for the reading of the mission that the operator chose."""
 
     @property
     def sure(self) -> float | None:
@@ -66,20 +64,22 @@ class Attempt:
     @property
     def doubt(self) -> str:
         """That the order may have been misread, in words; '' where both were sure."""
-        if self.sure is None or self.sure >= UNSURE:
+        if self.sure is None or self.sure >= ev.UNSURE:
             return ""
         return f"the order may mean something else: read with {self.sure:.0%} confidence"
 
     @property
     def aside(self) -> str:
         """What it stands beside, to be told after its number and author; '' for a first answer."""
-        return f", instead of {self.instead_of}{self.origin}" if self.instead_of is not None else ""
+        instead = "" if self.instead_of is None else f", instead of {self.instead_of}"
+        return instead + self.origin
 
     @property
     def origin(self) -> str:
         """Who else had a part in it, to be told after what it stands beside; '' for nobody."""
         given = ", its commands given by the console" * self.given
-        return given + ", as the judge read it" * self.as_judged
+        judged = ", as the judge read it" * self.as_judged
+        return given + judged + ", as the operator meant it" * self.as_chosen
 
 
 @dataclass

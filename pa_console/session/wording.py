@@ -62,14 +62,23 @@ def truth_in_words(incident: Incident) -> str:
     return f"{who}: {', '.join(truth)}" if truth else who
 
 
+def meant(asked: str) -> str:
+    """Return a reading of an order for people: without how its condition stands at the moment."""
+    words, _, now = asked.removeprefix("asked: ").partition("; now: ")
+    return words + "; others stay" * now.endswith("; others stay")
+
+
 def overriding(decision: Decision) -> str:
     """Return in what the operator decided otherwise than the console proposed, empty if in nothing.
 
-    That is a changed plan, an objection of the judge that was overruled, or an accepted breach.
+    That is a changed plan, another reading of the order, an objection of the judge that was
+    overruled, or an accepted breach.
     """
     said: list[str] = []
     if decision.kind == "modify":
         said.append("the plan was changed")
+    if decision.kind == "choose":
+        said.append(f"the order was read as {meant(decision.asked)!r}")
     if decision.kind == "approve" and decision.override_judge:
         said.append("the judge was overruled")
     if decision.kind == "approve" and decision.acknowledged:

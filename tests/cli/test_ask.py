@@ -66,3 +66,35 @@ def test_a_blocked_plan_is_rejected_without_a_question(
     decision = decided(monkeypatch, "y\n", verdict="Failure", blocked=blocked)
     assert (decision.kind, decision.reason) == ("reject", blocked[0])
     assert "Approve?" not in capsys.readouterr().err
+
+
+READINGS = ("asked: 2 drones to EastGate", "asked: hold")
+
+
+@pytest.mark.parametrize(
+    ("typed", "kind", "asked"),
+    [
+        ("2\n", "choose", READINGS[1]),
+        ("7\n1\n", "choose", READINGS[0]),
+        ("0\ny\n", "approve", ""),
+        ("\nn\n", "reject", ""),
+        ("", "reject", ""),
+    ],
+)
+def test_what_was_meant_can_be_said_before_the_plan_is_decided_on(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    typed: str,
+    kind: str,
+    asked: str,
+) -> None:
+    decision = decided(monkeypatch, typed, confidence=0.3, readings=READINGS)
+    assert (decision.kind, decision.asked) == (kind, asked)
+    assert "1  2 drones to EastGate" in capsys.readouterr().err
+
+
+def test_a_blocked_plan_can_give_way_to_what_was_meant(monkeypatch: pytest.MonkeyPatch) -> None:
+    blocked = ("WF-03: a gate is left without cover",)
+    options: dict[str, object] = {"blocked": blocked, "readings": READINGS}
+    assert decided(monkeypatch, "1\n", **options).asked == READINGS[0]
+    assert decided(monkeypatch, "0\ny\n", **options).kind == "reject"

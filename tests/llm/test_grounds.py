@@ -10,7 +10,7 @@ from llguidance import LLMatcher, LLTokenizer
 from pa_console.llm.condition import Condition, conditions, evidence, holds, in_words
 from pa_console.llm.contact import contacts
 from pa_console.llm.grammar import compact_opening_grammar, plan_grammar
-from pa_console.llm.grounds import ASKED_ONCE, grounded_asked, grounded_reason
+from pa_console.llm.grounds import ASKED_ONCE, asked_now, grounded_asked, grounded_reason
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Digest, Selection
 from tests.llm.site import WORLD, picture
@@ -113,6 +113,43 @@ def test_whether_a_condition_is_so_is_read_from_the_picture(it: Condition, so: b
     assert can_plan(f"{asked}; Hawk_2: free") is (truth is None or truth is so)
     assert can_begin(asked) is (truth is None or truth is so)
     assert can_begin_outcome(asked)
+
+
+@settings(max_examples=200)
+@given(st.sampled_from([*conditions(WORLD, DIGEST)]), st.booleans())
+def test_what_was_asked_once_is_told_as_its_condition_stands_now(
+    condition: Condition, stay: bool
+) -> None:
+    stands = holds(condition, DIGEST)
+    tail = "; others stay" * stay
+    meant = f"asked: if {in_words(condition)}: Hawk_2 hold, else: nothing"
+    now = asked_now(WORLD, DIGEST, f"{meant}; now: At RiverGate: no track, so{tail}")
+    if stands is None:
+        assert now == f"{meant}; now: At RiverGate: no track, so{tail}"
+        return
+    so = "so" if stands else "not so"
+    assert now == f"{meant}; now: {evidence(condition, DIGEST)}, {so}{tail}"
+    if not stay:
+        assert can_begin(now)
+    assert asked_now(WORLD, DIGEST, now) == now
+
+
+def test_what_was_asked_without_a_condition_is_told_as_it_was() -> None:
+    for asked in ("", "asked: Hawk_2 to RiverGate", "asked: if there is a moon: hold; now: x, so"):
+        assert asked_now(WORLD, DIGEST, asked) == asked
+
+
+@pytest.mark.parametrize("asked", ["asked: Hawk_2 hold", "asked: 2 drones to RiverGate"])
+def test_the_reading_that_the_operator_chose_is_the_only_one(asked: str) -> None:
+    reasons = grounded_reason(WORLD, DIGEST, "", asked)
+    grammar = plan_grammar(WORLD, picture(), reasons=reasons)
+    whole = json.dumps({"reason": f"{asked}; Free drone: Hawk_2", "actions": []})
+    assert accepts(grammar, whole.replace("[]}", '[{"agent": "Hawk_2", "command": "hold"}]}'))
+    other = whole.replace(asked, "asked: Hawk_2 home")
+    assert not accepts(grammar, other.replace("[]}", '[{"agent": "Hawk_2", "command": "hold"}]}'))
+    opening = compact_opening_grammar(grounded_asked(WORLD, DIGEST, "", asked))
+    assert accepts(opening, f'{{"feedback": "{asked}; planned: ')
+    assert not accepts(opening, '{"feedback": "asked: Hawk_2 home; planned: ')
 
 
 def test_a_condition_is_about_something_that_is_there() -> None:

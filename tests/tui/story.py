@@ -105,8 +105,10 @@ def judged(
     broken: tuple[str, ...] = (),
     verdict: str = "Success",
     blocked: tuple[str, ...] = (),
+    *,
     unmet: tuple[str, ...] = (),
     confidence: float | None = None,
+    readings: tuple[str, ...] = (),
 ) -> list[ev.EventPayload]:
     """Steps 5 and 6 up to the operator's turn."""
     opinions = tuple(
@@ -136,6 +138,7 @@ def judged(
             blocked_by=blocked,
             acknowledge=tuple(name for name in broken if name in medium),
             needs_override=verdict == "Failure",
+            readings=readings,
         ),
     ]
 

@@ -110,6 +110,59 @@ async def test_an_order_that_may_be_misread_is_told_where_the_operator_decides(
         assert ("UNSURE  " in said and "41% confidence" in said) == told
 
 
+READINGS = (
+    "asked: 2 drones to EastGate",
+    "asked: if track at WestGate: hold, else: report; now: At WestGate: no track, not so",
+)
+
+
+async def test_another_reading_of_an_unclear_order_is_chosen_with_its_number(
+    tmp_path: Path,
+) -> None:
+    told = story.told("approval", confidence=0.41, readings=READINGS)
+    station, clock = ScriptedStation(told), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        labels = [str(button.label) for button in app.screen.query("#approval-readings Button")]
+        assert labels == [
+            "(1) or was meant: 2 drones to EastGate",
+            "(2) or was meant: if track at WestGate: hold, else: report",
+        ]
+        await pilot.press("2")
+        assert station.decisions == []
+        clock.now += ARM_DELAY_S
+        await pilot.press("3")
+        assert station.decisions == []
+        await pilot.press("2")
+        await settle(pilot, station)
+        assert [(d.kind, d.asked) for d in station.decisions] == [("choose", READINGS[1])]
+
+
+async def test_a_reading_can_be_chosen_where_the_plan_is_blocked(tmp_path: Path) -> None:
+    told = story.told("approval", confidence=0.2, readings=READINGS[:1], blocked=(BLOCKED,))
+    station, clock = ScriptedStation(told), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        clock.now += ARM_DELAY_S
+        await pilot.click("#approval-readings Button")
+        await settle(pilot, station)
+        assert [d.asked for d in station.decisions] == [READINGS[0]]
+
+
+async def test_without_other_readings_a_number_is_the_key_of_a_view(tmp_path: Path) -> None:
+    station, clock = ScriptedStation(story.told("approval")), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        clock.now += ARM_DELAY_S
+        await pilot.press("2")
+        await settle(pilot, station)
+        assert station.decisions == []
+        assert not app.screen.query_one("#reject", Button).has_focus
+
+
 async def test_a_second_key_does_not_decide_twice(tmp_path: Path) -> None:
     station, clock = ScriptedStation(story.told("approval")), FakeClock()
     app = console(station, tmp_path, clock)

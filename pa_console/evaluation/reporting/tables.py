@@ -9,6 +9,7 @@ from pa_console.evaluation.reporting.tables_confidence import confidence_tables
 from pa_console.evaluation.reporting.tables_failures import failure_tables
 from pa_console.evaluation.reporting.tables_judge import judge_tables
 from pa_console.evaluation.reporting.tables_latency import latency_tables
+from pa_console.evaluation.reporting.tables_readings import reading_tables
 from pa_console.evaluation.reporting.tables_success import success_tables
 
 __all__ = ["Table", "build_sections", "build_tables"]
@@ -24,7 +25,7 @@ def build_sections(records: Sequence[RunRecord]) -> dict[str, list[Table]]:
     sections = {
         SUCCESS: success_tables(records),
         LATENCY: latency_tables(records),
-        JUDGE: [*judge_tables(records), *confidence_tables(records)],
+        JUDGE: [*judge_tables(records), *confidence_tables(records), *reading_tables(records)],
         ABLATION: ablation_tables(records),
         FAILURES: failure_tables(records),
     }

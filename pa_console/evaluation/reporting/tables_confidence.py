@@ -8,7 +8,7 @@ from pa_console.evaluation.record import RunRecord
 from pa_console.evaluation.reporting.record_groups import Records, by_model, main_runs
 from pa_console.evaluation.reporting.statistics import Rate
 from pa_console.evaluation.reporting.table import Table, rate_cell
-from pa_console.session.mission_trace import UNSURE
+from pa_console.schema.event import UNSURE
 
 LEVELS = (UNSURE, 0.7, 0.9)
 

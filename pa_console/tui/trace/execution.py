@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pa_console.schema.event import DecisionMade, PlanHalted
 from pa_console.schema.finding import Verdict
 from pa_console.session.mission_trace import CommandTrace, MissionTrace, Verified
+from pa_console.session.wording import meant
 from pa_console.tui.trace.planning import title
 from pa_console.tui.trace.rows import Row, Section, column, row, text_rows
 from pa_console.tui.vocabulary import BAD, QUIET, WARN, Term, term
@@ -14,6 +15,7 @@ _DECISIONS = {
     "approve": Term("✔", "approved", "$text-success"),
     "reject": Term("✘", "rejected", WARN),
     "modify": Term("✎", "modified", "$text-accent"),
+    "choose": Term("✎", "read anew", "$text-accent"),
 }
 
 
@@ -32,6 +34,8 @@ def decisions(made: Sequence[DecisionMade], voided: str = "") -> Section:
             rows.append(row("    ", ("the judge's Failure was overridden", WARN)))
         if given.acknowledged:
             rows.append(row("    ", (f"acknowledged: {', '.join(given.acknowledged)}", WARN)))
+        if given.asked:
+            rows.append(row("    meant: ", meant(given.asked)))
         if given.reason:
             rows.append(row("    reason: ", given.reason))
         if not item.accepted:

@@ -58,7 +58,7 @@ def chosen_attempt(trace: MissionTrace, now: Round) -> Attempt | None:
     if trace.approval is not None:
         number = trace.approval.attempt
     else:
-        taken = [made for made in now.decisions if made.accepted and made.decision.kind != "modify"]
+        taken = [made for made in now.decisions if made.accepted and made.decision.settles]
         number = taken[-1].attempt if taken else None
     found = next((attempt for attempt in now.attempts if attempt.number == number), None)
     return found or (now.attempts[-1] if now.attempts else None)

@@ -9,10 +9,11 @@ from textual.containers import Horizontal, ItemGrid, Vertical, VerticalScroll
 from textual.message import Message
 from textual.widgets import Button, Input
 
+from pa_console.schema.event import MOST_READINGS
 from pa_console.schema.mission import Decision
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.ports import Clock
-from pa_console.tui.widgets.approval_text import approval_rows, blocked_reason
+from pa_console.tui.widgets.approval_text import approval_rows, blocked_reason, reading_label
 from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.sheet import Sheet
 from pa_console.tui.widgets.tick import Tick
@@ -22,16 +23,24 @@ ARM_DELAY_S = 0.6
 
 The user may choose another delay."""
 
+_MEANT = "meant-"
 _FREE_KEYS = ("tab", "shift+tab", "escape")
 
 
 class ApprovalPanel(Vertical):
-    """Reject, Modify or Approve; decisions leave as messages, the panel itself changes nothing."""
+    """Reject, Modify or Approve, or another reading of the order.
+
+    Decisions leave as messages, the panel itself changes nothing.
+    """
 
     BINDINGS = [
         Binding("r", "press('reject')", "Reject", show=False, id="approval.reject"),
         Binding("m", "press('modify')", "Modify", show=False, id="approval.modify"),
         Binding("a", "press('approve')", "Approve", show=False, id="approval.approve"),
+        *(
+            Binding(f"{n}", f"press('meant-{n}')", "Read it so", show=False, id=f"approval.{n}")
+            for n in range(1, MOST_READINGS + 1)
+        ),
         Binding("tab", "cycle(1)", "Next field", show=False),
         Binding("shift+tab", "cycle(-1)", "Field before", show=False),
     ]
@@ -60,6 +69,7 @@ class ApprovalPanel(Vertical):
         """Yield the consequences, what must be given, and the buttons."""
         with VerticalScroll(id="approval-body", can_focus=False):
             yield Sheet(id="approval-text")
+        yield Vertical(id="approval-readings")
         yield ItemGrid(id="approval-warnings", min_column_width=18)
         yield LineField(compact=True, id="approval-reason")
         with Horizontal(id="approval-buttons"):
@@ -93,6 +103,12 @@ class ApprovalPanel(Vertical):
         request = trace.approval
         assert request is not None
         self.query_one("#approval-text", Sheet).show(tuple(approval_rows(trace)))
+        readings = self.query_one("#approval-readings", Vertical)
+        readings.remove_children()
+        readings.mount_all(
+            Button(reading_label(number, asked), name=f"meant-{number}", compact=True)
+            for number, asked in enumerate(request.readings, start=1)
+        )
         warnings = self.query_one("#approval-warnings", ItemGrid)
         warnings.remove_children()
         warnings.mount_all(
@@ -161,6 +177,12 @@ class ApprovalPanel(Vertical):
         if chain:
             chain[(at + step) % len(chain)].focus()
 
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Leave the keys of readings, where none are offered, to whatever else they do."""
+        request = self._trace.approval if self._trace else None
+        offered = request is not None and bool(request.readings)
+        return offered or not (action == "press" and str(parameters[0]).startswith(_MEANT))
+
     def action_press(self, button: str) -> None:
         """Do what the button of that name does."""
         self._choose(button)
@@ -168,7 +190,7 @@ class ApprovalPanel(Vertical):
     @on(Button.Pressed)
     def _pressed(self, event: Button.Pressed) -> None:
         event.stop()
-        self._choose(event.button.id or "")
+        self._choose(event.button.id or event.button.name or "")
 
     @on(Tick.Changed)
     @on(Input.Changed)
@@ -188,6 +210,10 @@ class ApprovalPanel(Vertical):
         reason = self.query_one("#approval-reason", Input).value.strip()
         if choice == "modify":
             self.post_message(self.ModifyAsked())
+        elif choice.startswith(_MEANT):
+            number = int(choice.removeprefix(_MEANT))
+            for asked in request.readings[number - 1 : number]:
+                self._send(Decision(kind="choose", request_id=request.request_id, asked=asked))
         elif choice == "reject":
             self._send(Decision(kind="reject", request_id=request.request_id, reason=reason))
         elif choice == "approve" and not self._why_not():

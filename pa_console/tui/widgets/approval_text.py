@@ -2,8 +2,11 @@
 
 from collections.abc import Iterator, Sequence
 
+from textual.content import Content
+
 from pa_console.schema.event import ApprovalRequested
 from pa_console.session.mission_trace import MissionTrace
+from pa_console.session.wording import meant
 from pa_console.tui.trace.rows import Row, row
 from pa_console.tui.vocabulary import BAD, GOOD, NOTE, QUIET, WARN, term
 from pa_console.tui.words import action_sentence
@@ -60,6 +63,11 @@ def _judge(trace: MissionTrace, request: ApprovalRequested) -> Row:
 def _message(trace: MissionTrace, rule_id: str) -> str:
     findings = (f for attempt in reversed(trace.attempts) for f in attempt.findings)
     return next((f.message for f in findings if f.rule_id == rule_id), "")
+
+
+def reading_label(number: int, asked: str) -> Content:
+    """Return what else the order may mean, after the key that chooses it."""
+    return Content.assemble((f"({number}) ", "bold"), ("or was meant: ", QUIET), meant(asked))
 
 
 def blocked_reason(request: ApprovalRequested, left: Sequence[str], reason: str) -> str:

@@ -135,6 +135,26 @@ def test_success_is_told_apart_by_confidence() -> None:
     assert "confidence" not in [table.name for table in build_tables([made_record()])]
 
 
+def test_what_a_choice_among_readings_puts_right_is_told() -> None:
+    records = [
+        made_record(mission="P01", offered=2, strict=False),
+        made_record(mission="P02", offered=1, strict=True),
+        made_record(mission="P03", offered=1, strict=False),
+        made_record(mission="P04"),
+        made_record(mission="P01", variant="reading-1", strict=False),
+        made_record(mission="P01", variant="reading-2", strict=True),
+        made_record(mission="P02", variant="reading-1", strict=False),
+        made_record(mission="P03", variant="reading-1", strict=False),
+        made_record(mission="P04", variant="reading-1"),
+    ]
+    found = row(named(records, "readings"), "m")
+    assert found["offered"].endswith("3/4")
+    assert found["strict as read first"].endswith("1/3")
+    assert found["strict as read or as one offered"].endswith("2/3")
+    assert found["strict of all, the right one chosen"].endswith("3/4")
+    assert "readings" not in [table.name for table in build_tables(records[:4])]
+
+
 def test_an_order_to_hold_that_was_asked_for_is_no_refusal() -> None:
     records = [
         made_record(refused=True, strict=True),

@@ -1,0 +1,81 @@
+"""What else an order may mean: offered to the operator where the models were unsure how to read it.
+
+Which of several readings is right cannot be told from the models' own chances (README, Measured);
+the operator knows what was meant.
+"""
+
+from collections.abc import Iterable
+
+from pa_console.llm.grammar import PLANNED
+from pa_console.llm.reading import Reading, asked_words, read_asked
+from pa_console.orchestrator.candidate import Candidate
+from pa_console.orchestrator.planning import Planning
+from pa_console.orchestrator.services import Payloads
+from pa_console.schema.event import MOST_READINGS, UNSURE
+
+
+class Rereading:
+    """The readings that are `offered` beside the one on show, the likeliest first."""
+
+    def __init__(self, planning: Planning, looked_at: int) -> None:
+        """`looked_at` ways in which the planner might have read the order; 0 offers nothing."""
+        self._planning, self._looked_at = planning, looked_at
+        self._known: list[str] = []
+        self.offered: tuple[str, ...] = ()
+
+    async def reconsider(self) -> None:
+        """Find what else the order may mean, unless the models were sure of what they read.
+
+        What the judge has read comes first. What an operator has chosen is not read anew: what was
+        read before remains on offer.
+        """
+        planning, shown = self._planning, self._planning.best
+        self.offered = ()
+        if shown is None or not self._looked_at:
+            return
+        own = said_by_planner(shown) or planning.said
+        if not planning.chosen:
+            self._known = []
+            if planning.sure is not None and planning.sure < UNSURE:
+                others = await planning.other_readings(self._looked_at)
+                self._known = [said_by_judge(shown), planning.said, *others]
+        self.offered = distinct(own, self._known)[:MOST_READINGS]
+        self._known = [own, *self.offered] if self.offered else []
+
+    async def choose(self, asked: str) -> Payloads:
+        """Plan again, for what the operator says was `asked`."""
+        async for payload in self._planning.plan_for(asked):
+            yield payload
+
+
+def said_by_planner(shown: Candidate) -> str:
+    """Return what the plan on show says was asked, '' without that."""
+    return asked_words(shown.examination.plan.reason).rstrip("; ")
+
+
+def said_by_judge(shown: Candidate) -> str:
+    """Return what the verdict on it says was asked, '' without that."""
+    said, planned, _ = shown.verdict.feedback.partition(PLANNED) if shown.verdict else ("", "", "")
+    return said if planned else ""
+
+
+def distinct(own: str, others: Iterable[str]) -> tuple[str, ...]:
+    """Return those of `others` that can be read and ask now for something else than `own`.
+
+    Of those that ask for the same, the first.
+    """
+    known, kept = [_asks(own)], list[str]()
+    for said in others:
+        asks = _asks(said)
+        if asks is not None and asks not in known:
+            known.append(asks)
+            kept.append(said)
+    return tuple(kept)
+
+
+def _asks(said: str) -> Reading | None:
+    """Return what is asked for now, however it was put; None where that cannot be read."""
+    reading = read_asked(said)
+    if reading is None or not reading.readable:
+        return None
+    return reading._replace(wishes=tuple(wish._replace(words="") for wish in reading.wishes))

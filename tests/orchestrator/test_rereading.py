@@ -1,0 +1,162 @@
+"""Where the models are unsure of an order, the operator is offered what else it may mean."""
+
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from pa_console.llm.catalog import LocalModel
+from pa_console.llm.grammar import exactly
+from pa_console.orchestrator.headless import Approver, standing_approver
+from pa_console.orchestrator.rereading import distinct
+from pa_console.schema import event as ev
+from pa_console.schema.mission import Decision
+from pa_console.session.event_words import event_in_words
+from pa_console.session.wording import meant
+from tests.orchestrator.conftest import Rig
+from tests.scripted import ScriptedEngine, plan
+
+EAST = "asked: 1 drone to EastGate"
+NORTH = "asked: 1 drone to NorthGate"
+SOUTH = "asked: 1 drone to SouthGate"
+UNDER = "if A low: A home, else: nothing"
+FREE = "Free drone: Drone_T04"
+
+
+def answer(asked: str) -> str:
+    """Return a plan that sends the free drone where `asked` says."""
+    place = asked.rpartition(" ")[2]
+    return plan(("Drone_T04", f"move_to {place}"), reason=f"{asked}; {FREE}")
+
+
+def begun(asked: str) -> str:
+    """Return how a planner's answer might begin instead."""
+    return f'{{"reason": "{asked}; {FREE}", "actions": ['
+
+
+def verdicts(asked: str) -> list[str]:
+    """Return what the judge says of a plan for what it reads: the beginning, then all of it."""
+    words = f"{asked}; planned: 1 drone; it fits"
+    whole = {"feedback": words, "violated": [], "verdict": "Success"}
+    return [f'{{"feedback": "{asked}; planned: ', json.dumps(whole)]
+
+
+def engine(asked: Sequence[str], read: Sequence[str], sure: float) -> ScriptedEngine:
+    """Return one whose planner plans for each of `asked`, and whose judge reads each of `read`."""
+    plans = [answer(words) for words in asked]
+    said = [text for words in read for text in verdicts(words)]
+    chances = [(plans[0].index("EastGate"), math.log(sure))]
+    others = [begun(EAST), begun(NORTH), begun(SOUTH), begun(NORTH)]
+    scripted = ScriptedEngine(plans, said, others, chances)
+    scripted.model = LocalModel("scripted", Path("/dev/null"), "0" * 64, prompts="compact")
+    return scripted
+
+
+def choosing(asked: str) -> Approver:
+    """Return an operator who says that `asked` was meant, where that is offered, and approves."""
+    approve = standing_approver("auto")
+
+    def decide(request: ev.ApprovalRequested) -> Decision:
+        if asked in request.readings:
+            return Decision(kind="choose", request_id=request.request_id, asked=asked)
+        return approve(request)
+
+    return decide
+
+
+def requests(rig: Rig) -> list[ev.ApprovalRequested]:
+    return [e.data for e in rig.events if isinstance(e.data, ev.ApprovalRequested)]
+
+
+async def test_the_judges_reading_comes_first_and_none_comes_twice(rig: Rig) -> None:
+    await rig.run(engine([EAST], [SOUTH], sure=0.3))
+    [request] = requests(rig)
+    assert request.readings == (SOUTH, NORTH)
+    assert "or: 1 drone to SouthGate | or: 1 drone to NorthGate" in event_in_words(request)
+
+
+async def test_an_order_that_was_read_surely_is_not_read_again(rig: Rig) -> None:
+    scripted = engine([EAST], [EAST], sure=0.9)
+    await rig.run(scripted)
+    assert [request.readings for request in requests(rig)] == [()]
+    assert scripted.several == []
+
+
+async def test_what_the_operator_meant_is_planned_judged_and_done(rig: Rig) -> None:
+    scripted = engine([EAST, NORTH], [EAST, NORTH], sure=0.3)
+    trace = await rig.run(scripted, approver=choosing(NORTH))
+    assert trace.status == "verified"
+    assert rig.state.picture is not None
+    assert rig.state.picture.assets["Drone_T04"].at == "NorthGate"
+    assert [(a.as_chosen, a.doubt == "") for a in trace.attempts] == [(False, False), (True, True)]
+    assert trace.attempts[-1].aside == ", as the operator meant it"
+    assert [made.decision.kind for made in trace.decisions] == ["choose", "approve"]
+    [_, second] = [r for r in scripted.requests if r.role == "planner"]
+    [first, again] = [r for r in scripted.requests if r.role == "judge" and "ASKED" in r.grammar]
+    assert exactly(NORTH) in second.grammar
+    assert exactly(NORTH) in again.grammar
+    assert exactly(NORTH) not in first.grammar
+
+
+async def test_what_was_read_at_first_can_be_taken_up_again(rig: Rig) -> None:
+    scripted = engine([EAST, NORTH, EAST], [EAST, NORTH, EAST], sure=0.3)
+    taken = iter((NORTH, EAST))
+
+    def decide(request: ev.ApprovalRequested) -> Decision:
+        asked = next(taken, "")
+        if asked:
+            assert asked in request.readings
+            return Decision(kind="choose", asked=asked)
+        return standing_approver("auto")(request)
+
+    trace = await rig.run(scripted, approver=decide)
+    assert rig.state.picture is not None
+    assert rig.state.picture.assets["Drone_T04"].at == "EastGate"
+    assert [made.decision.asked for made in trace.decisions] == [NORTH, EAST, ""]
+    assert len(scripted.several) == 1
+
+
+async def test_a_reading_that_was_not_offered_is_not_taken(rig: Rig) -> None:
+    answers = iter((Decision(kind="choose", asked="asked: 1 drone to WestGate"),))
+
+    def decide(request: ev.ApprovalRequested) -> Decision:
+        return next(answers, None) or standing_approver("auto")(request)
+
+    trace = await rig.run(engine([EAST], [EAST], sure=0.3), approver=decide)
+    assert [made.accepted for made in trace.decisions] == [False, True]
+    assert trace.decisions[0].detail == "no such reading was offered"
+
+
+async def test_with_no_readings_looked_at_none_is_offered(rig: Rig) -> None:
+    rig.variant = rig.variant.model_copy(update={"readings": 0})
+    await rig.run(engine([EAST], [NORTH], sure=0.3))
+    assert [request.readings for request in requests(rig)] == [()]
+
+
+@pytest.mark.parametrize(
+    ("others", "kept"),
+    [
+        ([NORTH, NORTH], (NORTH,)),
+        (["", "asked: do something", "asked: if there is a moon: hold"], ()),
+        ([f"{EAST}; others stay"], (f"{EAST}; others stay",)),
+        (["asked: if track at WestGate: hold, else: 1 drone to EastGate; now: x, not so"], ()),
+    ],
+)
+def test_what_comes_to_the_same_now_or_cannot_be_read_is_left_out(
+    others: list[str], kept: tuple[str, ...]
+) -> None:
+    assert distinct(EAST, others) == kept
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        (EAST, "1 drone to EastGate"),
+        (f"asked: {UNDER}; now: A: free, so", UNDER),
+        (f"asked: {UNDER}; now: A: free, not so; others stay", f"{UNDER}; others stay"),
+    ],
+)
+def test_a_reading_is_told_without_how_its_condition_stands(asked: str, words: str) -> None:
+    assert meant(asked) == words
