@@ -126,8 +126,8 @@ async def test_another_reading_of_an_unclear_order_is_chosen_with_its_number(
         await settle(pilot, station)
         labels = [str(button.label) for button in app.screen.query("#approval-readings Button")]
         assert labels == [
-            "(1) or was meant: 2 drones to EastGate",
-            "(2) or was meant: if track at WestGate: hold, else: report",
+            "(1) or: 2 drones to EastGate",
+            "(2) or: if track at WestGate: hold, else: report",
         ]
         await pilot.press("2")
         assert station.decisions == []
@@ -149,6 +149,28 @@ async def test_a_reading_can_be_chosen_where_the_plan_is_blocked(tmp_path: Path)
         await pilot.click("#approval-readings Button")
         await settle(pilot, station)
         assert [d.asked for d in station.decisions] == [READINGS[0]]
+
+
+@pytest.mark.parametrize("size", [(80, 24), (100, 30), SIZE, (160, 50)])
+async def test_whatever_there_is_to_read_the_buttons_are_in_sight(
+    tmp_path: Path, size: tuple[int, int]
+) -> None:
+    long = READINGS[1].replace("hold", "Robot_T01, Robot_T02 identify vehicle at NorthGate")
+    told = story.told(
+        "approval",
+        confidence=0.41,
+        readings=(*READINGS, long),
+        broken=("CAP-04",),
+        verdict="Failure",
+        unmet=("1 drone to WestGate: nobody can be spared",),
+    )
+    station = ScriptedStation(told)
+    app = console(station, tmp_path, FakeClock())
+    async with app.run_test(size=size) as pilot:
+        await settle(pilot, station)
+        panel = app.screen.query_one(ApprovalPanel).content_region
+        for widget in app.screen.query("#approval-buttons Button, #approval-reason"):
+            assert panel.contains_region(widget.region)
 
 
 async def test_without_other_readings_a_number_is_the_key_of_a_view(tmp_path: Path) -> None:

@@ -25,12 +25,18 @@ BLOCKED = {
     "blocked": ("WF-03: a gate is left without cover",),
 }
 UNMET = ("Drone_T04 to WestGate: Drone_T04 covers SouthGate alone", "report: Drone_T03 is down")
+READINGS = (
+    "asked: 2 drones to EastGate",
+    "asked: if track at WestGate: Robot_T01, Robot_T02 identify vehicle at NorthGate, else: report "
+    "by Drone_T04; now: At WestGate: no track, not so",
+)
 SCREENS: dict[str, tuple[list[EventPayload], tuple[str, ...]]] = {
     "empty": ([], ()),
     "planning": (story.told("planning"), ("f4",)),
     "approval": (story.told("approval", broken=("CAP-04",)), ()),
     "blocked": (story.told("approval", **BLOCKED), ()),
     "partly": (story.told("approval", unmet=UNMET), ()),
+    "unclear": (story.told("approval", confidence=0.41, readings=READINGS), ()),
     "executing": (story.told("executing"), ()),
     "finished": (story.told("finished"), ("f4",)),
     "assets": (story.told("executing"), ("f3",)),
@@ -48,9 +54,9 @@ SCREENS: dict[str, tuple[list[EventPayload], tuple[str, ...]]] = {
 LOOKED_AT = (
     *((name, size) for name in ("planning", "approval", "executing", "policies") for size in SIZES),
     *((name, size) for name in ("alarmed", "workflow", "halted", "stopped") for size in SIZES),
-    *((name, "80x24") for name in ("queue", "doubtful", "partly")),
+    *((name, "80x24") for name in ("queue", "doubtful", "partly", "unclear")),
     *((name, "80x24") for name in ("empty", "finished", "assets", "help")),
-    *((name, "120x36") for name in ("blocked", "editor", "leaving")),
+    *((name, "120x36") for name in ("blocked", "editor", "leaving", "unclear")),
 )
 
 

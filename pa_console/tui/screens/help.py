@@ -17,6 +17,7 @@ from pa_console.tui.widgets.sheet import Sheet
 _APPROVAL = (
     ("r", "Reject the plan"), ("m", "Modify the plan"),
     ("a", "Approve; dead for the first 0.6 s, so that no stray key approves"),
+    ("1 2 3", "Plan anew for what an unclear order was meant to ask, where that is offered"),
     ("Tab", "Round the buttons, the warnings and the reason; Esc leaves"),
 )  # fmt: skip
 _PROMPT = (

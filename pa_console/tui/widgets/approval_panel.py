@@ -69,8 +69,9 @@ class ApprovalPanel(Vertical):
         """Yield the consequences, what must be given, and the buttons."""
         with VerticalScroll(id="approval-body", can_focus=False):
             yield Sheet(id="approval-text")
-        yield Vertical(id="approval-readings")
-        yield ItemGrid(id="approval-warnings", min_column_width=18)
+        with VerticalScroll(id="approval-given", can_focus=False):
+            yield Vertical(id="approval-readings")
+            yield ItemGrid(id="approval-warnings", min_column_width=18)
         yield LineField(compact=True, id="approval-reason")
         with Horizontal(id="approval-buttons"):
             yield Button("Reject (r)", id="reject", variant="error", compact=True)
@@ -109,6 +110,7 @@ class ApprovalPanel(Vertical):
             Button(reading_label(number, asked), name=f"meant-{number}", compact=True)
             for number, asked in enumerate(request.readings, start=1)
         )
+        self.set_class(bool(request.readings), "-unclear")
         warnings = self.query_one("#approval-warnings", ItemGrid)
         warnings.remove_children()
         warnings.mount_all(

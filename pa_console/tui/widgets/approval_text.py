@@ -67,7 +67,7 @@ def _message(trace: MissionTrace, rule_id: str) -> str:
 
 def reading_label(number: int, asked: str) -> Content:
     """Return what else the order may mean, after the key that chooses it."""
-    return Content.assemble((f"({number}) ", "bold"), ("or was meant: ", QUIET), meant(asked))
+    return Content.assemble((f"({number}) ", "bold"), ("or: ", QUIET), meant(asked))
 
 
 def blocked_reason(request: ApprovalRequested, left: Sequence[str], reason: str) -> str:
