@@ -2,6 +2,7 @@
 
 from collections.abc import AsyncGenerator, Callable, Sequence
 from dataclasses import dataclass
+from time import perf_counter
 from typing import Literal
 
 from pa_console.llm.dialect import Dialect
@@ -9,10 +10,13 @@ from pa_console.llm.grammar import PLANNED, hinted
 from pa_console.llm.judge import Judge, Judgement
 from pa_console.llm.prompts import Prompt
 from pa_console.llm.reading import read_asked
+from pa_console.orchestrator.candidate import Candidate
 from pa_console.orchestrator.comparing import compared_grammar
 from pa_console.orchestrator.digest import digest_picture
 from pa_console.orchestrator.plan_moves import PlanMoves
+from pa_console.orchestrator.services import Payloads, Services, Stopwatch
 from pa_console.policy.rulebook import Rulebook
+from pa_console.schema import event as ev
 from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission, Verification
 from pa_console.schema.plan import Plan
@@ -96,6 +100,35 @@ def ask_about_plan(
 
     opening = dialect.opening(world, case.digest, case.task.text, case.asked)
     return JudgeQuestion("judge", prompt, opening, ids, goes_on, hint=hinted(case.plan.reason))
+
+
+async def judge_plan(
+    services: Services, watch: Stopwatch, case: PlanCase, candidate: Candidate
+) -> Payloads:
+    """Step 6: ask the judge about the plan of `candidate`, which takes the verdict."""
+    started = perf_counter()
+    asked = ask_about_plan(services.dialect, services.sim.world, services.rulebook, case)
+    yield ev.PromptBuilt(
+        role="judge",
+        attempt=candidate.attempt,
+        system=asked.prompt.system,
+        user=asked.prompt.user,
+        seconds=perf_counter() - started,
+    )
+    with watch.time("judging_s"):
+        async for piece in asked.put_to(services.judge):
+            if isinstance(piece, str):
+                yield ev.TextStreamed(role="judge", attempt=candidate.attempt, text=piece)
+            else:
+                candidate.verdict, candidate.judge_error = piece.verdict, piece.error
+                candidate.judge_confidence = None if case.asked else piece.confidence
+                yield ev.PlanJudged(
+                    attempt=candidate.attempt,
+                    verdict=piece.verdict,
+                    error=piece.error,
+                    usage=piece.usage,
+                    confidence=candidate.judge_confidence,
+                )
 
 
 def ask_about_outcome(dialect: Dialect, world: World, case: OutcomeCase) -> JudgeQuestion:

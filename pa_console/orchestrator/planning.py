@@ -1,12 +1,10 @@
 """Steps 2 to 6 of a mission: from its words to a plan that was checked, rehearsed and judged."""
 
 from collections.abc import Sequence
-from time import perf_counter
 
-from pa_console.llm.judge import Judgement
 from pa_console.llm.reading import Reading, read_asked, read_reason
 from pa_console.orchestrator.candidate import Candidate, met
-from pa_console.orchestrator.judging import PlanCase, ask_about_plan
+from pa_console.orchestrator.judging import PlanCase, judge_plan
 from pa_console.orchestrator.proposing import Proposing
 from pa_console.orchestrator.safeguards import Examination, examine
 from pa_console.orchestrator.services import Payloads, Services, Stopwatch
@@ -209,7 +207,6 @@ class Planning:
         found = candidate.examination
         if question is None or found.rehearsal is None:
             return
-        started = perf_counter()
         case = PlanCase(
             self.task,
             self._proposing.hits,
@@ -219,23 +216,8 @@ class Planning:
             found.rehearsal,
             question.asked,
         )
-        services = self._services
-        asked = ask_about_plan(services.dialect, services.sim.world, services.rulebook, case)
-        yield ev.PromptBuilt(
-            role="judge",
-            attempt=candidate.attempt,
-            system=asked.prompt.system,
-            user=asked.prompt.user,
-            seconds=perf_counter() - started,
-        )
-        with self._watch.time("judging_s"):
-            async for piece in asked.put_to(services.judge):
-                if isinstance(piece, str):
-                    yield ev.TextStreamed(role="judge", attempt=candidate.attempt, text=piece)
-                else:
-                    candidate.verdict, candidate.judge_error = piece.verdict, piece.error
-                    candidate.judge_confidence = None if question.asked else piece.confidence
-                    yield _judged(candidate, piece)
+        async for payload in judge_plan(self._services, self._watch, case, candidate):
+            yield payload
 
     def _read(self, plan: Plan) -> Reading | None:
         """Return what was asked, as far as the console can read it."""
@@ -265,13 +247,3 @@ class Planning:
         self._watch.add("checks_s", found.checks_s)
         self._watch.add("rehearsal_s", found.rehearsal_s)
         return found
-
-
-def _judged(candidate: Candidate, judgement: Judgement) -> ev.PlanJudged:
-    return ev.PlanJudged(
-        attempt=candidate.attempt,
-        verdict=judgement.verdict,
-        error=judgement.error,
-        usage=judgement.usage,
-        confidence=candidate.judge_confidence,
-    )
