@@ -29,11 +29,9 @@ ABOUT: dict[str, str] = {
     "unfitted": "one-plan; a plan that is not what its planner says was asked stands",
     "one-reading": "one-plan; a plan that does nothing stands, whatever the judge has read",
     "unread": "one-plan; no other readings of an unclear command are looked for",
-    **{
-        f"reading-{number}": f"one-plan; where {number} other readings of an unclear command are "
-        "offered, the operator chooses the last of these"
-        for number in range(1, MOST_READINGS + 1)
-    },
+    "reading-1": "one-plan; the first of the other readings that are offered, if any, is chosen",
+    "reading-2": "one-plan; the second of them, if there are so many",
+    "reading-3": "one-plan; the third of them, if there are so many",
     "ungrounded": "one-plan; the planner's reason may state what the picture denies",
     "no-grammar": "one-plan; the planner writes whatever it likes",
     "paper-retrieval": "one-plan with the paper's retrieval",

@@ -1,18 +1,28 @@
 """The default model with its adapters, unscripted: plain orders are planned as they were meant."""
 
 from collections.abc import AsyncGenerator
+from datetime import UTC, datetime
 
 import pytest
 import pytest_asyncio
 
 from pa_console.llm.catalog import Catalog, find_model
+from pa_console.llm.dialect import DIALECTS
 from pa_console.llm.engine import Engine
 from pa_console.llm.fetch import pull
+from pa_console.llm.judge import Judge
+from pa_console.llm.planner import Planner, Proposal
+from pa_console.llm.reading import asked_words, read_asked
 from pa_console.orchestrator.clock import SteppedClock
 from pa_console.orchestrator.compose import Site, open_station
 from pa_console.orchestrator.headless import run_missions, standing_approver
+from pa_console.orchestrator.question import ask_for_plan
+from pa_console.orchestrator.services import Services
+from pa_console.policy.retriever import Retriever
 from pa_console.schema.event import Event
+from pa_console.schema.mission import Mission
 from pa_console.session.fold import MissionTrace, SessionState
+from pa_console.sim.checkpoint import Checkpoint
 
 
 @pytest_asyncio.fixture(scope="module", loop_scope="module")
@@ -62,3 +72,35 @@ async def test_what_must_not_be_done_moves_nothing(engine: Engine, site: Site) -
         if attempt.plan is not None
         for action in attempt.plan.actions
     )
+
+
+@pytest.mark.asyncio(loop_scope="module")
+async def test_what_else_an_order_may_mean_can_be_read_and_planned_for(
+    engine: Engine, site: Site
+) -> None:
+    planner = Planner(engine)
+    services = Services(
+        sim=Checkpoint(site.world),
+        rulebook=site.rulebook,
+        retriever=Retriever(site.rulebook.rules),
+        engine=engine,
+        planner=planner,
+        judge=Judge(engine),
+        dialect=DIALECTS["compact"],
+    )
+    text = "Drone_T02 should go home unless NorthGate is empty"
+    task = Mission(id="M1", text=text, created=datetime(2026, 1, 1, tzinfo=UTC))
+    question = ask_for_plan(services, task, [])
+    found, usage = await planner.readings(question.prompt, question.reasons, 4)
+    assert found
+    assert len(set(found)) == len(found)
+    for asked in found:
+        reading = read_asked(asked)
+        assert reading is not None
+        assert reading.readable
+    assert usage.completion_tokens > 0
+    again = ask_for_plan(services, task, [], chosen=found[-1])
+    async for piece in planner.plan(again.prompt, again.grammar):
+        if isinstance(piece, Proposal):
+            assert piece.plan is not None
+            assert asked_words(piece.plan.reason).rstrip("; ") == found[-1]
