@@ -1,4 +1,4 @@
-"""What else an order may mean: offered to the operator where the models were unsure how to read it.
+"""What else an order may mean: offered where planner and judge were unsure of it or read it apart.
 
 Which of several readings is right cannot be told from the models' own chances (README, Measured);
 the operator knows what was meant.
@@ -24,10 +24,10 @@ class Rereading:
         self.offered: tuple[str, ...] = ()
 
     async def reconsider(self) -> None:
-        """Find what else the order may mean, unless the models were sure of what they read.
+        """Find what else the order may mean: what the judge has read, and other readings.
 
-        What the judge has read comes first. What an operator has chosen is not read anew: what was
-        read before remains on offer.
+        Those are looked for where the models are unsure. What an operator has chosen is not read
+        anew: what was read before remains on offer.
         """
         planning, shown = self._planning, self._planning.best
         self.offered = ()
@@ -35,10 +35,9 @@ class Rereading:
             return
         own = said_by_planner(shown) or planning.said
         if not planning.chosen:
-            self._known = []
+            self._known = [said_by_judge(shown), planning.said]
             if planning.sure is not None and planning.sure < UNSURE:
-                others = await planning.other_readings(self._looked_at)
-                self._known = [said_by_judge(shown), planning.said, *others]
+                self._known += await planning.other_readings(self._looked_at)
         self.offered = distinct(own, self._known)[:MOST_READINGS]
         self._known = [own, *self.offered] if self.offered else []
 

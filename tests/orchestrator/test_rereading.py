@@ -84,6 +84,13 @@ async def test_an_order_that_was_read_surely_is_not_read_again(rig: Rig) -> None
     assert scripted.several == []
 
 
+async def test_where_the_judge_read_something_else_that_is_offered(rig: Rig) -> None:
+    scripted = engine([EAST], [SOUTH], sure=0.9)
+    await rig.run(scripted)
+    assert [request.readings for request in requests(rig)] == [(SOUTH,)]
+    assert scripted.several == []
+
+
 async def test_what_the_operator_meant_is_planned_judged_and_done(rig: Rig) -> None:
     scripted = engine([EAST, NORTH], [EAST, NORTH], sure=0.3)
     trace = await rig.run(scripted, approver=choosing(NORTH))
