@@ -11,7 +11,9 @@ from pa_console.llm.catalog import LocalModel
 from pa_console.llm.grammar import exactly
 from pa_console.orchestrator.headless import Approver, standing_approver
 from pa_console.orchestrator.rereading import distinct
+from pa_console.orchestrator.station import Station
 from pa_console.schema import event as ev
+from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import Decision
 from pa_console.session.event_words import event_in_words
 from pa_console.session.wording import meant
@@ -123,6 +125,19 @@ async def test_what_was_read_at_first_can_be_taken_up_again(rig: Rig) -> None:
     assert rig.state.picture.assets["Drone_T04"].at == "EastGate"
     assert [made.decision.asked for made in trace.decisions] == [NORTH, EAST, ""]
     assert len(scripted.several) == 1
+
+
+async def test_a_plan_that_must_be_made_anew_is_for_the_reading_that_was_chosen(rig: Rig) -> None:
+    def fail_before_decision(event: ev.Event, station: Station) -> None:
+        if isinstance(event.data, ev.ApprovalRequested) and event.data.attempt == 2:
+            station.inject(FailAsset(asset="Drone_T04"))
+
+    scripted = engine([EAST, NORTH], [EAST, NORTH], sure=0.3)
+    trace = await rig.run(scripted, approver=choosing(NORTH), on_event=fail_before_decision)
+    assert "Drone_T04" in trace.voided
+    planned = [r for r in scripted.requests if r.role == "planner"]
+    assert len(planned) > 2
+    assert all(exactly(NORTH) in request.grammar for request in planned[1:])
 
 
 async def test_a_reading_that_was_not_offered_is_not_taken(rig: Rig) -> None:
