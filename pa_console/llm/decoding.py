@@ -16,6 +16,9 @@ from pa_console.llm.protocol import Finish
 from pa_console.llm.runtime import Runtime
 from pa_console.schema.finding import Usage
 
+AT_ONCE = 8
+"""So many answers can be written at once without a new context, where they are short enough."""
+
 
 class Decoder:
     """Writes answers with one model; temperature 0, so the same prompt gives the same answer."""
@@ -26,6 +29,7 @@ class Decoder:
         vocabulary: Any = runtime.vocabulary
         self._tokenizer = lltokenizer_from_vocab(vocabulary, eos_token=sorted(self._ends))
         self._candidates: Candidates | None = None
+        self._room = 0
         self._last: dict[int, Written] = {}
         self.written: tuple[int, ...] = ()
         """The tokens of the last answer."""
@@ -92,11 +96,13 @@ class Decoder:
         return candidates.answers(sequence, last, kept, grammar, max_tokens, count)
 
     def _room_for(self, count: int, max_tokens: int) -> Candidates:
-        """Return what writes `count` answers at once."""
-        if self._candidates is None or self._candidates.width < count:
+        """Return what writes `count` answers at once: few long ones, or many short ones."""
+        room = (count - 1) * max_tokens
+        if self._candidates is None or self._candidates.width < count or self._room < room:
             if self._candidates is not None:
                 self._candidates.close()
-            shared = self._runtime.shared_context(count, max_tokens)
+            self._room = room
+            shared = self._runtime.shared_context(max(count, AT_ONCE), room)
             self._candidates = Candidates(self._runtime, shared, self._tokenizer, self._ends)
         return self._candidates
 

@@ -17,6 +17,9 @@ from pa_console.schema.finding import Usage
 from pa_console.schema.plan import Action, Plan
 
 MAX_TOKENS = 700
+REASON_TOKENS = 114
+"""The longest reason that is written to see what else was asked. Eight of them find room where
+three plans of a trained planner do."""
 DEADLINE_S = 60.0
 
 
@@ -103,7 +106,7 @@ class Planner:
             prompt.system,
             prompt.user,
             reason_grammar(reasons),
-            self._max_tokens,
+            min(self._max_tokens, REASON_TOKENS),
             self._deadline_s,
             count,
         )

@@ -169,11 +169,14 @@ class Runtime:
         _api.llama_state_seq_get_data(context, buffer, size, 0)
         return bytes(buffer)
 
-    def shared_context(self, width: int, max_tokens: int) -> SharedContext:
-        """Return a context of the same model for `width` answers at once."""
+    def shared_context(self, width: int, room: int) -> SharedContext:
+        """Return a context of the same model for `width` answers at once.
+
+        It has `room` tokens for those beside the first.
+        """
         return SharedContext(
             self._model,
-            self.n_ctx + (width - 1) * max_tokens,
+            self.n_ctx + room,
             width,
             self.n_vocabulary,
             self._threads,
