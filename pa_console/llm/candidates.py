@@ -8,6 +8,7 @@ copies, so the caches of the roles stay as they are.
 """
 
 import codecs
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
@@ -31,7 +32,7 @@ ROWS = 16
 
 @dataclass
 class _Answer:
-    """One answer being written; `open` until the grammar ends it or it is too long."""
+    """One answer being written; `open` until it is complete or too long."""
 
     matcher: LLMatcher
     tokens: list[int]
@@ -39,6 +40,7 @@ class _Answer:
     """The last of them, which are not evaluated."""
     sampled: int = 1
     open: bool = True
+    complete: bool = False
 
 
 class Candidates:
@@ -50,6 +52,7 @@ class Candidates:
         """`shared` is asked to hold the copies of a sequence of `runtime`."""
         self._runtime, self._shared = runtime, shared
         self._tokenizer, self._ends = tokenizer, ends
+        self._stop: re.Pattern[str] | None = None
 
     @property
     def width(self) -> int:
@@ -68,12 +71,15 @@ class Candidates:
         grammar: str,
         max_tokens: int,
         count: int,
+        stop: str = "",
     ) -> tuple[list[str], Finish, Usage]:
         """Write up to `count` answers to the prompt of the `likeliest` one.
 
-        They keep its first `begun` tokens; those that are not complete are left out. Raises
-        ValueError when there is no room.
+        They keep its first `begun` tokens, and end where the regular expression `stop` is found,
+        if there is one. Those that are not complete are left out. Raises ValueError when there is
+        no room.
         """
+        self._stop = re.compile(stop) if stop else None
         prompt, answer = likeliest.prompt, likeliest.tokens
         started = perf_counter()
         texts: list[str] = []
@@ -89,7 +95,7 @@ class Candidates:
             lengths = [len(prompt) + branch.kept for branch in found]
             self._shared.adopt(self._runtime.state(sequence), lengths, sequence)
             self._write(answers, len(prompt), max_tokens)
-            texts = [self._text(answer) for answer in answers if answer.matcher.is_stopped()]
+            texts = [self._text(answer) for answer in answers if answer.complete]
         except InterruptedEvaluationError:
             finish = "cancelled"
         return (
@@ -146,7 +152,9 @@ class Candidates:
     def _take(self, tokens: list[int], answer: _Answer, max_tokens: int) -> None:
         answer.pending = tokens
         answer.tokens += tokens
-        answer.open = not answer.matcher.is_stopped() and len(answer.tokens) < max_tokens
+        found = self._stop is not None and self._stop.search(self._text(answer)) is not None
+        answer.complete = found or answer.matcher.is_stopped()
+        answer.open = not answer.complete and len(answer.tokens) < max_tokens
 
     def _text(self, answer: _Answer) -> str:
         data = readable(self._tokenizer, answer.tokens, self._ends)

@@ -4,6 +4,7 @@ Only the worker process imports this.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 from llguidance import LLMatcher
@@ -78,11 +79,15 @@ class Decoder:
         max_tokens: int,
         count: int,
         begun: str = "",
+        within: str = "",
+        stop: str = "",
     ) -> tuple[list[str], Finish, Usage]:
         """Write up to `count` answers to `prompt` other than the most likely one, in one batch.
 
         Those that are complete are returned, the likeliest first. They keep of the most likely
-        answer what `begun` says, its beginning. Raises ValueError as `answer` does.
+        answer what `begun` says, its beginning, and leave it before the end of `within`, if that is
+        given, another beginning of it. Each ends where the regular expression `stop` is found in
+        it, if there is one. Raises ValueError as `answer` does.
         """
         last = self._last.get(sequence)
         if last is None or last.prompt != list(prompt):
@@ -92,8 +97,10 @@ class Decoder:
                 return [], finish, usage
         del self._last[sequence]
         kept = last.within(begun, self._tokenizer) if last.text.startswith(begun) else 0
+        if within and last.text.startswith(within):
+            last = replace(last, tokens=last.tokens[: last.within(within, self._tokenizer)])
         candidates = self._room_for(count, max_tokens)
-        return candidates.answers(sequence, last, kept, grammar, max_tokens, count)
+        return candidates.answers(sequence, last, kept, grammar, max_tokens, count, stop)
 
     def _room_for(self, count: int, max_tokens: int) -> Candidates:
         """Return what writes `count` answers at once: few long ones, or many short ones."""

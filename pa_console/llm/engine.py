@@ -194,6 +194,8 @@ class Engine:
                 count=request.count,
                 hint=request.hint,
                 begun=request.begun,
+                within=request.within,
+                stop=request.stop,
             )
         )
         started = perf_counter()

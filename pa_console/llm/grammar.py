@@ -30,6 +30,9 @@ PLANNED = "; planned: "
 Opinion = Literal["Success", "Failure"]
 
 _REASON, _ACTIONS = '{"reason": "', '", "actions": ['
+READ = r'^\{"reason": "[^"]*("|; (?!now: )((?!, else: )[^;:"])*: )'
+"""A regular expression for a plan's beginning that has come to the end of what was asked: to the
+first fact that decides, whose name stands before a colon, or to the end of the reason."""
 _AGENT = '{{"agent": "{}", "command": "'
 _OPINION = '{{"id": "{}", "verdict": "'
 _END = '"}'
@@ -85,8 +88,8 @@ def reason_grammar(reasons: Sequence[str]) -> str:
 
 
 def begun_reason(text: str) -> str:
-    """Return the reason in `text`, which `reason_grammar` accepts."""
-    return text.removeprefix(_REASON).removesuffix(_ACTIONS)
+    """Return the reason in `text`, the beginning of what `reason_grammar` accepts."""
+    return text.removeprefix(_REASON).partition('"')[0]
 
 
 def judge_grammar(rule_ids: Sequence[str], feedback: str = "") -> str:

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from pa_console.llm.asking import ask
 from pa_console.llm.confidence import confidence
 from pa_console.llm.engine import Engine
-from pa_console.llm.grammar import begun_reason, reason_grammar
+from pa_console.llm.grammar import READ, begun_reason, reason_grammar
 from pa_console.llm.prompts import Prompt
 from pa_console.llm.reading import asked_words
 from pa_console.llm.request import Request
@@ -94,12 +94,13 @@ class Planner:
         return list(plans.values()), usage
 
     async def readings(
-        self, prompt: Prompt, reasons: Sequence[str], count: int
+        self, prompt: Prompt, reasons: Sequence[str], count: int, within: str = ""
     ) -> tuple[list[str], Usage]:
         """Return what else the planner might have said of `prompt` was asked, the likeliest first.
 
-        `count` reasons that match `reasons` are written besides the most likely one; what was asked
-        in them is given once, in the words in which it would be read. Never raises EngineError.
+        The beginnings of `count` reasons that match `reasons` are written besides the most likely
+        one, which they leave before the end of its beginning `within`. What was asked in them is
+        given once, in the words in which it would be read. Never raises EngineError.
         """
         request = Request(
             "planner",
@@ -109,6 +110,8 @@ class Planner:
             min(self._max_tokens, REASON_TOKENS),
             self._deadline_s,
             count,
+            within=within,
+            stop=READ,
         )
         texts: tuple[str, ...] = ()
         usage = Usage()

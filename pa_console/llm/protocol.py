@@ -37,6 +37,8 @@ class Generate(StrictModel):
     count: int = 1
     hint: str = ""
     begun: str = ""
+    within: str = ""
+    stop: str = ""
 
 
 class Cancel(StrictModel):

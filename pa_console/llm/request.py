@@ -26,6 +26,11 @@ class Request:
     """How the answer begins, where `grammar` is of one that goes on from what the last answer to
     this prompt wrote: what was evaluated for that is not evaluated again. Where several answers
     are wanted, all of them begin so, as the last answer did."""
+    within: str = ""
+    """Where several answers are wanted: the beginning of the most likely one within which all of
+    them leave it; '' lets them leave it anywhere."""
+    stop: str = ""
+    """A regular expression: each of several answers ends where this is found in its text."""
 
 
 @dataclass(frozen=True)

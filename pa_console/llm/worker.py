@@ -123,7 +123,14 @@ def _answer(
             request.begun,
         )
     texts, finish, usage = decoder.several(
-        sequence, prompt, request.grammar, request.max_tokens, request.count, request.begun
+        sequence,
+        prompt,
+        request.grammar,
+        request.max_tokens,
+        request.count,
+        request.begun,
+        request.within,
+        request.stop,
     )
     send(Texts(id=request.id, texts=tuple(texts)))
     return finish, usage

@@ -127,8 +127,12 @@ class Proposing:
         asked = self.question
         if asked is None or not asked.reasons or not self.said or count < 1:
             return []
-        with self._watch.time("planning_s"):
-            found, _ = await self._services.planner.readings(asked.prompt, asked.reasons, count)
+        text = self.latest.text
+        end = text.find(" ", len(self._asked))
+        with self._watch.time("readings_s"):
+            found, _ = await self._services.planner.readings(
+                asked.prompt, asked.reasons, count, text[: end if end >= 0 else len(text)]
+            )
         return found
 
     async def ask_who(self, asked: str, *, as_judged: bool = False) -> Payloads:

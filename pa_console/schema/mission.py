@@ -90,6 +90,10 @@ class Metrics(StrictModel):
     checks_s: NonNegative = 0.0
     rehearsal_s: NonNegative = 0.0
     judging_s: NonNegative = 0.0
+    readings_s: NonNegative = Field(
+        default=0.0,
+        description="looking for what else an unclear order may mean, after the verdict",
+    )
     decision_s: NonNegative = 0.0
     dispatch_s: NonNegative = 0.0
     execution_s: NonNegative = 0.0

@@ -33,7 +33,7 @@ class Variant(StrictModel):
         description="a plan that does nothing gives way to what a judge that objects has read",
     )
     readings: int = Field(
-        default=8,
+        default=5,
         ge=0,
         le=8,
         description="ways to read an order that are looked at when the models are unsure of it",

@@ -16,8 +16,8 @@ EXPECTED: dict[Expectation, str] = {
 _STAGES = (
     ("retrieval", "retrieval_s"), ("picture", "picture_s"), ("prompt", "prompt_s"),
     ("planning", "planning_s"), ("checks", "checks_s"), ("rehearsal", "rehearsal_s"),
-    ("judge", "judging_s"), ("decision", "decision_s"), ("dispatch", "dispatch_s"),
-    ("execution", "execution_s"), ("outcome", "outcome_s"),
+    ("judge", "judging_s"), ("readings", "readings_s"), ("decision", "decision_s"),
+    ("dispatch", "dispatch_s"), ("execution", "execution_s"), ("outcome", "outcome_s"),
 )  # fmt: skip
 _LEAD = 9
 

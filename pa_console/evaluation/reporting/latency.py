@@ -7,7 +7,7 @@ DECISION_STAGES = (
 )  # fmt: skip
 """From the command to a judged plan, repairs included; wall time (names of Metrics)."""
 
-STAGES = (*DECISION_STAGES, "dispatch_s", "outcome_s")
+STAGES = (*DECISION_STAGES, "readings_s", "dispatch_s", "outcome_s")
 """Every stage that takes wall time of the station; execution is simulated and stands apart."""
 
 

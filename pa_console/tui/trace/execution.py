@@ -158,6 +158,7 @@ def timings(trace: MissionTrace) -> Section:
         ("checks", given.checks_s),
         ("rehearsal", given.rehearsal_s),
         ("judge", given.judging_s),
+        ("other readings", given.readings_s),
         ("decision", given.decision_s),
         ("dispatch", given.dispatch_s),
         ("execution, simulated", given.execution_s),
