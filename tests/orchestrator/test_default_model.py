@@ -78,6 +78,7 @@ async def test_what_must_not_be_done_moves_nothing(engine: Engine, site: Site) -
 async def test_what_else_an_order_may_mean_can_be_read_and_planned_for(
     engine: Engine, site: Site
 ) -> None:
+    await engine.start()
     planner = Planner(engine, deadline_s=300.0)
     services = Services(
         sim=Checkpoint(site.world),
