@@ -1,11 +1,13 @@
 """What a model says was asked is read back as it was meant, clause by clause."""
 
 import random
+import re
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pa_console.llm.grammar import READ, begun_reason
 from pa_console.llm.reading import Reading, Team, Wish, asked_words, read_asked, read_reason
 from pa_console.training.asked import asked
 from pa_console.training.conditions import due_asks
@@ -103,3 +105,25 @@ def test_a_clause_in_other_words_is_kept_and_means_nothing() -> None:
     assert reading is not None
     assert not reading.readable
     assert [wish.task for wish in reading.wishes] == ["unreadable", "go"]
+
+
+READINGS = (
+    "asked: 1 drone to EastGate",
+    "asked: hold; report at EastGate",
+    "asked: identify vehicle at EastGate; Ugv_T01, Ugv_T02 home; others stay",
+    "asked: if Ugv_T01 low: Ugv_T01 home; hold, else: 1 drone to EastGate; report; "
+    "now: Ugv_T01: free, not so",
+    "asked: if track at EastGate: hold, else: nothing; now: At EastGate: no track, so; others stay",
+)
+FACTS = ("Free drone: Drone_T04", "At EastGate: no track", "EastGate: nobody (WF-03), hold", "hold")
+
+
+@pytest.mark.parametrize("facts", FACTS)
+@pytest.mark.parametrize("said", READINGS)
+def test_a_reason_is_known_to_have_said_what_was_asked(said: str, facts: str) -> None:
+    begins, whole = '{"reason": "', f'{{"reason": "{said}; {facts}", "actions": ['
+    found = re.search(READ, whole)
+    assert found is not None
+    assert asked_words(begun_reason(whole[: found.end()])).rstrip("; ") == said
+    for end in range(len(begins + said) + 1):
+        assert re.search(READ, whole[:end]) is None
