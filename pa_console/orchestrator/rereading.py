@@ -73,8 +73,13 @@ def distinct(own: str, others: Iterable[str]) -> tuple[str, ...]:
 
 
 def _asks(said: str) -> Reading | None:
-    """Return what is asked for now, however it was put; None where that cannot be read."""
+    """Return what is asked for now, however it was put; None where that cannot be read.
+
+    Nobody is sent to where he comes from: that is no reading.
+    """
     reading = read_asked(said)
     if reading is None or not reading.readable:
+        return None
+    if any(wish.team.origin and wish.team.origin == wish.place for wish in reading.wishes):
         return None
     return reading._replace(wishes=tuple(wish._replace(words="") for wish in reading.wishes))

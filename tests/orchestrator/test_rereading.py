@@ -163,6 +163,10 @@ async def test_with_no_readings_looked_at_none_is_offered(rig: Rig) -> None:
         ([NORTH, NORTH], (NORTH,)),
         (["", "asked: do something", "asked: if there is a moon: hold"], ()),
         ([f"{EAST}; others stay"], (f"{EAST}; others stay",)),
+        (
+            ["asked: 1 drone from EastGate to EastGate", "asked: 1 drone from EastGate home"],
+            ("asked: 1 drone from EastGate home",),
+        ),
         (["asked: if track at WestGate: hold, else: 1 drone to EastGate; now: x, not so"], ()),
     ],
 )
