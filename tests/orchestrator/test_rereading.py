@@ -41,8 +41,8 @@ def begun(asked: str) -> str:
 def verdicts(asked: str) -> list[str]:
     """Return what the judge says of a plan for what it reads: the beginning, then all of it."""
     words = f"{asked}; planned: 1 drone; it fits"
-    whole = {"feedback": words, "violated": [], "verdict": "Success"}
-    return [f'{{"feedback": "{asked}; planned: ', json.dumps(whole)]
+    whole = f'{{"feedback": {json.dumps(words)}, "violated": [], "verdict": "Success"}}'
+    return [f'{{"feedback": "{asked}; planned: ', whole]
 
 
 def engine(asked: Sequence[str], read: Sequence[str], sure: float) -> ScriptedEngine:

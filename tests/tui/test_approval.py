@@ -124,7 +124,8 @@ async def test_another_reading_of_an_unclear_order_is_chosen_with_its_number(
     app = console(station, tmp_path, clock)
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
-        labels = [str(button.label) for button in app.screen.query("#approval-readings Button")]
+        buttons = app.screen.query("#approval-readings Button").results(Button)
+        labels = [str(button.label) for button in buttons]
         assert labels == [
             "(1) or: 2 drones to EastGate",
             "(2) or: if track at WestGate: hold, else: report",
