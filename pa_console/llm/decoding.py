@@ -17,8 +17,11 @@ from pa_console.llm.protocol import Finish
 from pa_console.llm.runtime import Runtime
 from pa_console.schema.finding import Usage
 
-AT_ONCE = 8
+AT_ONCE = 5
 """So many answers can be written at once without a new context, where they are short enough."""
+
+STEP = 256
+"""The context for several answers has a multiple of so many tokens: it takes memory."""
 
 
 class Decoder:
@@ -99,17 +102,16 @@ class Decoder:
         kept = last.within(begun, self._tokenizer) if last.text.startswith(begun) else 0
         if within and last.text.startswith(within):
             last = replace(last, tokens=last.tokens[: last.within(within, self._tokenizer)])
-        candidates = self._room_for(count, max_tokens)
+        candidates = self._room_for(count, len(prompt) + count * max_tokens)
         return candidates.answers(sequence, last, kept, grammar, max_tokens, count, stop)
 
-    def _room_for(self, count: int, max_tokens: int) -> Candidates:
-        """Return what writes `count` answers at once: few long ones, or many short ones."""
-        room = (count - 1) * max_tokens
-        if self._candidates is None or self._candidates.width < count or self._room < room:
+    def _room_for(self, count: int, tokens: int) -> Candidates:
+        """Return what writes `count` answers at once, `tokens` together with their prompt."""
+        if self._candidates is None or self._candidates.width < count or self._room < tokens:
             if self._candidates is not None:
                 self._candidates.close()
-            self._room = room
-            shared = self._runtime.shared_context(max(count, AT_ONCE), room)
+            self._room = max(self._room, -(-tokens // STEP) * STEP)
+            shared = self._runtime.shared_context(max(count, AT_ONCE), self._room)
             self._candidates = Candidates(self._runtime, shared, self._tokenizer, self._ends)
         return self._candidates
 

@@ -18,8 +18,7 @@ from pa_console.schema.plan import Action, Plan
 
 MAX_TOKENS = 700
 REASON_TOKENS = 114
-"""The longest reason that is written to see what else was asked. Eight of them find room where
-three plans of a trained planner do."""
+"""The longest reason that is written to see what else was asked."""
 DEADLINE_S = 60.0
 
 

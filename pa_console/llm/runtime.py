@@ -169,14 +169,11 @@ class Runtime:
         _api.llama_state_seq_get_data(context, buffer, size, 0)
         return bytes(buffer)
 
-    def shared_context(self, width: int, room: int) -> SharedContext:
-        """Return a context of the same model for `width` answers at once.
-
-        It has `room` tokens for those beside the first.
-        """
+    def shared_context(self, width: int, n_ctx: int) -> SharedContext:
+        """Return a context of the same model for `width` answers at once, `n_ctx` tokens in all."""
         return SharedContext(
             self._model,
-            self.n_ctx + room,
+            n_ctx,
             width,
             self.n_vocabulary,
             self._threads,
