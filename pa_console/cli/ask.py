@@ -13,7 +13,7 @@ from pa_console.cli.trace import print_proposal
 from pa_console.schema.event import ApprovalRequested
 from pa_console.schema.mission import Decision
 from pa_console.session.mission_trace import MissionTrace
-from pa_console.session.wording import meant
+from pa_console.session.reading_words import meant
 
 
 def ask(request: ApprovalRequested, trace: MissionTrace | None) -> Decision:
@@ -51,7 +51,8 @@ def ask(request: ApprovalRequested, trace: MissionTrace | None) -> Decision:
 
 def _what_was_meant(request: ApprovalRequested) -> str:
     """Ask which reading of the order was meant; '' for the one that was planned for."""
-    errors.print("the order may also mean:", markup=False)
+    own = f"read as: {meant(request.asked)}; " if request.asked else ""
+    errors.print(f"{own}the order may also mean:", markup=False)
     numbers = [f"{number}" for number, _ in enumerate(request.readings, start=1)]
     for number, asked in zip(numbers, request.readings, strict=True):
         errors.print(f"  {number}  {meant(asked)}", markup=False)

@@ -8,7 +8,7 @@ from pa_console.schema.event import SessionStarted
 from pa_console.schema.rule import Rule
 from pa_console.schema.telemetry import Digest, Selection
 from pa_console.session.mission_trace import CommandTrace, MissionTrace, Verified
-from pa_console.session.wording import meant
+from pa_console.session.reading_words import meant
 from pa_console.tui.trace.rounds import Round, rounds
 
 

@@ -13,7 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pa_console.llm.adapter_switch import AdapterSwitch
-from pa_console.llm.shared_context import ABORTED, InterruptedEvaluationError, SharedContext
+from pa_console.llm.shared_context import (
+    ABORTED,
+    InterruptedEvaluationError,
+    SharedContext,
+    State,
+)
 from pa_console.llm.threads import batch_threads
 
 CHUNK = 64
@@ -161,13 +166,13 @@ class Runtime:
         if trim:
             _api.llama_memory_seq_rm(self._memory(sequence), 0, tokens, -1)
 
-    def state(self, sequence: int) -> bytes:
+    def state(self, sequence: int) -> State:
         """Return what was evaluated in `sequence`, to be taken over by another context."""
         context = self._context(sequence)
         size = _api.llama_state_seq_get_size(context, 0)
         buffer = (ctypes.c_uint8 * size)()
         _api.llama_state_seq_get_data(context, buffer, size, 0)
-        return bytes(buffer)
+        return buffer
 
     def shared_context(self, width: int, n_ctx: int) -> SharedContext:
         """Return a context of the same model for `width` answers at once, `n_ctx` tokens in all."""

@@ -22,6 +22,9 @@ ABORTED = 2
 
 _api: Any = llama_cpp
 
+State = ctypes.Array[ctypes.c_uint8]
+"""What a context holds of a sequence; it is megabytes, and never copied."""
+
 Piece = tuple[int, int, Sequence[int]]
 """Number of the continuation, position of its first new token, the new tokens."""
 
@@ -67,15 +70,14 @@ class SharedContext:
         _api.llama_batch_free(self._batch)
         _api.llama_free(self.context)
 
-    def adopt(self, state: bytes, lengths: Sequence[int], sequence: int) -> None:
+    def adopt(self, state: State, lengths: Sequence[int], sequence: int) -> None:
         """Begin continuations of what `sequence` evaluated, `state`: each of its first tokens.
 
         `lengths` says of how many, continuation by continuation.
         """
         self._adapters.use(self.context, sequence)
         _api.llama_memory_clear(self._memory, False)
-        buffer = (ctypes.c_uint8 * len(state)).from_buffer_copy(state)
-        if not _api.llama_state_seq_set_data(self.context, buffer, len(state), 0):
+        if not _api.llama_state_seq_set_data(self.context, state, len(state), 0):
             raise ValueError("the prompt does not fit into the context for several answers")
         for number in range(1, len(lengths)):
             _api.llama_memory_seq_cp(self._memory, 0, number, -1, -1)

@@ -17,11 +17,13 @@ def request_approval(  # noqa: PLR0917 - one plan and what was said of it
     judge_error: str,
     *,
     judging: bool = True,
+    asked: str = "",
     readings: Sequence[str] = (),
 ) -> ApprovalRequested:
     """Say what nobody may override, what must be acknowledged, and whether the judge objects.
 
-    With `judging`, a plan without a verdict is on hold. `readings` are what else was meant, maybe.
+    With `judging`, a plan without a verdict is on hold. The plan is for what was
+    `asked`; `readings` are what else was meant, maybe.
     """
     blocked = [f"{finding.rule_id}: {finding.message}" for finding in findings if finding.blocking]
     if not blocked and judging and verdict is None:
@@ -33,6 +35,7 @@ def request_approval(  # noqa: PLR0917 - one plan and what was said of it
         blocked_by=tuple(blocked),
         acknowledge=tuple(warnings(findings)),
         needs_override=verdict is not None and verdict.verdict == "Failure",
+        asked=asked,
         readings=tuple(readings),
     )
 

@@ -62,6 +62,7 @@ class Deciding:
                 candidate.verdict,
                 candidate.judge_error,
                 judging=self._judging,
+                asked=self._rereading.own,
                 readings=self._rereading.offered,
             )
             yield request

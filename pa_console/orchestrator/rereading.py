@@ -21,6 +21,8 @@ class Rereading:
         """`looked_at` ways in which the planner might have read the order; 0 offers nothing."""
         self._planning, self._looked_at = planning, looked_at
         self._known: list[str] = []
+        self.own = ""
+        """What the plan on show is for; '' where nothing else is offered."""
         self.offered: tuple[str, ...] = ()
 
     async def reconsider(self) -> None:
@@ -30,7 +32,7 @@ class Rereading:
         anew: what was read before remains on offer.
         """
         planning, shown = self._planning, self._planning.best
-        self.offered = ()
+        self.own, self.offered = "", ()
         if shown is None or not self._looked_at:
             return
         own = said_by_planner(shown) or planning.said
@@ -39,6 +41,7 @@ class Rereading:
             if planning.sure is not None and planning.sure < UNSURE:
                 self._known += await planning.other_readings(self._looked_at)
         self.offered = distinct(own, self._known)[:MOST_READINGS]
+        self.own = own if self.offered else ""
         self._known = [own, *self.offered] if self.offered else []
 
     async def choose(self, asked: str) -> Payloads:

@@ -138,6 +138,10 @@ class ApprovalRequested(Payload):
     blocked_by: tuple[str, ...] = Field(default=(), description="reasons nobody may override")
     acknowledge: tuple[str, ...] = Field(default=(), description="rule ids of warnings")
     needs_override: bool = Field(default=False, description="the judge said Failure")
+    asked: str = Field(
+        default="",
+        description="what the plan is for, in canonical words; empty where nothing else is offered",
+    )
     readings: tuple[str, ...] = Field(
         default=(),
         max_length=MOST_READINGS,

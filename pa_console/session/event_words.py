@@ -2,7 +2,8 @@
 
 from pa_console.schema import event as ev
 from pa_console.schema.plan import Plan
-from pa_console.session.wording import in_words, meant, overriding
+from pa_console.session.reading_words import meant
+from pa_console.session.wording import in_words, overriding
 
 
 def kind_in_words(kind: str) -> str:

@@ -2,6 +2,7 @@
 
 from pa_console.schema.incident import Incident, Reaction, RevealTrack, SpawnTrack
 from pa_console.schema.mission import Decision
+from pa_console.session.reading_words import meant
 
 _TEMPLATES: dict[str, str] = {
     "spawn": "a {track} appears on the lane to {gate}",
@@ -60,12 +61,6 @@ def truth_in_words(incident: Incident) -> str:
     truth = [known for known in (incident.identity, incident.intent) if known]
     truth += [_REACTIONS[incident.when_warned]] if incident.when_warned else []
     return f"{who}: {', '.join(truth)}" if truth else who
-
-
-def meant(asked: str) -> str:
-    """Return a reading of an order for people: without how its condition stands at the moment."""
-    words, _, now = asked.removeprefix("asked: ").partition("; now: ")
-    return words + "; others stay" * now.endswith("; others stay")
 
 
 def overriding(decision: Decision) -> str:

@@ -90,7 +90,9 @@ def test_what_was_meant_can_be_said_before_the_plan_is_decided_on(
 ) -> None:
     decision = decided(monkeypatch, typed, confidence=0.3, readings=READINGS)
     assert (decision.kind, decision.asked) == (kind, asked)
-    assert "1  2 drones to EastGate" in capsys.readouterr().err
+    said = " ".join(capsys.readouterr().err.split())
+    assert "read as: see to the unknown vehicle at NorthGate; the order may also mean:" in said
+    assert "1 send 2 drones to EastGate" in said
 
 
 def test_a_blocked_plan_can_give_way_to_what_was_meant(monkeypatch: pytest.MonkeyPatch) -> None:

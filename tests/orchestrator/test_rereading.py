@@ -16,14 +16,12 @@ from pa_console.schema import event as ev
 from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import Decision
 from pa_console.session.event_words import event_in_words
-from pa_console.session.wording import meant
 from tests.orchestrator.conftest import Rig
 from tests.scripted import ScriptedEngine, plan
 
 EAST = "asked: 1 drone to EastGate"
 NORTH = "asked: 1 drone to NorthGate"
 SOUTH = "asked: 1 drone to SouthGate"
-UNDER = "if A low: A home, else: nothing"
 FREE = "Free drone: Drone_T04"
 
 
@@ -75,14 +73,16 @@ def requests(rig: Rig) -> list[ev.ApprovalRequested]:
 async def test_the_judges_reading_comes_first_and_none_comes_twice(rig: Rig) -> None:
     await rig.run(engine([EAST], [SOUTH], sure=0.3))
     [request] = requests(rig)
-    assert request.readings == (SOUTH, NORTH)
-    assert "or: 1 drone to SouthGate | or: 1 drone to NorthGate" in event_in_words(request)
+    assert (request.asked, request.readings) == (EAST, (SOUTH, NORTH))
+    assert "or: send 1 drone to SouthGate | or: send 1 drone to NorthGate" in event_in_words(
+        request
+    )
 
 
 async def test_an_order_that_was_read_surely_is_not_read_again(rig: Rig) -> None:
     scripted = engine([EAST], [EAST], sure=0.9)
     await rig.run(scripted)
-    assert [request.readings for request in requests(rig)] == [()]
+    assert [(request.asked, request.readings) for request in requests(rig)] == [("", ())]
     assert scripted.several == []
 
 
@@ -174,15 +174,3 @@ def test_what_comes_to_the_same_now_or_cannot_be_read_is_left_out(
     others: list[str], kept: tuple[str, ...]
 ) -> None:
     assert distinct(EAST, others) == kept
-
-
-@pytest.mark.parametrize(
-    ("asked", "words"),
-    [
-        (EAST, "1 drone to EastGate"),
-        (f"asked: {UNDER}; now: A: free, so", UNDER),
-        (f"asked: {UNDER}; now: A: free, not so; others stay", f"{UNDER}; others stay"),
-    ],
-)
-def test_a_reading_is_told_without_how_its_condition_stands(asked: str, words: str) -> None:
-    assert meant(asked) == words

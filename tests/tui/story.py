@@ -101,6 +101,9 @@ def planning(attempt: int = 1) -> list[ev.EventPayload]:
     ]  # fmt: skip
 
 
+ASKED = "asked: unknown vehicle at NorthGate"
+
+
 def judged(
     broken: tuple[str, ...] = (),
     verdict: str = "Success",
@@ -138,6 +141,7 @@ def judged(
             blocked_by=blocked,
             acknowledge=tuple(name for name in broken if name in medium),
             needs_override=verdict == "Failure",
+            asked=ASKED if readings else "",
             readings=readings,
         ),
     ]

@@ -127,9 +127,11 @@ async def test_another_reading_of_an_unclear_order_is_chosen_with_its_number(
         buttons = app.screen.query("#approval-readings Button").results(Button)
         labels = [str(button.label) for button in buttons]
         assert labels == [
-            "(1) or: 2 drones to EastGate",
-            "(2) or: if track at WestGate: hold, else: report",
+            "(1) or: send 2 drones to EastGate",
+            "(2) or: if something is at WestGate, stay put, otherwise report",
         ]
+        said = " ".join(app.screen.query_one("#approval-reading", Sheet).render().plain.split())
+        assert "read with 41% confidence as: see to the unknown vehicle at NorthGate" in said
         await pilot.press("2")
         assert station.decisions == []
         clock.now += ARM_DELAY_S

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pa_console.schema.event import DecisionMade, PlanHalted
 from pa_console.schema.finding import Verdict
 from pa_console.session.mission_trace import CommandTrace, MissionTrace, Verified
-from pa_console.session.wording import meant
+from pa_console.session.reading_words import meant
 from pa_console.tui.trace.planning import title
 from pa_console.tui.trace.rows import Row, Section, column, row, text_rows
 from pa_console.tui.vocabulary import BAD, QUIET, WARN, Term, term

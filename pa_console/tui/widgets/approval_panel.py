@@ -13,7 +13,12 @@ from pa_console.schema.event import MOST_READINGS
 from pa_console.schema.mission import Decision
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.ports import Clock
-from pa_console.tui.widgets.approval_text import approval_rows, blocked_reason, reading_label
+from pa_console.tui.widgets.approval_text import (
+    approval_rows,
+    blocked_reason,
+    reading_label,
+    reading_rows,
+)
 from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.sheet import Sheet
 from pa_console.tui.widgets.tick import Tick
@@ -70,6 +75,7 @@ class ApprovalPanel(Vertical):
         with VerticalScroll(id="approval-body", can_focus=False):
             yield Sheet(id="approval-text")
         with VerticalScroll(id="approval-given", can_focus=False):
+            yield Sheet(id="approval-reading")
             yield Vertical(id="approval-readings")
             yield ItemGrid(id="approval-warnings", min_column_width=18)
         yield LineField(compact=True, id="approval-reason")
@@ -104,6 +110,7 @@ class ApprovalPanel(Vertical):
         request = trace.approval
         assert request is not None
         self.query_one("#approval-text", Sheet).show(tuple(approval_rows(trace)))
+        self.query_one("#approval-reading", Sheet).show(tuple(reading_rows(trace)))
         readings = self.query_one("#approval-readings", Vertical)
         readings.remove_children()
         readings.mount_all(

@@ -6,7 +6,7 @@ from textual.content import Content
 
 from pa_console.schema.event import ApprovalRequested
 from pa_console.session.mission_trace import MissionTrace
-from pa_console.session.wording import meant
+from pa_console.session.reading_words import meant
 from pa_console.tui.trace.rows import Row, row
 from pa_console.tui.vocabulary import BAD, GOOD, NOTE, QUIET, WARN, term
 from pa_console.tui.words import action_sentence
@@ -37,13 +37,17 @@ def approval_rows(trace: MissionTrace) -> Iterator[Row]:
         yield row("   ", "nothing moves: the plan has no action")
     for text in attempt.unmet if attempt else ():
         yield row(("△ ", WARN), ("NOT MET  ", f"bold {WARN}"), text)
-    if attempt is not None and attempt.doubt:
-        yield row(("△ ", WARN), ("UNSURE  ", f"bold {WARN}"), attempt.doubt)
+    if attempt is not None and attempt.doubt and not request.readings:
+        yield _unsure(attempt.doubt)
     for reason in request.blocked_by:
         yield row(("✘ ", BAD), ("BLOCKED  ", f"bold {BAD}"), (reason, BAD))
     for rule_id in request.acknowledge:
         yield row(("▲ ", WARN), (f"{rule_id}  ", f"bold {WARN}"), _message(trace, rule_id))
     yield _judge(trace, request)
+
+
+def _unsure(doubt: str) -> Row:
+    return row(("△ ", WARN), ("UNSURE  ", f"bold {WARN}"), doubt)
 
 
 def _judge(trace: MissionTrace, request: ApprovalRequested) -> Row:
@@ -63,6 +67,16 @@ def _judge(trace: MissionTrace, request: ApprovalRequested) -> Row:
 def _message(trace: MissionTrace, rule_id: str) -> str:
     findings = (f for attempt in reversed(trace.attempts) for f in attempt.findings)
     return next((f.message for f in findings if f.rule_id == rule_id), "")
+
+
+def reading_rows(trace: MissionTrace) -> Iterator[Row]:
+    """Yield what the order was read as, where it may mean something else."""
+    request = trace.approval
+    if request is None or not request.readings:
+        return
+    attempt = trace.find(request.attempt)
+    sure = f" with {attempt.sure:.0%} confidence" if attempt and attempt.sure is not None else ""
+    yield _unsure(f"read{sure} as: {meant(request.asked)}")
 
 
 def reading_label(number: int, asked: str) -> Content:

@@ -1,0 +1,64 @@
+"""What an order was read as is told in plain words, and every reading in words of its own."""
+
+import random
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pa_console.session.reading_words import meant
+from pa_console.training.asked import asked
+from pa_console.training.asked import meant as canonical
+from pa_console.training.order_sampler import sample_order
+from pa_console.training.situations import settled
+from pa_console.training.worlds import shipped_world
+
+NOW = settled(shipped_world())
+NAME = re.compile(r"[A-Z][a-z]+(?:_?[A-Z][a-zA-Z]*)?[0-9]*|\b\d+\b")
+UNDER = "if Drone_T01 low: Drone_T01 home; 2 vehicles to Junction, else: nothing"
+TOLD = "if Drone_T01 is low on battery, send Drone_T01 home and send 2 ground vehicles to Junction"
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("1 drone to EastGate", "send 1 drone to EastGate"),
+        ("all from WestGate home", "send everybody from WestGate home"),
+        ("look at EastGate", "look at EastGate"),
+        ("warn at EastGate", "warn whoever is at EastGate"),
+        ("1 robot identify person at G", "let 1 ground robot identify the person at G"),
+        ("all free robots to EastGate", "send every free ground robot to EastGate"),
+        ("A_1, A_2, A_3 hold; others stay", "let A_1, A_2 and A_3 stay put; all others stay"),
+        ("set rules aside, block EastGate", "close the lane at EastGate (setting rules aside)"),
+        ("warn at G without identification", "warn whoever is at G without identification"),
+        ("hold with noncombatants", "stay put (though noncombatants are there)"),
+        ("if no asset free: hold, else: report", "if no asset is free, stay put, otherwise report"),
+        (UNDER, f"{TOLD}, otherwise do nothing"),
+        (f"{UNDER}; now: Drone_T01: low, alone, so", f"{TOLD}, otherwise do nothing"),
+        (f"{UNDER}; now: x, not so; others stay", f"{TOLD}, otherwise do nothing; all others stay"),
+        ("something that nobody taught", "something that nobody taught"),
+    ],
+)  # fmt: skip
+def test_a_reading_is_told_in_plain_words(words: str, told: str) -> None:
+    assert meant(f"asked: {words}") == told
+
+
+@given(st.integers(0, 10_000))
+def test_every_name_and_number_is_told_and_how_a_condition_stands_is_not(seed: int) -> None:
+    order, _ = sample_order(random.Random(seed), NOW.world, NOW.picture, NOW.digest)
+    words = canonical(order, NOW.world)
+    told = meant(f"asked: {asked(order, NOW.world, NOW.picture, NOW.digest)}")
+    assert sorted(NAME.findall(told)) == sorted(NAME.findall(words))
+    assert not re.search(r"; now:|else:|^if [^,]+:|stand down|asked", told)
+
+
+@given(st.integers(0, 10_000), st.integers(0, 10_000))
+def test_readings_that_differ_are_told_apart(one: int, other: int) -> None:
+    first, second = (
+        canonical(
+            sample_order(random.Random(seed), NOW.world, NOW.picture, NOW.digest)[0], NOW.world
+        )
+        for seed in (one, other)
+    )
+    assert (meant(first) == meant(second)) == (first == second)
