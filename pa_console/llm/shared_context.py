@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pa_console.llm.adapter_switch import AdapterSwitch
 from pa_console.llm.threads import batch_threads
 
-CHUNK = 32
+CHUNK = 16
 """Tokens of all continuations together that are evaluated at once."""
 
 ABORTED = 2
