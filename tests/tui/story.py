@@ -111,6 +111,7 @@ def judged(
     *,
     unmet: tuple[str, ...] = (),
     confidence: float | None = None,
+    as_chosen: bool = False,
     readings: tuple[str, ...] = (),
 ) -> list[ev.EventPayload]:
     """Steps 5 and 6 up to the operator's turn."""
@@ -131,6 +132,7 @@ def judged(
             plan=PLAN,
             usage=usage,
             confidence=confidence,
+            as_chosen=as_chosen,
         ),
         ev.PlanRehearsed(attempt=1, rehearsal=rehearsal(), seconds=0.06),
         ev.PlanChecked(attempt=1, findings=findings(broken), seconds=0.003, unmet=unmet),

@@ -154,6 +154,16 @@ async def test_a_reading_can_be_chosen_where_the_plan_is_blocked(tmp_path: Path)
         assert [d.asked for d in station.decisions] == [READINGS[0]]
 
 
+async def test_a_reading_that_the_operator_chose_is_told_as_such(tmp_path: Path) -> None:
+    told = story.told("approval", confidence=0.41, as_chosen=True, readings=READINGS)
+    station = ScriptedStation(told)
+    app = console(station, tmp_path, FakeClock())
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        said = " ".join(app.screen.query_one("#approval-reading", Sheet).render().plain.split())
+        assert said == "✎ read as you meant it: see to the unknown vehicle at NorthGate"
+
+
 @pytest.mark.parametrize("size", [(80, 24), (100, 30), SIZE, (160, 50)])
 async def test_whatever_there_is_to_read_the_buttons_are_in_sight(
     tmp_path: Path, size: tuple[int, int]

@@ -74,9 +74,12 @@ def reading_rows(trace: MissionTrace) -> Iterator[Row]:
     request = trace.approval
     if request is None or not request.readings:
         return
-    attempt = trace.find(request.attempt)
+    attempt, asked = trace.find(request.attempt), meant(request.asked)
+    if attempt is not None and attempt.as_chosen:
+        yield row(("✎ ", NOTE), "read as you meant it: ", asked)
+        return
     sure = f" with {attempt.sure:.0%} confidence" if attempt and attempt.sure is not None else ""
-    yield _unsure(f"read{sure} as: {meant(request.asked)}")
+    yield _unsure(f"read{sure} as: {asked}")
 
 
 def reading_label(number: int, asked: str) -> Content:
