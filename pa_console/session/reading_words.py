@@ -5,7 +5,7 @@ none of them, or is plain already, is told as it is written.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 _KINDS = {"drone": "drone", "vehicle": "ground vehicle", "robot": "ground robot"}
 _NAME = r"[A-Za-z0-9_]+"
@@ -21,54 +21,48 @@ _UNLAWFUL = {
     " without warning": " without warning",
     " with noncombatants": " (though noncombatants are there)",
 }
-_CLAUSES = [
-    (re.compile(pattern), told)
-    for pattern, told in (
-        (rf"swap (?P<by>{_NAME}) and (?P<name>{_NAME})", "let {by} and {name} change places"),
-        (rf"stand down {_PLACE}", "send home whoever reinforces {place}"),
-        (r"all free (?P<kind>[a-z]+)s to (?P<place>.+)", "send every free {kind} to {place}"),
-        (rf"all free to {_PLACE}", "send every free asset to {place}"),
-        (rf"cover {_PLACE} by {_WHO}", "let {who} guard {place}"),
-        (rf"cover {_PLACE}", "give {place} a guard"),
-        (rf"{_WHO} relieves (?P<leaving>.+)", "let {who} relieve {leaving}"),
-        (rf"report by {_WHO} at {_PLACE}", "let {who} report on {place}"),
-        (rf"report by {_WHO}", "let {who} report"),
-        (rf"report at {_PLACE}", "report on {place}"),
-        (rf"{_WHO} hold", "let {who} stay put"),
-        (r"hold", "stay put"),
-        (rf"{_WHO} home", "send {who} home"),
-        (rf"look at {_PLACE}", "look at {place}"),
-        (rf"{_WHO} look at {_PLACE}", "let {who} look at {place}"),
-        (rf"(?P<do>identify|warn) {_TARGET}", "{do} {target}"),
-        (rf"{_WHO} (?P<do>identify|warn) {_TARGET}", "let {who} {do} {target}"),
-        (rf"block {_PLACE}", "close the lane at {place}"),
-        (rf"{_WHO} block {_PLACE}", "let {who} close the lane at {place}"),
-        (rf"unknown {_TRACK} at {_PLACE}", "see to the unknown {track} at {place}"),
-        (rf"unknown at {_PLACE}", "see to what is unknown at {place}"),
-        (rf"(?P<name>{_NAME}) at {_PLACE}", "see to {name} at {place}"),
-        (rf"{_WHO} to {_PLACE}", "send {who} to {place}"),
-        (r"nothing", "do nothing"),
-    )
-]  # fmt: skip
-_CONDITIONS = [
-    (re.compile(pattern), told)
-    for pattern, told in (
-        (rf"no track at {_PLACE}", "nothing is at {place}"),
-        (rf"track at {_PLACE}", "something is at {place}"),
-        (rf"no {_TRACK} at {_PLACE}", "no {track} is at {place}"),
-        (rf"{_TRACK} at {_PLACE}", "a {track} is at {place}"),
-        (rf"track at {_PLACE} (?P<known>[a-z]+)", "what is at {place} is {known}"),
-        (rf"{_TRACK} at {_PLACE} (?P<known>[a-z]+)", "the {track} at {place} is {known}"),
-        (rf"{_PLACE} uncovered", "{place} has no guard"),
-        (rf"{_PLACE} covered", "{place} has a guard"),
-        (rf"(?P<name>{_NAME}) low", "{name} is low on battery"),
-        (rf"(?P<name>{_NAME}) not low", "{name} is not low on battery"),
-        (rf"(?P<name>{_NAME}) down", "{name} is out of order"),
-        (r"no (?P<kind>[a-z]+) free", "no {kind} is free"),
-        (r"(?P<one>[a-z]+) free", "{one} is free"),
-        (rf"(?P<name>{_NAME}) up", "{name} is in order"),
-    )
-]  # fmt: skip
+_CLAUSES = {
+    rf"swap (?P<by>{_NAME}) and (?P<name>{_NAME})": "let {by} and {name} change places",
+    rf"stand down {_PLACE}": "send home whoever reinforces {place}",
+    r"all free (?P<kind>[a-z]+)s to (?P<place>.+)": "send every free {kind} to {place}",
+    rf"all free to {_PLACE}": "send every free asset to {place}",
+    rf"cover {_PLACE} by {_WHO}": "let {who} guard {place}",
+    rf"cover {_PLACE}": "give {place} a guard",
+    rf"{_WHO} relieves (?P<leaving>.+)": "let {who} relieve {leaving}",
+    rf"report by {_WHO} at {_PLACE}": "let {who} report on {place}",
+    rf"report by {_WHO}": "let {who} report",
+    rf"report at {_PLACE}": "report on {place}",
+    rf"{_WHO} hold": "let {who} stay put",
+    r"hold": "stay put",
+    rf"{_WHO} home": "send {who} home",
+    rf"look at {_PLACE}": "look at {place}",
+    rf"{_WHO} look at {_PLACE}": "let {who} look at {place}",
+    rf"(?P<do>identify|warn) {_TARGET}": "{do} {target}",
+    rf"{_WHO} (?P<do>identify|warn) {_TARGET}": "let {who} {do} {target}",
+    rf"block {_PLACE}": "close the lane at {place}",
+    rf"{_WHO} block {_PLACE}": "let {who} close the lane at {place}",
+    rf"unknown {_TRACK} at {_PLACE}": "see to the unknown {track} at {place}",
+    rf"unknown at {_PLACE}": "see to what is unknown at {place}",
+    rf"(?P<name>{_NAME}) at {_PLACE}": "see to {name} at {place}",
+    rf"{_WHO} to {_PLACE}": "send {who} to {place}",
+    r"nothing": "do nothing",
+}
+_CONDITIONS = {
+    rf"no track at {_PLACE}": "nothing is at {place}",
+    rf"track at {_PLACE}": "something is at {place}",
+    rf"no {_TRACK} at {_PLACE}": "no {track} is at {place}",
+    rf"{_TRACK} at {_PLACE}": "a {track} is at {place}",
+    rf"track at {_PLACE} (?P<known>[a-z]+)": "what is at {place} is {known}",
+    rf"{_TRACK} at {_PLACE} (?P<known>[a-z]+)": "the {track} at {place} is {known}",
+    rf"{_PLACE} uncovered": "{place} has no guard",
+    rf"{_PLACE} covered": "{place} has a guard",
+    rf"(?P<name>{_NAME}) low": "{name} is low on battery",
+    rf"(?P<name>{_NAME}) not low": "{name} is not low on battery",
+    rf"(?P<name>{_NAME}) down": "{name} is out of order",
+    r"no (?P<kind>[a-z]+) free": "no {kind} is free",
+    r"(?P<one>[a-z]+) free": "{one} is free",
+    rf"(?P<name>{_NAME}) up": "{name} is in order",
+}
 """How a condition stands is told by others: these say what it is."""
 
 
@@ -104,10 +98,10 @@ def _clause(words: str) -> str:
     return _told(words, _CLAUSES)
 
 
-def _told(words: str, forms: Sequence[tuple[re.Pattern[str], str]]) -> str:
+def _told(words: str, forms: Mapping[str, str]) -> str:
     """Return `words` as the first of `forms` that they have tells them."""
-    for pattern, told in forms:
-        if found := pattern.fullmatch(words):
+    for pattern, told in forms.items():
+        if found := re.fullmatch(pattern, words):
             return told.format_map(
                 {part: _part(part, said) for part, said in found.groupdict().items()}
             )
