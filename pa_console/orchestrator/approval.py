@@ -22,8 +22,8 @@ def request_approval(  # noqa: PLR0917 - one plan and what was said of it
 ) -> ApprovalRequested:
     """Say what nobody may override, what must be acknowledged, and whether the judge objects.
 
-    With `judging`, a plan without a verdict is on hold. The plan is for what was
-    `asked`; `readings` are what else was meant, maybe.
+    With `judging`, a plan without a verdict is on hold. The plan is for what was `asked`;
+    `readings` are what else was meant, maybe.
     """
     blocked = [f"{finding.rule_id}: {finding.message}" for finding in findings if finding.blocking]
     if not blocked and judging and verdict is None:

@@ -9,9 +9,10 @@ from collections.abc import Mapping, Sequence
 
 _KINDS = {"drone": "drone", "vehicle": "ground vehicle", "robot": "ground robot"}
 _NAME = r"[A-Za-z0-9_]+"
-_PLACE = rf"(?P<place>{_NAME}|unknown place)"
+_NOWHERE = "unknown place"
+_PLACE = rf"(?P<place>{_NAME}|{_NOWHERE})"
 _TRACK = r"(?P<track>vehicle|person)"
-_TARGET = rf"(?P<target>(?:(?:vehicle|person|{_NAME}) )?at (?:{_NAME}|unknown place))"
+_TARGET = rf"(?P<target>(?:(?:vehicle|person|{_NAME}) )?at (?:{_NAME}|{_NOWHERE}))"
 _WHO = r"(?P<who>.+)"
 _CASE = re.compile(r"if (?P<condition>[^:]+): (?P<then>[^:]+), else: (?P<otherwise>[^:]+)")
 _OTHERS_STAY = "; others stay"
@@ -81,6 +82,7 @@ def meant(asked: str) -> str:
     else:
         condition = _told(case["condition"], _CONDITIONS)
         told = f"if {condition}, {_clauses(case['then'])}, otherwise {_clauses(case['otherwise'])}"
+    told = told.replace(_NOWHERE, f"an {_NOWHERE}")
     return f"{told}; all others stay" if others else told
 
 

@@ -26,6 +26,7 @@ TOLD = "if Drone_T01 is low on battery, send Drone_T01 home and send 2 ground ve
         ("1 drone to EastGate", "send 1 drone to EastGate"),
         ("all from WestGate home", "send everybody from WestGate home"),
         ("look at EastGate", "look at EastGate"),
+        ("1 robot warn at unknown place", "let 1 ground robot warn whoever is at an unknown place"),
         ("warn at EastGate", "warn whoever is at EastGate"),
         ("1 robot identify person at G", "let 1 ground robot identify the person at G"),
         ("all free robots to EastGate", "send every free ground robot to EastGate"),
