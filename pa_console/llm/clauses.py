@@ -65,9 +65,9 @@ def _gates(world: World, frames: Iterable[str]) -> list[str]:
 
 
 def _guards(told: Iterable[str], digest: Digest, gates: str) -> Iterator[str]:
-    """Yield who can be relieved: where it is, at any gate where that is not told."""
+    """Yield who can be relieved: where it is or stood, at any gate where that is not told."""
     for name in told:
-        at = stands_at(digest, name) if name in digest.posts else ""
+        at = stands_at(digest, name) if name in digest.posts else digest.stood.get(name, "")
         yield f"{exactly(name)} at {exactly(at) if at else gates}"
 
 

@@ -92,7 +92,7 @@ class Names(NamedTuple):
     track: str
     """A track with where it is: "T at G"."""
     guard: str
-    """Who is relieved, with where: "A at G"."""
+    """Who is relieved or lost, with where: "A at G"."""
 
 
 _ANY = Names(
@@ -130,6 +130,7 @@ def _forms(names: Names) -> Iterator[tuple[WishTask, str]]:
     yield "stand_down", rf"stand down {gate}"
     yield "mass", rf"all free( (?P<mass>{_KIND}))? to {gate}"
     yield "cover", rf"cover {gate}( by {who})?"
+    yield "cover", rf"cover {names.guard}( by {who})?"
     yield "relieve", rf"({who} relieves|relieve) {names.guard}"
     yield "report", rf"report( by {who})?( at {place})?"
     yield "hold", rf"({who} )?hold"

@@ -37,13 +37,15 @@ def digest_picture(picture: Picture, world: World, selection: Selection | None =
         for track in sorted(picture.tracks.values(), key=lambda t: (t.distance_m, t.id))
         if selection is None or track.id in selection.tracks
     ]
+    down = [asset for asset in team if not asset.available and not silence(picture, asset)]
     return Digest(
         covered={gate: len(picture.gates[gate].by) for gate in gates},
         uncovered=tuple(gate for gate in gates if not picture.gates[gate].covered),
         free={kind: tuple(a.id for a in free if a.kind == kind) for kind in KINDS},
         sole_cover={gate: name for gate, name in sole.items() if gate in gates},
         posts={asset.id: _post(asset) for asset in up},
-        down=tuple(a.id for a in team if not a.available and not silence(picture, a)),
+        down=tuple(asset.id for asset in down),
+        stood={asset.id: asset.post for asset in down if asset.post in gates},
         unknown=tuple(_unknown(picture, gates, team)),
         low_battery=tuple(a.id for a in up if a.low_battery),
         degraded_comms=tuple(a.id for a in up if a.comms != "ok"),

@@ -25,6 +25,9 @@ EVIDENCE_S = 8.0
 SAFETY_S = 10.0
 """How long the commands of a safe state are followed and sent again."""
 
+TOLD_S = 2.0
+"""How long telemetry is waited for in which whoever was brought to a safe state is there."""
+
 
 class Execution:
     """Carries out one approved plan after another; `verification` is of the last one."""
@@ -151,7 +154,10 @@ class Execution:
                 return
 
     async def _to_safety(self, attempt: int, steps: AsyncIterator[Step]) -> Payloads:
-        """Bring the agents under way to a safe state and follow them until they have said so."""
+        """Bring the agents under way to a safe state and follow them until telemetry shows it.
+
+        The next plan is made from that picture: one from before has them still on their way.
+        """
         sim = self._services.sim
         reasons = self.halted
         commands = self.halt()
@@ -166,12 +172,19 @@ class Execution:
             ),
         )
         dispatch = Dispatch(commands, sim.tick, sim.world.dt_s, SAFETY_S)
-        if commands:
-            async for step in steps:
-                for payload in self._follow(dispatch, step):
-                    yield payload
-                if dispatch.finished:
-                    return
+        if not commands:
+            return
+        ended_s: float | None = None
+        async for step in steps:
+            for payload in self._follow(dispatch, step):
+                yield payload
+            if not dispatch.finished:
+                continue
+            ended_s = sim.time_s if ended_s is None else ended_s
+            assets = sim.picture().assets
+            told = all(assets[command.agent].stamp_s >= ended_s for command in commands)
+            if told or sim.time_s - ended_s > TOLD_S:
+                return
 
     def _follow(self, dispatch: Dispatch, step: Step) -> Iterator[ev.EventPayload]:
         """Take in one step's replies and send again what was not answered."""

@@ -91,7 +91,7 @@ def _step_left_out(case: Case, wish: Wish) -> Iterator[str]:
     due: Verb | None = None
     if any(track.identity == "unknown" for track in tracks):
         due = "identify"
-    elif wish.task == "warn" and any(_is_to_be_warned(track) for track in tracks):
+    elif wish.task == "warn" and any(is_to_be_warned(track) for track in tracks):
         due = "warn"
     if due and _can(case, wish, tracks) and not moves.commands(wish.place, [due]):
         yield f"nobody sent to {due} who is at {wish.place}"
@@ -104,8 +104,10 @@ def _can(case: Case, wish: Wish, tracks: Sequence[Track]) -> bool:
     return all(case.moves.there(wish.place, kind) or case.spare(wish, kind) for kind in kinds)
 
 
-def _is_to_be_warned(track: Track) -> bool:
-    return track.identity == "unauthorized" and not track.warned
+def is_to_be_warned(track: Track) -> bool:
+    """Whether a warning is due: it is known who that is, and nobody has warned him."""
+    known = track.identity == "unauthorized" and not track.noncombatants
+    return known and not track.warned
 
 
 def _blocked(case: Case, wish: Wish) -> Iterator[str]:
@@ -120,7 +122,7 @@ def _blocked(case: Case, wish: Wish) -> Iterator[str]:
 def _taken_over(case: Case, wish: Wish) -> Iterator[str]:
     place, leaving = post_of(case.moves, wish), case.moves.before.assets.get(wish.leaving)
     home = case.moves.goals.get(wish.leaving) == case.moves.world.base
-    if leaving is not None and leaving.available and not home:
+    if wish.task == "relieve" and leaving is not None and leaving.available and not home:
         yield f"{wish.leaving} does not go home"
     yield from _absent(case, wish, place)
     kind = wish.team.kind
@@ -138,12 +140,12 @@ def _swapped(case: Case, wish: Wish) -> Iterator[str]:
 
 
 def _stood_down(case: Case, wish: Wish) -> Iterator[str]:
-    """Yield that not exactly one guard stays, or that nobody goes home."""
+    """Yield that not exactly one guard stays, or that nobody of several goes home."""
     there = {*case.moves.guards(wish.place), *case.moves.sent(wish.place)}
     left = [name for name in there if case.moves.ends(name) == wish.place]
     if wish.place in case.moves.world.gates and len(left) != 1:
         yield f"{len(left)} stay at {wish.place}"
-    if not case.moves.sent(case.moves.world.base):
+    if len(case.moves.guards(wish.place)) > 1 and not case.moves.sent(case.moves.world.base):
         yield "nobody goes home"
 
 

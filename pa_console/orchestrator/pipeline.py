@@ -15,7 +15,7 @@ from pa_console.orchestrator.execution import Execution
 from pa_console.orchestrator.feed import StepFeed
 from pa_console.orchestrator.planning import Planning
 from pa_console.orchestrator.report import ReportFacts, after_action_report
-from pa_console.orchestrator.results import Results
+from pa_console.orchestrator.results import Results, begun
 from pa_console.orchestrator.services import Payloads, Services, Stopwatch
 from pa_console.policy.checks import check_mission
 from pa_console.policy.moments import moment
@@ -148,6 +148,8 @@ class MissionRun:
                 continue
             tries[task.text] = tries.get(task.text, 0) + 1
             following = self._course.task or self._results.follow_up
+            if following is None and self._services.variant.workflows:
+                following = begun(approved.examination.plan, task, self._services.sim.picture())
             if following is None or tries.get(following.text, 0) >= MAX_TRIES:
                 self._status, self._reason = self._results.conclude()
                 return

@@ -1,6 +1,7 @@
 """Steps 2 to 6 of a mission: from its words to a plan that was checked, rehearsed and judged."""
 
 from collections.abc import Sequence
+from itertools import islice
 
 from pa_console.llm.reading import Reading, read_asked, read_reason
 from pa_console.orchestrator.candidate import Candidate, met
@@ -13,6 +14,9 @@ from pa_console.schema import event as ev
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan, Verb
 from pa_console.schema.telemetry import Selection
+
+MOST_SERVED = 6
+"""Plans of which the console gives the commands, at most, where the ones before are blocked."""
 
 
 class Planning:
@@ -188,17 +192,21 @@ class Planning:
                 yield payload
 
     async def _ask_who(self, asked: str, *, as_judged: bool = False) -> Payloads:
-        """Examine a plan for what was `asked` of which the console gives the commands.
+        """Examine plans for what was `asked` of which the console gives the commands.
 
-        A sound one becomes `best`, where that is a plan for another reading too.
+        They serve less and less of it, until nothing blocks one. A sound one becomes `best`, where
+        that is a plan for another reading too.
         """
-        async for payload in self._proposing.ask_who(asked, as_judged=as_judged):
-            yield payload
-        for other in self._proposing.others or ():
-            async for payload in self._examine(*other):
+        for slots in islice(self._proposing.served(asked), MOST_SERVED):
+            async for payload in self._proposing.ask_who(asked, slots, as_judged=as_judged):
                 yield payload
-            if not any(self._latest.badness[:2]):
-                self.best = self._latest
+            for other in self._proposing.others or ():
+                async for payload in self._examine(*other):
+                    yield payload
+                if not any(self._latest.badness[:2]):
+                    self.best = self._latest
+                if not self._latest.examination.blocked:
+                    return
 
     async def _judge(self) -> Payloads:
         candidate, question = self.best, self._proposing.question

@@ -1,16 +1,16 @@
 """Steps 2 to 5 of a mission: from its words to what the planner answers, not examined yet."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from time import perf_counter
 
 from pa_console.llm.grounds import grounded_reason
 from pa_console.llm.planner import Proposal
 from pa_console.llm.reading import asked_words, read_asked
-from pa_console.llm.slot_grammar import slot_grammar
+from pa_console.llm.slot_grammar import Slot, slot_grammar
 from pa_console.orchestrator.question import Question, ask_for_plan
 from pa_console.orchestrator.services import Payloads, Services, Stopwatch
-from pa_console.orchestrator.serving import serving_slots
+from pa_console.orchestrator.serving import servings
 from pa_console.schema import event as ev
 from pa_console.schema.finding import Usage
 from pa_console.schema.mission import Mission
@@ -135,16 +135,26 @@ class Proposing:
             )
         return found
 
-    async def ask_who(self, asked: str, *, as_judged: bool = False) -> Payloads:
-        """Step 5 once more, with the commands given that serve what was `asked`: who has each.
+    def served(self, asked: str) -> Iterator[tuple[Slot, ...]]:
+        """Yield the commands of plans that serve what was `asked`, each with who may have it.
 
-        The plan, which says that this was asked, waits in `others`. With `as_judged` it is what the
-        judge read in the mission.
+        None where the planner may give some commands only.
         """
-        sim, question, reading = self._services.sim, self.question, read_asked(asked)
-        slots = serving_slots(reading, sim.world, sim.picture()) if reading is not None else ()
+        sim, reading = self._services.sim, read_asked(asked)
+        if reading is not None and not self._verbs:
+            yield from servings(reading, sim.world, sim.picture())
+
+    async def ask_who(
+        self, asked: str, slots: Sequence[Slot], *, as_judged: bool = False
+    ) -> Payloads:
+        """Step 5 once more, with the commands of `slots` given: who of those open to it has each.
+
+        The plan, which says that this was `asked`, waits in `others`. With `as_judged` it is what
+        the judge read in the mission.
+        """
+        question, sim = self.question, self._services.sim
         self.others = []
-        if question is None or not slots or self._verbs:
+        if question is None:
             return
         reasons = grounded_reason(sim.world, question.digest, self.task.text, asked)
         grammar = slot_grammar(slots, reasons)

@@ -1,9 +1,6 @@
 """Whose report an order asks for where it names nobody."""
 
-from collections.abc import Iterator, Sequence
-
 from pa_console.llm.reading import Wish
-from pa_console.llm.slot_grammar import Slot
 from pa_console.schema.telemetry import Picture
 
 
@@ -24,13 +21,3 @@ def of_everyone(wish: Wish) -> bool:
     if wish.task != "report" or team.names:
         return False
     return team.number == "all" or bool(wish.place) or not (team.kind or team.origin)
-
-
-def beside(others: Sequence[Slot], names: Sequence[str]) -> Iterator[Slot]:
-    """Yield a report by each of `names` that has none of the commands of `others`."""
-    busy = {slot.agents[0] for slot in others if len(slot.agents) == 1}
-    chosen = [slot for slot in others if len(slot.agents) > 1]
-    open_to_choice = {name for slot in chosen for name in slot.agents}
-    left = tuple(name for name in names if name in open_to_choice - busy)
-    yield from (Slot((name,), "report") for name in names if name not in open_to_choice | busy)
-    yield from (Slot(left, "report") for _ in range(len(left) - len(chosen)))

@@ -7,7 +7,7 @@ the operator knows what was meant.
 from collections.abc import Iterable
 
 from pa_console.llm.grammar import PLANNED
-from pa_console.llm.reading import Reading, asked_words, read_asked
+from pa_console.llm.reading import Reading, Wish, asked_words, read_asked
 from pa_console.orchestrator.candidate import Candidate
 from pa_console.orchestrator.planning import Planning
 from pa_console.orchestrator.services import Payloads
@@ -85,4 +85,9 @@ def _asks(said: str) -> Reading | None:
         return None
     if any(wish.team.origin and wish.team.origin == wish.place for wish in reading.wishes):
         return None
-    return reading._replace(wishes=tuple(wish._replace(words="") for wish in reading.wishes))
+    return reading._replace(wishes=tuple(map(_without_words, reading.wishes)))
+
+
+def _without_words(wish: Wish) -> Wish:
+    """Return `wish` however it was put: whoever a gate has lost, it is the gate that is covered."""
+    return wish._replace(words="", leaving="" if wish.task == "cover" else wish.leaving)

@@ -3,10 +3,14 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+from pa_console.llm.reading import read_reason
 from pa_console.orchestrator.course import Course
+from pa_console.orchestrator.lacking import is_to_be_warned
 from pa_console.policy.monitor import Monitor
 from pa_console.schema.alarm import Alarm
 from pa_console.schema.mission import Mission, MissionStatus, Verification
+from pa_console.schema.plan import Plan
+from pa_console.schema.telemetry import Picture
 
 
 @dataclass
@@ -70,3 +74,15 @@ class Results:
         passed = passed and self.course.over and self.course.settled
         passed = passed and not open_rules and not self.unanswered
         return "verified" if passed else "unverified", "; ".join(dict.fromkeys(reasons))
+
+
+def begun(plan: Plan, task: Mission, picture: Picture) -> Mission | None:
+    """Return `task` where what it asks for could only be begun by its executed `plan` (WF-01).
+
+    Whoever is to be warned is identified first. If he turns out to be no threat, the workflow does
+    not go on, but that he is warned was asked for.
+    """
+    reading = read_reason(plan.reason)
+    gates = {wish.place for wish in reading.wishes if wish.task == "warn"} if reading else set()
+    due = (track for track in picture.tracks.values() if track.gate in gates)
+    return task if any(is_to_be_warned(t) and t.status != "leaving" for t in due) else None

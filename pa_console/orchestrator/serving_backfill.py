@@ -1,42 +1,99 @@
-"""Who takes over the gates that the commands of an order would leave without a guard (WF-03)."""
+"""Who has to come besides those that an order sends: takeovers (WF-03) and a first look (WF-02)."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
-from pa_console.llm.slot_grammar import Slot
-from pa_console.orchestrator.plan_moves import PlanMoves
-from pa_console.policy.context import goes_to
-from pa_console.schema.plan import Action
+from pa_console.orchestrator.serving_stands import Stands
+
+MOST_RELIEFS = 3
+"""Ways in which one gate is taken over that are looked at, the soonest first."""
+
+_DETOUR = 1.2
+"""How much longer than the straight way one is allowed for."""
+Moves = Mapping[str, str]
+"""Who is sent where: agent -> frame."""
+Commands = tuple[tuple[str, str], ...]
+"""Agents with their commands."""
 
 
-class UntoldError(Exception):
-    """What serves a wish depends on more than the picture tells."""
+def besides(stands: Stands, goals: Moves, *, others_stay: bool, late: bool) -> Iterator[Commands]:
+    """Yield the commands that keep every gate covered and unknown tracks seen first, best first.
 
-
-def backfills(stands: PlanMoves, asked: Sequence[Slot], others_stay: bool) -> Iterator[Slot]:
-    """Yield who takes over each gate that all its guards would leave too long (WF-03).
-
-    Who is sent there anyway takes over, unless that is later than the gate's grace. Raises
-    UntoldError where somebody has to and all others are to stay.
+    With `late`, a gate may be taken over by whoever is there soonest, though that is after its
+    grace by the straight way. Nothing is yielded where there is no way, or one that would need
+    others of whom the order says that they stay.
     """
-    ways = [(s, goes_to(Action(agent=s.agents[0], command=s.command), stands.world)) for s in asked]
-    leaving = {slot.agents[0]: goal for slot, goal in ways if len(slot.agents) == 1 and goal}
-    away = [name for name, goal in leaving.items() if goal != stands.post(name)]
-    free = [n for n in stands.free() if n not in leaving and not _is_last(stands, n, away)]
+    needs = [*_bare(stands, goals, late=late), *_unseen(stands, goals)]
+    if not needs:
+        yield ()
+    elif not others_stay:
+        yield from _came(stands, goals, needs, late=late)
+
+
+def _came(stands: Stands, goals: Moves, needs: Sequence[str], *, late: bool) -> Iterator[Commands]:
+    """Yield who comes to the places in `needs`, one for each."""
+    if not needs:
+        if not [*_bare(stands, goals, late=late), *_unseen(stands, goals)]:
+            yield ()
+        return
+    place, *others = needs
+    for command, names in _helpers(stands, goals, place, late=late):
+        for name in names[:MOST_RELIEFS]:
+            for rest in _came(stands, {**goals, name: place}, others, late=late):
+                yield ((name, command), *rest)
+
+
+def _helpers(
+    stands: Stands, goals: Moves, place: str, *, late: bool
+) -> Iterator[tuple[str, list[str]]]:
+    """Yield the command for whoever comes to `place`, with who could have it."""
+    spare = [n for n in stands.free() if n not in goals and not _is_last(stands, n, goals)]
+    if _is_unseen(stands, goals, place):
+        drones = [name for name in spare if stands.kind(name) == "uav"]
+        yield f"observe {place}", drones
+    else:
+        soonest = sorted(spare, key=lambda name: _way_s(stands, name, place))
+        yield (
+            f"move_to {place}",
+            soonest if late else [n for n in soonest if is_in_time(stands, n, place)],
+        )
+
+
+def _bare(stands: Stands, goals: Moves, *, late: bool) -> Iterator[str]:
+    """Yield each gate that all its guards leave and to which nobody comes in time."""
     for gate in stands.world.gates:
-        guards, others = stands.guards(gate), free
-        if coming := [name for slot, goal in ways if goal == gate for name in slot.agents]:
-            others = [name for name in free if _is_in_time(stands, name, gate)]
-        stays = any(leaving.get(name, gate) == gate for name in guards)
-        if not guards or stays or any(_is_in_time(stands, name, gate) for name in coming):
+        guards = stands.guards(gate)
+        if not guards or any(goals.get(name, gate) == gate for name in guards):
             continue
-        if others or not coming:
-            if others_stay:
-                raise UntoldError
-            yield Slot(_in_time(stands, among(stands, others), gate), f"move_to {gate}")
+        coming = [name for name, goal in goals.items() if goal == gate]
+        if not any(late or is_in_time(stands, name, gate) for name in coming):
+            yield gate
 
 
-def but_guards(stands: PlanMoves, names: Sequence[str], place: str) -> Iterator[str]:
+def _unseen(stands: Stands, goals: Moves) -> Iterator[str]:
+    """Yield each place to which only ground assets go although an unseen track is there."""
+    yield from (p for p in dict.fromkeys(goals.values()) if _is_unseen(stands, goals, p))
+
+
+def _is_unseen(stands: Stands, goals: Moves, place: str) -> bool:
+    unknown = any(t.identity == "unknown" and not t.observed for t in stands.tracks(place))
+    coming = [name for name, goal in goals.items() if goal == place != stands.post(name)]
+    flown = any(stands.kind(name) == "uav" for name, goal in goals.items() if goal == place)
+    watched = any(name not in goals for name in stands.there(place, "uav"))
+    return unknown and bool(coming) and not flown and not watched
+
+
+def bare_s(stands: Stands, goals: Moves) -> float:
+    """Return how long the gates that all their guards leave wait for whoever comes, in seconds."""
+    left = (
+        [_way_s(stands, name, gate) for name, goal in goals.items() if goal == gate]
+        for gate in stands.world.gates
+        if (guards := stands.guards(gate)) and all(goals.get(n, gate) != gate for n in guards)
+    )
+    return sum(min(coming, default=math.inf) for coming in left)
+
+
+def but_guards(stands: Stands, names: Sequence[str], place: str) -> Iterator[str]:
     """Yield `names` without the last guard of each gate but `place`, who stays (WF-03)."""
     left = {gate: [*stands.guards(gate)] for gate in stands.world.gates if gate != place}
     for name in names:
@@ -47,31 +104,19 @@ def but_guards(stands: PlanMoves, names: Sequence[str], place: str) -> Iterator[
                 left[gate].remove(name)
 
 
-def _is_last(stands: PlanMoves, name: str, away: Sequence[str]) -> bool:
+def _is_last(stands: Stands, name: str, goals: Moves) -> bool:
     """Whether all other guards of the gate that `name` covers go away."""
-    guards = stands.guards(stands.post(name))
-    return name in guards and all(guard in away for guard in guards if guard != name)
+    gate = stands.post(name)
+    guards = stands.guards(gate)
+    return name in guards and all(goals.get(g, gate) != gate for g in guards if g != name)
 
 
-def _in_time(stands: PlanMoves, names: Sequence[str], gate: str) -> tuple[str, ...]:
-    """Return those of `names` who can be at `gate` before its grace is over, or the two soonest."""
-    soonest = sorted(names, key=lambda name: _way_s(stands, name, gate))[:2]
-    return tuple(n for n in names if n in soonest or _is_in_time(stands, n, gate))
+def is_in_time(stands: Stands, name: str, gate: str) -> bool:
+    """Whether an asset can be at `gate` before its grace is over, not quite by the straight way."""
+    return _DETOUR * _way_s(stands, name, gate) <= stands.world.coverage_grace_s
 
 
-def _is_in_time(stands: PlanMoves, name: str, gate: str) -> bool:
-    return _way_s(stands, name, gate) <= stands.world.coverage_grace_s
-
-
-def _way_s(stands: PlanMoves, name: str, gate: str) -> float:
+def _way_s(stands: Stands, name: str, gate: str) -> float:
     """Return how long an asset needs at least to be at a gate, in seconds."""
     way = math.dist(stands.before.assets[name].position, stands.world.frames[gate].at)
     return way / stands.world.platforms[stands.kind(name)].speed_mps
-
-
-def among(stands: PlanMoves, names: Sequence[str], elsewhere: str = "") -> tuple[str, ...]:
-    """Return those of `names` who do not stand `elsewhere`; raises UntoldError for nobody."""
-    found = tuple(name for name in names if not elsewhere or stands.post(name) != elsewhere)
-    if not found:
-        raise UntoldError
-    return found

@@ -140,6 +140,9 @@ class Digest(StrictModel):
     sole_cover: dict[Name, Name] = Field(description="gate -> the only asset that covers it")
     posts: dict[Name, str] = Field(description="asset -> 'kind at frame, task' for those up")
     down: tuple[Name, ...]
+    stood: dict[Name, Name] = Field(
+        default_factory=dict[Name, Name], description="asset that is down -> the gate it covered"
+    )
     unknown: tuple[str, ...] = Field(
         default=(), description="one line for each gate or asset of which nothing fresh is known"
     )

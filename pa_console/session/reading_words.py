@@ -27,6 +27,8 @@ _CLAUSES = {
     rf"stand down {_PLACE}": "send home whoever reinforces {place}",
     r"all free (?P<kind>[a-z]+)s to (?P<place>.+)": "send every free {kind} to {place}",
     rf"all free to {_PLACE}": "send every free asset to {place}",
+    rf"cover (?P<name>{_NAME}) at {_PLACE} by {_WHO}": "let {who} guard {place} for {name}",
+    rf"cover (?P<name>{_NAME}) at {_PLACE}": "give {place} a guard for {name}",
     rf"cover {_PLACE} by {_WHO}": "let {who} guard {place}",
     rf"cover {_PLACE}": "give {place} a guard",
     rf"{_WHO} relieves (?P<leaving>.+)": "let {who} relieve {leaving}",

@@ -81,9 +81,8 @@ def judge_samples(  # noqa: PLR0917
             said = label._replace(feedback=f"asked: {words}{PLANNED}{compared.told}")
             answer = answer_of(said, [rule.id for rule in rules])
             kind = f"{told.kind.partition('/')[0]}/{variant.how}/{verdict_word(label.right)}"
-            yield as_said(
-                make_sample(group.name, "judge", prompt, picture, answer, kind, compared.told)
-            )
+            sample = make_sample(group.name, "judge", prompt, picture, answer, kind, compared.told)
+            yield as_said(sample, told.order)
 
 
 def answer_of(label: Label, rule_ids: Sequence[str]) -> str:

@@ -144,7 +144,8 @@ def planner_samples(
     for proven in missions:
         prompt = planner_prompt_of(proven.case, situation, rulebook, retriever)
         answer = proven.plan.answer
-        yield as_said(make_sample(group.name, "planner", prompt, picture, answer, proven.kind))
+        sample = make_sample(group.name, "planner", prompt, picture, answer, proven.kind)
+        yield as_said(sample, proven.order)
 
 
 def planner_prompt_of(

@@ -213,6 +213,13 @@ def test_what_was_asked_is_about_things_where_they_are(there: str, elsewhere: st
     assert not can_begin(f"asked: {elsewhere}")
 
 
+def test_a_gate_that_has_lost_its_guard_is_looked_up() -> None:
+    digest = DIGEST.model_copy(update={"stood": {"Mule_1": "HillGate"}})
+    for clause in ("cover Mule_1 at {}", "cover Mule_1 at {} by 1 robot", "relieve Mule_1 at {}"):
+        assert can_plan(f"asked: {clause.format('HillGate')}; Hawk_2: free", digest)
+        assert not can_plan(f"asked: {clause.format('RiverGate')}; Hawk_2: free", digest)
+
+
 def test_the_judge_says_nothing_after_what_was_asked() -> None:
     assert can_begin("asked: Hawk_2 home; others stay")
     assert not can_begin("asked: Hawk_2 home; Hawk_1 takes over")

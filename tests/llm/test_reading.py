@@ -56,6 +56,16 @@ def test_what_was_asked_is_told_apart_from_the_facts_that_decide(seed: int, fact
     assert read_reason(begun + "other facts") == read_reason(reason)
 
 
+@pytest.mark.parametrize("by", ["", " by 1 drone"])
+def test_a_gate_is_covered_for_whom_it_has_lost(by: str) -> None:
+    bare, lost = read_asked(f"asked: cover G{by}"), read_asked(f"asked: cover A_1 at G{by}")
+    assert bare is not None
+    assert lost is not None
+    (one,), (other,) = bare.wishes, lost.wishes
+    assert (other.task, other.place, other.leaving) == ("cover", "G", "A_1")
+    assert other._replace(leaving="", words="") == one._replace(words="")
+
+
 def test_a_reason_that_does_not_say_what_was_asked_has_no_such_words() -> None:
     assert not asked_words("the gate needs a guard; Drone_T04 is free")
 

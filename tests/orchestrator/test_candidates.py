@@ -6,6 +6,7 @@ import math
 import pytest
 
 from pa_console.orchestrator.headless import standing_approver
+from pa_console.orchestrator.planning import MOST_SERVED
 from pa_console.schema.variant import Variant
 from tests.orchestrator.conftest import Rig
 from tests.scripted import FAILURE, SUCCESS, ScriptedEngine, plan
@@ -88,7 +89,7 @@ async def test_if_no_other_plan_is_nearer_to_what_was_asked_the_first_stays(rig:
 
 
 async def test_what_nothing_blocks_does_not_go_back_to_the_planner(rig: Rig) -> None:
-    await rig.run(ScriptedEngine([ASTRAY, STRIPS, SOUND], others=[STRIPS]))
+    await rig.run(ScriptedEngine([ASTRAY, *[STRIPS] * MOST_SERVED, SOUND], others=[STRIPS]))
     assert "repair_requested" not in rig.kinds()
     asked = [e.data.attempt for e in rig.events if e.data.kind == "approval_requested"]
     assert asked == [1]

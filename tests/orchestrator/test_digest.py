@@ -31,6 +31,7 @@ def test_sole_covers_are_not_free_and_spares_are_best_first() -> None:
     assert digest.free["robot"] == ()
     assert digest.low_battery == ("Robot_T01",)
     assert digest.down == ("Ugv_T01",)
+    assert digest.stood == {"Ugv_T01": "EastGate"}
     assert digest.uncovered == ("NorthGate", "EastGate", "SouthGate")
     assert [line.split(":")[0] for line in digest.tracks] == ["V2", "V1"]
 

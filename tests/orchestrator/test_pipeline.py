@@ -188,6 +188,22 @@ async def test_the_outcome_is_unverified_when_an_asset_fails_on_the_way(rig: Rig
     assert "plan_halted" in rig.kinds()
 
 
+async def test_the_next_plan_is_made_from_a_picture_in_which_everybody_has_stopped(
+    rig: Rig,
+) -> None:
+    def fail_under_way(event: Event, station: Station) -> None:
+        if event.data.kind == "telemetry":
+            assets = event.data.picture.assets
+            if assets["Drone_T04"].at is None and assets["Ugv_T02"].available:
+                station.inject(FailAsset(asset="Ugv_T02"))
+
+    orders = plan(("Drone_T04", "move_to EastGate"), ("Ugv_T02", "move_to NorthGate"))
+    await rig.run(ScriptedEngine([orders, SPARE]), on_event=fail_under_way)
+    halted = rig.kinds().index("plan_halted")
+    digests = (e.data.digest for e in rig.events[halted:] if e.data.kind == "picture_digested")
+    assert next(digests).posts["Drone_T04"] == "uav en route"
+
+
 async def test_an_unknown_vehicle_is_observed_before_ground_assets_come_near(rig: Rig) -> None:
     orders = plan(("Drone_T04", "observe EastGate"), ("Robot_T01", "identify EastGate"))
     spawn = SpawnTrack(gate="EastGate", distance_m=60.0, identity="authorized")
@@ -195,6 +211,19 @@ async def test_an_unknown_vehicle_is_observed_before_ground_assets_come_near(rig
     assert trace.status == "verified", trace.reason
     assert trace.report.count("Open track") == 1
     assert "identity authorized" in trace.report
+
+
+async def test_whoever_is_to_be_warned_is_warned_once_it_is_known_who_that_is(rig: Rig) -> None:
+    asked = "asked: warn vehicle at EastGate; At EastGate: Track_01 vehicle"
+    first = plan(
+        ("Drone_T04", "observe EastGate"), ("Robot_T01", "identify EastGate"), reason=asked
+    )
+    then = plan(("Robot_T01", "warn EastGate"), reason=asked)
+    spawn = SpawnTrack(gate="EastGate", distance_m=40.0)
+    trace = await rig.run(ScriptedEngine([first, then]), setup=[spawn])
+    assert trace.status == "verified", trace.reason
+    sent = [e.data.command.verb for e in rig.events if e.data.kind == "command_sent"]
+    assert sent == ["observe", "identify", "warn"]
 
 
 async def test_the_mission_measures_its_stages(rig: Rig) -> None:

@@ -157,6 +157,15 @@ async def test_with_no_readings_looked_at_none_is_offered(rig: Rig) -> None:
     assert [request.readings for request in requests(rig)] == [()]
 
 
+def test_whom_a_gate_has_lost_makes_no_other_reading() -> None:
+    lost = "asked: cover Ugv_T01 at EastGate"
+    assert distinct("asked: cover EastGate", [lost]) == ()
+    assert distinct(lost, ["asked: cover WestGate", "asked: cover EastGate by 1 drone"]) == (
+        "asked: cover WestGate",
+        "asked: cover EastGate by 1 drone",
+    )
+
+
 @pytest.mark.parametrize(
     ("others", "kept"),
     [

@@ -8,9 +8,11 @@ from hypothesis import strategies as st
 
 from pa_console.llm.reading import Reading, read_reason
 from pa_console.training.as_said import as_said
+from pa_console.training.order import Ask, Order
 from pa_console.training.samples import Sample
 
 SYSTEM = "Plan the mission.\nGates: EastGate, WestGate\nPlaces: Depot; base: Camp\nClosed: none"
+HOLD = Order(asks=(Ask(task="hold"),))
 ASSETS = ("Drone_T01", "Drone_T02", "Ugv_T01")
 PICTURE = "".join(f"{name}: free drone at EastGate\n" for name in ASSETS)
 
@@ -65,15 +67,55 @@ def sample(mission: str, reason: str, key: str = "reason") -> Sample:
     ],
 )
 def test_names_stand_as_the_mission_has_them(mission: str, reason: str, wanted: str) -> None:
-    after = as_said(sample(mission, f"asked: {reason}"))
+    after = as_said(sample(mission, f"asked: {reason}"), HOLD)
     assert json.loads(after.answer) == {"reason": f"asked: {wanted}"}
 
 
 def test_a_judge_says_what_was_asked_in_the_same_order() -> None:
     feedback = "asked: Drone_T01, Ugv_T01 home; planned: Drone_T01, Ugv_T01 home; it fits"
-    after = as_said(sample("Ugv_T01, Drone_T01: home", feedback, "feedback"))
+    after = as_said(sample("Ugv_T01, Drone_T01: home", feedback, "feedback"), HOLD)
     wanted = "asked: Ugv_T01, Drone_T01 home; planned: Drone_T01, Ugv_T01 home; it fits"
     assert json.loads(after.answer) == {"feedback": wanted}
+
+
+LOST = Order(
+    asks=(Ask(task="cover", place="EastGate", leaving="Drone_T01"),),
+    otherwise=(Ask(task="cover", place="WestGate", leaving="Drone_T02"),),
+)
+
+
+@pytest.mark.parametrize(
+    ("mission", "reason", "wanted"),
+    [
+        (
+            "Drone_T01 is gone, replace it",
+            "cover EastGate; Free vehicle: Ugv_T01",
+            "cover Drone_T01 at EastGate; Free vehicle: Ugv_T01",
+        ),
+        (
+            "a vehicle for Drone_T01, please",
+            "cover EastGate by 1 vehicle; Free vehicle: Ugv_T01",
+            "cover Drone_T01 at EastGate by 1 vehicle; Free vehicle: Ugv_T01",
+        ),
+        (
+            "EastGate has nobody",
+            "cover EastGate; Free vehicle: Ugv_T01",
+            "cover EastGate; Free vehicle: Ugv_T01",
+        ),
+        (
+            "a guard for EastGate if it rains, else one in place of Drone_T02",
+            "if no track at EastGate: cover EastGate, else: cover WestGate; "
+            "now: At EastGate: no track, so; Free vehicle: Ugv_T01",
+            "if no track at EastGate: cover EastGate, else: cover Drone_T02 at WestGate; "
+            "now: At EastGate: no track, so; Free vehicle: Ugv_T01",
+        ),
+    ],
+)
+def test_who_is_lost_is_named_where_the_mission_names_it(
+    mission: str, reason: str, wanted: str
+) -> None:
+    after = as_said(sample(mission, f"asked: {reason}"), LOST)
+    assert json.loads(after.answer) == {"reason": f"asked: {wanted}"}
 
 
 @given(
@@ -83,7 +125,7 @@ def test_a_judge_says_what_was_asked_in_the_same_order() -> None:
 )
 def test_the_same_is_asked_of_the_same(said: list[str], drawn: list[str], ends: str) -> None:
     before = sample(f"{' '.join(said)}: {ends}", f"asked: {', '.join(drawn)} {ends}; all of them")
-    after = json.loads(as_said(before).answer)["reason"]
+    after = json.loads(as_said(before, HOLD).answer)["reason"]
     assert after == f"asked: {', '.join(said)} {ends}; all of them"
     assert _unordered(after) == _unordered(json.loads(before.answer)["reason"])
 
