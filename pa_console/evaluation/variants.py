@@ -27,7 +27,7 @@ ABOUT: dict[str, str] = {
     "four-candidates": "one-plan; of 4 plans the best when the first is broken, as by default",
     "eight-candidates": "one-plan; of 8 plans the best when the first is broken",
     "unfitted": "one-plan; a plan that is not what its planner says was asked stands",
-    "one-reading": "one-plan; a plan that does nothing stands, whatever the judge has read",
+    "one-reading": "one-plan; an idle or doubtful plan stands, whatever the judge has read",
     "unread": "one-plan; no other readings of an unclear command are looked for",
     "reading-1": "one-plan; the first of the other readings that are offered, if any, is chosen",
     "reading-2": "one-plan; the second of them, if there are so many",

@@ -9,6 +9,7 @@ from pa_console.orchestrator.fulfilment import gaps
 from pa_console.orchestrator.plan_moves import PlanMoves
 from pa_console.orchestrator.safeguards import Examination
 from pa_console.orchestrator.unmet import unmet
+from pa_console.schema.event import UNSURE
 from pa_console.schema.finding import Verdict
 from pa_console.schema.world import World
 
@@ -34,18 +35,20 @@ class Candidate:
         blocking, warnings = self.examination.badness
         return blocking, len(self.gaps), warnings
 
-    @property
-    def second_reading(self) -> str:
-        """What the judge says was asked, where the plan does nothing and it objects; '' otherwise.
+    def second_reading(self, sure: float | None) -> str:
+        """What the judge says was asked, where it is the likelier reading; '' otherwise.
 
-        Orders are given to be carried out: of two readings that differ, the one after which nothing
-        is left to do is the likelier mistake. A refusal of what no order may have done stands.
+        It objects to the plan, and the planner was unsure of its own reading and less `sure` than
+        the judge, or the plan does nothing: orders are given to be carried out, so of two readings
+        the one after which nothing is left to do is the likelier mistake. A refusal of what no
+        order may have done stands.
         """
         plan = self.examination.plan
         own = read_reason(plan.reason)
         refused = own is not None and any(wish.task == "refused" for wish in own.wishes)
         idle = all(action.verb == "hold" for action in plan.actions)
-        if self.verdict is None or not self.objected or not idle or refused:
+        unsure = sure is not None and sure < min(UNSURE, self.judge_confidence or 0.0)
+        if self.verdict is None or not self.objected or refused or not (idle or unsure):
             return ""
         asked = self.verdict.feedback.partition(PLANNED)[0]
         return asked if read_asked(asked) is not None else ""

@@ -139,13 +139,14 @@ class Planning:
     async def judge(self) -> Payloads:
         """Step 6: the JudgeLLM's verdict on `best`; a blocked plan needs none.
 
-        A trained judge reads the order for itself. Where it objects to a plan that does nothing,
-        one that serves what it read becomes `best`, if nothing blocks that and the judge passes it.
+        A trained judge reads the order for itself. Where it objects and its reading is the likelier
+        one, a plan that serves that becomes `best`, if nothing blocks it and the judge passes it.
         """
         async for payload in self._judge():
             yield payload
         first = self.best
-        asked = first.second_reading if first is not None else ""
+        sure = self._proposing.confidence.get(first.attempt) if first is not None else None
+        asked = first.second_reading(sure) if first is not None else ""
         if not asked or not self._services.variant.second_reading:
             return
         self._reading = read_asked(asked)

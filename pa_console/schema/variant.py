@@ -30,7 +30,8 @@ class Variant(StrictModel):
     )
     second_reading: bool = Field(
         default=True,
-        description="a plan that does nothing gives way to what a judge that objects has read",
+        description="a plan that does nothing, or for a reading of which the planner was unsure, "
+        "gives way to what a judge that objects has read",
     )
     readings: int = Field(
         default=5,

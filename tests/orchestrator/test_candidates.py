@@ -5,8 +5,12 @@ import math
 
 import pytest
 
+from pa_console.orchestrator.candidate import Candidate
 from pa_console.orchestrator.headless import standing_approver
 from pa_console.orchestrator.planning import MOST_SERVED
+from pa_console.orchestrator.safeguards import Examination
+from pa_console.schema.finding import Verdict
+from pa_console.schema.plan import Action, Plan
 from pa_console.schema.variant import Variant
 from tests.orchestrator.conftest import Rig
 from tests.scripted import FAILURE, SUCCESS, ScriptedEngine, plan
@@ -175,3 +179,25 @@ async def test_without_a_second_reading_a_plan_that_does_nothing_stands(rig: Rig
     rig.variant = Variant(second_reading=False)
     await rig.run(ScriptedEngine([NOTHING, SERVES_EAST], [OBJECTS, SUCCESS]))
     assert asked_about(rig) == [(1, True)]
+
+
+@pytest.mark.parametrize(
+    ("sure", "judge", "reason", "asked"),
+    [
+        (0.3, 0.6, "asked: 1 drone to WestGate; free", "asked: 1 drone to EastGate"),
+        pytest.param(0.6, 0.9, "asked: 1 drone to WestGate; free", "", id="the planner is sure"),
+        pytest.param(0.3, 0.2, "asked: 1 drone to WestGate; free", "", id="the judge is less sure"),
+        pytest.param(None, 0.9, "asked: 1 drone to WestGate; free", "", id="nobody tells"),
+        pytest.param(0.3, None, "asked: 1 drone to WestGate; free", "", id="the judge does not"),
+        pytest.param(0.3, 0.6, "asked: use force at WestGate; no", "", id="a refusal stands"),
+    ],
+)
+def test_a_surer_judge_is_believed_where_the_planner_is_unsure(
+    sure: float | None, judge: float | None, reason: str, asked: str
+) -> None:
+    orders = Plan(reason=reason, actions=(Action(agent="Drone_T04", command="move_to WestGate"),))
+    examination = Examination(orders, (), None, 0.0, 0.0)
+    says = f"{SAYS_EAST.partition('; planned')[0]}; planned: 1 drone to WestGate; not asked for"
+    verdict = Verdict(rules=(), feedback=says, verdict="Failure")
+    candidate = Candidate(1, examination, verdict=verdict, judge_confidence=judge)
+    assert candidate.second_reading(sure) == asked
