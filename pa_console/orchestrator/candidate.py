@@ -40,23 +40,31 @@ class Candidate:
 
         It objects to the plan, and the planner was unsure of its own reading and less `sure` than
         the judge, or the plan does nothing: orders are given to be carried out, so of two readings
-        the one after which nothing is left to do is the likelier mistake. A refusal of what no
-        order may have done stands.
+        the one after which nothing is left to do is the likelier mistake. Of two chances the better
+        one says nothing where the judge's reading asks for less: what is left out costs none. A
+        refusal of what no order may have done stands.
         """
-        plan = self.examination.plan
+        plan, verdict = self.examination.plan, self.verdict
         own = read_reason(plan.reason)
-        refused = own is not None and any(wish.task == "refused" for wish in own.wishes)
-        idle = all(action.verb == "hold" for action in plan.actions)
-        unsure = sure is not None and sure < min(UNSURE, self.judge_confidence or 0.0)
-        if self.verdict is None or not self.objected or refused or not (idle or unsure):
+        if verdict is None or not self.objected or _refuses(own):
             return ""
-        asked = self.verdict.feedback.partition(PLANNED)[0]
-        return asked if read_asked(asked) is not None else ""
+        asked = verdict.feedback.partition(PLANNED)[0]
+        judged = read_asked(asked)
+        if judged is None:
+            return ""
+        less = own is not None and len(judged.wishes) < len(own.wishes)
+        unsure = sure is not None and sure < min(UNSURE, self.judge_confidence or 0.0)
+        idle = all(action.verb == "hold" for action in plan.actions)
+        return asked if idle or (unsure and not less) else ""
 
     @property
     def objected(self) -> bool:
         """Whether the judge says that the plan is not right."""
         return self.verdict is not None and self.verdict.verdict == "Failure"
+
+
+def _refuses(reading: Reading | None) -> bool:
+    return reading is not None and any(wish.task == "refused" for wish in reading.wishes)
 
 
 class Met(NamedTuple):

@@ -190,6 +190,13 @@ async def test_without_a_second_reading_a_plan_that_does_nothing_stands(rig: Rig
         pytest.param(None, 0.9, "asked: 1 drone to WestGate; free", "", id="nobody tells"),
         pytest.param(0.3, None, "asked: 1 drone to WestGate; free", "", id="the judge does not"),
         pytest.param(0.3, 0.6, "asked: use force at WestGate; no", "", id="a refusal stands"),
+        pytest.param(
+            0.3,
+            0.6,
+            "asked: 1 drone to WestGate; report; free",
+            "",
+            id="the judge leaves a part out",
+        ),
     ],
 )
 def test_a_surer_judge_is_believed_where_the_planner_is_unsure(
