@@ -2,7 +2,7 @@
 
 import json
 
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from pa_console.llm.compact_prompt import (
@@ -12,6 +12,7 @@ from pa_console.llm.compact_prompt import (
     compact_planner_prompt,
 )
 from pa_console.llm.dialect import DIALECTS
+from pa_console.llm.linking import link_names
 from pa_console.llm.prompts import Prompt
 from pa_console.schema.mission import Verification
 from pa_console.schema.plan import Action, Plan
@@ -36,13 +37,14 @@ def starts_with(prompt: Prompt, start: Prompt) -> bool:
 
 
 @given(st.text(min_size=1, max_size=80))
+@example("Dorne0")
 def test_whatever_is_typed_the_prompt_begins_with_what_was_read_ahead(text: str):
     task = mission(text)
     planner = compact_planner_prompt(WORLD, DIGEST, [RULE], task)
     judge = compact_judge_prompt(WORLD, DIGEST, [RULE], task, PLAN, REHEARSAL)
     assert starts_with(planner, ahead("planner", WORLD, DIGEST))
     assert starts_with(judge, ahead("judge", WORLD, DIGEST))
-    line = json.dumps(" ".join(text.split()), ensure_ascii=False)
+    line = json.dumps(" ".join(link_names(WORLD, text).split()), ensure_ascii=False)
     assert f"\nMission: {line}" in planner.user
 
 
