@@ -1,7 +1,6 @@
 """Steps 2 to 6 of a mission: from its words to a plan that was checked, rehearsed and judged."""
 
 from collections.abc import Sequence
-from itertools import islice
 
 from pa_console.llm.reading import Reading, read_asked, read_reason
 from pa_console.orchestrator.candidate import Candidate, met
@@ -198,7 +197,7 @@ class Planning:
         They serve less and less of it, until nothing blocks one. A sound one becomes `best`, where
         that is a plan for another reading too.
         """
-        for slots in islice(self._proposing.served(asked), MOST_SERVED):
+        for slots in await self._proposing.served(asked, MOST_SERVED):
             async for payload in self._proposing.ask_who(asked, slots, as_judged=as_judged):
                 yield payload
             for other in self._proposing.others or ():

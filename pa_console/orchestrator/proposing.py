@@ -1,7 +1,9 @@
 """Steps 2 to 5 of a mission: from its words to what the planner answers, not examined yet."""
 
-from collections.abc import Iterator, Sequence
+import asyncio
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import islice
 from time import perf_counter
 
 from pa_console.llm.grounds import grounded_reason
@@ -135,14 +137,17 @@ class Proposing:
             )
         return found
 
-    def served(self, asked: str) -> Iterator[tuple[Slot, ...]]:
-        """Yield the commands of plans that serve what was `asked`, each with who may have it.
+    async def served(self, asked: str, most: int) -> list[tuple[Slot, ...]]:
+        """Return the commands of plans that serve what was `asked`, each with who may have it.
 
-        None where the planner may give some commands only.
+        None where the planner may give some commands only. In a large world it takes a while to
+        find them, which the screen does not wait for.
         """
         sim, reading = self._services.sim, read_asked(asked)
-        if reading is not None and not self._verbs:
-            yield from servings(reading, sim.world, sim.picture())
+        if reading is None or self._verbs:
+            return []
+        found = islice(servings(reading, sim.world, sim.picture()), most)
+        return await asyncio.to_thread(list, found)
 
     async def ask_who(
         self, asked: str, slots: Sequence[Slot], *, as_judged: bool = False

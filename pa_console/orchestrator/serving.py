@@ -74,8 +74,6 @@ def _parts(found: Sequence[Unit]) -> list[list[Unit]]:
 
 def _chosen(ways: Sequence[Way]) -> Iterator[tuple[Slot, ...]]:
     """Yield what `ways` leave open to choice, and then the first of them as it is."""
-    if not ways:
-        return
     first = ways[0]
     commands = [action.command for action in first]
     alike = [way for way in ways if [action.command for action in way] == commands]

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from pa_console.orchestrator.serving_stands import Stands
 
-MOST_RELIEFS = 3
+_MOST_RELIEFS = 3
 """Ways in which one gate is taken over that are looked at, the soonest first."""
 
 _DETOUR = 1.2
@@ -37,26 +37,19 @@ def _came(stands: Stands, goals: Moves, needs: Sequence[str], *, late: bool) -> 
             yield ()
         return
     place, *others = needs
-    for command, names in _helpers(stands, goals, place, late=late):
-        for name in names[:MOST_RELIEFS]:
-            for rest in _came(stands, {**goals, name: place}, others, late=late):
-                yield ((name, command), *rest)
+    command, names = _helpers(stands, goals, place, late=late)
+    for name in names[:_MOST_RELIEFS]:
+        for rest in _came(stands, {**goals, name: place}, others, late=late):
+            yield ((name, command), *rest)
 
 
-def _helpers(
-    stands: Stands, goals: Moves, place: str, *, late: bool
-) -> Iterator[tuple[str, list[str]]]:
-    """Yield the command for whoever comes to `place`, with who could have it."""
+def _helpers(stands: Stands, goals: Moves, place: str, *, late: bool) -> tuple[str, list[str]]:
+    """Return the command for whoever comes to `place`, and who could have it."""
     spare = [n for n in stands.free() if n not in goals and not _is_last(stands, n, goals)]
     if _is_unseen(stands, goals, place):
-        drones = [name for name in spare if stands.kind(name) == "uav"]
-        yield f"observe {place}", drones
-    else:
-        soonest = sorted(spare, key=lambda name: _way_s(stands, name, place))
-        yield (
-            f"move_to {place}",
-            soonest if late else [n for n in soonest if is_in_time(stands, n, place)],
-        )
+        return f"observe {place}", [name for name in spare if stands.kind(name) == "uav"]
+    soonest = sorted(spare, key=lambda name: _way_s(stands, name, place))
+    return f"move_to {place}", [n for n in soonest if late or _is_in_time(stands, n, place)]
 
 
 def _bare(stands: Stands, goals: Moves, *, late: bool) -> Iterator[str]:
@@ -66,7 +59,7 @@ def _bare(stands: Stands, goals: Moves, *, late: bool) -> Iterator[str]:
         if not guards or any(goals.get(name, gate) == gate for name in guards):
             continue
         coming = [name for name, goal in goals.items() if goal == gate]
-        if not any(late or is_in_time(stands, name, gate) for name in coming):
+        if not any(late or _is_in_time(stands, name, gate) for name in coming):
             yield gate
 
 
@@ -111,7 +104,7 @@ def _is_last(stands: Stands, name: str, goals: Moves) -> bool:
     return name in guards and all(goals.get(g, gate) != gate for g in guards if g != name)
 
 
-def is_in_time(stands: Stands, name: str, gate: str) -> bool:
+def _is_in_time(stands: Stands, name: str, gate: str) -> bool:
     """Whether an asset can be at `gate` before its grace is over, not quite by the straight way."""
     return _DETOUR * _way_s(stands, name, gate) <= stands.world.coverage_grace_s
 

@@ -8,34 +8,25 @@ from collections.abc import Iterator
 
 from pa_console.llm.reading import Wish
 from pa_console.llm.slot_grammar import Slot
+from pa_console.orchestrator.lacking import is_to_be_warned
 from pa_console.orchestrator.serving_stands import Stands, Unit, UntoldError
 from pa_console.schema.telemetry import Track
 
 
 def identified(stands: Stands, wish: Wish) -> Iterator[Unit]:
     """Yield who finds out who is there; a drone looks first where nobody has (WF-02)."""
-    tracks = stands.tracks(wish.place)
-    if not tracks:
-        yield _ahead(stands, wish.place)
-    elif any(track.noncombatants for track in tracks):
-        yield _seen(stands, wish.place)
-    else:
-        yield _identified(stands, wish)
+    yield _only_looked_at(stands, wish.place) or _identified(stands, wish)
 
 
 def met(stands: Stands, wish: Wish) -> Iterator[Unit]:
     """Yield what is due about whoever is there, or that a drone looks where nobody is known."""
     tracks = stands.tracks(wish.place)
-    if not tracks:
-        yield _ahead(stands, wish.place)
-    elif any(track.noncombatants for track in tracks):
-        yield _seen(stands, wish.place)
+    if look := _only_looked_at(stands, wish.place):
+        yield look
     elif any(_is_stranger(track) for track in tracks):
-        seen = all(track.observed for track in tracks)
-        yield (
-            _identified(stands, wish) if seen or wish.task == "warn" else _seen(stands, wish.place)
-        )
-    elif any(track.identity == "unauthorized" and not track.warned for track in tracks):
+        at_once = wish.task == "warn" or all(track.observed for track in tracks)
+        yield _identified(stands, wish) if at_once else Unit(_look(stands, wish.place))
+    elif any(map(is_to_be_warned, tracks)):
         yield Unit((Slot(_robots(stands, wish), f"warn {wish.place}"),))
     else:
         raise UntoldError
@@ -66,12 +57,12 @@ def _identified(stands: Stands, wish: Wish) -> Unit:
     return Unit((*look, Slot(_robots(stands, wish), f"identify {wish.place}")))
 
 
-def _seen(stands: Stands, place: str) -> Unit:
-    return Unit(_look(stands, place))
-
-
-def _ahead(stands: Stands, place: str) -> Unit:
-    return Unit(_look(stands, place), ahead=True)
+def _only_looked_at(stands: Stands, place: str) -> Unit | None:
+    """Return the look that is all that is due where nobody is known to be, or noncombatants are."""
+    tracks = stands.tracks(place)
+    if tracks and not any(track.noncombatants for track in tracks):
+        return None
+    return Unit(_look(stands, place), ahead=not tracks)
 
 
 def _look(stands: Stands, place: str) -> tuple[Slot, ...]:
