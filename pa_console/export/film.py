@@ -3,6 +3,7 @@
 import asyncio
 import io
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, cast
 
@@ -21,6 +22,9 @@ from pa_console.tui.screens.recording import RecordingScreen
 
 Size = tuple[int, int]
 """Columns and rows."""
+
+DRAWN_LIMIT_S = 10.0
+"""A screen that takes longer to be drawn once is not waited for."""
 
 
 class TapeDriver(HeadlessDriver):
@@ -97,6 +101,20 @@ class Film:
         if self._app.film_screen is not None:
             self._app.film_screen.show_now()
         await self._pilot.pause()
+        await self._drawn()
+
+    async def _drawn(self) -> None:
+        """Wait until nothing more is painted, which a busy machine may be late with.
+
+        A console that breaks down paints no more: it is not waited for.
+        """
+        sent = -1
+        while sent != len(self._app.tape):
+            sent, drawn = len(self._app.tape), asyncio.Event()
+            if not self._app.screen.call_after_refresh(drawn.set):
+                return
+            with suppress(TimeoutError):
+                await asyncio.wait_for(drawn.wait(), DRAWN_LIMIT_S)
 
     def written(self) -> str:
         """Return what a terminal would have been sent since the last call."""
