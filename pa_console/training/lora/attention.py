@@ -36,9 +36,14 @@ class Rotation:
         return turned.to(heads.dtype)
 
 
-def attend(qkv: Tensor, rotation: Rotation, layout: Layout, shape: Shape) -> Tensor:
-    """Return what every token gathers, (tokens, q_width), from `qkv` (tokens, q, k and v)."""
-    return cast(Tensor, _Attend.apply(qkv, rotation, layout, shape))
+def attend(
+    qkv: Tensor, rotation: Rotation, layout: Layout, shape: Shape, window: int = 0
+) -> Tensor:
+    """Return what every token gathers, (tokens, q_width), from `qkv` (tokens, q, k and v).
+
+    It sees the last `window` positions, its own among them, or with 0 all of them.
+    """
+    return cast(Tensor, _Attend.apply(qkv, rotation, layout, shape, window))
 
 
 class _Attend(torch.autograd.Function):
@@ -48,7 +53,9 @@ class _Attend(torch.autograd.Function):
     """
 
     @staticmethod
-    def forward(ctx: Any, qkv: Tensor, rotation: Rotation, layout: Layout, shape: Shape) -> Tensor:
+    def forward(  # noqa: PLR0917
+        ctx: Any, qkv: Tensor, rotation: Rotation, layout: Layout, shape: Shape, window: int
+    ) -> Tensor:
         q, k, v = _split(qkv, shape)
         q = rotation.turn(q).mul_(shape.head_width**-0.5)
         k = rotation.turn(k)
@@ -60,7 +67,8 @@ class _Attend(torch.autograd.Function):
             if start:
                 keys = torch.cat((keys, _grouped(k[start:end])), 1)
                 values = torch.cat((values, _grouped(v[start:end])), 1)
-            weights = _weights(queries, keys, layout.ahead[: end - start, : end - start])
+            ahead = layout.ahead[: end - start, : end - start]
+            weights = _weights(queries, keys, ahead, layout.beyond(start, end, window))
             _ungroup(_split_heads(out[start:end], shape), weights @ values)
             saved += [queries, keys, values, weights]
         ctx.save_for_backward(*saved)
@@ -87,7 +95,7 @@ class _Attend(torch.autograd.Function):
             _ungroup(target[:prefix], total)
         q_out.copy_(rotation.turn(dq.mul_(shape.head_width**-0.5), back=True))
         k_out.copy_(rotation.turn(dk, back=True))
-        return out, None, None, None
+        return out, None, None, None, None
 
 
 def _split(qkv: Tensor, shape: Shape) -> tuple[Tensor, Tensor, Tensor]:
@@ -113,12 +121,17 @@ def _ungroup(target: Tensor, grouped: Tensor) -> None:
     target.copy_(grouped.reshape(groups, heads, tokens, width).permute(2, 0, 1, 3))
 
 
-def _weights(queries: Tensor, keys: Tensor, ahead: Tensor) -> Tensor:
-    """Return the attention weights (groups, heads * tokens, keys); `ahead` masks the last keys."""
+def _weights(queries: Tensor, keys: Tensor, ahead: Tensor, beyond: Tensor | None) -> Tensor:
+    """Return the attention weights (groups, heads * tokens, keys).
+
+    `ahead` masks the last keys, `beyond` any of them.
+    """
     tokens = len(ahead)
     scores = queries @ keys.transpose(1, 2)
-    own = scores.view(len(scores), -1, tokens, keys.shape[1])[..., keys.shape[1] - tokens :]
-    own.masked_fill_(ahead, -torch.inf)
+    by_token = scores.view(len(scores), -1, tokens, keys.shape[1])
+    by_token[..., keys.shape[1] - tokens :].masked_fill_(ahead, -torch.inf)
+    if beyond is not None:
+        by_token.masked_fill_(beyond, -torch.inf)
     return scores.softmax(-1)
 
 

@@ -14,7 +14,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pa_console.training.lora.shape import Shape, open_gguf
+from pa_console.training.lora.shape import LOCAL_ROPE_BASE, Shape, open_gguf
 
 
 @dataclass(frozen=True)
@@ -24,10 +24,14 @@ class Layer:
     attention_norm: Tensor
     qkv: Tensor
     qkv_bias: Tensor | None
+    head_norms: tuple[Tensor, Tensor] | None
+    """Of each head of q and of k (head_width)."""
     output: Tensor
+    output_norm: Tensor | None
     hidden_norm: Tensor
     gate_up: Tensor
     down: Tensor
+    down_norm: Tensor | None
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,8 @@ class Base:
     head: Tensor
     frequencies: Tensor
     """Radians a position of each pair of a head, float32 (head_width / 2)."""
+    local_frequencies: Tensor
+    """The same in layers with a window."""
 
 
 def read_base(path: Path, device: str = "cpu", dtype: torch.dtype = torch.float32) -> Base:
@@ -56,6 +62,7 @@ def read_base(path: Path, device: str = "cpu", dtype: torch.dtype = torch.float3
         norm=weights.get("output_norm"),
         head=weights.get("output") if weights.has("output") else embedding,
         frequencies=_frequencies(weights).to(device),
+        local_frequencies=_turns(weights.shape, LOCAL_ROPE_BASE).to(device),
     )
 
 
@@ -87,6 +94,10 @@ class _Weights:
         tensor: Any = self._stored[f"{name}.{part}"]
         return np.asarray(gguf.dequantize(tensor.data, tensor.tensor_type), np.float32)
 
+    def optional(self, name: str, part: str = "weight") -> Tensor | None:
+        """Return a tensor, None when the file has none."""
+        return self.get(name, part=part) if self.has(name, part) else None
+
     def get(self, *names: str, part: str = "weight") -> Tensor:
         """Return tensors joined by rows, q and k with their heads in halves."""
         rows: list[NDArray[np.float32]] = []
@@ -102,21 +113,29 @@ class _Weights:
 
 def _layer(weights: _Weights, name: str) -> Layer:
     qkv = [f"{name}.attn_{part}" for part in "qkv"]
+    q_norm, k_norm = (weights.optional(f"{name}.attn_{part}_norm") for part in "qk")
     return Layer(
         attention_norm=weights.get(f"{name}.attn_norm"),
         qkv=weights.get(*qkv),
         qkv_bias=weights.get(*qkv, part="bias") if weights.has(qkv[0], "bias") else None,
+        head_norms=None if q_norm is None or k_norm is None else (q_norm, k_norm),
         output=weights.get(f"{name}.attn_output"),
+        output_norm=weights.optional(f"{name}.post_attention_norm"),
         hidden_norm=weights.get(f"{name}.ffn_norm"),
         gate_up=weights.get(f"{name}.ffn_gate", f"{name}.ffn_up"),
         down=weights.get(f"{name}.ffn_down"),
+        down_norm=weights.optional(f"{name}.post_ffw_norm"),
     )
 
 
 def _frequencies(weights: _Weights) -> Tensor:
     """Return the rotary frequencies, stretched where the file says so (`rope_freqs`)."""
-    half = weights.shape.head_width // 2
-    frequencies = weights.shape.rope_base ** -(torch.arange(half, dtype=torch.float32) / half)
+    frequencies = _turns(weights.shape, weights.shape.rope_base)
     if weights.has("rope_freqs"):
         frequencies /= torch.from_numpy(weights.values("rope_freqs"))
     return frequencies
+
+
+def _turns(shape: Shape, base: float) -> Tensor:
+    half = shape.head_width // 2
+    return base ** -(torch.arange(half, dtype=torch.float32) / half)

@@ -9,6 +9,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from pa_console.training.lora.shape import Activation
+
 ROWS = 128
 """Positions whose logits are held at once (49,152 float32 each would be 25 MB)."""
 
@@ -31,9 +33,9 @@ def normed(x: Tensor, weight: Tensor, epsilon: float) -> Tensor:
     return cast(Tensor, _Normed.apply(x, weight, epsilon))
 
 
-def gated(x: Tensor) -> Tensor:
-    """Return silu(gate) * up of `x` (tokens, gate and up side by side)."""
-    return cast(Tensor, _Gated.apply(x))
+def gated(x: Tensor, activation: Activation = "silu") -> Tensor:
+    """Return activation(gate) * up of `x` (tokens, gate and up side by side)."""
+    return cast(Tensor, _Gated.apply(x, activation))
 
 
 def answer_loss(x: Tensor, head: Tensor, targets: Tensor, weights: Tensor) -> Tensor:
@@ -96,10 +98,11 @@ class _Normed(torch.autograd.Function):
 
 class _Gated(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, x: Tensor) -> Tensor:
+    def forward(ctx: Any, x: Tensor, activation: Activation) -> Tensor:
         gate, up = x.chunk(2, -1)
         ctx.save_for_backward(x)
-        return functional.silu(gate).mul_(up)
+        ctx.activation = activation
+        return _activated(gate, activation).mul_(up)
 
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, ...]:
@@ -108,9 +111,19 @@ class _Gated(torch.autograd.Function):
         gate, up = x.chunk(2, -1)
         out = torch.empty_like(x)
         d_gate, d_up = out.chunk(2, -1)
-        torch.mul(grad, functional.silu(gate), out=d_up)
-        d_gate.copy_(torch.ops.aten.silu_backward(grad * up, gate))
-        return (out,)
+        torch.mul(grad, _activated(gate, ctx.activation), out=d_up)
+        through = grad * up
+        if ctx.activation == "gelu":
+            d_gate.copy_(torch.ops.aten.gelu_backward(through, gate, approximate="tanh"))
+        else:
+            d_gate.copy_(torch.ops.aten.silu_backward(through, gate))
+        return out, None
+
+
+def _activated(gate: Tensor, activation: Activation) -> Tensor:
+    if activation == "gelu":
+        return functional.gelu(gate, approximate="tanh")
+    return functional.silu(gate)
 
 
 class _AnswerLoss(torch.autograd.Function):

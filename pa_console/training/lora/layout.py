@@ -23,6 +23,18 @@ class Layout:
     ahead: Tensor
     """True above the diagonal: what a token may not see of its own span (longest, longest)."""
 
+    def beyond(self, start: int, end: int, window: int) -> Tensor | None:
+        """Return which keys each token of the span from `start` to `end` is too far from to see.
+
+        Keys are the prefix and the span itself (tokens, keys); it sees those less than `window`
+        positions behind it. None: it sees all that is before it, which a window of 0 means too.
+        """
+        own = self.positions[start:end]
+        if not window or len(own) == 0 or own[-1] < window:
+            return None
+        keys = torch.cat((self.positions[: self.prefix], own)) if start else own
+        return own[:, None] - keys >= window
+
     @classmethod
     def make(cls, prefix: int, lengths: Sequence[int], device: str | torch.device) -> "Layout":
         """Lay out branches of `lengths` tokens behind `prefix` tokens."""

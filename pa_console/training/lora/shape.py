@@ -3,11 +3,19 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import gguf
 
-ARCHITECTURES = ("llama", "qwen2")
-"""Those whose forward pass `model.py` knows: RMS norm, gated SiLU, rotary positions."""
+ARCHITECTURES = ("llama", "qwen2", "gemma3")
+"""Those whose forward pass `model.py` knows: RMS norm, gated units, rotary positions."""
+
+GLOBAL_EVERY = 6
+"""Where layers look back no further than a window, one of so many looks back all the way."""
+LOCAL_ROPE_BASE = 10000.0
+"""Of the layers with a window; llama.cpp has the same number for them."""
+
+Activation = Literal["silu", "gelu"]
 
 
 @dataclass(frozen=True)
@@ -24,6 +32,8 @@ class Shape:
     context: int
     rope_base: float
     norm_epsilon: float
+    window: int = 0
+    """Positions that a local layer sees, its own among them; 0: every layer sees all of them."""
 
     @property
     def q_width(self) -> int:
@@ -34,6 +44,20 @@ class Shape:
     def kv_width(self) -> int:
         """Width of all key (or value) heads side by side."""
         return self.kv_heads * self.head_width
+
+    @property
+    def activation(self) -> Activation:
+        """What the gate of a gated unit goes through."""
+        return "gelu" if self.architecture == "gemma3" else "silu"
+
+    @property
+    def embedding_scale(self) -> float:
+        """What embeddings are multiplied by before the first layer."""
+        return self.width**0.5 if self.architecture == "gemma3" else 1.0
+
+    def seen(self, layer: int) -> int:
+        """Return how many positions `layer` (from 0) sees, 0 for all."""
+        return self.window if (layer + 1) % GLOBAL_EVERY else 0
 
     @property
     def permuted(self) -> bool:
@@ -76,6 +100,7 @@ def read_shape(metadata: Mapping[str, object], source: str) -> Shape:
         context=int(number("context_length")),
         rope_base=number("rope.freq_base", 10000.0),
         norm_epsilon=number("attention.layer_norm_rms_epsilon"),
+        window=int(number("attention.sliding_window", 0)) if architecture == "gemma3" else 0,
     )
 
 

@@ -38,16 +38,25 @@ def plain_attention(qkv: Tensor, layout: Layout, rotation: Rotation, seen: Tenso
 
 
 @settings(deadline=None, max_examples=25)
-@given(prefix=st.integers(1, 5), lengths=st.lists(st.integers(1, 4), max_size=3))
-def test_a_branch_sees_the_prefix_and_its_own_past_only(prefix: int, lengths: list[int]) -> None:
+@given(
+    prefix=st.integers(1, 5),
+    lengths=st.lists(st.integers(1, 4), max_size=3),
+    window=st.integers(0, 9),
+)
+def test_a_branch_sees_the_prefix_and_its_own_past_only(
+    prefix: int, lengths: list[int], window: int
+) -> None:
     layout = Layout.make(prefix, lengths, "cpu")
     owner = torch.tensor([0] * prefix + [n + 1 for n, t in enumerate(lengths) for _ in range(t)])
     past = torch.ones(len(owner), len(owner), dtype=torch.bool).tril()
     seen = past & ((owner[:, None] == owner) | (owner == 0))
+    if window:
+        seen &= layout.positions[:, None] - layout.positions < window
     frequencies = 10.0 ** -torch.arange(2, dtype=torch.float64)
     rotation = Rotation.at(layout.positions.double(), frequencies)
     qkv = random(len(owner), SMALL.q_width + 2 * SMALL.kv_width)
-    ours, plain = attend(qkv, rotation, layout, SMALL), plain_attention(qkv, layout, rotation, seen)
+    ours = attend(qkv, rotation, layout, SMALL, window)
+    plain = plain_attention(qkv, layout, rotation, seen)
     torch.testing.assert_close(ours, plain)
     wanted = random(*ours.shape, seed=1)
     found = [torch.autograd.grad((x * wanted).sum(), qkv)[0] for x in (ours, plain)]
@@ -60,6 +69,7 @@ def test_the_gradients_of_the_kernels_are_those_of_their_values() -> None:
     assert torch.autograd.gradcheck(lambda *v: adapted(v[0], weight, *v[1:]), (x, a, b))
     assert torch.autograd.gradcheck(lambda *v: adapted(v[0], weight, *v[1:]), (x, a, b, residual))
     assert torch.autograd.gradcheck(gated, (x,))
+    assert torch.autograd.gradcheck(lambda v: gated(v, "gelu"), (x,))
     single = random(5, 6, dtype=torch.float32)
     mean = single.square().mean(-1, keepdim=True)
     wanted = random(5, 6, seed=2, dtype=torch.float32).detach()

@@ -11,7 +11,7 @@ from pa_console.training.lora.adapter_file import BASE_SHA256
 from pa_console.training.lora.config import TrainConfig
 from pa_console.training.lora.export import write_adapter
 from pa_console.training.lora.parity import compare
-from pa_console.training.lora.shape import open_gguf
+from pa_console.training.lora.shape import ARCHITECTURES, open_gguf
 from tests.llm.conftest import smallest_model
 from tests.training.lora.tiny import write_tiny
 
@@ -36,7 +36,7 @@ def exported(adapter: Adapter, base: Path, target: Path) -> Path:
     return target
 
 
-@pytest.mark.parametrize("architecture", ["llama", "qwen2"])
+@pytest.mark.parametrize("architecture", ARCHITECTURES)
 def test_the_forward_pass_is_llama_cpps(architecture: str, tmp_path: Path) -> None:
     base = write_tiny(tmp_path / "base.gguf", architecture)
     found = compare(base, None, None, TOKENS)
@@ -44,7 +44,7 @@ def test_the_forward_pass_is_llama_cpps(architecture: str, tmp_path: Path) -> No
     assert found.largest < 1e-2
 
 
-@pytest.mark.parametrize("architecture", ["llama", "qwen2"])
+@pytest.mark.parametrize("architecture", ARCHITECTURES)
 def test_an_exported_adapter_computes_what_was_trained(architecture: str, tmp_path: Path) -> None:
     base = write_tiny(tmp_path / "base.gguf", architecture)
     adapter = busy_adapter(base, 0.3)
