@@ -29,7 +29,8 @@ class Lesson(StrictModel):
 class TrainConfig(StrictModel):
     """Base, data and schedule of one run; the same config and data give the same adapter.
 
-    That holds on one machine and without `max_minutes`, which ties the schedule to the clock.
+    That holds on one machine, with a `precision` that is named, for a busy machine may find another
+    one faster, and without `max_minutes`, which ties the schedule to the clock.
     """
 
     task: Literal["planner", "judge"]

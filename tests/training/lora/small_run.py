@@ -19,6 +19,7 @@ def config(tiny: Path, data: Path, **changed: Any) -> TrainConfig:
         "packs_per_step": 2,
         "steps": 8,
         "validate_every": 4,
+        "precision": "float32",
     }
     return TrainConfig(**{**values, **changed})
 

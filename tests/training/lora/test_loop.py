@@ -91,7 +91,7 @@ def test_the_seed_decides_the_result_and_the_workers_do_not(
 def test_a_run_keeps_the_format_that_its_machine_computes_in(
     tiny: Path, data: Path, tmp_path: Path
 ) -> None:
-    train(config(tiny, data, steps=1), tmp_path / "run", False, ignore)
+    train(config(tiny, data, steps=1, precision="auto"), tmp_path / "run", False, ignore)
     chosen = RunFolder(tmp_path / "run").config().precision
     assert chosen in ("bfloat16", "float32")
     named = config(tiny, data, steps=1, precision=chosen)
