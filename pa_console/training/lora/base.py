@@ -94,9 +94,9 @@ class _Weights:
         tensor: Any = self._stored[f"{name}.{part}"]
         return np.asarray(gguf.dequantize(tensor.data, tensor.tensor_type), np.float32)
 
-    def optional(self, name: str, part: str = "weight") -> Tensor | None:
+    def optional(self, name: str) -> Tensor | None:
         """Return a tensor, None when the file has none."""
-        return self.get(name, part=part) if self.has(name, part) else None
+        return self.get(name) if self.has(name) else None
 
     def get(self, *names: str, part: str = "weight") -> Tensor:
         """Return tensors joined by rows, q and k with their heads in halves."""
