@@ -76,12 +76,15 @@ def distinct(own: str, others: Iterable[str]) -> tuple[str, ...]:
 
 
 def _asks(said: str) -> Reading | None:
-    """Return what is asked for now, however it was put; None where that cannot be read.
+    """Return what is asked for now, however it was put; None where nothing is gained by asking.
 
-    Nobody is sent to where he comes from: that is no reading.
+    So it is where that cannot be read, or is all what no order may have, and where somebody is sent
+    to where he comes from.
     """
     reading = read_asked(said)
     if reading is None or not reading.readable:
+        return None
+    if reading.wishes and all(wish.task == "refused" for wish in reading.wishes):
         return None
     if any(wish.team.origin and wish.team.origin == wish.place for wish in reading.wishes):
         return None

@@ -176,6 +176,11 @@ def test_whom_a_gate_has_lost_makes_no_other_reading() -> None:
             ["asked: 1 drone from EastGate to EastGate", "asked: 1 drone from EastGate home"],
             ("asked: 1 drone from EastGate home",),
         ),
+        (["asked: use force at NorthGate", "asked: chase beyond the perimeter"], ()),
+        (
+            ["asked: use force at NorthGate; 1 drone to NorthGate"],
+            ("asked: use force at NorthGate; 1 drone to NorthGate",),
+        ),
         (["asked: if track at WestGate: hold, else: 1 drone to EastGate; now: x, not so"], ()),
     ],
 )
