@@ -18,7 +18,7 @@ ABOVE = (*FRONT, "pa_console.training")
 WORKER = (
     *(f"pa_console.llm.{name}" for name in ("worker", "runtime", "decoding", "answer_run", "chat")),
     *(f"pa_console.llm.{name}" for name in ("shared_context", "candidates", "branches")),
-    *(f"pa_console.llm.{name}" for name in ("token_choice", "adapter_switch", "quantise")),
+    *(f"pa_console.llm.{name}" for name in ("token_choice", "adapter_switch", "convert")),
     *(f"pa_console.evaluation.bench.{name}" for name in ("plain", "raw")),
 )
 """What runs in processes that hold a model; nothing else may import the model libraries."""

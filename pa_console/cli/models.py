@@ -37,10 +37,10 @@ def _here(entry: ModelEntry) -> str:
     """Return whether the model's file is on this machine, and whether its weights are prepared."""
     if entry.local_file is None:
         return "no"
-    if entry.prepared_type is None:
+    if entry.how is None:
         return "yes"
     made = "prepared" if entry.prepared_file is not None else "to be prepared"
-    return f"yes, {entry.prepared_type} {made}"
+    return f"yes, {entry.how} {made}"
 
 
 def _row(catalog: Catalog, entry: ModelEntry) -> dict[str, Any]:

@@ -12,7 +12,15 @@ from pa_console.llm.adapters import AdapterFile, LocalAdapter, check_adapters
 from pa_console.llm.cache import hash_file, models_folder
 from pa_console.llm.dialect import DialectName
 from pa_console.llm.errors import ModelError
-from pa_console.llm.prepare import Progress, Quantisation, Sha256, prepare, prepared_path, silent
+from pa_console.llm.prepare import (
+    How,
+    Progress,
+    Quantisation,
+    Sha256,
+    prepare,
+    prepared_path,
+    silent,
+)
 from pa_console.llm.sources import PathSource, Source
 from pa_console.llm.weight_type import fastest_type
 from pa_console.resources import data_folder
@@ -45,6 +53,9 @@ class ModelEntry(StrictModel):
     sha256: Sha256 | None
     chat: ChatFormat = "template"
     prepare: Quantisation | Literal["fastest"] | None = None
+    vocabulary: int | None = Field(
+        default=None, ge=1000, description="of the first so many pieces those in ASCII are kept"
+    )
     adapters: dict[Role, AdapterFile] = {}
     prompts: DialectName = "examples"
     n_ctx: int = Field(default=N_CTX, ge=512)
@@ -69,27 +80,37 @@ class ModelEntry(StrictModel):
         return next((path for path in paths if path.is_file()), None)
 
     @property
-    def prepared_type(self) -> Quantisation | None:
-        """The type that its weights are converted to on this machine."""
-        return fastest_type() if self.prepare == "fastest" else self.prepare
+    def how(self) -> How | None:
+        """How its file is prepared on this machine, None when it is used as it is."""
+        kind = fastest_type() if self.prepare == "fastest" else self.prepare
+        return How(kind, self.vocabulary) if kind or self.vocabulary else None
 
     @property
     def prepared_file(self) -> Path | None:
         """The model's prepared weights when they are on this machine, not checked."""
-        if self.prepared_type is None:
-            return None
-        path = prepared_path(self.stem, self.prepared_type)
-        return path if path.is_file() else None
+        path = prepared_path(self.stem, self.how) if self.how else None
+        return path if path is not None and path.is_file() else None
 
     def ready_file(self, path: Path, progress: Progress = silent) -> tuple[Path, str]:
         """Return the file to load for the fetched one at `path`, prepared if need be; its hash too.
 
         Raises ModelError when `path` is not the pinned file or cannot be prepared.
         """
+        return self._made(self.how, path, progress)
+
+    def learnt_file(self, path: Path) -> Path:
+        """Return the file that adapters are trained on: the fetched one with what is left of it.
+
+        Its weights are as they were published, so that it is the same on every machine. Raises
+        ModelError like `ready_file`.
+        """
+        return self._made(How(None, self.vocabulary) if self.vocabulary else None, path, silent)[0]
+
+    def _made(self, how: How | None, path: Path, progress: Progress) -> tuple[Path, str]:
         digest = self.check(path)
-        if self.prepared_type is None:
+        if how is None:
             return path, digest
-        prepared = prepare(self.stem, self.prepared_type, path, digest, progress)
+        prepared = prepare(self.stem, how, path, digest, progress)
         return prepared.path, prepared.sha256
 
     def check(self, path: Path) -> str:

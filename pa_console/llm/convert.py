@@ -1,14 +1,18 @@
-"""Writes the weights of a GGUF file in another type; a process of its own that can be stopped.
+"""Makes of one GGUF file another: a smaller vocabulary, weights of another type.
 
-`python -m pa_console.llm.quantise SOURCE TARGET TYPE` ends with 0 when TARGET is complete.
+`python -m pa_console.llm.convert SOURCE TARGET TYPE PIECES` ends with 0 when TARGET is complete; it
+is a process of its own that can be stopped. A TYPE of `stored` leaves the weights as they are, 0
+PIECES the vocabulary.
 """
 
 import sys
+from pathlib import Path
 from typing import Any
 
 import llama_cpp
 
-from pa_console.llm.prepare import Quantisation
+from pa_console.llm.prepare import AS_STORED, Quantisation
+from pa_console.llm.vocabulary import cut_vocabulary
 
 _api: Any = llama_cpp
 FILE_TYPES: dict[Quantisation, int] = {
@@ -33,6 +37,19 @@ def quantise(source: str, target: str, quantisation: Quantisation) -> None:
         raise ValueError(f"llama.cpp could not write {target} from {source}")
 
 
+def convert(source: str, target: str, kind: str, pieces: int) -> None:
+    """Write to `target` what `kind` and `pieces` make of `source`; raises ValueError or OSError."""
+    if pieces and kind == AS_STORED:
+        cut_vocabulary(Path(source), Path(target), pieces)
+    elif pieces:
+        smaller = f"{target}.cut"
+        cut_vocabulary(Path(source), Path(smaller), pieces)
+        quantise(smaller, target, kind)  # type: ignore[arg-type]
+        Path(smaller).unlink()
+    else:
+        quantise(source, target, kind)  # type: ignore[arg-type]
+
+
 @_api.llama_log_callback
 def _no_log(_level: int, _text: bytes, _data: object) -> None:
     """Swallow what llama.cpp has to say: a line for every tensor."""
@@ -41,6 +58,6 @@ def _no_log(_level: int, _text: bytes, _data: object) -> None:
 if __name__ == "__main__":
     _api.llama_log_set(_no_log, None)
     try:
-        quantise(sys.argv[1], sys.argv[2], sys.argv[3])  # type: ignore[arg-type]
-    except ValueError as error:
+        convert(sys.argv[1], sys.argv[2], sys.argv[3], int(sys.argv[4]))
+    except (ValueError, OSError) as error:
         sys.exit(str(error))

@@ -1,7 +1,8 @@
-"""Keeps a model's weights in the type that runs fastest, made once from the file that was fetched.
+"""Keeps a model's weights as they are to run, made once from the file that was fetched.
 
-Beside `<name>-<quantisation>.gguf` stands a JSON file that says what it was made from and its hash;
-a prepared file that does not fit it, or is of another version of llama.cpp, is made again.
+That is in the type that is fastest here, and with no more vocabulary than is needed. Beside
+`<name>-<how>.gguf` stands a JSON file that says what it was made from and its hash; a prepared file
+that does not fit it, or is of another version of llama.cpp, is made again.
 """
 
 import errno
@@ -26,8 +27,9 @@ Quantisation = Literal["f16", "bf16", "q8_0", "q4_0"]
 Progress = Callable[[int, int, str], None]
 """Called with bytes done, bytes in all (estimated) and what is being done; may raise to stop."""
 
-COMMAND = (sys.executable, "-P", "-m", "pa_console.llm.quantise")
+COMMAND = (sys.executable, "-P", "-m", "pa_console.llm.convert")
 LLAMA_CPP = "llama-cpp-python"
+AS_STORED = "stored"
 BYTES_A_WEIGHT: dict[Quantisation, float] = {"f16": 2, "bf16": 2, "q8_0": 1.07, "q4_0": 0.57}
 SOURCE_BYTES_A_WEIGHT = 0.5
 """The least that a weight takes in a source: what is needed is never guessed too low."""
@@ -35,13 +37,37 @@ SOURCE_BYTES_A_WEIGHT = 0.5
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
+@dataclass(frozen=True)
+class How:
+    """What is done to a file: its weights in a type (None: as stored), its vocabulary cut."""
+
+    quantisation: Quantisation | None = None
+    vocabulary: int | None = None
+    """Of the first so many pieces those in ASCII are kept, None: all there are."""
+
+    def __str__(self) -> str:
+        parts = [f"{self.vocabulary} pieces"] if self.vocabulary else []
+        return ", ".join([*parts, *([self.quantisation] if self.quantisation else [])])
+
+    @property
+    def weight_bytes(self) -> float:
+        """The most that a weight takes afterwards."""
+        return BYTES_A_WEIGHT[self.quantisation or "q8_0"]
+
+
 class Origin(StrictModel):
     """What a prepared file was made from, and the SHA-256 it has since."""
 
     source_sha256: Sha256
-    quantisation: Quantisation
+    quantisation: Quantisation | None
+    vocabulary: int | None = None
     llama_cpp: str
     sha256: Sha256
+
+    def of(self, how: How, source_sha256: str) -> bool:
+        """Return whether the file is what would be made now."""
+        wanted = (source_sha256, how.quantisation, how.vocabulary, version(LLAMA_CPP))
+        return wanted == (self.source_sha256, self.quantisation, self.vocabulary, self.llama_cpp)
 
 
 @dataclass(frozen=True)
@@ -56,18 +82,17 @@ def silent(_done: int, _total: int, _text: str) -> None:
     """Report nothing."""
 
 
-def prepared_path(name: str, quantisation: Quantisation) -> Path:
+def prepared_path(name: str, how: How) -> Path:
     """Return where the prepared weights of model `name` are kept; they may not be there."""
-    return models_folder() / f"{name}-{quantisation}.gguf"
+    return models_folder() / f"{_prepared_name(name, how)}.gguf"
 
 
-def find_prepared(name: str, quantisation: Quantisation, source_sha256: str) -> Prepared | None:
+def find_prepared(name: str, how: How, source_sha256: str) -> Prepared | None:
     """Return the prepared weights when they are whole and made from that source, else None."""
-    path = prepared_path(name, quantisation)
+    path = prepared_path(name, how)
     try:
         origin = Origin.model_validate_json(_origin_path(path).read_bytes())
-        wanted = (source_sha256, quantisation, version(LLAMA_CPP))
-        if (origin.source_sha256, origin.quantisation, origin.llama_cpp) != wanted:
+        if not origin.of(how, source_sha256):
             return None
         return Prepared(path, origin.sha256) if hash_file(path) == origin.sha256 else None
     except (OSError, ValidationError):
@@ -75,53 +100,52 @@ def find_prepared(name: str, quantisation: Quantisation, source_sha256: str) -> 
 
 
 def prepare(
-    name: str, quantisation: Quantisation, source: Path, source_sha256: str, progress: Progress
+    name: str, how: How, source: Path, source_sha256: str, progress: Progress = silent
 ) -> Prepared:
     """Return the prepared weights of `source`, made now unless they are there.
 
     The file appears only when it is complete; another process that makes it is waited for. Raises
-    PullError, naming the remedy, when there is no room or llama.cpp cannot.
+    PullError, naming the remedy, when there is no room or it cannot be made.
     """
-    path, folder = prepared_path(name, quantisation), partial_folder(f"{name}-{quantisation}")
+    path, folder = prepared_path(name, how), partial_folder(_prepared_name(name, how))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         folder.parent.mkdir(parents=True, exist_ok=True)
         with FileLock(folder.with_suffix(f"{folder.suffix}.lock")):
-            found = find_prepared(name, quantisation, source_sha256)
+            found = find_prepared(name, how, source_sha256)
             if found is None:
                 path.unlink(missing_ok=True)
-                found = _make(path, folder, quantisation, source, source_sha256, progress)
+                found = _make(path, folder, how, source, source_sha256, progress)
             return found
     except OSError as error:
         raise PullError(_explain(error, folder)) from error
 
 
 def _make(  # noqa: PLR0917
-    path: Path,
-    folder: Path,
-    quantisation: Quantisation,
-    source: Path,
-    source_sha256: str,
-    progress: Progress,
+    path: Path, folder: Path, how: How, source: Path, source_sha256: str, progress: Progress
 ) -> Prepared:
-    weights = source.stat().st_size / SOURCE_BYTES_A_WEIGHT
-    total = int(weights * BYTES_A_WEIGHT[quantisation])
+    total = int(source.stat().st_size / SOURCE_BYTES_A_WEIGHT * how.weight_bytes)
     folder.mkdir(parents=True, exist_ok=True)
     try:
         require_room(folder, total)
         partial = folder / path.name
         run_watched(
-            [*COMMAND, str(source), str(partial), quantisation],
+            [
+                *COMMAND,
+                str(source),
+                str(partial),
+                how.quantisation or AS_STORED,
+                str(how.vocabulary or 0),
+            ],
             environment={},
             folder=folder,
-            report=lambda done: progress(
-                min(done, total), total, f"preparing {quantisation} weights"
-            ),
+            report=lambda done: progress(min(done, total), total, f"preparing {how} weights"),
         )
         digest = hash_file(partial)
         origin = Origin(
             source_sha256=source_sha256,
-            quantisation=quantisation,
+            quantisation=how.quantisation,
+            vocabulary=how.vocabulary,
             llama_cpp=version(LLAMA_CPP),
             sha256=digest,
         )
@@ -129,10 +153,14 @@ def _make(  # noqa: PLR0917
         noted.write_text(origin.model_dump_json() + "\n", encoding="utf-8")
         noted.replace(_origin_path(path))
         partial.replace(path)
-        progress(total, total, f"{quantisation} weights are ready")
+        progress(total, total, f"{how} weights are ready")
         return Prepared(path, digest)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def _prepared_name(name: str, how: How) -> str:
+    return "-".join(map(str, filter(None, (name, how.vocabulary, how.quantisation))))
 
 
 def _origin_path(path: Path) -> Path:

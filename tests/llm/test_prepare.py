@@ -5,18 +5,17 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("gguf")
-
 from pa_console.llm import prepare as module
 from pa_console.llm import room
 from pa_console.llm.cache import hash_file
 from pa_console.llm.catalog import Catalog, ModelEntry
 from pa_console.llm.errors import ModelError, PullError
-from pa_console.llm.prepare import Prepared, find_prepared, prepare, prepared_path, silent
+from pa_console.llm.prepare import How, Prepared, find_prepared, prepare, prepared_path
 from pa_console.llm.sources import PathSource
 from pa_console.llm.weight_type import fastest_type
 from tests.training.lora.tiny import write_tiny
 
+Q8 = How("q8_0")
 NEVER = (sys.executable, "-c", "raise SystemExit('must not be made again')")
 
 
@@ -26,7 +25,7 @@ def source(tmp_path: Path, empty_cache: Path) -> Path:
 
 
 def made(source: Path) -> Prepared:
-    return prepare("tiny", "q8_0", source, hash_file(source), silent)
+    return prepare("tiny", Q8, source, hash_file(source))
 
 
 def left_over(cache: Path) -> list[str]:
@@ -40,7 +39,7 @@ def test_weights_are_prepared_once_and_used_from_then_on(
     told: list[tuple[int, int, str]] = []
     first = prepare(
         "tiny",
-        "q8_0",
+        Q8,
         source,
         hash_file(source),
         lambda done, total, text: told.append((done, total, text)),
@@ -56,7 +55,7 @@ def test_weights_are_prepared_once_and_used_from_then_on(
 def test_a_broken_or_missing_prepared_file_is_made_again(source: Path, empty_cache: Path):
     first = made(source)
     first.path.write_bytes(first.path.read_bytes()[:-1] + b"?")
-    assert find_prepared("tiny", "q8_0", hash_file(source)) is None
+    assert find_prepared("tiny", Q8, hash_file(source)) is None
     assert made(source) == first
     first.path.unlink()
     assert made(source) == first
@@ -71,7 +70,7 @@ def test_another_source_or_another_llama_cpp_makes_it_again(
     other = write_tiny(tmp_path / "other.gguf", seed=1)
     assert made(other).sha256 != first.sha256
     monkeypatch.setattr(module, "LLAMA_CPP", "numpy")
-    assert find_prepared("tiny", "q8_0", hash_file(other)) is None
+    assert find_prepared("tiny", Q8, hash_file(other)) is None
 
 
 def test_ctrl_c_leaves_neither_file_nor_process(
@@ -87,7 +86,7 @@ def test_ctrl_c_leaves_neither_file_nor_process(
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        prepare("tiny", "q8_0", source, hash_file(source), interrupt)
+        prepare("tiny", Q8, source, hash_file(source), interrupt)
     assert left_over(empty_cache) == []
 
 
@@ -130,7 +129,7 @@ def test_a_model_that_is_here_is_prepared_when_it_is_first_located(source: Path)
     catalog = catalog_of(source)
     assert catalog.get("tiny").prepared_file is None
     model = catalog.locate("tiny")
-    assert model.path == prepared_path("tiny", "q8_0") == catalog.get("tiny").prepared_file
+    assert model.path == prepared_path("tiny", Q8) == catalog.get("tiny").prepared_file
     assert model.sha256 == hash_file(model.path)
 
 
@@ -149,7 +148,7 @@ def test_the_fastest_type_is_that_of_the_machine(source: Path, monkeypatch: pyte
     for kind in ("f16", "bf16"):
         monkeypatch.setattr("pa_console.llm.catalog.fastest_type", lambda kind=kind: kind)
         path, digest = entry.ready_file(source)
-        assert path == prepared_path("tiny", kind) == entry.prepared_file
+        assert path == prepared_path("tiny", How(kind)) == entry.prepared_file
         assert digest == hash_file(path)
 
 
