@@ -14,6 +14,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from pa_console.training.lora.frozen import Exact, Frozen
 from pa_console.training.lora.shape import LOCAL_ROPE_BASE, Shape, open_gguf
 
 
@@ -22,15 +23,15 @@ class Layer:
     """Frozen weights of one layer; matrices (outputs, inputs), parallel ones joined by rows."""
 
     attention_norm: Tensor
-    qkv: Tensor
+    qkv: Frozen
     qkv_bias: Tensor | None
     head_norms: tuple[Tensor, Tensor] | None
     """Of each head of q and of k (head_width)."""
-    output: Tensor
+    output: Frozen
     output_norm: Tensor | None
     hidden_norm: Tensor
-    gate_up: Tensor
-    down: Tensor
+    gate_up: Frozen
+    down: Frozen
     down_norm: Tensor | None
 
 
@@ -116,14 +117,14 @@ def _layer(weights: _Weights, name: str) -> Layer:
     q_norm, k_norm = (weights.optional(f"{name}.attn_{part}_norm") for part in "qk")
     return Layer(
         attention_norm=weights.get(f"{name}.attn_norm"),
-        qkv=weights.get(*qkv),
+        qkv=Exact(weights.get(*qkv)),
         qkv_bias=weights.get(*qkv, part="bias") if weights.has(qkv[0], "bias") else None,
         head_norms=None if q_norm is None or k_norm is None else (q_norm, k_norm),
-        output=weights.get(f"{name}.attn_output"),
+        output=Exact(weights.get(f"{name}.attn_output")),
         output_norm=weights.optional(f"{name}.post_attention_norm"),
         hidden_norm=weights.get(f"{name}.ffn_norm"),
-        gate_up=weights.get(f"{name}.ffn_gate", f"{name}.ffn_up"),
-        down=weights.get(f"{name}.ffn_down"),
+        gate_up=Exact(weights.get(f"{name}.ffn_gate", f"{name}.ffn_up")),
+        down=Exact(weights.get(f"{name}.ffn_down")),
         down_norm=weights.optional(f"{name}.post_ffw_norm"),
     )
 

@@ -9,6 +9,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from pa_console.training.lora.frozen import Frozen
+from pa_console.training.lora.fusion import fused
 from pa_console.training.lora.shape import Activation
 
 ROWS = 128
@@ -19,8 +21,8 @@ SMALLEST = 1e-37
 """No probability is taken to be less, so that every loss is finite."""
 
 
-def adapted(x: Tensor, weight: Tensor, a: Tensor, b: Tensor, added: Tensor | None = None) -> Tensor:
-    """Return x W' + (x A') B' (+ `added`), rows are tokens.
+def adapted(x: Tensor, weight: Frozen, a: Tensor, b: Tensor, added: Tensor | None = None) -> Tensor:
+    """Return x W' + (x A') B' (+ `added`), rows are tokens; W is `weight`.
 
     `a` is (ranks, inputs) and `b` (outputs, ranks), already scaled by alpha / rank; `added` is a
     bias (outputs) or a residual (tokens, outputs).
@@ -60,21 +62,22 @@ def score_answers(x: Tensor, head: Tensor, targets: Tensor) -> tuple[Tensor, Ten
 class _Adapted(torch.autograd.Function):
     @staticmethod
     def forward(  # noqa: PLR0917
-        ctx: Any, x: Tensor, weight: Tensor, a: Tensor, b: Tensor, added: Tensor | None
+        ctx: Any, x: Tensor, weight: Frozen, a: Tensor, b: Tensor, added: Tensor | None
     ) -> Tensor:
         low = x @ a.t()
-        y = x @ weight.t() if added is None else torch.addmm(added, x, weight.t())
-        y.addmm_(low, b.t())
-        ctx.save_for_backward(x, weight, a, b, low)
-        ctx.residual = added is not None and added.dim() == 2
+        y = weight.ahead(x).addmm_(low, b.t())
+        if added is not None:
+            y += added
+        ctx.save_for_backward(x, a, b, low)
+        ctx.weight, ctx.residual = weight, added is not None and added.dim() == 2
         return y
 
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, ...]:
         grad = grads[0]
-        x, weight, a, b, low = ctx.saved_tensors
+        x, a, b, low = ctx.saved_tensors
         low_grad = grad @ b
-        dx = (grad @ weight).addmm_(low_grad, a) if ctx.needs_input_grad[0] else None
+        dx = ctx.weight.back(grad).addmm_(low_grad, a) if ctx.needs_input_grad[0] else None
         return dx, None, low_grad.t() @ x, grad.t() @ low, grad if ctx.residual else None
 
 
@@ -88,36 +91,46 @@ class _Normed(torch.autograd.Function):
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, ...]:
         x, weight = ctx.saved_tensors
-        values = x.float()
-        scale = (values.square().mean(-1, keepdim=True) + ctx.epsilon).rsqrt_()
-        values = values * scale
-        grad = grads[0] * weight.float()
-        grad -= values * (grad * values).mean(-1, keepdim=True)
-        return grad.mul_(scale).to(x.dtype), None, None
+        return _norm_back(grads[0], x.detach(), weight, ctx.epsilon), None, None
+
+
+@fused
+def _norm_back(grad: Tensor, x: Tensor, weight: Tensor, epsilon: float) -> Tensor:
+    values = x.float()
+    scale = (values.square().mean(-1, keepdim=True) + epsilon).rsqrt()
+    values = values * scale
+    grad = grad * weight.float()
+    return ((grad - values * (grad * values).mean(-1, keepdim=True)) * scale).to(x.dtype)
 
 
 class _Gated(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, x: Tensor, activation: Activation) -> Tensor:
-        gate, up = x.chunk(2, -1)
         ctx.save_for_backward(x)
         ctx.activation = activation
-        return _activated(gate, activation).mul_(up)
+        return _gate(x.detach(), activation)
 
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, ...]:
-        grad = grads[0]
         (x,) = ctx.saved_tensors
-        gate, up = x.chunk(2, -1)
-        out = torch.empty_like(x)
-        d_gate, d_up = out.chunk(2, -1)
-        torch.mul(grad, _activated(gate, ctx.activation), out=d_up)
-        through = grad * up
-        if ctx.activation == "gelu":
-            d_gate.copy_(torch.ops.aten.gelu_backward(through, gate, approximate="tanh"))
-        else:
-            d_gate.copy_(torch.ops.aten.silu_backward(through, gate))
-        return out, None
+        return _gate_back(grads[0], x.detach(), ctx.activation), None
+
+
+@fused
+def _gate(x: Tensor, activation: Activation) -> Tensor:
+    gate, up = x.chunk(2, -1)
+    return _activated(gate, activation) * up
+
+
+@fused
+def _gate_back(grad: Tensor, x: Tensor, activation: Activation) -> Tensor:
+    gate, up = x.chunk(2, -1)
+    through = grad * up
+    if activation == "gelu":
+        d_gate = torch.ops.aten.gelu_backward(through, gate, approximate="tanh")
+    else:
+        d_gate = torch.ops.aten.silu_backward(through, gate)
+    return torch.cat((d_gate, grad * _activated(gate, activation)), -1)
 
 
 def _activated(gate: Tensor, activation: Activation) -> Tensor:

@@ -14,6 +14,7 @@ from pa_console.training.lora.base import Base, read_base
 from pa_console.training.lora.batch import Score, gradients, score
 from pa_console.training.lora.checkpoint import RunFolder, State
 from pa_console.training.lora.config import TrainConfig, find_base
+from pa_console.training.lora.eight_bits import in_eight_bits
 from pa_console.training.lora.material import packs_held_out, packs_to_learn
 from pa_console.training.lora.precision import FORMATS, fastest_precision
 from pa_console.training.lora.schedule import Order, learning_rate
@@ -71,6 +72,8 @@ def train(
     missions = hash_file(Path(config.missions)) if config.missions is not None else ""
     hashes = hash_file(path), hash_file(Path(config.data)), missions
     with Workers(config.device, config.workers) as workers, StopRequest() as stop:
+        if precision == "int8":
+            base = in_eight_bits(base, packs)
         run = _Run(config, base, adapter, Order(packs, config), held_out, workers, folder)
         run.start(resume, hashes)
         while not run.finished and not stop.asked:

@@ -13,6 +13,7 @@ from torch.nn import functional
 from pa_console.training.lora.adapter import Pair
 from pa_console.training.lora.attention import Rotation, attend
 from pa_console.training.lora.base import Base
+from pa_console.training.lora.frozen import Frozen
 from pa_console.training.lora.kernels import adapted, gated, normed
 from pa_console.training.lora.layout import Layout
 from pa_console.training.lora.shape import Shape
@@ -41,7 +42,7 @@ def hidden(base: Base, pairs: Sequence[Pair], tokens: Tensor, layout: Layout) ->
 
 
 def _added(  # noqa: PLR0917
-    x: Tensor, h: Tensor, weight: Tensor, pair: Pair, norm: Tensor | None, epsilon: float
+    x: Tensor, h: Tensor, weight: Frozen, pair: Pair, norm: Tensor | None, epsilon: float
 ) -> Tensor:
     """Return `x` plus what a linear layer makes of `h`, normed first where there is a `norm`."""
     if norm is None:

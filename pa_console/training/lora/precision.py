@@ -5,8 +5,14 @@ from typing import Literal
 
 import torch
 
-Precision = Literal["bfloat16", "float32"]
-FORMATS: dict[Precision, torch.dtype] = {"bfloat16": torch.bfloat16, "float32": torch.float32}
+Precision = Literal["bfloat16", "float32", "int8"]
+FORMATS: dict[Precision, torch.dtype] = {
+    "bfloat16": torch.bfloat16,
+    "float32": torch.float32,
+    "int8": torch.float32,
+}
+"""What all is computed in but, in int8, the products with frozen matrices."""
+FLOATS: tuple[Precision, ...] = ("bfloat16", "float32")
 _ROWS, _WIDTH, _TRIES = 64, 576, 3
 
 
@@ -18,7 +24,7 @@ def fastest_precision(device: str) -> Precision:
     """
     if device != "cpu":
         return "bfloat16"
-    return min(FORMATS, key=_seconds)
+    return min(FLOATS, key=_seconds)
 
 
 def _seconds(precision: Precision) -> float:

@@ -99,7 +99,7 @@ def test_a_run_keeps_the_format_that_its_machine_computes_in(
     assert logged(tmp_path / "run") == logged(tmp_path / "named")
 
 
-@pytest.mark.parametrize("precision", ["bfloat16", "float32"])
+@pytest.mark.parametrize("precision", ["bfloat16", "float32", "int8"])
 def test_a_run_learns_in_the_format_that_it_is_told(
     tiny: Path, data: Path, tmp_path: Path, precision: str
 ) -> None:

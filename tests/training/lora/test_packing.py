@@ -12,6 +12,7 @@ from pa_console.training.lora.adapter import Adapter
 from pa_console.training.lora.attention import Rotation, attend
 from pa_console.training.lora.base import read_base
 from pa_console.training.lora.batch import gradients, score
+from pa_console.training.lora.frozen import Exact
 from pa_console.training.lora.kernels import adapted, answer_loss, gated, normed
 from pa_console.training.lora.layout import Layout
 from pa_console.training.lora.shape import Shape
@@ -66,8 +67,9 @@ def test_a_branch_sees_the_prefix_and_its_own_past_only(
 def test_the_gradients_of_the_kernels_are_those_of_their_values() -> None:
     x, weight, a, b = random(5, 6), random(8, 6).detach(), random(2, 6), random(8, 2)
     residual, scale = random(5, 8), random(6).detach()
-    assert torch.autograd.gradcheck(lambda *v: adapted(v[0], weight, *v[1:]), (x, a, b))
-    assert torch.autograd.gradcheck(lambda *v: adapted(v[0], weight, *v[1:]), (x, a, b, residual))
+    matrix = Exact(weight)
+    assert torch.autograd.gradcheck(lambda *v: adapted(v[0], matrix, *v[1:]), (x, a, b))
+    assert torch.autograd.gradcheck(lambda *v: adapted(v[0], matrix, *v[1:]), (x, a, b, residual))
     assert torch.autograd.gradcheck(gated, (x,))
     assert torch.autograd.gradcheck(lambda v: gated(v, "gelu"), (x,))
     single = random(5, 6, dtype=torch.float32)
