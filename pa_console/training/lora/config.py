@@ -1,9 +1,9 @@
 """What a training run is: everything that decides its result, read from a YAML file."""
 
 from pathlib import Path
-from typing import Literal, Self
+from typing import Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator
 
 from pa_console.llm.catalog import Catalog, ChatFormat
 from pa_console.llm.errors import ModelError
@@ -93,11 +93,12 @@ class TrainConfig(StrictModel):
         default=None, ge=1, description="packs computed at once; by default one a core on a CPU"
     )
 
-    @model_validator(mode="after")
-    def _bytes_are_multiplied_on_a_cpu(self) -> Self:
-        if self.precision == "int8" and self.device != "cpu":
-            raise ValueError("precision: int8 is for device: cpu; a GPU is fastest in bfloat16")
-        return self
+    @field_validator("precision")
+    @classmethod
+    def _bytes_are_multiplied_on_a_cpu(cls, precision: str, info: ValidationInfo) -> str:
+        if precision == "int8" and info.data.get("device") != "cpu":
+            raise ValueError("int8 is for device: cpu; a GPU is fastest in bfloat16")
+        return precision
 
     @classmethod
     def load(cls, path: Path) -> "TrainConfig":

@@ -177,3 +177,8 @@ def test_the_rate_rises_then_falls(tiny: Path, data: Path) -> None:
 @pytest.mark.parametrize("task", ["planner", "judge"])
 def test_the_shipped_configurations_can_be_read(task: str) -> None:
     assert TrainConfig.load(CONFIGS / f"{task}.yaml").task == task
+
+
+def test_bytes_are_not_multiplied_on_a_gpu(tiny: Path, data: Path) -> None:
+    with pytest.raises(ValueError, match=r"precision\n.*int8 is for device: cpu"):
+        config(tiny, data, precision="int8", device="cuda")
