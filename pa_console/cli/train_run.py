@@ -47,6 +47,8 @@ def run_training(
             raise ValueError(f"{folder}: is a run of the {chosen.task}, not of the {task}")
     else:
         chosen = chosen_config(task, data, config, changes, minutes)
+    with errors.status(f"preparing {escape(chosen.base)}"):
+        find_base(chosen)
     with TrainProgress(chosen.max_minutes) as progress:
         result = train(chosen, folder, resume, progress.show)
     adapter = folder / ADAPTER

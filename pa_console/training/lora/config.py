@@ -126,7 +126,7 @@ class TrainConfig(StrictModel):
 def find_base(config: TrainConfig) -> tuple[Path, ChatFormat]:
     """Return the base's file and its chat format.
 
-    Raises ModelError when it is not here or not the pinned one, OSError when it cannot be read.
+    Raises ModelError when it is not here, or cannot be cut to its vocabulary, or OSError.
     """
     entry = Catalog.load().get(config.base)
     path = entry.local_file
