@@ -13,8 +13,8 @@ from pa_console.training.lora.frozen import Frozen
 from pa_console.training.lora.fusion import fused
 from pa_console.training.lora.shape import Activation
 
-ROWS = 128
-"""Positions whose logits are held at once (49,152 float32 each would be 25 MB)."""
+ROWS, GPU_ROWS = 128, 4096
+"""Positions whose logits are held at once: on a CPU 49,152 float32 each are 25 MB."""
 
 
 SMALLEST = 1e-37
@@ -52,11 +52,16 @@ def score_answers(x: Tensor, head: Tensor, targets: Tensor) -> tuple[Tensor, Ten
     """Return the cross-entropy of every target, and whether it is the most likely token."""
     losses: list[Tensor] = []
     hits: list[Tensor] = []
-    for rows, target in zip(torch.split(x, ROWS), torch.split(targets, ROWS), strict=True):
+    each = _rows(x)
+    for rows, target in zip(torch.split(x, each), torch.split(targets, each), strict=True):
         scores = (rows @ head.t()).float()
         losses.append(functional.cross_entropy(scores, target, reduction="none"))
         hits.append(scores.argmax(-1) == target)
     return torch.cat(losses), torch.cat(hits)
+
+
+def _rows(x: Tensor) -> int:
+    return GPU_ROWS if x.is_cuda else ROWS
 
 
 class _Adapted(torch.autograd.Function):
@@ -146,8 +151,9 @@ class _AnswerLoss(torch.autograd.Function):
     def forward(ctx: Any, x: Tensor, head: Tensor, targets: Tensor, weights: Tensor) -> Tensor:
         total = torch.zeros((), dtype=torch.float32, device=x.device)
         dx = torch.empty_like(x)
-        for start in range(0, len(x), ROWS):
-            rows = slice(start, start + ROWS)
+        each = _rows(x)
+        for start in range(0, len(x), each):
+            rows = slice(start, start + each)
             target = targets[rows, None]
             shares = (x[rows] @ head.t()).softmax(-1, dtype=torch.float32)
             weight = weights[rows, None]

@@ -4,7 +4,8 @@ Written by hand: the hub's model classes cannot attend to a prefix that many bra
 keep GGUF weights packed (445 tokens/s forward and backward on two cores).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -19,8 +20,17 @@ from pa_console.training.lora.layout import Layout
 from pa_console.training.lora.shape import Shape
 
 
-def hidden(base: Base, pairs: Sequence[Pair], tokens: Tensor, layout: Layout) -> Tensor:
-    """Return the normed last hidden states (tokens, width) of a pack; four pairs a layer."""
+def hidden(
+    base: Base,
+    pairs: Sequence[Pair],
+    tokens: Tensor,
+    layout: Layout | Any,
+    gather: Callable[[Tensor, Rotation, Any, Shape, int], Tensor] = attend,
+) -> Tensor:
+    """Return the normed last hidden states (tokens, width) of a pack; four pairs a layer.
+
+    `gather` is attention over what `layout` lays out, which knows the `positions` of the tokens.
+    """
     shape = base.shape
     rotation = Rotation.at(layout.positions, base.frequencies)
     local = Rotation.at(layout.positions, base.local_frequencies) if shape.window else rotation
@@ -33,7 +43,7 @@ def hidden(base: Base, pairs: Sequence[Pair], tokens: Tensor, layout: Layout) ->
         h = adapted(h, layer.qkv, qkv.a, qkv.b, layer.qkv_bias)
         if layer.head_norms is not None:
             h = _heads_normed(h, layer.head_norms, shape)
-        h = attend(h, local if window else rotation, layout, shape, window)
+        h = gather(h, local if window else rotation, layout, shape, window)
         x = _added(x, h, layer.output, output, layer.output_norm, epsilon)
         h = normed(x, layer.hidden_norm, epsilon)
         h = gated(adapted(h, layer.gate_up, gate_up.a, gate_up.b), shape.activation)

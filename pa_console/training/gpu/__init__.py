@@ -1,0 +1,1 @@
+"""Training on one large GPU for some minutes: everything lies ready, nothing is fetched there."""

@@ -1,0 +1,146 @@
+"""Packs as one batch: tokens lie in a row for the linear layers, in a grid for attention."""
+
+import random
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from pa_console.training.gpu.corpus import Pack
+
+WINDOW = 64
+"""Batches that are filled together: packs of like lengths come into the same one."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Where the tokens of a batch stand when attention is computed, G packs of B branches.
+
+    Slots name a row of the batch, or its number of rows where nothing stands: `prefix` (G, P),
+    `branches` (G, B, T). Masks are True for what is seen: `sees_prefix` (G, P, P), `sees` of
+    every branch's tokens (G, B, T, P + T).
+    """
+
+    positions: Tensor
+    prefix: Tensor
+    branches: Tensor
+    sees_prefix: Tensor
+    sees: Tensor
+    near_prefix: Tensor | None
+    """The same as `sees_prefix`, and within the window of local layers; None where all is near."""
+    near: Tensor | None
+
+
+@dataclass(frozen=True)
+class Batch:
+    """A batch on the device: `rows` predict `targets`, of which `learnt` count (positions)."""
+
+    tokens: Tensor
+    grid: Grid
+    rows: Tensor
+    targets: Tensor
+    learnt: Tensor
+    lengths: tuple[int, ...]
+    """Targets of every branch."""
+
+    @property
+    def size(self) -> int:
+        """Tokens that are computed."""
+        return len(self.tokens)
+
+
+def in_batches(
+    packs: Sequence[Pack], most_tokens: int, rng: random.Random
+) -> Iterator[tuple[Pack, ...]]:
+    """Yield every pack once, in batches of at most `most_tokens` where there are several."""
+    order = list(packs)
+    rng.shuffle(order)
+    each = max(1, round(most_tokens / max(1.0, sum(p.size for p in order) / len(order))))
+    for start in range(0, len(order), WINDOW * each):
+        part = sorted(order[start : start + WINDOW * each], key=lambda pack: pack.longest)
+        made: list[tuple[Pack, ...]] = []
+        together: list[Pack] = []
+        size = 0
+        for pack in part:
+            if together and size + pack.size > most_tokens:
+                made.append(tuple(together))
+                together, size = [], 0
+            together.append(pack)
+            size += pack.size
+        made.append(tuple(together))
+        rng.shuffle(made)
+        yield from made
+
+
+def make_batch(packs: Sequence[Pack], window: int, device: str | torch.device) -> Batch:
+    """Lay `packs` out and bring them to `device`; local layers see `window` positions, 0 all."""
+    most_prefix = max(len(pack.prefix) for pack in packs)
+    most_branches = max(len(pack.branches) for pack in packs)
+    longest = max(pack.longest for pack in packs)
+    total = sum(pack.size for pack in packs)
+    prefix = np.full((len(packs), most_prefix), total, np.int64)
+    branches = np.full((len(packs), most_branches, longest), total, np.int64)
+    tokens: list[np.ndarray] = []
+    positions: list[np.ndarray] = []
+    rows: list[np.ndarray] = []
+    at = 0
+    for g, pack in enumerate(packs):
+        begin = len(pack.prefix)
+        prefix[g, :begin] = np.arange(at, at + begin)
+        tokens.append(pack.prefix)
+        positions.append(np.arange(begin))
+        at += begin
+        for b, branch in enumerate(pack.branches):
+            length = len(branch.tokens)
+            branches[g, b, :length] = np.arange(at, at + length)
+            tokens.append(branch.tokens)
+            positions.append(np.arange(begin, begin + length))
+            at += length
+            rows.append(np.arange(at - len(branch.targets), at))
+    every = [branch for pack in packs for branch in pack.branches]
+
+    def sent(array: np.ndarray) -> Tensor:
+        host = torch.from_numpy(array)
+        if torch.device(device).type == "cuda":
+            return host.pin_memory().to(device, non_blocking=True)
+        return host
+
+    return Batch(
+        tokens=sent(np.concatenate(tokens).astype(np.int64)),
+        grid=_grid(sent(np.concatenate(positions)), sent(prefix), sent(branches), window),
+        rows=sent(np.concatenate(rows)),
+        targets=sent(np.concatenate([branch.targets for branch in every]).astype(np.int64)),
+        learnt=sent(np.concatenate([branch.learnt for branch in every])),
+        lengths=tuple(len(branch.targets) for branch in every),
+    )
+
+
+def _grid(positions: Tensor, prefix: Tensor, branches: Tensor, window: int) -> Grid:
+    total = len(positions)
+    there, within = prefix < total, branches < total
+    packs, longest = prefix.shape[1], branches.shape[2]
+    device = positions.device
+    down = torch.ones(packs, packs, dtype=torch.bool, device=device).tril()
+    own = torch.ones(longest, longest, dtype=torch.bool, device=device).tril()
+    nobody = torch.eye(packs, dtype=torch.bool, device=device)
+    sees_prefix = (down & there[:, None, :]) | nobody
+    shape = branches.shape
+    sees = torch.cat(
+        (
+            there[:, None, None, :].expand(*shape, packs),
+            own & within[:, :, None, :].expand(*shape, longest),
+        ),
+        -1,
+    )
+    near_prefix = near = None
+    if window and packs + longest > window:
+        padded = torch.cat((positions, positions.new_zeros(1)))
+        at_prefix, at_branch = padded[prefix], padded[branches]
+        near_prefix = sees_prefix & (at_prefix[:, :, None] - at_prefix[:, None, :] < window)
+        near_prefix |= nobody
+        keys = torch.cat((at_prefix[:, None, :].expand(-1, shape[1], -1), at_branch), -1)
+        near = sees & (at_branch[..., None] - keys[:, :, None, :] < window)
+        near[..., 0] |= ~near.any(-1)
+    return Grid(positions.float(), prefix, branches, sees_prefix, sees, near_prefix, near)

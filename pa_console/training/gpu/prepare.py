@@ -1,0 +1,101 @@
+"""Tokenises sample files for one base, so that a machine without a tokeniser can learn them.
+
+`python -m pa_console.training.gpu.prepare --model NAME --out FILE SAMPLES...`; samples are JSON
+lines, gzipped or not. The branches of a pack are of like lengths, so that little is padded.
+"""
+
+import argparse
+import gzip
+import random
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import cache
+from pathlib import Path
+
+
+from pa_console.llm.catalog import Catalog
+from pa_console.training.gpu.corpus import Branch, Pack, write_corpus
+from pa_console.training.lora.tokens import Tokeniser, make_packs
+from pa_console.training.samples import Sample
+
+MOST_TOKENS = 4096
+TOGETHER = 40
+"""Groups that a process tokenises at once."""
+Group = list[Sample]
+
+
+def main() -> None:
+    """Prepare as the command line says."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--model", required=True, help="a model of the catalogue")
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--tasks", default="", help="only these, e.g. planner,judge")
+    parser.add_argument("--drop", type=float, default=0.0, help="share of the groups left out")
+    parser.add_argument("samples", type=Path, nargs="+")
+    args = parser.parse_args()
+    tasks = set(filter(None, args.tasks.split(",")))
+    kept = [
+        group
+        for group in groups(args.samples, tasks)
+        if random.Random(f"drop/{group[0].group}").random() >= args.drop
+    ]
+    parts = [kept[start : start + TOGETHER] for start in range(0, len(kept), TOGETHER)]
+    with ProcessPoolExecutor(args.processes) as pool:
+        packs = [
+            pack
+            for some in pool.map(_packed, [args.model] * len(parts), parts)
+            for pack in some
+        ]
+    size = write_corpus(args.out, packs)
+    samples = sum(len(pack.branches) for pack in packs)
+    tokens = sum(pack.size for pack in packs)
+    answers = sum(len(branch.targets) for pack in packs for branch in pack.branches)
+    print(
+        f"{args.out}: {len(packs)} packs, {samples} samples, {tokens} tokens, "
+        f"{answers} to be predicted, {size / 1e6:.1f} MB"
+    )
+
+
+def groups(files: Sequence[Path], tasks: set[str]) -> Iterator[Group]:
+    """Yield the samples of `files` that share a prompt's beginning, shortest first."""
+    for file in files:
+        found: dict[tuple[str, str, str], Group] = {}
+        for sample in _read(file):
+            if not tasks or sample.task in tasks:
+                key = sample.group, sample.system, sample.picture
+                found.setdefault(key, []).append(sample)
+        for group in found.values():
+            yield sorted(group, key=lambda sample: len(sample.rest) + len(sample.answer))
+
+
+def _read(file: Path) -> Iterator[Sample]:
+    whole = gzip.open(file, "rt", encoding="utf-8") if file.suffix == ".gz" else file.open()
+    with whole as stream:
+        for line in stream:
+            yield Sample.model_validate_json(line)
+
+
+def _packed(model: str, some: Iterable[Group]) -> list[Pack]:
+    tokeniser = _tokeniser(model)
+    return [
+        Pack(
+            pack.prefix,
+            tuple(Branch(b.tokens, b.targets, b.weights > 0) for b in pack.branches),
+        )
+        for group in some
+        for pack in make_packs(group, tokeniser, MOST_TOKENS)
+    ]
+
+
+@cache
+def _tokeniser(model: str) -> Tokeniser:
+    entry = Catalog.load().get(model)
+    path = entry.local_file
+    if path is None:
+        raise ValueError(f"{model} is not on this machine: run pa-console models pull {model}")
+    return Tokeniser(entry.learnt_file(path), entry.chat)
+
+
+if __name__ == "__main__":
+    main()
