@@ -61,3 +61,7 @@ class ChatPrompt:
         if self._runtime.wants_start_token and tokens[:1] != [start]:
             tokens.insert(0, start)
         return tokens
+
+    def closing(self) -> list[int]:
+        """Return what stands between the end of the user's message and the model's answer."""
+        return self._runtime.tokenise(self._frame.rpartition(USER)[2], special=True)

@@ -12,9 +12,12 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import cache
 from pathlib import Path
 
+import numpy as np
+
 
 from pa_console.llm.catalog import Catalog
 from pa_console.training.gpu.corpus import Branch, Pack, write_corpus
+from pa_console.training.lora.tokens import Pack as LoraPack
 from pa_console.training.lora.tokens import Tokeniser, make_packs
 from pa_console.training.samples import Sample
 
@@ -78,14 +81,38 @@ def _read(file: Path) -> Iterator[Sample]:
 
 def _packed(model: str, some: Iterable[Group]) -> list[Pack]:
     tokeniser = _tokeniser(model)
-    return [
-        Pack(
-            pack.prefix,
-            tuple(Branch(b.tokens, b.targets, b.weights > 0) for b in pack.branches),
-        )
-        for group in some
-        for pack in make_packs(group, tokeniser, MOST_TOKENS)
-    ]
+    return [pack for group in some for pack in _packs(tokeniser, group)]
+
+
+def _packs(tokeniser: Tokeniser, group: Group) -> Iterator[Pack]:
+    """Yield the packs of samples that share system and picture, filled in order.
+
+    A prompt is read in two pieces, up to the end of the picture and from there, where that gives
+    the tokens of the whole (checked with the longest sample); else each is read as a whole.
+    """
+    start, end = tokeniser.around(group[0].system, group[0].picture)
+    last = group[-1]
+    if [*start, *tokeniser.text(last.rest), *end] != tokeniser.prompt(last):
+        yield from (_of(pack) for pack in make_packs(group, tokeniser, MOST_TOKENS))
+        return
+    together: list[Branch] = []
+    size = len(start)
+    for sample in group:
+        answer = tokeniser.answer(sample)
+        tokens = [*tokeniser.text(sample.rest), *end, *answer[:-1]]
+        learnt = tokeniser.weights(sample) > 0 if sample.given else np.ones(len(answer), np.bool_)
+        branch = Branch(np.array(tokens, np.int32), np.array(answer, np.int32), learnt)
+        if together and size + len(tokens) > MOST_TOKENS:
+            yield Pack(np.array(start, np.int32), tuple(together))
+            together, size = [], len(start)
+        together.append(branch)
+        size += len(tokens)
+    yield Pack(np.array(start, np.int32), tuple(together))
+
+
+def _of(pack: LoraPack) -> Pack:
+    branches = (Branch(b.tokens, b.targets, b.weights > 0) for b in pack.branches)
+    return Pack(pack.prefix, tuple(branches))
 
 
 @cache

@@ -65,6 +65,16 @@ class Tokeniser:
         """Return the prompt of `sample` up to where the model answers."""
         return self._chat.tokens(sample.system, sample.picture + sample.rest)
 
+    def around(self, system: str, picture: str) -> tuple[list[int], list[int]]:
+        """Return the prompt up to the end of `picture`, and what stands behind the user's turn."""
+        whole = self._chat.tokens(system, picture)
+        end = self._chat.closing()
+        return whole[: len(whole) - len(end)], end
+
+    def text(self, words: str) -> list[int]:
+        """Return the tokens of `words` within a user's turn."""
+        return self._runtime.tokenise(words, special=False)
+
     def answer(self, sample: Sample) -> list[int]:
         """Return the answer of `sample` and, if it is whole, the token that ends it."""
         written = self._runtime.tokenise(sample.answer, special=False)
