@@ -52,7 +52,7 @@ lint: $(VENV)/.installed-dev
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/pyright
-	@! $(BIN)/python -c "import torch" 2>/dev/null || $(BIN)/pyright pa_console/training/lora tests/training/lora
+	@! $(BIN)/python -c "import torch" 2>/dev/null || $(BIN)/pyright pa_console/training/gpu pa_console/training/lora tests/training/lora
 	@$(BIN)/lint-imports --no-logo
 
 clean:

@@ -50,6 +50,20 @@ class DataProgress(LiveBar):
             errors.print(f"{self._done}/{self._total} groups: {text}", soft_wrap=True)
 
 
+class ReadingProgress(LiveBar):
+    """Counts situations and the samples of them; only a terminal sees it."""
+
+    def __init__(self, total: int) -> None:
+        self._samples = 0
+        self._progress = _bar("situations")
+        self._task = self._progress.add_task("", total=total)
+
+    def add(self, samples: int) -> None:
+        """Count one more situation with so many samples."""
+        self._samples += samples
+        self._progress.update(self._task, advance=1, description=count(self._samples, "sample"))
+
+
 class MissionProgress(LiveBar):
     """Counts missions of a generated set; only a terminal sees it."""
 

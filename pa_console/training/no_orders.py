@@ -7,8 +7,9 @@ with what the world has, and of `(this|that)` one is taken.
 import random
 import re
 from collections.abc import Mapping, Sequence
+from importlib.resources import files
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import yaml
 
@@ -43,6 +44,11 @@ class NoOrders:
             raise ValueError("there are no texts that ask for nothing")
 
     @classmethod
+    def shipped(cls) -> "NoOrders":
+        """Read the lists that come with the phrase banks; raises ValueError for a broken one."""
+        return cls.read(Path(str(files("pa_console.training") / "language" / "nothing")))
+
+    @classmethod
     def read(cls, folder: Path) -> "NoOrders":
         """Read every list in `folder`; raises OSError, and ValueError naming file and entry."""
         texts: dict[str, list[str]] = {}
@@ -50,7 +56,7 @@ class NoOrders:
             found = yaml.safe_load(file.read_text(encoding="utf-8"))
             if not isinstance(found, list):
                 raise ValueError(f"{file}: is no list of texts")
-            for number, text in enumerate(found, start=1):
+            for number, text in enumerate(cast(list[object], found), start=1):
                 if not isinstance(text, str) or not text.strip():
                     raise ValueError(f"{file}: entry {number}: is no text")
                 texts.setdefault(file.stem, []).append(text)

@@ -5,16 +5,19 @@ what was meant. The teacher's first plan says which fact comes after the reading
 is learnt.
 """
 
+import gzip
 import random
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import closing
 from datetime import UTC, datetime
 from functools import cache
+from pathlib import Path
 from typing import NamedTuple
 
-from pa_console.llm.compact_prompt import ahead, compact_planner_prompt
+from pa_console.llm.compact_prompt import TASKS, ahead, compact_planner_prompt
 from pa_console.llm.grammar import PLANNED
 from pa_console.policy.retriever import Retriever
-from pa_console.policy.rulebook import Rulebook
+from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.schema.mission import MAX_MISSION_TEXT, Mission
 from pa_console.schema.rule import Rule
 from pa_console.training.as_said import as_said
@@ -27,12 +30,13 @@ from pa_console.training.order import Order
 from pa_console.training.order_sampler import sample_order
 from pa_console.training.phrasing import phrase
 from pa_console.training.planner_data import TOP_K, Recipe
+from pa_console.training.processes import each_in_order
 from pa_console.training.rewording import COMBINED, CONSOLE
 from pa_console.training.samples import Sample, make_sample
 from pa_console.training.situations import Situation, random_situation
 from pa_console.training.spoken import SPOKEN, spoken_words
 from pa_console.training.teacher import teach
-from pa_console.training.worlds import Numbers, random_world, shipped_missions
+from pa_console.training.worlds import Numbers, generated_numbers, random_world, shipped_missions
 
 WITH_RULES = 0.35
 """Share of the samples whose prompt quotes the rules that were retrieved, as serving does."""
@@ -50,6 +54,44 @@ class Policy(NamedTuple):
 
     rulebook: Rulebook
     retriever: Retriever
+
+
+def write_readings(
+    file: Path, recipes: Sequence[Recipe], rules: Path, processes: int
+) -> Generator[int, None, None]:
+    """Write the samples of `recipes` to `file`, gzipped JSON lines; yield how many a group has.
+
+    The file appears when it is whole. Raises DocumentError for a broken rule file, and OSError.
+    """
+    load_rules(rules)
+    forbidden = generated_numbers(shipped_missions())
+    tasks = [(recipe, rules, forbidden) for recipe in recipes]
+    partial = file.with_name(f"{file.name}.partial")
+    with (
+        gzip.open(partial, "wt", encoding="utf-8", compresslevel=4) as stream,
+        closing(each_in_order(_lines, tasks, processes)) as groups,
+    ):
+        for lines in groups:
+            stream.writelines(lines)
+            yield len(lines)
+    partial.replace(file)
+
+
+def _lines(task: tuple[Recipe, Path, frozenset[Numbers]]) -> list[str]:
+    recipe, rules, forbidden = task
+    samples = reading_samples(recipe, _policy(rules), forbidden, _no_orders())
+    return [f"{sample.model_dump_json()}\n" for sample in samples]
+
+
+@cache
+def _policy(rules: Path) -> Policy:
+    rulebook = load_rules(rules)
+    return Policy(rulebook, Retriever(rulebook.rules))
+
+
+@cache
+def _no_orders() -> NoOrders:
+    return NoOrders.shipped()
 
 
 def reading_samples(
@@ -120,7 +162,7 @@ class _Writer:
             for _ in range(more):
                 other = phrase(order, world, picture, self._rng, recipe.split)
                 texts.setdefault(other.text, f"{first}/{other.style}")
-        fresh = _known().keep(list(texts), world) if recipe.split == "train" else [True] * len(texts)
+        fresh = _known().keep(list(texts), world)
         for (words, how), kept in zip(texts.items(), fresh, strict=True):
             if kept:
                 sample = as_said(self._sample(words, answer, how), order)
@@ -134,15 +176,14 @@ class _Writer:
             sample = self._sample(text, answer, f"nothing/{kind}")
             yield sample
             if self._rng.random() < FOR_JUDGE:
-                begun = sample.model_copy(
+                yield sample.model_copy(
                     update={
-                        "system": sample.system.replace("Plan the mission.", "Judge the plan.", 1),
+                        "system": sample.system.replace(TASKS["planner"], TASKS["judge"], 1),
                         "task": "judge",
                         "answer": f'{{"feedback": "asked: {NOTHING_ASKED}{PLANNED.rstrip(": ")}',
                         "goes_on": True,
                     }
                 )
-                yield begun
 
     def _sample(self, text: str, answer: str, kind: str) -> Sample:
         situation, rules = self._situation, list[Rule]()

@@ -8,10 +8,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from pa_console.training.gpu.corpus import Pack
+from pa_console.training.gpu.corpus import Branch, Pack
 
 WINDOW = 64
 """Batches that are filled together: packs of like lengths come into the same one."""
+
+EVEN = 16
+MOST_BRANCHES = 48
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,10 @@ class Grid:
     near_prefix: Tensor | None
     """The same as `sees_prefix`, and within the window of local layers; None where all is near."""
     near: Tensor | None
+    slots: Tensor
+    """The row of every slot of `prefix`, then of `branches`."""
+    rows: Tensor
+    """The slot of every row: it undoes `slots`."""
 
 
 @dataclass(frozen=True)
@@ -55,11 +62,11 @@ def in_batches(
     packs: Sequence[Pack], most_tokens: int, rng: random.Random
 ) -> Iterator[tuple[Pack, ...]]:
     """Yield every pack once, in batches of at most `most_tokens` where there are several."""
-    order = list(packs)
+    order = [part for pack in packs for part in alike(pack)]
     rng.shuffle(order)
     each = max(1, round(most_tokens / max(1.0, sum(p.size for p in order) / len(order))))
     for start in range(0, len(order), WINDOW * each):
-        part = sorted(order[start : start + WINDOW * each], key=lambda pack: pack.longest)
+        part = sorted(order[start : start + WINDOW * each], key=_likeness)
         made: list[tuple[Pack, ...]] = []
         together: list[Pack] = []
         size = 0
@@ -74,11 +81,32 @@ def in_batches(
         yield from made
 
 
+def alike(pack: Pack) -> Iterator[Pack]:
+    """Yield parts of `pack` whose branches are of like lengths: little of a grid is padding."""
+    together: list[Branch] = []
+    for branch in sorted(pack.branches, key=lambda branch: len(branch.tokens)):
+        longest = _even(round(1.2 * len(together[0].tokens))) if together else 0
+        if together and (len(branch.tokens) > longest or len(together) == MOST_BRANCHES):
+            yield Pack(pack.prefix, tuple(together))
+            together = []
+        together.append(branch)
+    yield Pack(pack.prefix, tuple(together))
+
+
+def _likeness(pack: Pack) -> tuple[int, int]:
+    return len(pack.branches) // 4, pack.longest
+
+
+def _even(length: int) -> int:
+    """Return a length at which matrix products are fast: a multiple of EVEN, not less."""
+    return -(-length // EVEN) * EVEN
+
+
 def make_batch(packs: Sequence[Pack], window: int, device: str | torch.device) -> Batch:
     """Lay `packs` out and bring them to `device`; local layers see `window` positions, 0 all."""
-    most_prefix = max(len(pack.prefix) for pack in packs)
+    most_prefix = _even(max(len(pack.prefix) for pack in packs))
     most_branches = max(len(pack.branches) for pack in packs)
-    longest = max(pack.longest for pack in packs)
+    longest = _even(max(pack.longest for pack in packs))
     total = sum(pack.size for pack in packs)
     prefix = np.full((len(packs), most_prefix), total, np.int64)
     branches = np.full((len(packs), most_branches, longest), total, np.int64)
@@ -143,4 +171,9 @@ def _grid(positions: Tensor, prefix: Tensor, branches: Tensor, window: int) -> G
         keys = torch.cat((at_prefix[:, None, :].expand(-1, shape[1], -1), at_branch), -1)
         near = sees & (at_branch[..., None] - keys[:, :, None, :] < window)
         near[..., 0] |= ~near.any(-1)
-    return Grid(positions.float(), prefix, branches, sees_prefix, sees, near_prefix, near)
+    slots = torch.cat((prefix.flatten(), branches.flatten()))
+    rows = slots.new_empty(total + 1)
+    rows[slots] = torch.arange(len(slots), device=device)
+    return Grid(
+        positions.float(), prefix, branches, sees_prefix, sees, near_prefix, near, slots, rows[:-1]
+    )

@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-
 from pa_console.llm.catalog import Catalog
 from pa_console.training.gpu.corpus import Branch, Pack, write_corpus
 from pa_console.training.lora.tokens import Pack as LoraPack
@@ -46,9 +45,7 @@ def main() -> None:
     parts = [kept[start : start + TOGETHER] for start in range(0, len(kept), TOGETHER)]
     with ProcessPoolExecutor(args.processes) as pool:
         packs = [
-            pack
-            for some in pool.map(_packed, [args.model] * len(parts), parts)
-            for pack in some
+            pack for some in pool.map(_packed, [args.model] * len(parts), parts) for pack in some
         ]
     size = write_corpus(args.out, packs)
     samples = sum(len(pack.branches) for pack in packs)
@@ -73,8 +70,8 @@ def groups(files: Sequence[Path], tasks: set[str]) -> Iterator[Group]:
 
 
 def _read(file: Path) -> Iterator[Sample]:
-    whole = gzip.open(file, "rt", encoding="utf-8") if file.suffix == ".gz" else file.open()
-    with whole as stream:
+    opened = gzip.open if file.suffix == ".gz" else open
+    with opened(file, "rt", encoding="utf-8") as stream:
         for line in stream:
             yield Sample.model_validate_json(line)
 

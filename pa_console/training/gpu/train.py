@@ -128,7 +128,12 @@ class Run:
         losses: list[Tensor] = []
         told_at, told_tokens = self.step, self._tokens
         while not self._finished:
-            losses.append(self._learn(self._queue.get()))
+            try:
+                losses.append(self._learn(self._queue.get()))
+            except torch.OutOfMemoryError:
+                self._say(step=self.step, left_out="a batch that does not fit into memory")
+                torch.cuda.empty_cache()
+                continue
             self.step += 1
             now = time.monotonic()
             if now - self._told > 10.0 or self._finished:
@@ -164,7 +169,7 @@ class Run:
             torch.cuda.synchronize()
         seconds = time.monotonic() - began
         rows = sorted(found.key_averages(), key=lambda row: -row.self_device_time_total)
-        kernels = [row for row in rows if row.self_device_time_total > 0 and "aten::" not in row.key]
+        kernels = [row for row in rows if row.self_device_time_total > 0 and not row.cpu_time_total]
         total = sum(row.self_device_time_total for row in kernels)
         words = ("gemm", "cutlass", "nvjet", "matmul", "xmma", "sm90_")
         products = sum(

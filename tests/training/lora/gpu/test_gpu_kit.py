@@ -1,4 +1,4 @@
-"""The kit for a GPU learns what the trainer for a CPU learns, and brings back what it has learnt."""
+"""The kit for a GPU learns what the trainer for a CPU learns, and brings it back."""
 
 import json
 import random
@@ -87,10 +87,14 @@ def test_what_is_no_corpus_is_named(tmp_path: Path) -> None:
         read_corpus(tmp_path / "broken")
 
 
-def test_batches_hold_every_pack_once() -> None:
+def test_batches_hold_every_branch_once_behind_its_prefix() -> None:
     packs = random_packs(40, seed=2)
     batches = list(in_batches(packs, 300, random.Random(0)))
-    assert sorted(id(pack) for batch in batches for pack in batch) == sorted(map(id, packs))
+    told = sorted((id(p.prefix), id(b.tokens)) for p in packs for b in p.branches)
+    found = sorted(
+        (id(p.prefix), id(b.tokens)) for batch in batches for p in batch for b in p.branches
+    )
+    assert found == told
     assert all(len(b) == 1 or sum(p.size for p in b) <= 300 for b in batches)
 
 
