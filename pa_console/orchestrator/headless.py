@@ -68,8 +68,9 @@ async def run_missions(  # noqa: PLR0917
 
     The session lasts until they are finished and, if longer, `duration_s` simulated seconds have
     passed and the missions that alarms have started meanwhile are over too. `sink` is given
-    every event and the state after it, in order. With `read_ahead`, the model has read the picture
-    and all but the last word before a mission is given, as while an operator types. Raises
+    every event and the state after it, in order. After a stop no other of the `texts` is given,
+    even if whoever stopped everything releases it. With `read_ahead`, the model has read the
+    picture and all but the last word before a mission is given, as while an operator types. Raises
     ValueError for a set-up or a mission that the station does not take.
     """
     state = SessionState()
@@ -78,6 +79,11 @@ async def run_missions(  # noqa: PLR0917
     ending: asyncio.Task[None] | None = None
     request: ev.ApprovalRequested | None = None
     begun = False
+
+    def answer(asked: ev.ApprovalRequested) -> None:
+        """Decide about `asked`, unless its mission was stopped or cancelled meanwhile."""
+        if station.awaits_decision:
+            station.decide(approver(asked))
 
     async def submit() -> str | None:
         """Give the next mission, if there is one more."""
@@ -103,9 +109,12 @@ async def run_missions(  # noqa: PLR0917
                     ending = asyncio.create_task(_end(station, duration_s, all_given))
                 case ev.ApprovalRequested():
                     request = event.data
-                    station.decide(approver(request))
+                    answer(request)
                 case ev.DecisionMade(accepted=False) if request is not None:
-                    station.decide(approver(request))
+                    answer(request)
+                case ev.AllStopped():
+                    waiting.clear()
+                    all_given.set()
                 case ev.MissionFinished() if event.mission == mine and waiting:
                     mine = await submit()
                 case _:

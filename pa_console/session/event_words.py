@@ -3,7 +3,7 @@
 from pa_console.schema import event as ev
 from pa_console.schema.plan import Plan
 from pa_console.session.reading_words import meant
-from pa_console.session.wording import in_words, overriding
+from pa_console.session.wording import in_words, order_in_words, overriding
 
 
 def kind_in_words(kind: str) -> str:
@@ -89,7 +89,9 @@ def _done(data: ev.EventPayload) -> str:
     said = ""
     match data:
         case ev.CommandSent(command=command):
-            said = f"{command.agent}: {command.verb} {command.target or ''}".strip()
+            said = f"{command.agent}: {order_in_words(command)}"
+        case ev.CommandRefused(command=command, reason=reason):
+            said = f"{command.agent}: {order_in_words(command)}: {reason}"
         case ev.CommandReplied(reply=reply):
             said = f"{reply.agent}: {reply.status} {reply.detail}".strip()
         case ev.CommandResent(command_id=name, times=times):
@@ -102,7 +104,7 @@ def _done(data: ev.EventPayload) -> str:
             said = " ".join(text.split())
         case ev.MissionFinished(status=status, reason=reason):
             said = f"{status}: {reason}"
-        case ev.AllStopped(by=who):
+        case ev.AllStopped(by=who) | ev.StopReleased(by=who):
             said = f"by {who}"
         case ev.SessionEnded(reason=reason):
             said = reason

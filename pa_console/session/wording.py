@@ -1,7 +1,9 @@
 """Says in one short line what an incident or a decision was, as the event list shows it."""
 
+from pa_console.schema.command import DeviceCommand
 from pa_console.schema.incident import Incident, Reaction, RevealTrack, SpawnTrack
 from pa_console.schema.mission import Decision
+from pa_console.schema.plan import Action
 from pa_console.session.reading_words import meant
 
 _TEMPLATES: dict[str, str] = {
@@ -83,3 +85,8 @@ def overriding(decision: Decision) -> str:
     return f"{', '.join(said)} by {decision.by}" + (
         f": {decision.reason}" if decision.reason else ""
     )
+
+
+def order_in_words(command: DeviceCommand | Action) -> str:
+    """Return what a command orders, as it is written in a plan: `move_to EastGate`."""
+    return f"{command.verb} {command.target or ''}".strip()
