@@ -81,9 +81,10 @@ async def run_missions(  # noqa: PLR0917
     begun = False
 
     def answer(asked: ev.ApprovalRequested) -> None:
-        """Decide about `asked`, unless its mission was stopped or cancelled meanwhile."""
+        """Decide about `asked` and no other plan, unless none waits any more."""
         if station.awaits_decision:
-            station.decide(approver(asked))
+            named = {"request_id": asked.request_id}
+            station.decide(approver(asked).model_copy(update=named))
 
     async def submit() -> str | None:
         """Give the next mission, if there is one more."""
