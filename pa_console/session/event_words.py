@@ -3,7 +3,7 @@
 from pa_console.schema import event as ev
 from pa_console.schema.plan import Plan
 from pa_console.session.reading_words import meant
-from pa_console.session.wording import in_words, order_in_words, overriding
+from pa_console.session.wording import in_words, order_in_words, overriding, safety_in_words
 
 
 def kind_in_words(kind: str) -> str:
@@ -70,6 +70,7 @@ def _planned(data: ev.EventPayload) -> str:
             said = "; ".join(reasons)
         case ev.ApprovalRequested(blocked_by=blocked, plan=plan, readings=readings):
             said = f"blocked: {'; '.join(blocked)}" if blocked else _plan(plan)
+            said += f" | if halted: {safety_in_words(data.if_halted)}" if data.if_halted else ""
             said += "".join(f" | or: {meant(asked)}" for asked in readings)
         case ev.DecisionMade(decision=decision, accepted=accepted, detail=detail):
             taken = "" if accepted else f", not accepted: {detail}"

@@ -49,6 +49,16 @@ class Stop:
     tick: int
     orders: dict[str, CommandTrace] = field(default_factory=dict[str, CommandTrace])
 
+    @property
+    def unconfirmed(self) -> tuple[str, ...]:
+        """The assets that were told to hold and have not said that they do."""
+        return tuple(name for name, sent in self.orders.items() if not _is_done(sent))
+
+    @property
+    def held(self) -> int:
+        """How many assets have said that they hold."""
+        return len(self.orders) - len(self.unconfirmed)
+
 
 @dataclass
 class SessionState:
@@ -226,6 +236,10 @@ class SessionState:
         self, event: ev.Event, level: ev.Level, subject: str, text: str, *, hidden: bool = False
     ) -> None:
         self.notices.append(Notice(event.t, event.tick, level, subject, text, hidden))
+
+
+def _is_done(sent: CommandTrace) -> bool:
+    return bool(sent.replies) and sent.replies[-1].status == "done"
 
 
 def _rank(alarm: Alarm) -> int:

@@ -2,13 +2,14 @@
 
 import argparse
 import asyncio
+import time
 from concurrent.futures import ProcessPoolExecutor
 
 from rich.progress import track
 
 from tests.attacks.stop_trial import Tally, stops
 
-CHUNK = 50
+CHUNK = 10
 
 
 def chunk(first: int) -> Tally:
@@ -21,13 +22,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--stops", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=0, help="the first one")
+    parser.add_argument("--minutes", type=float, default=1e6, help="begin no more after so many")
     parser.add_argument("--processes", type=int, default=None, help="one a core by default")
     arguments = parser.parse_args()
     firsts = range(arguments.seed, arguments.seed + arguments.stops, CHUNK)
-    tally = Tally()
+    tally, ends = Tally(), time.monotonic() + 60 * arguments.minutes
     with ProcessPoolExecutor(arguments.processes) as pool:
         for part in track(pool.map(chunk, firsts), description="stops", total=len(firsts)):
             tally.add(part)
+            if time.monotonic() > ends:
+                pool.shutdown(cancel_futures=True)
+                break
     print(tally.summary())
 
 
