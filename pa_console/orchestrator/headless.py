@@ -90,6 +90,8 @@ async def run_missions(  # noqa: PLR0917
         """Give the next mission, if there is one more."""
         if waiting and read_ahead:
             await station.read_ahead(waiting[0])
+        if station.stopped:
+            waiting.clear()
         given = station.submit(waiting.pop(0)).id if waiting else None
         if not waiting:
             all_given.set()

@@ -149,8 +149,8 @@ class Tapped(Checkpoint):
         self.world, self.scenario = site.world, scenario
         self._terrain, self._period = _terrain(), period_ticks(site.world)
         self.reset(seed)
-        self.on_send: Callable[[DeviceCommand], None] = lambda _: None
-        self.on_step: Callable[[int], None] = lambda _: None
+        self.on_send: Callable[[DeviceCommand], object] = lambda _: None
+        self.on_step: Callable[[int], object] = lambda _: None
 
     def send(self, command: DeviceCommand) -> None:
         """Tell, then put it on the link."""
@@ -180,8 +180,9 @@ def random_plan(rng: random.Random, site: Site) -> str:
 def _script(kind: str, rng: random.Random, site: Site) -> Iterator[tuple[float, Incident]]:
     """Yield what happens in the world, and when in simulated seconds."""
     if rng.random() < 0.5:
-        radio = {"latency_s": rng.uniform(0, 1.5), "jitter_s": rng.uniform(0, 0.8)}
-        yield 0.0, SetRadio(loss=rng.choice([0.0, 0.2, 0.5, 0.8]), **radio)
+        late_s, jitter_s = rng.uniform(0, 1.5), rng.uniform(0, 0.8)
+        loss = rng.choice([0.0, 0.2, 0.5, 0.8])
+        yield 0.0, SetRadio(loss=loss, latency_s=late_s, jitter_s=jitter_s)
     if rng.random() < 0.3:
         asset, since = rng.choice(list(site.world.assets)), rng.uniform(0, 16)
         yield since, SetRadio(asset=asset, up=False)
@@ -375,11 +376,10 @@ class Tally:
 
     def add(self, other: "Tally") -> None:
         """Add the trials of another process."""
-        for name, value in vars(other).items():
-            if isinstance(value, Counter):
-                getattr(self, name).update(value)
-            else:
-                setattr(self, name, getattr(self, name) + value)
+        for name in ("kinds", "went_on", "before", "after", "moved_after", "undecided"):
+            getattr(self, name).update(getattr(other, name))
+        for name in ("trials", "moving", "refused", "started_after", "worst", "held_s"):
+            setattr(self, name, getattr(self, name) + getattr(other, name))
 
     def summary(self) -> str:
         """Return everything in words."""

@@ -11,7 +11,7 @@ import pytest
 
 import pa_console.orchestrator
 from pa_console.orchestrator.clock import SteppedClock
-from pa_console.orchestrator.compose import LoadedScenario, Site, open_station
+from pa_console.orchestrator.compose import Site, open_station
 from pa_console.orchestrator.execution import Execution
 from pa_console.orchestrator.headless import exit_code, run_missions, standing_approver
 from pa_console.orchestrator.rehearsal import device_commands
@@ -20,7 +20,6 @@ from pa_console.schema.command import DeviceCommand
 from pa_console.schema.incident import FailAsset, SetRadio
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
-from pa_console.schema.scenario import Scenario, ScriptedEvent
 from pa_console.session.fold import SessionState
 from pa_console.session.log import LogWriter
 from pa_console.session.replay import Player
@@ -42,10 +41,8 @@ def site() -> Site:
 class Run:
     """A station on which what is sent is counted at the simulation."""
 
-    def __init__(
-        self, site: Site, *plans: str, respond: bool = False, events: Scenario | None = None
-    ) -> None:
-        self.sim = Tapped(site, 1, events)
+    def __init__(self, site: Site, *plans: str, respond: bool = False) -> None:
+        self.sim = Tapped(site, 1, None)
         self.sent: list[DeviceCommand] = []
         self.sim.on_send = self.sent.append
         self.station = open_station(
@@ -54,7 +51,6 @@ class Run:
             LiveClock(),
             sim=self.sim,
             respond=respond,
-            scenario=LoadedScenario(events, "0" * 64) if events is not None else None,
         )
         self.events: list[ev.Event] = []
         self.state = SessionState()
@@ -131,7 +127,6 @@ async def test_alarms_raise_no_missions_until_the_stop_is_released(site: Site) -
     run.at |= {
         10: run.station.stop_all,
         12: lambda: run.station.inject(FailAsset(asset="Ugv_T01")),
-        150: lambda: run.at.update({151: run.station.release}),
     }
     await run.until(150)
     assert run.state.open_alarms, "the alarm itself is raised"
@@ -243,10 +238,6 @@ def test_nothing_but_the_gate_sends_to_the_simulation() -> None:
     }
     to_devices = {(name, what) for name, what in senders if not what.endswith("gate")}
     assert to_devices == {("command_gate.py", "self._sim"), ("rehearsal.py", "fork")}
-
-
-def scripted(*events: ScriptedEvent) -> Scenario:
-    return Scenario(name="t", title="t", about="t", duration_s=60.0, events=events)
 
 
 async def test_a_decision_that_comes_too_late_moves_nothing(site: Site) -> None:
