@@ -120,8 +120,8 @@ def safe_state(
     for action in declared:
         if action.agent not in open_agents or not picture.assets[action.agent].available:
             continue
-        gate = action.target
-        stays = set(picture.gates[gate].by).difference(open_agents) if gate is not None else set()
+        covering = picture.gates[action.target].by if action.target is not None else ()
+        stays = set(covering).difference(open_agents)
         actions.append(Action(agent=action.agent, command="hold") if stays else action)
     return device_commands(Plan(reason="safe state", actions=tuple(actions)), prefix)
 

@@ -20,7 +20,7 @@ from pa_console.orchestrator.station import Station
 from pa_console.schema import event as ev
 from pa_console.schema.command import CommandReply, DeviceCommand
 from pa_console.schema.incident import FailAsset, Incident, SetRadio, SpawnTrack
-from pa_console.schema.plan import COMMANDS
+from pa_console.schema.plan import COMMANDS, Verb
 from pa_console.schema.scenario import Scenario, ScriptedEvent
 from pa_console.schema.variant import Variant
 from pa_console.sim.checkpoint import Checkpoint
@@ -169,8 +169,9 @@ def random_plan(rng: random.Random, site: Site) -> str:
     world = site.world
     orders: list[tuple[str, str]] = []
     for name in rng.sample(list(world.assets), rng.randint(1, 4)):
-        able = [verb for verb, spec in COMMANDS.items() if world.assets[name].kind in spec.kinds]
-        moving = [verb for verb in able if verb not in STILL]
+        kind = world.assets[name].kind
+        able: list[Verb] = [verb for verb, spec in COMMANDS.items() if kind in spec.kinds]
+        moving: list[Verb] = [verb for verb in able if verb not in STILL]
         verb = rng.choice(moving if rng.random() < 0.9 else able)
         target = f" {rng.choice(list(world.frames))}" if COMMANDS[verb].takes_frame else ""
         orders.append((name, verb + target))
