@@ -4,7 +4,7 @@ import ast
 import asyncio
 import os
 from collections.abc import Callable
-from contextlib import aclosing
+from contextlib import aclosing, suppress
 from pathlib import Path
 
 import pytest
@@ -65,8 +65,9 @@ class Run:
             async for event in events:
                 self.events.append(event)
                 self.state.apply(event)
-                if isinstance(event.data, ev.ApprovalRequested) and self.station.awaits_decision:
-                    self.station.decide(approve(event.data))
+                if isinstance(event.data, ev.ApprovalRequested):
+                    with suppress(ValueError):  # it waits no more
+                        self.station.decide(approve(event.data))
                 if self.sim.tick >= tick:
                     return
 
