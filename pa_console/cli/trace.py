@@ -7,6 +7,7 @@ from rich.text import Text
 from pa_console.schema.finding import Verdict
 from pa_console.session.evidence import evidence_of
 from pa_console.session.mission_trace import Attempt, MissionTrace
+from pa_console.session.wording import safety_in_words
 
 STYLES = {"verified": "bold green", "unverified": "bold yellow"}
 
@@ -75,6 +76,8 @@ def _print_attempt(console: Console, attempt: Attempt) -> None:
         console.print(f"  {attempt.plan.reason}", style="italic", markup=False)
         for action in attempt.plan.actions:
             console.print(f"  {action.agent}  {action.command}", markup=False)
+        if attempt.if_halted:
+            console.print(f"  if halted: {safety_in_words(attempt.if_halted)}", markup=False)
         for text in attempt.unmet:
             console.print(f"  not met: {text}", style="yellow", markup=False)
         if attempt.doubt:

@@ -8,6 +8,7 @@ from pa_console.schema.rehearsal import Timeline
 from pa_console.schema.rule import PRIORITIES, Rule
 from pa_console.session.evidence import Evidence, evidence_of
 from pa_console.session.mission_trace import Attempt
+from pa_console.session.wording import safety_in_words
 from pa_console.tui.words import count
 
 
@@ -48,6 +49,8 @@ def _plan(attempt: Attempt) -> Iterator[str]:
         actions = enumerate(attempt.plan.actions, start=1)
         rows = [(n, act.agent, act.verb, act.target) for n, act in actions]
         yield table(("#", "asset", "command", "target"), rows) if rows else "No action."
+        if attempt.if_halted:
+            yield f"If halted: {inline(safety_in_words(attempt.if_halted))}."
         if attempt.unmet:
             yield table(("not met",), [(text,) for text in attempt.unmet])
         if attempt.doubt:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from pa_console.schema.event import ApprovalRequested
 from pa_console.schema.finding import Finding, Verdict
 from pa_console.schema.mission import Decision
-from pa_console.schema.plan import Plan
+from pa_console.schema.plan import Action, Plan
 
 
 def request_approval(  # noqa: PLR0917 - one plan and what was said of it
@@ -19,11 +19,12 @@ def request_approval(  # noqa: PLR0917 - one plan and what was said of it
     judging: bool = True,
     asked: str = "",
     readings: Sequence[str] = (),
+    if_halted: Sequence[Action] = (),
 ) -> ApprovalRequested:
     """Say what nobody may override, what must be acknowledged, and whether the judge objects.
 
     With `judging`, a plan without a verdict is on hold. The plan is for what was `asked`;
-    `readings` are what else was meant, maybe.
+    `readings` are what else was meant, maybe. `if_halted` is approved with the plan.
     """
     blocked = [f"{finding.rule_id}: {finding.message}" for finding in findings if finding.blocking]
     if not blocked and judging and verdict is None:
@@ -37,6 +38,7 @@ def request_approval(  # noqa: PLR0917 - one plan and what was said of it
         needs_override=verdict is not None and verdict.verdict == "Failure",
         asked=asked,
         readings=tuple(readings),
+        if_halted=tuple(if_halted),
     )
 
 

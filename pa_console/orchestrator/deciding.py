@@ -5,10 +5,13 @@ from collections.abc import Awaitable, Callable
 from pa_console.orchestrator.approval import inadmissible, request_approval
 from pa_console.orchestrator.candidate import Candidate
 from pa_console.orchestrator.planning import Planning
+from pa_console.orchestrator.premises import way_to_safety
 from pa_console.orchestrator.rereading import Rereading
 from pa_console.orchestrator.services import Payloads, Stopwatch
 from pa_console.schema import event as ev
 from pa_console.schema.mission import Decision, Mission, MissionStatus
+from pa_console.schema.plan import Action
+from pa_console.schema.world import World
 
 Decide = Callable[[], Awaitable[Decision]]
 
@@ -20,6 +23,7 @@ class Deciding:
         self,
         planning: Planning,
         mission: Mission,
+        world: World,
         decide: Decide,
         stopwatch: Stopwatch,
         *,
@@ -32,9 +36,12 @@ class Deciding:
         what was asked, `readings` ways to read it are looked at.
         """
         self._planning, self._mission, self._judging = planning, mission, judging
+        self._world = world
         self._rereading = Rereading(planning, readings)
         self._decide, self._watch = decide, stopwatch
         self.approved: Candidate | None = None
+        self.request: ev.ApprovalRequested | None = None
+        """What was asked last; `decision` is the answer to it."""
         self.decision: Decision | None = None
         self.status: MissionStatus = "held"
         self.reason = ""
@@ -64,7 +71,9 @@ class Deciding:
                 judging=self._judging,
                 asked=self._rereading.own,
                 readings=self._rereading.offered,
+                if_halted=self._way_to_safety(candidate),
             )
+            self.request = request
             yield request
             decision = self.decision = None
             while decision is None:
@@ -90,6 +99,13 @@ class Deciding:
                 return
             async for payload in self._planning.take(decision.plan):
                 yield payload
+
+    def _way_to_safety(self, candidate: Candidate) -> tuple[Action, ...]:
+        """Return what is approved with a plan: what its agents do if it is halted."""
+        rehearsal = candidate.examination.rehearsal
+        if rehearsal is None:
+            return ()
+        return way_to_safety(candidate.examination.plan, self._world, rehearsal.before)
 
     def _reject(
         self, candidate: Candidate, request: ev.ApprovalRequested, decision: Decision

@@ -75,6 +75,11 @@ class Desk:
         """Work on missions with these from now on; those that were begun keep what they have."""
         self._services = services
 
+    @property
+    def awaits_decision(self) -> bool:
+        """Whether a plan waits for a decision."""
+        return self._answer is not None and not self._answer.done()
+
     def queue_changed(self) -> None:
         """Tell the queue if it is not what was told last, and wake whoever waits for it."""
         for payload in self._intake.changes():
@@ -85,7 +90,7 @@ class Desk:
 
     def decide(self, decision: Decision) -> None:
         """Answer the open approval request; raises ValueError when there is none."""
-        if self._answer is None or self._answer.done():
+        if self._answer is None or not self.awaits_decision:
             raise ValueError("no plan waits for a decision")
         self._answer.set_result(decision)
 

@@ -8,6 +8,9 @@ from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand
 ACKNOWLEDGE_S = 8.0
 RESEND_S = 1.0
 RESEND_GROWTH = 1.2
+MOST_GROWTH = 10
+"""So often the wait for the next resend grows; from then on it is the same, about ASK_AGAIN_S."""
+
 ASK_AGAIN_S = 6.5
 TIMED_OUT = "timed out"
 """How the detail of a reply begins that is no device's word but the end of our patience."""
@@ -59,6 +62,15 @@ class Dispatch:
         """The agents whose command has not ended."""
         return tuple(entry.command.agent for entry in self._open.values())
 
+    @property
+    def open_commands(self) -> tuple[DeviceCommand, ...]:
+        """The commands that have not ended."""
+        return tuple(entry.command for entry in self._open.values())
+
+    def forget(self, command: DeviceCommand) -> None:
+        """Follow `command` no more: its device was told something else."""
+        self._open.pop(command.command_id, None)
+
     def advance(self, tick: int, replies: Iterable[CommandReply]) -> Iterator[CommandReply]:
         """Take in the replies of `tick`; yield what is new for this plan, time-outs included.
 
@@ -91,7 +103,7 @@ class Dispatch:
         for entry in self._open.values():
             wait_s = ASK_AGAIN_S
             if entry.heard is None:
-                wait_s = RESEND_S * RESEND_GROWTH**entry.times
+                wait_s = RESEND_S * RESEND_GROWTH ** min(entry.times, MOST_GROWTH)
             since = max(entry.sent, entry.heard or entry.sent)
             if self._seconds(since, tick) >= wait_s - self._dt_s / 2:
                 entry.sent, entry.times = tick, entry.times + 1

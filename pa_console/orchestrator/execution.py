@@ -15,7 +15,7 @@ from pa_console.schema import event as ev
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.mission import Mission, Verification
 from pa_console.schema.moment import OrderMoment
-from pa_console.schema.plan import Plan
+from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Picture, Selection
 
 MARGIN_S = 20.0
@@ -39,6 +39,8 @@ class Execution:
         self._feed = feed
         self._premises: Premises | None = None
         self._dispatch: Dispatch | None = None
+        self._safety: tuple[Action, ...] = ()
+        self._stopping: Dispatch | None = None
         self._halts = 0
         self.verification: Verification | None = None
         self.halted: tuple[str, ...] = ()
@@ -59,31 +61,37 @@ class Execution:
         done = {name for name, reply in self._dispatch.final.items() if reply.status == "done"}
         return order_moments(self._premises.plan, self._services.sim.world, done)
 
-    async def run(self, approved: Examination, attempt: int) -> Payloads:
+    async def run(self, approved: Examination, request: ev.ApprovalRequested) -> Payloads:
         """Step 7: send every command, follow it to its end, then compare with telemetry.
 
-        A broken premise or ordering halts the plan to a safe state; nothing is verified then.
+        A broken premise or ordering halts the plan to the safe state that was approved with it in
+        `request`; nothing is verified then. Raises RuntimeError for a command that the gate keeps
+        back.
         """
-        sim = self._services.sim
+        sim, gate = self._services.sim, self._services.gate
         timeline = approved.rehearsal.timeline if approved.rehearsal is not None else None
         premises = Premises(sim.world, approved.plan, sim.picture(), timeline)
         self._premises, self.verification, self.halted = premises, None, ()
         self.breaches.clear()
         limit_s = MARGIN_S + 2 * (timeline.duration_s if timeline is not None else 0.0)
-        commands = device_commands(approved.plan, f"{self._mission.id}.{attempt}")
+        commands = device_commands(approved.plan, request.request_id)
+        self._safety = request.if_halted
         start = sim.time_s
         with self._feed.follow() as steps:
             self._dispatch = dispatch = Dispatch(commands, sim.tick, sim.world.dt_s, limit_s)
             with self._watch.time("dispatch_s"):
                 for command in commands:
-                    sim.send(command)
-                    yield ev.CommandSent(command=command)
+                    told = gate.send(command)
+                    yield told
+                    if isinstance(told, ev.CommandRefused):
+                        raise RuntimeError(f"{command.agent} {command.verb}: {told.reason}")
             async for payload in self._until_ended(premises, dispatch, steps):
                 yield payload
             if self.halted:
-                async for payload in self._to_safety(attempt, steps):
+                async for payload in self._to_safety(request.attempt, steps):
                     yield payload
         self._dispatch = None
+        gate.finish()
         self._watch.add("execution_s", sim.time_s - start)
         if not self.halted:
             started = perf_counter()
@@ -115,16 +123,21 @@ class Execution:
     def halt(self) -> tuple[DeviceCommand, ...]:
         """End the plan; return the commands that bring whoever is under way to a safe state.
 
-        The caller sends them.
+        The caller sends them. Once everything is stopped there are none: every asset holds. Of a
+        plan that was halted before, they are those that were not answered yet.
         """
-        if self._premises is None or self._dispatch is None:
+        stopping, self._stopping = self._stopping, None
+        under_way, self._dispatch = self.under_way, None
+        self._services.gate.halt()
+        if self._services.gate.stopped:
             return ()
-        sim = self._services.sim
+        if stopping is not None:
+            return stopping.open_commands
+        if not under_way:
+            return ()
         self._halts += 1
         prefix = f"{self._mission.id}.halt{self._halts}"
-        commands = safe_state(self._premises, sim.picture(), self.under_way, prefix)
-        self._dispatch = None
-        return commands
+        return safe_state(self._safety, self._services.sim.picture(), under_way, prefix)
 
     async def _until_ended(
         self, premises: Premises, dispatch: Dispatch, steps: AsyncIterator[Step]
@@ -162,8 +175,7 @@ class Execution:
         reasons = self.halted
         commands = self.halt()
         for command in commands:
-            sim.send(command)
-            yield ev.CommandSent(command=command)
+            yield self._services.gate.send(command)
         yield ev.PlanHalted(
             attempt=attempt,
             reasons=reasons,
@@ -171,9 +183,9 @@ class Execution:
                 f"{c.agent} {c.verb}{f' {c.target}' if c.target else ''}" for c in commands
             ),
         )
-        dispatch = Dispatch(commands, sim.tick, sim.world.dt_s, SAFETY_S)
         if not commands:
             return
+        self._stopping = dispatch = Dispatch(commands, sim.tick, sim.world.dt_s, SAFETY_S)
         ended_s: float | None = None
         async for step in steps:
             for payload in self._follow(dispatch, step):
@@ -184,7 +196,8 @@ class Execution:
             assets = sim.picture().assets
             told = all(assets[command.agent].stamp_s >= ended_s for command in commands)
             if told or sim.time_s - ended_s > TOLD_S:
-                return
+                break
+        self._stopping = None
 
     def _follow(self, dispatch: Dispatch, step: Step) -> Iterator[ev.EventPayload]:
         """Take in one step's replies and send again what was not answered."""
@@ -192,8 +205,9 @@ class Execution:
         for reply in dispatch.advance(tick, replies):
             yield ev.CommandReplied(reply=reply)
         for command, times in dispatch.resends(tick):
-            self._services.sim.send(command)
-            yield ev.CommandResent(command_id=command.command_id, times=times)
+            resent = self._services.gate.resend(command, times)
+            if resent is not None:
+                yield resent
 
 
 def gave_up(dispatch: Dispatch) -> Iterator[str]:

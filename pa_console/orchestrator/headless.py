@@ -68,8 +68,9 @@ async def run_missions(  # noqa: PLR0917
 
     The session lasts until they are finished and, if longer, `duration_s` simulated seconds have
     passed and the missions that alarms have started meanwhile are over too. `sink` is given
-    every event and the state after it, in order. With `read_ahead`, the model has read the picture
-    and all but the last word before a mission is given, as while an operator types. Raises
+    every event and the state after it, in order. After a stop no other of the `texts` is given,
+    even if whoever stopped everything releases it. With `read_ahead`, the model has read the
+    picture and all but the last word before a mission is given, as while an operator types. Raises
     ValueError for a set-up or a mission that the station does not take.
     """
     state = SessionState()
@@ -79,10 +80,18 @@ async def run_missions(  # noqa: PLR0917
     request: ev.ApprovalRequested | None = None
     begun = False
 
+    def answer(asked: ev.ApprovalRequested) -> None:
+        """Decide about `asked` and no other plan, unless none waits any more."""
+        if station.awaits_decision:
+            named = {"request_id": asked.request_id}
+            station.decide(approver(asked).model_copy(update=named))
+
     async def submit() -> str | None:
         """Give the next mission, if there is one more."""
         if waiting and read_ahead:
             await station.read_ahead(waiting[0])
+        if station.stopped:
+            waiting.clear()
         given = station.submit(waiting.pop(0)).id if waiting else None
         if not waiting:
             all_given.set()
@@ -103,9 +112,12 @@ async def run_missions(  # noqa: PLR0917
                     ending = asyncio.create_task(_end(station, duration_s, all_given))
                 case ev.ApprovalRequested():
                     request = event.data
-                    station.decide(approver(request))
+                    answer(request)
                 case ev.DecisionMade(accepted=False) if request is not None:
-                    station.decide(approver(request))
+                    answer(request)
+                case ev.AllStopped():
+                    waiting.clear()
+                    all_given.set()
                 case ev.MissionFinished() if event.mission == mine and waiting:
                     mine = await submit()
                 case _:

@@ -36,18 +36,20 @@ class Intake:
     def __len__(self) -> int:
         return len(self._queue.entries)
 
-    def look(self, picture: Picture, handled: Collection[str]) -> Arrivals:
+    def look(
+        self, picture: Picture, handled: Collection[str], *, stopped: bool = False
+    ) -> Arrivals:
         """Take in a new picture: alarms come and go, and missions with them.
 
         An alarm about one of `handled`, what the active mission deals with, needs no other one.
+        While everything is `stopped` no alarm becomes a mission.
         """
         arrivals = Arrivals()
         for payload in self._book.look(picture):
             arrivals.payloads.append((payload, None))
             match payload:
-                case ev.AlarmRaised(alarm=alarm) if alarm.command and self._respond:
-                    if alarm.subject not in handled and not self._is_queued(alarm.id):
-                        arrivals.payloads.append(self._mission_for(alarm))
+                case ev.AlarmRaised(alarm=alarm) if not stopped:
+                    arrivals.payloads += self._answers([alarm], handled)
                 case ev.AlarmCleared(alarm_id=alarm_id):
                     gone = [e.mission for e in self._queue.entries if e.mission.alarm == alarm_id]
                     arrivals.obsolete += gone
@@ -57,6 +59,10 @@ class Intake:
                     pass
         self._queue.refresh(self._book.open)
         return arrivals
+
+    def resume(self, handled: Collection[str]) -> list[tuple[ev.EventPayload, str]]:
+        """Let every open alarm that nobody deals with become a mission: the stop was released."""
+        return self._answers(self._book.open, handled)
 
     def submit(
         self, text: str, active: bool, read: Callable[[str], str] = str
@@ -139,6 +145,17 @@ class Intake:
         if order != self._told:
             self._told = order
             yield ev.QueueChanged(entries=entries)
+
+    def _answers(
+        self, alarms: Iterable[Alarm], handled: Collection[str]
+    ) -> list[tuple[ev.EventPayload, str]]:
+        """Queue a mission for each alarm that asks for one and has none; return the events."""
+        return [
+            self._mission_for(alarm)
+            for alarm in alarms
+            if self._respond and alarm.command
+            if alarm.subject not in handled and not self._is_queued(alarm.id)
+        ]
 
     def _mission_for(self, alarm: Alarm) -> tuple[ev.EventPayload, str]:
         mission = Mission(

@@ -59,6 +59,7 @@ class MissionRun:
         self._deciding = Deciding(
             self._planning,
             mission,
+            services.sim.world,
             decide,
             self._watch,
             judging=services.variant.judging,
@@ -132,12 +133,14 @@ class MissionRun:
             self._facts.rules = self._planning.rule_ids
             async for payload in self._until_approved(reasons):
                 yield payload
-            approved = self._deciding.approved
-            if approved is None:
+            approved, request = self._deciding.approved, self._deciding.request
+            decision = self._deciding.decision
+            if approved is None or request is None or decision is None:
                 self._stop_short(phase, reasons)
                 return
-            self._facts.decided(self._deciding.decision, approved.unmet)
-            async for payload in self._carry_out(approved, task):
+            self._services.gate.grant(request, decision)
+            self._facts.decided(decision, approved.unmet)
+            async for payload in self._carry_out(approved, request, task):
                 yield payload
             reasons = self.execution.halted
             if reasons:
@@ -198,12 +201,14 @@ class MissionRun:
         self._status, self._reason = "refused", "; ".join(blocking)
         return ev.PlanChecked(attempt=1, findings=findings, seconds=seconds)
 
-    async def _carry_out(self, approved: Candidate, task: Mission) -> Payloads:
+    async def _carry_out(
+        self, approved: Candidate, request: ev.ApprovalRequested, task: Mission
+    ) -> Payloads:
         """Step 7 and 8 for one plan: execute, see what comes of it, judge the outcome."""
         phase = self._course.phase
         self.moving = True
         try:
-            async for payload in self._execute(approved, task):
+            async for payload in self._execute(approved, request, task):
                 yield payload
             if self.execution.verification is None:
                 return
@@ -222,11 +227,13 @@ class MissionRun:
                     self._facts.judged(payload.verdict)
                 yield payload
 
-    async def _execute(self, approved: Candidate, task: Mission) -> Payloads:
+    async def _execute(
+        self, approved: Candidate, request: ev.ApprovalRequested, task: Mission
+    ) -> Payloads:
         """Execute a plan and note for the report what became of it, also when it is cut short."""
         plan = approved.examination.plan
         try:
-            async for payload in self.execution.run(approved.examination, approved.attempt):
+            async for payload in self.execution.run(approved.examination, request):
                 yield payload
         except asyncio.CancelledError:
             self._facts.executed(plan, task, None, ("interrupted before its end",))

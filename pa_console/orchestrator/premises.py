@@ -82,31 +82,47 @@ class Premises:
                 yield f"{track.id} at {track.gate} is {track.identity}, intent {track.intent}"
 
 
-def safe_state(
-    premises: Premises, picture: Picture, open_agents: Sequence[str], prefix: str
-) -> tuple[DeviceCommand, ...]:
-    """Return the commands that stop a plan: hold, or back to the gate that would stay uncovered.
+def way_to_safety(plan: Plan, world: World, picture: Picture) -> tuple[Action, ...]:
+    """Return what each agent of `plan` is told if the plan is halted: back to its gate, or hold.
 
-    An agent that covered a gate when the plan was approved goes back there unless somebody who
-    stays is known to cover it now; every other agent under way holds where it is. Whoever was
-    sent away from such a gate goes back even if the picture, which is late, still shows it there.
+    An agent that covers a gate in `picture`, and is sent away from it, goes back there.
     """
-    goals = {a.agent: goes_to(a, premises.world) for a in premises.plan.actions}
+    return tuple(
+        Action(agent=action.agent, command=f"move_to {home}" if home else "hold")
+        for action in plan.actions
+        for home in (_left_gate(action, plan, world, picture),)
+    )
+
+
+def _left_gate(action: Action, plan: Plan, world: World, picture: Picture) -> str:
+    """Return the gate that `action` takes its agent away from, '' when it leaves none.
+
+    Of several that it covers, one that nobody covers who has no part in the plan.
+    """
+    goal = goes_to(action, world)
+    left = [gate for gate, cover in picture.gates.items() if action.agent in cover.by]
+    if goal in ("", *left):
+        return ""
+    alone = (gate for gate in left if not set(picture.gates[gate].by).difference(plan.agents))
+    return next(alone, left[0] if left else "")
+
+
+def safe_state(
+    declared: Sequence[Action], picture: Picture, open_agents: Sequence[str], prefix: str
+) -> tuple[DeviceCommand, ...]:
+    """Return the commands that stop a plan: of the way to safety that was `declared`, what is due.
+
+    Only an agent that is under way still, and can be told, is told anything. One that was to go
+    back to its gate goes unless somebody who stays is known to cover the gate now, and even if the
+    picture, which is late, still shows it there; else it holds where it is, as the others do.
+    """
     actions: list[Action] = []
-    for agent in open_agents:
-        asset = picture.assets[agent]
-        if not asset.available:
+    for action in declared:
+        if action.agent not in open_agents or not picture.assets[action.agent].available:
             continue
-        home = next(
-            (
-                gate
-                for gate, cover in premises.before.gates.items()
-                if agent in cover.by and not set(picture.gates[gate].by).difference(open_agents)
-            ),
-            None,
-        )
-        leaves = home is not None and (asset.at != home or goals.get(agent, "") not in ("", home))
-        actions.append(Action(agent=agent, command=f"move_to {home}" if leaves else "hold"))
+        covering = picture.gates[action.target].by if action.target is not None else ()
+        stays = set(covering).difference(open_agents)
+        actions.append(Action(agent=action.agent, command="hold") if stays else action)
     return device_commands(Plan(reason="safe state", actions=tuple(actions)), prefix)
 
 

@@ -10,6 +10,7 @@ from pa_console.llm.dialect import DIALECTS, Dialect
 from pa_console.llm.engine import Engine
 from pa_console.llm.judge import Judge
 from pa_console.llm.planner import Planner
+from pa_console.orchestrator.command_gate import CommandGate
 from pa_console.orchestrator.respelling import respell
 from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
@@ -40,19 +41,23 @@ class Services:
     dialect: Dialect = DIALECTS["examples"]
     sightings: Sightings = field(init=False)
     """What was seen where in this session; the station keeps it."""
+    gate: CommandGate = field(init=False)
+    """What every command to a device goes through: `sim.send` is for the gate alone."""
 
     def __post_init__(self) -> None:
-        """Begin with nothing seen."""
+        """Begin with nothing seen and nothing decided."""
         object.__setattr__(self, "sightings", Sightings(self.sim.world))
+        object.__setattr__(self, "gate", CommandGate(self.sim))
 
     def read(self, text: str) -> str:
         """Return the words of a mission with what is misspelt put right."""
         return respell(text, self.sim.world, self.rulebook)
 
     def with_rules(self, rulebook: Rulebook) -> Self:
-        """Return the same with other rules; what was seen is kept."""
+        """Return the same with other rules; what was seen is kept, and what was decided."""
         changed = replace(self, rulebook=rulebook, retriever=self.retriever.over(rulebook.rules))
         object.__setattr__(changed, "sightings", self.sightings)
+        object.__setattr__(changed, "gate", self.gate)
         return changed
 
 

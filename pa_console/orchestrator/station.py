@@ -22,6 +22,7 @@ from pa_console.schema.mission import Decision, Mission
 from pa_console.schema.world import World
 
 READ_ONLY = "this console is read-only: commands are refused"
+IS_STOPPED = "everything is stopped: no mission is taken until the stop is released"
 
 
 class Station:
@@ -49,7 +50,8 @@ class Station:
         self._feed = StepFeed()
         self._events: asyncio.Queue[ev.Event | None] = asyncio.Queue()
         self._intake = Intake(self.world, started.session, respond=respond and not readonly)
-        self._stops = Stops(self._sim)
+        self._gate = services.gate
+        self._stops = Stops(self._sim, self._gate)
         self._desk = Desk(services, self._feed, self._intake, self._stops, self._emit)
         self._reload = RulesReload(services, watch, self._emit, self._desk)
         self._background = Background(self._broken)
@@ -82,6 +84,16 @@ class Station:
     @rate.setter
     def rate(self, rate: float) -> None:
         self._clock.rate = rate
+
+    @property
+    def stopped(self) -> bool:
+        """Whether everything is stopped, and the stop not released yet."""
+        return self._gate.stopped
+
+    @property
+    def awaits_decision(self) -> bool:
+        """Whether a plan waits for `decide`."""
+        return self._desk.awaits_decision
 
     async def run(self) -> AsyncGenerator[ev.Event]:
         """Yield every event of the session until `close`; stopping the iteration closes it too."""
@@ -123,6 +135,8 @@ class Station:
     def submit(self, text: str) -> Mission:
         """Step 1: queue a mission; raises ValueError when it cannot be taken."""
         self._writable()
+        if self.stopped:
+            raise ValueError(IS_STOPPED)
         mission, received = self._intake.submit(text, self._desk.busy, self._reload.services.read)
         self._emit(received, mission.id)
         self._desk.queue_changed()
@@ -161,15 +175,32 @@ class Station:
         )
 
     def stop_all(self, by: str = "operator") -> None:
-        """Every asset is told to hold, the active mission is cancelled, the queue is emptied."""
+        """Every asset is told to hold, the active mission is cancelled, the queue is emptied.
+
+        The stop is latched: until `release` no other command leaves the station, no mission is
+        taken, and no alarm becomes one. The holds go out before anything else is done.
+        """
         self._writable()
+        holds = self._stops.hold_all()
+        self._emit(ev.AllStopped(by=by))
+        for payload in holds:
+            self._emit(payload)
         for mission in self._intake.clear():
             self._desk.drop(mission, "stopped by the operator")
         if self._desk.busy:
             self._desk.cancel()
-        self._emit(ev.AllStopped(by=by))
-        for payload in self._stops.hold_all():
-            self._emit(payload)
+        self._desk.queue_changed()
+
+    def release(self, by: str = "operator") -> None:
+        """Release the stop: missions are taken again, and open alarms become missions.
+
+        No asset moves by that alone. Raises ValueError when nothing is stopped.
+        """
+        self._writable()
+        self._gate.release()
+        self._emit(ev.StopReleased(by=by))
+        for payload, mission in self._intake.resume(self._desk.handled):
+            self._emit(payload, mission)
         self._desk.queue_changed()
 
     def inject(self, incident: Incident) -> None:

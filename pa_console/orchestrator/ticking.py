@@ -70,7 +70,8 @@ class Ticking:
             self._emit(notice, None)
         self._services.sightings.look(picture)
         self._emit(ev.TelemetryReceived(picture=picture), None)
-        arrivals = self._intake.look(picture, self._desk.handled)
+        stopped = self._services.gate.stopped
+        arrivals = self._intake.look(picture, self._desk.handled, stopped=stopped)
         for payload, mission in arrivals.payloads:
             self._emit(payload, mission)
         for mission in arrivals.obsolete:

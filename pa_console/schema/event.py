@@ -9,6 +9,7 @@ from pa_console.schema.base import StrictModel
 from pa_console.schema.event_base import Payload, Role
 from pa_console.schema.event_execution import (
     AllStopped,
+    CommandRefused,
     CommandReplied,
     CommandResent,
     CommandSent,
@@ -17,6 +18,7 @@ from pa_console.schema.event_execution import (
     MissionVerified,
     OutcomeJudged,
     PlanHalted,
+    StopReleased,
 )
 from pa_console.schema.event_intake import (
     AlarmAcknowledged,
@@ -66,6 +68,7 @@ __all__ = (
     "AlarmRaised",
     "AllStopped",
     "ApprovalRequested",
+    "CommandRefused",
     "CommandReplied",
     "CommandResent",
     "CommandSent",
@@ -100,6 +103,7 @@ __all__ = (
     "RulesRetrieved",
     "SessionEnded",
     "SessionStarted",
+    "StopReleased",
     "TelemetryReceived",
     "TextStreamed",
     "WorkerChanged",
@@ -115,7 +119,7 @@ EventPayload = Annotated[
     | TextStreamed | PlanProposed | PlanRehearsed | PlanChecked | PlanJudged | RepairRequested
     | ApprovalRequested | DecisionMade | PlanVoided | CommandSent | CommandReplied
     | MissionVerified | OutcomeJudged | MissionReported | MissionFinished | AllStopped
-    | RulesReplaced | SessionEnded | LogSigned,
+    | StopReleased | CommandRefused | RulesReplaced | SessionEnded | LogSigned,
     Field(discriminator="kind"),
 ]  # fmt: skip
 

@@ -17,6 +17,14 @@ class CommandSent(Payload):
     command: DeviceCommand
 
 
+class CommandRefused(Payload):
+    """Step 7: a command was kept back at the last gate, for nobody decided it or all is stopped."""
+
+    kind: Literal["command_refused"] = "command_refused"
+    command: DeviceCommand
+    reason: str
+
+
 class CommandResent(Payload):
     """Step 7: a command that was not answered went out again under the same id."""
 
@@ -75,7 +83,17 @@ class MissionFinished(Payload):
 
 
 class AllStopped(Payload):
-    """The operator's stop: every asset was told to hold, open plans are void."""
+    """The operator's stop: every asset is told to hold, open plans are void.
+
+    From here to a `StopReleased` no command but hold and report leaves the station.
+    """
 
     kind: Literal["all_stopped"] = "all_stopped"
+    by: str
+
+
+class StopReleased(Payload):
+    """The operator released the stop: missions are taken, and alarms answered, again."""
+
+    kind: Literal["stop_released"] = "stop_released"
     by: str

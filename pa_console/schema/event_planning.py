@@ -8,7 +8,7 @@ from pa_console.schema.base import Share
 from pa_console.schema.event_base import Payload, Role
 from pa_console.schema.finding import Finding, Usage, Verdict
 from pa_console.schema.mission import Decision
-from pa_console.schema.plan import Plan
+from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.rule import RuleHit
 from pa_console.schema.telemetry import Digest
@@ -138,6 +138,11 @@ class ApprovalRequested(Payload):
     blocked_by: tuple[str, ...] = Field(default=(), description="reasons nobody may override")
     acknowledge: tuple[str, ...] = Field(default=(), description="rule ids of warnings")
     needs_override: bool = Field(default=False, description="the judge said Failure")
+    if_halted: tuple[Action, ...] = Field(
+        default=(),
+        description="the way to safety: what each agent is told if the plan is halted or cancelled "
+        "before it has ended; one that is to move may be told to hold instead",
+    )
     asked: str = Field(
         default="",
         description="what the plan is for, in canonical words; empty where nothing else is offered",

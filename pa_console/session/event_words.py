@@ -3,7 +3,7 @@
 from pa_console.schema import event as ev
 from pa_console.schema.plan import Plan
 from pa_console.session.reading_words import meant
-from pa_console.session.wording import in_words, overriding
+from pa_console.session.wording import in_words, order_in_words, overriding, safety_in_words
 
 
 def kind_in_words(kind: str) -> str:
@@ -70,6 +70,7 @@ def _planned(data: ev.EventPayload) -> str:
             said = "; ".join(reasons)
         case ev.ApprovalRequested(blocked_by=blocked, plan=plan, readings=readings):
             said = f"blocked: {'; '.join(blocked)}" if blocked else _plan(plan)
+            said += f" | if halted: {safety_in_words(data.if_halted)}" if data.if_halted else ""
             said += "".join(f" | or: {meant(asked)}" for asked in readings)
         case ev.DecisionMade(decision=decision, accepted=accepted, detail=detail):
             taken = "" if accepted else f", not accepted: {detail}"
@@ -89,7 +90,9 @@ def _done(data: ev.EventPayload) -> str:
     said = ""
     match data:
         case ev.CommandSent(command=command):
-            said = f"{command.agent}: {command.verb} {command.target or ''}".strip()
+            said = f"{command.agent}: {order_in_words(command)}"
+        case ev.CommandRefused(command=command, reason=reason):
+            said = f"{command.agent}: {order_in_words(command)}: {reason}"
         case ev.CommandReplied(reply=reply):
             said = f"{reply.agent}: {reply.status} {reply.detail}".strip()
         case ev.CommandResent(command_id=name, times=times):
@@ -102,7 +105,7 @@ def _done(data: ev.EventPayload) -> str:
             said = " ".join(text.split())
         case ev.MissionFinished(status=status, reason=reason):
             said = f"{status}: {reason}"
-        case ev.AllStopped(by=who):
+        case ev.AllStopped(by=who) | ev.StopReleased(by=who):
             said = f"by {who}"
         case ev.SessionEnded(reason=reason):
             said = reason

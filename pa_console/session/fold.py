@@ -10,7 +10,7 @@ from pa_console.schema.alarm import ALARM_PRIORITIES, Alarm, QueueEntry
 from pa_console.schema.telemetry import Picture
 from pa_console.session.mission_fold import apply_to_mission
 from pa_console.session.mission_trace import CommandTrace, MissionTrace
-from pa_console.session.wording import in_words, overriding
+from pa_console.session.wording import in_words, order_in_words, overriding
 
 NOTICES_KEPT = 500
 _LEVELS: dict[str, ev.Level] = {"emergency": "alarm", "high": "alarm", "medium": "warning"}
@@ -43,11 +43,21 @@ class OpenAlarm:
 
 @dataclass
 class Stop:
-    """The operator's stop, and the latest order that each asset got since then, by its name."""
+    """The operator's stop until it is released, and the latest order of each asset since then."""
 
     by: str
     tick: int
     orders: dict[str, CommandTrace] = field(default_factory=dict[str, CommandTrace])
+
+    @property
+    def unconfirmed(self) -> tuple[str, ...]:
+        """The assets that were told to hold and have not said that they do."""
+        return tuple(name for name, sent in self.orders.items() if not _is_done(sent))
+
+    @property
+    def held(self) -> int:
+        """How many assets have said that they hold."""
+        return len(self.orders) - len(self.unconfirmed)
 
 
 @dataclass
@@ -133,6 +143,11 @@ class SessionState:
                 self.stop = Stop(by, event.tick, orders)
                 self.loose_orders = {}
                 self._notice(event, "alarm", "stop", f"all assets hold, ordered by {by}")
+            case ev.StopReleased(by=by):
+                self.stop = None
+                self._notice(event, "warning", "stop", f"released by {by}")
+            case ev.CommandRefused(command=command, reason=reason):
+                self._notice(event, "alarm", command.agent, f"{order_in_words(command)}: {reason}")
             case ev.SessionEnded(reason=reason):
                 self.ended = reason
             case _:
@@ -221,6 +236,10 @@ class SessionState:
         self, event: ev.Event, level: ev.Level, subject: str, text: str, *, hidden: bool = False
     ) -> None:
         self.notices.append(Notice(event.t, event.tick, level, subject, text, hidden))
+
+
+def _is_done(sent: CommandTrace) -> bool:
+    return bool(sent.replies) and sent.replies[-1].status == "done"
 
 
 def _rank(alarm: Alarm) -> int:

@@ -35,7 +35,8 @@ SIGN_SECONDS = 5.0
 DURABLE_KINDS = frozenset(
     (
         "session_started", "incident", "mission_received", "decision_made", "plan_voided",
-        "command_sent", "mission_finished", "all_stopped", "session_ended",
+        "command_sent", "command_refused", "mission_finished", "all_stopped", "stop_released",
+        "session_ended",
     )
 )  # fmt: skip
 """Events that are on the disk before `append` returns: what an operator answers for."""

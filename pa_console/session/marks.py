@@ -68,7 +68,7 @@ def _is_fault(data: ev.EventPayload) -> bool:
         case ev.CommandReplied(reply=reply):
             return reply.status in ("failed", "refused")
         case _:
-            return isinstance(data, ev.PlanHalted | ev.AllStopped)
+            return isinstance(data, ev.PlanHalted | ev.AllStopped | ev.CommandRefused)
 
 
 def _breaks(incident: Incident) -> bool:

@@ -67,8 +67,10 @@ def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
 def _apply_decision(trace: MissionTrace, data: ev.EventPayload) -> None:
     """The operator's turn, and what takes it away."""
     match data:
-        case ev.ApprovalRequested():
+        case ev.ApprovalRequested(attempt=number, if_halted=declared):
             trace.stage, trace.approval = "decide", data
+            if (attempt := trace.find(number)) is not None:
+                attempt.if_halted = declared
         case ev.DecisionMade(attempt=number, decision=decision, accepted=accepted):
             trace.decisions.append(data)
             if accepted:

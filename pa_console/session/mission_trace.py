@@ -6,7 +6,7 @@ from pa_console.schema import event as ev
 from pa_console.schema.command import CommandReply, DeviceCommand
 from pa_console.schema.finding import Finding, Usage, Verdict
 from pa_console.schema.mission import Decision, Metrics, Mission, MissionStatus, Verification
-from pa_console.schema.plan import Plan
+from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.rule import RuleHit
 from pa_console.schema.telemetry import Digest
@@ -39,6 +39,8 @@ class Attempt:
     """What of the order no plan can do now, and why."""
     rehearsal: Rehearsal | None = None
     rehearsal_s: float = 0.0
+    if_halted: tuple[Action, ...] = ()
+    """The way to safety that was declared when approval was asked for."""
     judge_text: str = ""
     verdict: Verdict | None = None
     judged: bool = False

@@ -1,7 +1,11 @@
-"""Says in one short line what an incident or a decision was, as the event list shows it."""
+"""Says in one short line what an incident, an order or a decision is, as lists show it."""
 
+from collections.abc import Sequence
+
+from pa_console.schema.command import DeviceCommand
 from pa_console.schema.incident import Incident, Reaction, RevealTrack, SpawnTrack
 from pa_console.schema.mission import Decision
+from pa_console.schema.plan import Action
 from pa_console.session.reading_words import meant
 
 _TEMPLATES: dict[str, str] = {
@@ -83,3 +87,21 @@ def overriding(decision: Decision) -> str:
     return f"{', '.join(said)} by {decision.by}" + (
         f": {decision.reason}" if decision.reason else ""
     )
+
+
+def safety_in_words(declared: Sequence[Action]) -> str:
+    """Return a plan's declared way to safety: who goes back where, and who holds."""
+    parts = [
+        f"{action.agent} back to {action.target} (holds if another covers it by then)"
+        for action in declared
+        if action.target is not None
+    ]
+    holding = [action.agent for action in declared if action.target is None]
+    if holding:
+        parts.append(f"{', '.join(holding)} {'hold' if len(holding) > 1 else 'holds'}")
+    return "; ".join(parts)
+
+
+def order_in_words(command: DeviceCommand | Action) -> str:
+    """Return what a command orders, as it is written in a plan: `move_to EastGate`."""
+    return f"{command.verb} {command.target or ''}".strip()

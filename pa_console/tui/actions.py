@@ -6,7 +6,16 @@ from typing import Literal, get_args
 from textual.binding import Binding, BindingType
 
 Need = Literal[
-    "live", "replay", "writable", "mission", "idle_trace", "approval", "alarm", "unseen", "queue"
+    "live",
+    "replay",
+    "writable",
+    "mission",
+    "idle_trace",
+    "approval",
+    "alarm",
+    "unseen",
+    "queue",
+    "stopped",
 ]
 Group = Literal[
     "Mission", "Safety", "Alarms", "Queue", "View", "Map", "Copy", "Simulation", "Replay", "Console"
@@ -25,6 +34,7 @@ class Situation:
     alarms: int = 0
     unseen: int = 0
     queue: int = 0
+    stopped: bool = False
 
 
 @dataclass(frozen=True)
@@ -83,6 +93,7 @@ def _refusal(need: Need, now: Situation) -> str:
         "alarm": (now.alarms > 0, "no alarm is open"),
         "unseen": (now.unseen > 0, "every alarm has been seen"),
         "queue": (now.queue > 0, "no mission waits"),
+        "stopped": (now.stopped, "nothing is stopped"),
     }[need]
     return "" if legal else why
 
@@ -115,8 +126,13 @@ ACTIONS: tuple[ConsoleAction, ...] = (
         "Mission", "cancel_mission", needs=(*_COMMAND, "mission"), footer=True,
     ),
     ConsoleAction(
-        "stop", "f9,S", "STOP ALL", "Stop: every asset holds and open plans are void",
+        "stop", "f9,S", "STOP ALL",
+        "Stop: every asset holds, open plans are void, nothing else is sent until it is released",
         "Safety", "stop_all", needs=_COMMAND, footer=True, urgent=True,
+    ),
+    ConsoleAction(
+        "release", "ctrl+r", "Release stop", "Release the stop, after a question: missions are "
+        "taken again", "Safety", "release_stop", needs=(*_COMMAND, "stopped"), footer=True,
     ),
     ConsoleAction(
         "acknowledge", "k,f12", "Seen", "Acknowledge the alarm at the pointer or the worst new one",
@@ -217,6 +233,12 @@ def find_action(name: str, parameters: tuple[object, ...]) -> ConsoleAction | No
 def bindings() -> list[BindingType]:
     """Return the bindings of the whole registry."""
     return [binding for action in ACTIONS for binding in action.bindings]
+
+
+def first_key(name: str) -> str:
+    """Return the first of the console's own keys for the action `name`, as it is written."""
+    action = next(action for action in ACTIONS if action.id == name)
+    return key_text(action.keys.partition(",")[0])
 
 
 def key_text(keys: str) -> str:

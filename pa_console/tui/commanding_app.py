@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from pa_console.schema.incident import Incident
+from pa_console.tui.actions import first_key
 from pa_console.tui.ports import StationPort
 from pa_console.tui.replaying_app import ReplayingApp
 from pa_console.tui.widgets.alarm_pane import AlarmPane
@@ -76,7 +77,28 @@ class CommandingApp(ReplayingApp):
         if self.attempt("Stop", lambda station: station.stop_all()):
             self.tell(
                 "every asset was told to hold, open plans are void, the queue is empty; "
-                "the red line at the top says who has confirmed",
+                "the red line at the top says who has confirmed. Nothing else is sent until you "
+                f"release the stop ({first_key('release')})",
                 "■ ALL STOPPED",
                 bad=True,
             )
+
+    def action_release_stop(self) -> None:
+        """Release the stop, after a question that says who has not confirmed it."""
+        stop = self.state.stop
+        if stop is None:
+            return
+        from pa_console.tui.screens.confirm import Confirm  # noqa: PLC0415
+
+        doubtful = f"Not confirmed: {', '.join(stop.unconfirmed)}.\n" if stop.unconfirmed else ""
+        question = (
+            f"Everything was stopped by {stop.by}. {stop.held} assets confirmed that they hold.\n"
+            f"{doubtful}Released, the console takes missions again and alarms become missions.\n"
+            "No asset moves before you approve a plan."
+        )
+
+        def answered(release: bool | None) -> None:
+            if release and self.attempt("Release", lambda station: station.release()):
+                self.tell("missions are taken again", "The stop was released")
+
+        self.push_screen(Confirm(question, yes="Release", no="Stay stopped"), answered)

@@ -53,7 +53,11 @@ class StationPort(Protocol):
         ...
 
     def stop_all(self) -> None:
-        """Make every asset hold and void open plans."""
+        """Make every asset hold and void open plans; nothing else is sent until `release`."""
+        ...
+
+    def release(self) -> None:
+        """Release the stop; raises ValueError when nothing is stopped."""
         ...
 
     def acknowledge(self, alarm_id: str) -> None:

@@ -108,6 +108,7 @@ class SessionApp(App[None]):
             alarms=len(alarms),
             unseen=sum(not item.acknowledged for item in alarms),
             queue=len(state.queue),
+            stopped=state.stop is not None,
         )
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from pa_console.orchestrator.premises import Premises, safe_state, why_lost
+from pa_console.orchestrator.premises import Premises, safe_state, way_to_safety, why_lost
 from pa_console.resources import data_folder
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import GateTimeline, Timeline
@@ -179,7 +179,8 @@ def test_a_track_that_was_hostile_when_the_plan_was_approved_is_no_news() -> Non
 
 
 def commands(made: Premises, now: Picture, *agents: str) -> list[str]:
-    found = safe_state(made, now, agents, "M1.halt1")
+    declared = way_to_safety(made.plan, WORLD, made.before)
+    found = safe_state(declared, now, agents, "M1.halt1")
     assert [command.command_id for command in found] == [
         f"M1.halt1.{number}" for number in range(1, len(found) + 1)
     ]
@@ -228,5 +229,23 @@ def test_a_relief_that_is_itself_under_way_elsewhere_does_not_count_as_cover() -
     )
     assert commands(made, picture(*passing), "Drone_T01", "Drone_T04") == [
         "Drone_T01 move_to WestGate",
+        "Drone_T04 hold",
+    ]
+
+
+def test_the_way_to_safety_leads_back_to_the_gate_that_the_plan_leaves_and_nowhere_else() -> None:
+    made = plan(
+        ("Drone_T01", "move_to EastGate"),
+        ("Drone_T02", "report"),
+        ("Ugv_T01", "observe EastGate"),
+        ("Robot_T01", "hold"),
+        ("Drone_T04", "move_to WestGate"),
+    )
+    declared = way_to_safety(made, WORLD, picture(*team()))
+    assert [f"{action.agent} {action.command}" for action in declared] == [
+        "Drone_T01 move_to WestGate",
+        "Drone_T02 hold",
+        "Ugv_T01 hold",
+        "Robot_T01 hold",
         "Drone_T04 hold",
     ]

@@ -15,6 +15,7 @@ from pa_console.schema.event import (
     Event,
     EventPayload,
     MissionFinished,
+    StopReleased,
 )
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Metrics, Mission
@@ -46,7 +47,7 @@ class ScriptedStation:
         self.submitted: list[str] = []
         self.decisions: list[Decision] = []
         self.injected: list[Incident] = []
-        self.cancelled = self.stopped = 0
+        self.cancelled = self.stopped = self.released = 0
         self.acknowledged: list[str] = []
         self.moved: list[tuple[str, int]] = []
         self.deferred: list[str] = []
@@ -113,6 +114,12 @@ class ScriptedStation:
         """Record a stop."""
         self.stopped += 1
         self.emit(AllStopped(by="operator"), mission=None)
+
+    def release(self) -> None:
+        """Record a release."""
+        self._refuse()
+        self.released += 1
+        self.emit(StopReleased(by="operator"), mission=None)
 
     def acknowledge(self, alarm_id: str) -> None:
         """Record that an alarm was seen, and tell it."""

@@ -15,7 +15,7 @@ class AlarmBar(Static):
         self._state: SessionState | None = None
 
     def show(self, state: SessionState) -> None:
-        """Show the session; a stop colours the whole line until a mission starts."""
+        """Show the session; a stop colours the whole line until it is released."""
         self._state = state
         self.set_class(state.stop is not None, "-stopped")
         self.update(summary(state, max(self.content_size.width, 20)), layout=False)

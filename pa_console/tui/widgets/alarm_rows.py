@@ -109,17 +109,14 @@ def _worst(alarms: Sequence[OpenAlarm]) -> OpenAlarm | None:
 
 
 def _stop(stop: Stop | None) -> Iterator[Part]:
-    """Say that everything was stopped, and whether the assets have obeyed."""
+    """Say that everything is stopped until it is released, and whether the assets have obeyed."""
     if stop is None:
         return
-    answers = [sent.replies[-1].status if sent.replies else "" for sent in stop.orders.values()]
-    held = sum(status == "done" for status in answers)
-    open_ = len(answers) - held
-    told = f"  {held} hold" if answers else ""
+    told = f"  {stop.held} hold" if stop.orders else ""
     yield (" ■ ALL STOPPED ", f"bold $background on {_FILL[BAD]}")
     yield (told, "bold")
-    if open_:
-        yield (f", {open_} not confirmed", f"bold {WARN}")
+    if stop.unconfirmed:
+        yield (f", {len(stop.unconfirmed)} not confirmed", f"bold {WARN}")
     yield "  "
 
 

@@ -7,6 +7,7 @@ from textual.content import Content
 from pa_console.schema.event import ApprovalRequested
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.session.reading_words import meant
+from pa_console.session.wording import safety_in_words
 from pa_console.tui.trace.rows import Row, row
 from pa_console.tui.vocabulary import BAD, GOOD, NOTE, QUIET, WARN, term
 from pa_console.tui.words import action_sentence
@@ -35,6 +36,8 @@ def approval_rows(trace: MissionTrace) -> Iterator[Row]:
         yield row((f" {number} ", "bold"), action_sentence(action, picture, trace.digest))
     if not request.plan.actions:
         yield row("   ", "nothing moves: the plan has no action")
+    if request.if_halted and not request.blocked_by:
+        yield row("   ", ("if halted: ", NOTE), safety_in_words(request.if_halted))
     for text in attempt.unmet if attempt else ():
         yield row(("△ ", WARN), ("NOT MET  ", f"bold {WARN}"), text)
     if attempt is not None and attempt.doubt and not request.readings:

@@ -4,6 +4,7 @@ from textual.content import Content
 from textual.widgets import Static
 
 from pa_console.session.fold import SessionState
+from pa_console.tui.actions import first_key
 from pa_console.tui.condition import cover_state
 from pa_console.tui.vocabulary import QUIET, term
 from pa_console.tui.words import clock_text, few
@@ -38,7 +39,7 @@ class StatusBar(Static):
             parts.append((f"  ▲ no telemetry for {silent_s:.0f} s", "bold $text-error"))
         if wide or worker.word != "ready":
             parts += [("  model ", QUIET), (f"{worker.glyph} {worker.word}", worker.style)]
-        parts += ["  ", self._gates(state), "  ", self._mission(state)]
+        parts += ["  ", self._gates(state), "  ", self._mission(state, mode)]
         self.update(Content.assemble(*parts), layout=False)
 
     def _mode(self, mode: str) -> Content:
@@ -64,9 +65,12 @@ class StatusBar(Static):
         mark = term("gate", "covered")
         return Content.styled(f"{mark.glyph} all gates covered", mark.style)
 
-    def _mission(self, state: SessionState) -> Content:
+    def _mission(self, state: SessionState, mode: str) -> Content:
         if state.ended:
             return Content.styled(f"session ended: {state.ended}", "$text-warning")
+        if state.stop is not None:
+            how = f": {first_key('release')} releases it" if mode == "LIVE" else ""
+            return Content.styled(f"■ STOPPED{how}", "bold $text-error")
         if state.active is None:
             return Content.styled("no mission", QUIET)
         trace = state.missions[state.active]

@@ -1,0 +1,104 @@
+"""A stop stays on the screen until the operator releases it, by a key and an answer."""
+
+from pathlib import Path
+
+from pa_console.schema import event as ev
+from pa_console.schema.command import DeviceCommand
+from pa_console.schema.plan import Action
+from pa_console.session.fold import SessionState
+from pa_console.tui.screens.confirm import Confirm
+from pa_console.tui.widgets.alarm_bar import AlarmBar
+from pa_console.tui.widgets.approval_text import approval_rows
+from pa_console.tui.widgets.status_bar import StatusBar
+from tests.tui import living, story
+from tests.tui.scripted import ScriptedStation, console, notices, settle
+
+SIZE = (120, 36)
+
+
+def folded(payloads: list[ev.EventPayload]) -> SessionState:
+    """Return the session after `payloads`."""
+    state = SessionState()
+    for event in story.stamped(payloads):
+        state.apply(event)
+    return state
+
+
+async def test_a_stop_is_released_by_its_key_and_a_yes_and_by_nothing_less(tmp_path: Path) -> None:
+    station = ScriptedStation(living.stopped())
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        bar, status = app.screen.query_one(AlarmBar), app.screen.query_one(StatusBar)
+        assert "ALL STOPPED" in str(bar.render())
+        assert "STOPPED: ^r releases it" in str(status.render())
+        for answer in ("n", "escape", "enter"):
+            await pilot.press("ctrl+r")
+            await pilot.pause()
+            assert isinstance(app.screen, Confirm)
+            await pilot.press(answer)
+            await settle(pilot, station)
+            assert not isinstance(app.screen, Confirm)
+        assert station.released == 0
+        await pilot.press("ctrl+r")
+        await pilot.pause()
+        question = str(app.screen.query("Static").first().render())
+        assert "7 assets confirmed" in question
+        assert "Not confirmed: Drone_T01" in question
+        await pilot.press("y")
+        await settle(pilot, station)
+        assert station.released == 1
+        assert "ALL STOPPED" not in str(bar.render())
+        assert "STOPPED" not in str(status.render())
+        await pilot.press("ctrl+r")
+        await settle(pilot, station)
+        assert station.released == 1, "there is nothing to release"
+
+
+async def test_whoever_stops_everything_is_told_how_to_release_it(tmp_path: Path) -> None:
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("f9")
+        await settle(pilot, station)
+        assert any("release the stop (^r)" in text for text in notices(app))
+
+
+async def test_a_refused_mission_stays_in_its_field(tmp_path: Path) -> None:
+    station = ScriptedStation(living.stopped())
+    station.refuse = "everything is stopped"
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("i", "g", "o", "enter")
+        await settle(pilot, station)
+        assert not station.submitted
+        assert any("everything is stopped" in text for text in notices(app))
+
+
+def test_the_way_to_safety_is_told_before_anybody_approves() -> None:
+    trace = folded(story.told("approval")).current
+    assert trace is not None
+    assert trace.approval is not None
+    declared = (
+        Action(agent="Drone_T01", command="move_to WestGate"),
+        Action(agent="Drone_T04", command="hold"),
+    )
+    said = "if halted: Drone_T01 back to WestGate"
+
+    def text() -> str:
+        return "\n".join(str(row.body) for row in approval_rows(trace))
+
+    assert "if halted" not in text()
+    trace.approval = trace.approval.model_copy(update={"if_halted": declared})
+    assert said in text()
+    assert "Drone_T04 holds" in text()
+    trace.approval = trace.approval.model_copy(update={"blocked_by": ("ROE-01: force",)})
+    assert "if halted" not in text(), "nothing of it will happen"
+
+
+def test_what_the_gate_kept_back_is_in_the_list_of_events() -> None:
+    order = DeviceCommand(command_id="x", agent="Drone_T01", verb="move_to", target="WestGate")
+    state = folded([*story.opening(), ev.CommandRefused(command=order, reason="all is stopped")])
+    assert "move_to WestGate: all is stopped" in [notice.text for notice in state.notices]
