@@ -1,6 +1,5 @@
 """Loads a rule file and compiles its expressions; one that cannot be enforced is refused whole."""
 
-import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -155,9 +154,8 @@ def load_rules(path: Path) -> Rulebook:
     """
     document, rule_set = read_rule_set(path)
     rules, workflows = compile_rule_set(document, rule_set)
-    sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
     seal = seal_of(path, rule_set)
-    return Rulebook(rule_set.name, sha256, rules, workflows, seal, rule_set=rule_set)
+    return Rulebook(rule_set.name, document.sha256, rules, workflows, seal, rule_set=rule_set)
 
 
 def read_rule_set(path: Path) -> tuple[Document, RuleSet]:
