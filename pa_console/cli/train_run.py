@@ -6,7 +6,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
 
-import yaml
 from pydantic import ValidationError
 from rich.markup import escape
 
@@ -15,6 +14,7 @@ from pa_console.cli.output import errors, out
 from pa_console.cli.train_progress import TrainProgress
 from pa_console.evaluation.machine import describe_machine
 from pa_console.llm.cache import hash_file
+from pa_console.schema.document import Document
 from pa_console.training.lora.config import CONFIGS, TrainConfig, find_base
 from pa_console.training.run_summary import ADAPTER, RunSummary, write_summary
 
@@ -129,7 +129,7 @@ def _change(text: str) -> tuple[str, Any]:
     name, equals, value = text.partition("=")
     if not equals:
         raise ValueError(f"--set {text}: write NAME=VALUE, e.g. --set rank=32")
-    return name.strip(), yaml.safe_load(value)
+    return name.strip(), Document(f"--set {name.strip()}", value).value
 
 
 def _refuse_changes(**given: object) -> None:

@@ -93,13 +93,7 @@ def compile_rule(rule: Rule) -> CompiledRule:
 
 
 def compile_workflow(workflow: Workflow) -> CompiledWorkflow:
-    """Return `workflow` ready to run; raises ExpressionError, for its phases' words too."""
-    for number, phase in enumerate(workflow.phases):
-        try:
-            phase.command.format(track="Track_01", gate="Gate")
-        except (AttributeError, LookupError, ValueError) as error:
-            problem = f"only {{track}} and {{gate}} can be put in: {error}"
-            raise ExpressionError(("phases", number, "command"), problem) from error
+    """Return `workflow` ready to run; raises ExpressionError."""
     return CompiledWorkflow(
         workflow,
         _compile(("starts",), workflow.starts, WORKFLOW_VARIABLES),

@@ -147,12 +147,12 @@ class _Count:
         """Return what an alias stands for."""
         if self._is_key():
             raise _refused(event, "an alias is a key; write the key itself")
-        name = event.anchor[:40]
-        if event.anchor not in self._anchors:
-            raise _refused(event, f"no '&{name}' comes before '*{name}'")
-        size = self._anchors[event.anchor]
+        anchor = cast(str, event.anchor)
+        if anchor not in self._anchors:
+            raise _refused(event, f"no '&{anchor[:40]}' comes before '*{anchor[:40]}'")
+        size = self._anchors[anchor]
         if size is None:
-            raise _refused(event, f"'*{name}' stands within itself")
+            raise _refused(event, f"'*{anchor[:40]}' stands within itself")
         return size
 
     def _add(self, event: NodeEvent, size: _Size, anchor: str | None) -> None:
