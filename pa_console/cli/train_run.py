@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import ValidationError
-from rich.markup import escape
 
 from pa_console import __version__
 from pa_console.cli.output import errors, out
@@ -47,7 +46,7 @@ def run_training(
             raise ValueError(f"{folder}: is a run of the {chosen.task}, not of the {task}")
     else:
         chosen = chosen_config(task, data, config, changes, minutes)
-    with errors.status(f"preparing {escape(chosen.base)}"):
+    with errors.status(f"preparing {chosen.base}"):
         find_base(chosen)
     with TrainProgress(chosen.max_minutes) as progress:
         result = train(chosen, folder, resume, progress.show)
@@ -79,7 +78,7 @@ def run_training(
     if not result.finished:
         errors.print(
             f"stopped after step {last.step} of {last.steps}; "
-            f"pa-console train {task} --out {escape(str(folder))} --resume goes on",
+            f"pa-console train {task} --out {folder} --resume goes on",
             soft_wrap=True,
         )
         raise KeyboardInterrupt

@@ -7,6 +7,7 @@ surrogates, and the line and paragraph separators. Wherever text leaves the prog
 written as its escape: `\x1b`, `\u202e`, `\U000e0041`. The log keeps the true text.
 """
 
+import json
 import re
 import unicodedata
 
@@ -36,6 +37,14 @@ def visible_line(text: str) -> str:
     return visible(text).replace("\n", r"\n").replace("\t", r"\t")
 
 
+def visible_json(document: str) -> str:
+    """Return a JSON `document` that means the same and holds no such character, laid out as it is.
+
+    JSON has its own escapes for them, so who parses it reads the true text.
+    """
+    return document if _UNSEEN.search(document) is None else _UNSEEN.sub(_json_escape, document)
+
+
 def obeyed(text: str) -> str:
     """Return the name of the first character of `text` that no file may hold, '' if none does.
 
@@ -47,6 +56,10 @@ def obeyed(text: str) -> str:
         return ""
     name = unicodedata.name(found[0], "a control character")
     return f"U+{ord(found[0]):04X} ({name.lower()})"
+
+
+def _json_escape(found: re.Match[str]) -> str:
+    return json.dumps(found[0])[1:-1] if ord(found[0]) != 0x7F else "\\u007f"
 
 
 def _escape(found: re.Match[str]) -> str:
