@@ -5,7 +5,7 @@ Times are told by `python -m tests.attacks.read_hostile`; here it is memory and 
 
 from itertools import count
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import pytest
 import yaml
@@ -93,11 +93,11 @@ def _read(text: str) -> Document | None:
         return None
 
 
-def _inner(value: object) -> list[object]:
+def _inner(value: Any) -> list[Any]:
     """Return what stands directly in a list or a mapping."""
-    if isinstance(value, list):
-        return cast(list[object], value)
-    return list(cast(dict[str, object], value).values()) if isinstance(value, dict) else []
+    if isinstance(value, dict):
+        return list(cast(dict[str, Any], value).values())
+    return cast(list[Any], value) if isinstance(value, list) else []
 
 
 def _size(value: object) -> int:
