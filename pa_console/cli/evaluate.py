@@ -9,7 +9,6 @@ from time import perf_counter
 from typing import Annotated
 
 import typer
-from rich.markup import escape
 
 from pa_console import __version__
 from pa_console.cli.chosen import settings_of
@@ -130,7 +129,7 @@ def evaluate(
         made = len(results.done & {job.run for job in planned})
         errors.print(
             f"stopped: {made} of {count(len(planned), 'run')} kept; the same command with "
-            f"--out {escape(str(folder))} goes on",
+            f"--out {folder} goes on",
             soft_wrap=True,
         )
         raise

@@ -14,7 +14,7 @@ from pa_console.cli.export_session import (
     opened,
     written,
 )
-from pa_console.cli.output import errors
+from pa_console.cli.output import errors, print_document
 from pa_console.export.mcap_file import write_mcap
 from pa_console.export.opening import (
     choose_mission,
@@ -22,6 +22,7 @@ from pa_console.export.opening import (
     world_of,
 )
 from pa_console.export.whole import whole_file
+from pa_console.schema.visible import visible
 from pa_console.tui.words import count
 
 app = typer.Typer(
@@ -59,10 +60,10 @@ def markdown(
     notes = tuple(text for text in (note, str(problem) if problem else "") if text)
     document = mission_document(trace, session.started, known, notes)
     if target is None:
-        typer.echo(document, nl=False)
+        print_document(document)
         return
     with whole_file(target, log) as file:
-        file.write(document.encode())
+        file.write(visible(document).encode())
     written(target, f"mission {trace.mission.id}")
 
 

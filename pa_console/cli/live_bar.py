@@ -4,8 +4,9 @@ import sys
 from types import TracebackType
 from typing import Self
 
-from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
+
+from pa_console.tui.plain_console import PlainConsole
 
 
 class LiveBar:
@@ -32,12 +33,12 @@ def transient_bar(counted: ProgressColumn) -> Progress:
     It keeps to the stderr that it began with, whoever captures that.
     """
     return Progress(
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(bar_width=24),
         counted,
         TextColumn("left"),
         TimeRemainingColumn(),
-        console=Console(file=sys.stderr),
+        console=PlainConsole(file=sys.stderr),
         transient=True,
         redirect_stdout=False,
         redirect_stderr=False,

@@ -90,7 +90,7 @@ def mission(
     """Plan, check, rehearse, judge, decide, execute and verify one mission, or a situation's."""
     if text is None and scenario is None:
         raise ValueError("give a mission in plain language, or --scenario NAME, or both")
-    setup = [_incident(number, text_) for number, text_ in enumerate(event or (), start=1)]
+    setup = [read_event(number, text_) for number, text_ in enumerate(event or (), start=1)]
     site = load_site(world, rules, unsigned=unsigned)
     warn_of_altered(rules, site.rulebook.seal)
     played = open_scenario(site.world, site.world_path, scenario) if scenario else None
@@ -140,7 +140,7 @@ def mission(
     raise typer.Exit(code)
 
 
-def _incident(number: int, text: str) -> Incident:
+def read_event(number: int, text: str) -> Incident:
     """Read one --event; raises DocumentError naming the option and the field."""
     document = Document(f"--event {number}", text)
     try:

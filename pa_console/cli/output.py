@@ -5,7 +5,9 @@ import sys
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
+
+from pa_console.schema.visible import visible, visible_json
+from pa_console.tui.plain_console import PlainConsole
 
 if TYPE_CHECKING:  # every start of the command line would wait for it
     from pa_console.schema.rules_seal import RulesSeal
@@ -13,8 +15,8 @@ if TYPE_CHECKING:  # every start of the command line would wait for it
 FAILED = 1
 BAD_INPUT = 2
 
-out = Console(highlight=False, emoji=False)
-errors = Console(stderr=True, highlight=False, emoji=False)
+out = PlainConsole()
+errors = PlainConsole(stderr=True)
 
 WorldOption = Annotated[
     str, typer.Option("--world", help="A world: an installed name, a folder or a file.")
@@ -58,4 +60,9 @@ def print_json(value: Any) -> None:
     from pydantic import TypeAdapter  # noqa: PLC0415 - only when it is asked for
 
     plain = TypeAdapter(Any).dump_python(value, mode="json")
-    sys.stdout.write(json.dumps(plain, indent=2, ensure_ascii=False) + "\n")
+    sys.stdout.write(visible_json(json.dumps(plain, indent=2, ensure_ascii=False)) + "\n")
+
+
+def print_document(text: str) -> None:
+    """Print a text that has its own lines, such as Markdown, and nothing after it."""
+    sys.stdout.write(visible(text))

@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.markup import escape
 from rich.table import Table
 
 from pa_console.cli.output import JsonOption, WorldOption, out, print_json
@@ -36,7 +35,7 @@ def list_(world: WorldOption = "checkpoint", json: JsonOption = False) -> None:
         return
     table = Table("Name", "What happens", box=None, pad_edge=False)
     for name, title in found:
-        table.add_row(escape(name), escape(title))
+        table.add_row(name, title)
     out.print(table)
 
 
@@ -60,11 +59,11 @@ def show(
     for event in scenario.events:
         when = f"{event.at_s:g} s" if event.at_s is not None else _condition(event.when)
         delay = f" + {event.delay_s:g} s" if event.delay_s else ""
-        table.add_row(when + delay, escape(truth_in_words(event.do)))
+        table.add_row(when + delay, truth_in_words(event.do))
     for drawn in scenario.random:
         for incident in drawn.do:
             when = f"now and then, {drawn.mean_s:g} s apart"
-            table.add_row(when, escape(truth_in_words(incident)))
+            table.add_row(when, truth_in_words(incident))
     out.print(table, highlight=False)
 
 

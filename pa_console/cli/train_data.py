@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.markup import escape
 from rich.table import Table
 
 from pa_console.cli.output import errors, out, print_json
@@ -46,8 +45,7 @@ def make_data(
             build(jobs, rules_file, processes, keep)
     except KeyboardInterrupt:
         errors.print(
-            f"stopped: what is whole is kept; the same command with --out {escape(str(folder))} "
-            "goes on",
+            f"stopped: what is whole is kept; the same command with --out {folder} goes on",
             soft_wrap=True,
         )
         raise
@@ -86,6 +84,6 @@ def _print(folder: Path, report: DataReport) -> None:
     out.print(table)
     dropped = Table("dropped", "missions or texts")
     for why, number in list(report.dropped.items())[:MOST_REASONS]:
-        dropped.add_row(escape(why), str(number))
+        dropped.add_row(why, str(number))
     out.print(dropped)
     out.print(str(folder / REPORT), markup=False, soft_wrap=True)

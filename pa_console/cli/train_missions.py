@@ -4,7 +4,6 @@ from collections import Counter
 from contextlib import closing
 from pathlib import Path
 
-from rich.markup import escape
 from rich.table import Table
 
 from pa_console.cli.output import errors, out, print_json
@@ -45,7 +44,7 @@ def make_missions(
         return
     table = Table("category", "missions")
     for category, number in categories.most_common():
-        table.add_row(escape(category), str(number))
+        table.add_row(category, str(number))
     out.print(table)
     dropped = sum(part.dropped for part in found)
     errors.print(

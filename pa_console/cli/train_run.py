@@ -6,15 +6,14 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
 
-import yaml
 from pydantic import ValidationError
-from rich.markup import escape
 
 from pa_console import __version__
 from pa_console.cli.output import errors, out
 from pa_console.cli.train_progress import TrainProgress
 from pa_console.evaluation.machine import describe_machine
 from pa_console.llm.cache import hash_file
+from pa_console.schema.document import Document
 from pa_console.training.lora.config import CONFIGS, TrainConfig, find_base
 from pa_console.training.run_summary import ADAPTER, RunSummary, write_summary
 
@@ -47,7 +46,7 @@ def run_training(
             raise ValueError(f"{folder}: is a run of the {chosen.task}, not of the {task}")
     else:
         chosen = chosen_config(task, data, config, changes, minutes)
-    with errors.status(f"preparing {escape(chosen.base)}"):
+    with errors.status(f"preparing {chosen.base}"):
         find_base(chosen)
     with TrainProgress(chosen.max_minutes) as progress:
         result = train(chosen, folder, resume, progress.show)
@@ -79,7 +78,7 @@ def run_training(
     if not result.finished:
         errors.print(
             f"stopped after step {last.step} of {last.steps}; "
-            f"pa-console train {task} --out {escape(str(folder))} --resume goes on",
+            f"pa-console train {task} --out {folder} --resume goes on",
             soft_wrap=True,
         )
         raise KeyboardInterrupt
@@ -129,7 +128,7 @@ def _change(text: str) -> tuple[str, Any]:
     name, equals, value = text.partition("=")
     if not equals:
         raise ValueError(f"--set {text}: write NAME=VALUE, e.g. --set rank=32")
-    return name.strip(), yaml.safe_load(value)
+    return name.strip(), Document(f"--set {name.strip()}", value).value
 
 
 def _refuse_changes(**given: object) -> None:

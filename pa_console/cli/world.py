@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from pa_console.cli.output import errors, out
+from pa_console.cli.output import errors, out, print_document
 from pa_console.orchestrator.compose import open_world
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.world_generator import generate_world, world_yaml
@@ -30,7 +30,7 @@ def generate(
     with errors.status(f"laying out {count(gates, 'gate')} and {count(assets, 'asset')}"):
         text = world_yaml(generate_world(gates, assets, seed))
     if output is None:
-        typer.echo(text, nl=False)
+        print_document(text)
         return
     output.parent.mkdir(parents=True, exist_ok=True)
     output.write_text(text, encoding="utf-8")

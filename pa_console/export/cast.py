@@ -7,6 +7,7 @@ from typing import BinaryIO
 
 from pa_console.export.film import Film, Size
 from pa_console.schema.event import MissionReceived
+from pa_console.schema.visible import visible_json, visible_line
 from pa_console.session.recording import Recording
 
 BEGIN = "\x1b[?25l\x1b[0m\x1b[2J"
@@ -46,7 +47,7 @@ class CastWriter:
             "width": width,
             "height": height,
             "timestamp": int(start.timestamp()),
-            "title": title,
+            "title": visible_line(title),
             "env": {"TERM": "xterm-256color"},
         }
         self._write(header)
@@ -73,7 +74,7 @@ class CastWriter:
         self._write((round((shown[-1] - shown[0]) / self._speed + 2.0, 3), "o", END))
 
     def _write(self, line: object) -> None:
-        self._target.write(json.dumps(line, ensure_ascii=False).encode() + b"\n")
+        self._target.write(visible_json(json.dumps(line, ensure_ascii=False)).encode() + b"\n")
 
 
 def _arrivals(recording: Recording, span: range) -> Iterator[str]:
@@ -82,4 +83,4 @@ def _arrivals(recording: Recording, span: range) -> Iterator[str]:
         if recording.of_mission(index):
             data = recording[index].data
             if isinstance(data, MissionReceived):
-                yield f"{data.mission.id} {data.mission.text}"
+                yield visible_line(f"{data.mission.id} {data.mission.text}")

@@ -15,6 +15,7 @@ from textual.pilot import Pilot
 import pa_console.tui
 from pa_console.orchestrator.compose import Site
 from pa_console.policy.retriever import Retriever
+from pa_console.schema.visible import visible_line
 from pa_console.session.replay import Player
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.refresh import ALL_VIEWS, views_of
@@ -124,7 +125,7 @@ class Film:
 
     def svg(self, title: str) -> str:
         """Return the screen as an SVG picture, in which every space counts in every viewer."""
-        picture = self._app.export_screenshot(title=title)
+        picture = self._app.export_screenshot(title=visible_line(title))
         return picture.replace("<svg ", '<svg xml:space="preserve" ', 1)
 
 

@@ -4,11 +4,12 @@ import re
 from collections.abc import Iterable, Sequence
 from html import escape
 
+from pa_console.schema.visible import visible, visible_line
+
 _SPECIAL = re.compile(r"[\\`*\[\]<>#|~&$]|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])")
 _LIST_MARK = re.compile(r"^(\s*)(?:([-+=:])|(\d+)([.)])(?=\s|$))")
 _LINK = re.compile(r"(?i)\b(https?|ftp)://|\bwww\.")
 _BREAKS = re.compile(r"\r\n|[\r\n\v\f\x1c-\x1e\x85\u2028\u2029]")
-_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
 
 
 def inline(text: str) -> str:
@@ -18,7 +19,7 @@ def inline(text: str) -> str:
 
 def _line(text: str) -> str:
     """Escape one line: no emphasis, link, HTML, table cell or list begins in it."""
-    text = _CONTROL.sub("\N{REPLACEMENT CHARACTER}", text.strip())
+    text = visible(text.strip())
     linked = _LINK.sub(lambda found: found[0].replace(":", "\0").replace(".", "\1"), text)
     marked = _SPECIAL.sub(r"\\\g<0>", linked).replace("\0", r"\:").replace("\1", r"\.")
     return _LIST_MARK.sub(_escaped_mark, marked)
@@ -39,12 +40,10 @@ def fenced(text: str, language: str = "text") -> str:
     """Return `text` as a code block whose fence is longer than any run of backticks in it."""
     runs = [len(run) for run in re.findall(r"`+", text)]
     fence = "`" * max([3, *(length + 1 for length in runs)])
-    body = "\n".join(
-        _CONTROL.sub("\N{REPLACEMENT CHARACTER}", line) for line in _BREAKS.split(text)
-    )
+    body = "\n".join(visible(line) for line in _BREAKS.split(text))
     return f"{fence}{language}\n{body}\n{fence}"
 
 
 def folded(summary: str, body: str) -> str:
     """Return `body` folded away under `summary`, a plain text."""
-    return f"<details>\n<summary>{escape(summary)}</summary>\n\n{body}\n\n</details>"
+    return f"<details>\n<summary>{escape(visible_line(summary))}</summary>\n\n{body}\n\n</details>"

@@ -21,6 +21,7 @@ from pa_console.policy.retriever import DEFAULT_METHOD, Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.policy.seal import refuse_altered
 from pa_console.resources import find_data
+from pa_console.schema.document import read_bytes
 from pa_console.schema.event import SessionStarted
 from pa_console.schema.plan import MAX_ACTIONS
 from pa_console.schema.scenario import Scenario
@@ -45,7 +46,7 @@ class Site:
     @property
     def world_sha256(self) -> str:
         """SHA-256 of the world file."""
-        return hashlib.sha256(self.world_path.read_bytes()).hexdigest()
+        return hashlib.sha256(read_bytes(self.world_path)).hexdigest()
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ def open_scenario(world: World, world_path: Path, name: str) -> LoadedScenario:
     """Load a scenario of `world` by name, or from a path; raises DocumentError."""
     path = scenario_path(world_path, name)
     scenario = load_scenario(path, world)
-    return LoadedScenario(scenario, hashlib.sha256(path.read_bytes()).hexdigest())
+    return LoadedScenario(scenario, hashlib.sha256(read_bytes(path)).hexdigest())
 
 
 def open_world(name: str) -> tuple[World, Path]:

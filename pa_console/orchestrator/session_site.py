@@ -2,10 +2,12 @@
 
 import hashlib
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import find_data
+from pa_console.schema.document import DocumentError, read_bytes
 from pa_console.schema.event import SessionStarted
 from pa_console.schema.world import World
 from pa_console.sim.world_file import load_world
@@ -68,8 +70,11 @@ class SessionSites:
         yield from _world_files(log.parent.parent / "worlds")
 
     def _hash(self, path: Path) -> str:
+        """Return the SHA-256 of a file, empty for one that no world can be read from."""
         if path not in self._hashes:
-            self._hashes[path] = hashlib.sha256(path.read_bytes()).hexdigest()
+            self._hashes[path] = ""
+            with suppress(DocumentError):
+                self._hashes[path] = hashlib.sha256(read_bytes(path)).hexdigest()
         return self._hashes[path]
 
 

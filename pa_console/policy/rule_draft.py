@@ -76,7 +76,7 @@ def check_draft(text: str, taken: Collection[str] = ()) -> RuleDraft:
     try:
         entry = compile_rule(rule)
     except ExpressionError as error:
-        line, column = _place(text, error, document.line(error.field))
+        line, column = _place(document, text, error)
         field = ".".join(map(str, error.field))
         return RuleDraft(text, None, Problem(line, column, field, _without_place(error.problem)))
     return RuleDraft(text, entry, None, run_examples(rule))
@@ -103,18 +103,15 @@ def _refuse_unknown(document: Document) -> None:
 
 
 def _document_problem(error: DocumentError) -> Problem:
-    cause = error.__cause__
-    mark = cause.problem_mark if isinstance(cause, yaml.MarkedYAMLError) else None
-    column = mark.column + 1 if mark is not None else 0
-    return Problem(error.line, column, error.field, error.problem)
+    return Problem(error.line, error.column, error.field, error.problem)
 
 
-def _place(text: str, error: ExpressionError, line: int) -> tuple[int, int]:
+def _place(document: Document, text: str, error: ExpressionError) -> tuple[int, int]:
     """Return line and column in `text` of what does not compile; else its field's line and 0.
 
     The position within a folded or quoted text of several lines is not known.
     """
-    node = _node(yaml.compose(text, Loader=yaml.SafeLoader), error.field)
+    line, node = document.line(error.field), _node(document.root, error.field)
     if not isinstance(node, yaml.ScalarNode):
         return line, 0
     inside = _inside(error.problem, str(node.value))

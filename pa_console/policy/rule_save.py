@@ -12,7 +12,7 @@ from pathlib import Path
 from pa_console.policy.differences import compare_rules
 from pa_console.policy.rule_text import RuleText
 from pa_console.policy.rulebook import compile_rule_set, parse_rule_set
-from pa_console.schema.document import Document, DocumentError
+from pa_console.schema.document import Document, DocumentError, read_bytes
 
 
 class RulesChangedError(ValueError):
@@ -146,13 +146,8 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def _read(path: Path) -> tuple[bytes, RuleText]:
-    try:
-        content = path.read_bytes()
-        return content, RuleText(str(path), content.decode())
-    except OSError as error:
-        raise DocumentError(str(path), 0, "", error.strerror or str(error)) from error
-    except UnicodeDecodeError as error:
-        raise DocumentError(str(path), 0, "", "the file is not UTF-8 text") from error
+    content = read_bytes(path)
+    return content, RuleText(str(path), content.decode())
 
 
 def _known(cut: RuleText, rule_id: str) -> None:

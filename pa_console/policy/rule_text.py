@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import yaml
 
-from pa_console.schema.document import DocumentError
+from pa_console.schema.document import Document, DocumentError
 
 
 @dataclass(frozen=True)
@@ -108,14 +108,7 @@ class RuleText:
 
     def _listed(self) -> yaml.SequenceNode:
         """Return the node of the list `rules`."""
-        try:
-            root = yaml.compose(self.text, Loader=yaml.SafeLoader)
-        except yaml.MarkedYAMLError as error:
-            mark = error.problem_mark or error.context_mark
-            where = mark.line + 1 if mark else 0
-            raise self._error(where, f"not valid YAML: {error.problem or error.context}") from error
-        except (yaml.YAMLError, RecursionError) as error:
-            raise self._error(0, f"not valid YAML: {error}") from error
+        root = Document(self.source, self.text).root
         fields = root.value if isinstance(root, yaml.MappingNode) else ()
         node = next((value for key, value in fields if key.value == "rules"), None)
         if not isinstance(node, yaml.SequenceNode) or not node.value:

@@ -1,6 +1,5 @@
 """Loads a rule file and compiles its expressions; one that cannot be enforced is refused whole."""
 
-import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -94,13 +93,7 @@ def compile_rule(rule: Rule) -> CompiledRule:
 
 
 def compile_workflow(workflow: Workflow) -> CompiledWorkflow:
-    """Return `workflow` ready to run; raises ExpressionError, for its phases' words too."""
-    for number, phase in enumerate(workflow.phases):
-        try:
-            phase.command.format(track="Track_01", gate="Gate")
-        except (AttributeError, LookupError, ValueError) as error:
-            problem = f"only {{track}} and {{gate}} can be put in: {error}"
-            raise ExpressionError(("phases", number, "command"), problem) from error
+    """Return `workflow` ready to run; raises ExpressionError."""
     return CompiledWorkflow(
         workflow,
         _compile(("starts",), workflow.starts, WORKFLOW_VARIABLES),
@@ -155,9 +148,8 @@ def load_rules(path: Path) -> Rulebook:
     """
     document, rule_set = read_rule_set(path)
     rules, workflows = compile_rule_set(document, rule_set)
-    sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
     seal = seal_of(path, rule_set)
-    return Rulebook(rule_set.name, sha256, rules, workflows, seal, rule_set=rule_set)
+    return Rulebook(rule_set.name, document.sha256, rules, workflows, seal, rule_set=rule_set)
 
 
 def read_rule_set(path: Path) -> tuple[Document, RuleSet]:

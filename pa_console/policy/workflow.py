@@ -82,7 +82,7 @@ class WorkflowRun:
     def command(self) -> str:
         """Return the current phase's mission with the names put in, empty when it is over."""
         phase = self.current
-        return "" if phase is None else phase.command.format(track=self.track, gate=self.gate)
+        return "" if phase is None else phase.mission(self.track, self.gate)
 
     def advance(self, now: Moment) -> list[Move]:
         """Take in the next moment: go past every phase that is done or does not apply, then end.

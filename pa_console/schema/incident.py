@@ -177,15 +177,16 @@ def unknown_name(incident: Incident, world: World) -> tuple[str, str]:
 
     A scenario's own handles of tracks are not names of the world.
     """
-    sensors = (*world.assets, *world.cameras)
-    known: dict[str, tuple[str, ...]] = {
-        "asset": tuple(world.assets),
-        "gate": world.gates,
-        "frame": tuple(world.frames),
-        "sensor": sensors,
-    }
-    for field, names in known.items():
+    for field in ("asset", "gate", "frame", "sensor"):
         value = getattr(incident, field, None)
-        if value is not None and value not in names:
+        if value is None:
+            continue
+        names = {
+            "asset": world.assets,
+            "gate": world.gates,
+            "frame": world.frames,
+            "sensor": world.assets | world.cameras,
+        }[field]
+        if value not in names:
             return field, f"there is no {field} {value!r} in this world; known: {', '.join(names)}"
     return "", ""

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, StringConstraints, Tag, model_validator
 
 from pa_console.schema.base import Name, Positive, StrictModel
 from pa_console.schema.incident import Incident
@@ -12,11 +12,15 @@ Expectation = Literal["execute", "trim", "refuse", "either"]
 """What is right: carry it out; carry out a part; order nothing but hold and report; any of it."""
 
 
+Success = Annotated[str, StringConstraints(max_length=1000)]
+"""A success condition: short, so that no file holds more than a parser can take."""
+
+
 class GeneratedWorld(StrictModel):
     """A world of the generator; equal numbers give equal worlds."""
 
-    gates: int = Field(ge=1)
-    assets: int = Field(ge=1)
+    gates: int = Field(ge=1, le=64)
+    assets: int = Field(ge=1, le=1000)
     seed: int = 0
 
 
@@ -46,7 +50,7 @@ class MissionCase(StrictModel):
     command: str = Field(min_length=1, max_length=MAX_MISSION_TEXT)
     world: str = Field(default="", description="a key of the set's `worlds`; empty: the set's own")
     setup: tuple[Incident, ...] = ()
-    success: tuple[str, ...] = Field(default=(), description="CEL over the finished run")
+    success: tuple[Success, ...] = Field(default=(), description="CEL over the finished run")
     expect: Expectation = "either"
     tags: tuple[str, ...] = ()
     watch_s: Positive = Field(
@@ -60,7 +64,9 @@ class MissionSet(StrictModel):
     name: Name
     source: str = ""
     worlds: dict[Name, NamedWorld] = Field(
-        default={}, description="other worlds, by the name that missions give as `world`"
+        default={},
+        max_length=16,
+        description="other worlds, by the name that missions give as `world`",
     )
     missions: tuple[MissionCase, ...] = Field(min_length=1)
 

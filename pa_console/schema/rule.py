@@ -1,8 +1,9 @@
 """Operational policy as data: rules, their checks and their examples (paper, Appendix B)."""
 
+import re
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import AfterValidator, Field, StringConstraints, model_validator
 
 from pa_console.schema.base import Positive, StrictModel
 from pa_console.schema.plan import Verb
@@ -10,6 +11,8 @@ from pa_console.schema.plan import Verb
 Domain = Literal["ROE", "WF", "CAP"]
 Priority = Literal["critical", "high", "medium"]
 PRIORITIES: tuple[Priority, ...] = ("critical", "high", "medium")
+PLACEHOLDER = re.compile(r"\{(track|gate)\}")
+"""What is put into the mission of a workflow's phase."""
 Version = Annotated[str, StringConstraints(pattern=r"^([A-Za-z0-9][A-Za-z0-9._+-]{0,31})?$")]
 """The version of a rule set, in quotes where it looks like a number; empty for none."""
 
@@ -112,6 +115,18 @@ class Rule(StrictModel):
         return self
 
 
+def _only_placeholders(command: str) -> str:
+    """Refuse a brace that is not that of a plain placeholder: none can format or look inside."""
+    rest = PLACEHOLDER.sub("", command)
+    if "{" in rest or "}" in rest:
+        begun = re.search(r"\{[^}]{0,20}|\}", rest)
+        raise ValueError(
+            "only {track} and {gate} can be put in, written just so; change or take out "
+            f"{begun[0] if begun is not None else rest[:20]!r}"
+        )
+    return command
+
+
 class Phase(StrictModel):
     """One step of a workflow: planned, checked, judged and approved on its own.
 
@@ -121,10 +136,16 @@ class Phase(StrictModel):
     """
 
     name: str
-    command: str = Field(min_length=1, description="its mission; {track} and {gate} are put in")
+    command: Annotated[str, AfterValidator(_only_placeholders)] = Field(
+        min_length=1, description="its mission; {track} and {gate} are put in"
+    )
     verbs: tuple[Verb, ...] = ()
     when: str = "true"
     done: str
+
+    def mission(self, track: str, gate: str) -> str:
+        """Return its command with the two names put in as they are."""
+        return PLACEHOLDER.sub(lambda found: track if found[1] == "track" else gate, self.command)
 
 
 class Workflow(StrictModel):

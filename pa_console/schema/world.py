@@ -8,6 +8,10 @@ from pa_console.schema.base import Name, NonNegative, Percent, Point, Positive, 
 
 AssetKind = Literal["uav", "ugv", "robot"]
 LostLink = Literal["hold", "return_to_base"]
+MOST_POINTS = 100
+"""A line or a polygon has at most so many."""
+MOST_CORNERS = 1000
+"""Of perimeter, zones and walls together, four a wall: routes are planned round them."""
 
 
 class Frame(StrictModel):
@@ -30,14 +34,14 @@ class Lane(StrictModel):
     """A road outside the perimeter that leads vehicles to a gate, far end first."""
 
     gate: Name
-    points: tuple[Point, ...] = Field(min_length=2)
+    points: tuple[Point, ...] = Field(min_length=2, max_length=MOST_POINTS)
 
 
 class Zone(StrictModel):
     """A polygon with a meaning; a restricted zone may be entered on a verified threat (ROE-07)."""
 
     kind: Literal["restricted"]
-    polygon: tuple[Point, ...] = Field(min_length=3)
+    polygon: tuple[Point, ...] = Field(min_length=3, max_length=MOST_POINTS)
 
 
 class Sensing(StrictModel):
@@ -107,14 +111,14 @@ class World(StrictModel):
     stale_s: Positive = Field(default=3.0, description="older values count as unknown")
     link_lost_s: Positive = Field(default=6.0, description="silent this long, a link is lost")
     radio: Radio = Radio()
-    perimeter: tuple[Point, ...] = Field(min_length=3)
-    walls: tuple[Wall, ...] = ()
-    frames: dict[Name, Frame]
-    lanes: dict[Name, Lane] = {}
-    zones: dict[Name, Zone] = {}
-    cameras: dict[Name, Camera] = {}
+    perimeter: tuple[Point, ...] = Field(min_length=3, max_length=MOST_POINTS)
+    walls: tuple[Wall, ...] = Field(default=(), max_length=200)
+    frames: dict[Name, Frame] = Field(max_length=150)
+    lanes: dict[Name, Lane] = Field(default={}, max_length=150)
+    zones: dict[Name, Zone] = Field(default={}, max_length=100)
+    cameras: dict[Name, Camera] = Field(default={}, max_length=150)
     platforms: dict[AssetKind, Platform]
-    assets: dict[Name, AssetSpec]
+    assets: dict[Name, AssetSpec] = Field(max_length=2000)
 
     @property
     def gates(self) -> tuple[str, ...]:
@@ -134,11 +138,20 @@ class World(StrictModel):
             raise ValueError("frames: exactly one frame must have kind 'base'")
         if not self.assets:
             raise ValueError("assets: at least one asset is needed")
+        zones = sum(len(zone.polygon) for zone in self.zones.values())
+        if len(self.perimeter) + zones + 4 * len(self.walls) > MOST_CORNERS:
+            raise ValueError(
+                f"perimeter, zones and walls: more than {MOST_CORNERS} corners together, "
+                "four a wall; draw fewer"
+            )
+        if sum(len(lane.points) for lane in self.lanes.values()) > MOST_CORNERS:
+            raise ValueError(f"lanes: more than {MOST_CORNERS} points together; draw fewer")
+        gates = frozenset(self.gates)
         for name, lane in self.lanes.items():
-            if lane.gate not in self.gates:
+            if lane.gate not in gates:
                 raise ValueError(f"lanes.{name}.gate: {lane.gate!r} is not a gate frame")
         for name, camera in self.cameras.items():
-            if camera.gate not in self.gates:
+            if camera.gate not in gates:
                 raise ValueError(f"cameras.{name}.gate: {camera.gate!r} is not a gate frame")
             if name in self.assets:
                 raise ValueError(f"cameras.{name}: an asset has the same name")

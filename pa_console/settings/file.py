@@ -9,7 +9,7 @@ from typing import cast
 
 import yaml
 
-from pa_console.schema.document import Document, DocumentError
+from pa_console.schema.document import Document, DocumentError, read_text
 
 HEAD = "# Settings of PA Console; `pa-console settings show` tells what there is to choose.\n"
 
@@ -21,14 +21,15 @@ def save_setting(path: Path, name: str, value: object) -> None:
     be read as YAML, OSError when it cannot be written.
     """
     path = path.resolve()  # a link to the file stays one
-    text = path.read_text(encoding="utf-8") if path.exists() else HEAD
+    text = read_text(path) if path.exists() else HEAD
     write_atomically(path, changed_text(str(path), text, name, value))
 
 
 def changed_text(source: str, text: str, name: str, value: object) -> str:
     """Return the settings file `text` with `name: value` in it, or without it when that is None.
 
-    `source` names the file in the DocumentError that is raised when `text` is no such file.
+    `source` names the file in the DocumentError that is raised when `text` is no such file, or
+    would be none with that value in it.
     """
     document = Document(source, text)
     if not isinstance(document.value, dict | None):
@@ -36,16 +37,18 @@ def changed_text(source: str, text: str, name: str, value: object) -> str:
     wanted = {**cast(dict[str, object], document.value or {}), name: value}
     if value is None:
         del wanted[name]
-    changed = _edited(text, name, value)
+    changed = _edited(document, text, name, value)
     if _says(changed, wanted):
         return changed
-    return HEAD + (yaml.safe_dump(wanted, sort_keys=False) if wanted else "")
+    whole = HEAD + (yaml.safe_dump(wanted, sort_keys=False) if wanted else "")
+    Document(source, whole)  # what could not be read again is not written
+    return whole
 
 
-def _edited(text: str, name: str, value: object) -> str:
+def _edited(document: Document, text: str, name: str, value: object) -> str:
     """Return `text` with the lines of the top-level field `name` replaced, added or taken out."""
     line = "" if value is None else yaml.safe_dump({name: value}, sort_keys=False)
-    root = yaml.compose(text, Loader=yaml.SafeLoader)
+    root = document.root
     if isinstance(root, yaml.MappingNode):
         for key, below in root.value:
             if key.value == name:

@@ -34,10 +34,13 @@ class LaneLine:
 
     def first_within(self, distance_m: float) -> float:
         """Return the metres travelled when first within `distance_m` of the gate's frame."""
-        for index in range(math.ceil(self.length_m / _SEARCH_STEP_M) + 1):
+        index, last = 0, math.ceil(self.length_m / _SEARCH_STEP_M)
+        while index <= last:
             travelled = min(index * _SEARCH_STEP_M, self.length_m)
-            if math.dist(self.locate(travelled)[0], self._gate) <= distance_m + 1e-9:
+            far = math.dist(self.locate(travelled)[0], self._gate) - distance_m - 1e-9
+            if far <= 0.0:
                 return travelled
+            index += max(1, int((far - 1e-6) / _SEARCH_STEP_M))  # a metre brings it a metre nearer
         return self.length_m
 
     def locate(self, travelled_m: float) -> tuple[Point, float]:

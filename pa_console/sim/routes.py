@@ -1,5 +1,8 @@
 """Plans routes round walls and restricted zones over visibility graphs (CAP-09, ROE-07)."""
 
+from collections.abc import Sequence
+from functools import cached_property
+
 import networkx as nx
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +25,10 @@ Floats = npt.NDArray[np.float64]
 
 
 class Area:
-    """One connected or broken piece of free ground, with the shortest ways between its corners."""
+    """One connected or broken piece of free ground, with the shortest ways between its corners.
+
+    The ways are found when the first one is asked for: a world can be read without them.
+    """
 
     def __init__(self, free: BaseGeometry) -> None:
         """Prepare `free` (a polygon or several, metres) for many queries."""
@@ -30,24 +36,14 @@ class Area:
         self._tolerant = free.buffer(_TOLERANCE_M)
         shapely.prepare(self._tolerant)
         self._nodes = _corners(free)
-        count = len(self._nodes)
-        first, second = np.triu_indices(count, k=1)
-        seen = self._sees(self._nodes[first], self._nodes[second])
-        lengths = np.linalg.norm(self._nodes[first] - self._nodes[second], axis=1)
-        graph: nx.Graph[int] = nx.Graph()
-        graph.add_nodes_from(range(count))
-        seen_lists = (part[seen].tolist() for part in (first, second, lengths))
-        graph.add_weighted_edges_from(zip(*seen_lists, strict=True))
-        self._edge: Floats = np.full((count, count), np.inf)
-        self._edge[first[seen], second[seen]] = lengths[seen]
-        self._edge[second[seen], first[seen]] = lengths[seen]
-        self._least: Floats = (
-            np.asarray(nx.floyd_warshall_numpy(graph)) if count else np.zeros((0, 0))
-        )
 
     def contains(self, x: float, y: float) -> bool:
         """Return whether the point is free."""
         return bool(shapely.contains_xy(self._tolerant, x, y))
+
+    def contains_all(self, points: Sequence[Point]) -> npt.NDArray[np.bool_]:
+        """Return of each of the (n) points whether it is free."""
+        return np.atleast_1d(shapely.contains_xy(self._tolerant, np.array(points)))
 
     def path(self, start: Point, target: Point) -> Route | None:
         """Return the shortest waypoints after `start` up to `target`, None when there is no way.
@@ -67,15 +63,33 @@ class Area:
         way = self._corner_path(ends[0], ends[1])
         return None if way is None else (*lead, *way, target)
 
+    @cached_property
+    def _ways(self) -> tuple[Floats, Floats]:
+        """The (n, n) lengths of the straight lines between corners, and of the shortest ways."""
+        count = len(self._nodes)
+        first, second = np.triu_indices(count, k=1)
+        seen = self._sees(self._nodes[first], self._nodes[second])
+        lengths = np.linalg.norm(self._nodes[first] - self._nodes[second], axis=1)
+        graph: nx.Graph[int] = nx.Graph()
+        graph.add_nodes_from(range(count))
+        seen_lists = (part[seen].tolist() for part in (first, second, lengths))
+        graph.add_weighted_edges_from(zip(*seen_lists, strict=True))
+        edge: Floats = np.full((count, count), np.inf)
+        edge[first[seen], second[seen]] = lengths[seen]
+        edge[second[seen], first[seen]] = lengths[seen]
+        least = np.asarray(nx.floyd_warshall_numpy(graph)) if count else np.zeros((0, 0))
+        return edge, least
+
     def _corner_path(self, start: Floats, target: Floats) -> Route | None:
+        edge, least = self._ways
         out, into = self._reach(start), self._reach(target)
-        total = out[:, None] + self._least + into[None, :]
+        total = out[:, None] + least + into[None, :]
         if not total.size or not np.isfinite(total.min()):
             return None
         here, last = (int(index) for index in np.unravel_index(int(total.argmin()), total.shape))
         way = [here]
         while here != last:
-            here = int((self._edge[here] + self._least[:, last]).argmin())
+            here = int((edge[here] + least[:, last]).argmin())
             way.append(here)
         return tuple((float(self._nodes[i, 0]), float(self._nodes[i, 1])) for i in way)
 

@@ -66,13 +66,13 @@ def scenario_problems(scenario: Scenario, world: World) -> Iterator[Problem]:
     yield from _spawned_twice(scenario)
     yield from _never(scenario)
     spawned = {incident.name for _, incident in _incidents(scenario) if incident.kind == "spawn"}
+    with_lane = sorted({lane.gate for lane in world.lanes.values()})
     for field, incident in _incidents(scenario):
         missing, remedy = unknown_name(incident, world)
         if missing:
             yield (*field, missing), remedy
         match incident:
             case SpawnTrack(gate=gate) | FalseContact(gate=gate):
-                with_lane = sorted({lane.gate for lane in world.lanes.values()})
                 if not missing and gate not in with_lane:
                     known = ", ".join(with_lane) or "none"
                     yield (
@@ -139,11 +139,17 @@ def _never(scenario: Scenario) -> Iterator[Problem]:
             case _:
                 return None
 
+    followed: set[int] = set()
+    waiting: set[int] = set()
     for index in range(len(scenario.events)):
-        seen: set[int] = set()
+        way: dict[int, None] = {}
         step: int | None = index
-        while step is not None and step not in seen:
-            seen.add(step)
+        while step is not None and step not in followed:
+            followed.add(step)
+            way[step] = None
             step = awaited(step)
-        if step == index:
-            yield ("events", index, "when"), "it waits for itself and can never happen"
+        if step in way:
+            steps = list(way)
+            waiting.update(steps[steps.index(step) :])
+    for index in sorted(waiting):
+        yield ("events", index, "when"), "it waits for itself and can never happen"

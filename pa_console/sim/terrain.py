@@ -110,10 +110,13 @@ class Terrain:
             if math.dist((x, y), spec.at) <= reach
             and all(math.dist((x, y), wait) >= standoff for wait in waits)
         ]
+        if not grid:
+            return []
+        free = area.contains_all(grid)
+        if inside:
+            free &= shapely.intersects_xy(self._perimeter, *zip(*grid, strict=True))
         points = [
-            (round(x, 6), round(y, 6))
-            for x, y in grid
-            if area.contains(x, y) and (not inside or shapely.intersects_xy(self._perimeter, x, y))
+            (round(x, 6), round(y, 6)) for (x, y), here in zip(grid, free, strict=True) if here
         ]
         return sorted(points, key=lambda p: (round(math.dist(p, spec.at), 6), p))
 

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
+import numpy.typing as npt
 import shapely
 from shapely.geometry import LineString, Polygon
 
@@ -18,7 +20,12 @@ from pa_console.sim.terrain import Terrain
 LARGEST_M = 5000.0
 """Coordinates are within this of the origin, metres."""
 
+MOST_FRAME_M2 = 40_000.0
+"""The squares of all frames' radii together, m²: four frames of the largest size."""
+
 Problem = tuple[FieldPath, str]
+Floats = npt.NDArray[np.float64]
+Lines = npt.NDArray[np.object_]
 
 
 def load_world(path: Path) -> World:
@@ -32,12 +39,21 @@ def load_world(path: Path) -> World:
 
 def geometry_problems(world: World) -> Iterator[Problem]:
     """Yield (field, what is wrong and what to do) for everything that cannot be simulated."""
-    yield from _sizes(world)
-    yield from _polygons(world)
-    yield from _walls(world)
-    yield from _frames(world)
-    yield from _lanes(world)
-    yield from _posts(world)
+    standing = True
+    for source in (_sizes, _polygons, _walls):
+        for problem in source(world):
+            standing = False
+            yield problem
+    walls: Lines = np.array(
+        [LineString((wall.start, wall.end)) for wall in world.walls], dtype=object
+    )
+    thick = np.array([wall.thickness_m / 2 for wall in world.walls])
+    yield from _frames(world, walls, thick)
+    for problem in _lanes(world, walls, thick):
+        standing = False
+        yield problem
+    if standing:
+        yield from _posts(world)
 
 
 def _sizes(world: World) -> Iterator[Problem]:
@@ -66,6 +82,10 @@ def _sizes(world: World) -> Iterator[Problem]:
     for field, points in _all_points(world):
         for point in points:
             limits += [(field, value, -LARGEST_M, LARGEST_M) for value in point]
+    squares = sum(frame.radius_m**2 for frame in world.frames.values())
+    if squares > MOST_FRAME_M2:
+        problem = f"their radii are too large together: the sum of the squares is {squares:g} m²"
+        yield ("frames",), f"{problem}, it must be at most {MOST_FRAME_M2:g} m²"
     for field, value, least, most in limits:
         if not least <= value <= most:
             yield field, f"{value:g} is out of range; it must be from {least:g} to {most:g}"
@@ -100,14 +120,13 @@ def _walls(world: World) -> Iterator[Problem]:
             yield ("walls", index, "end"), "start and end are the same point"
 
 
-def _frames(world: World) -> Iterator[Problem]:
+def _frames(world: World, walls: Lines, thick: Floats) -> Iterator[Problem]:
     """Frames must be where a ground asset can stand, and apart, or `at` would be ambiguous."""
     ground = [p.radius_m for kind, p in world.platforms.items() if kind != "uav"]
     widest = max(ground, default=0.0)
     for name, frame in world.frames.items():
-        for index, wall in enumerate(world.walls):
-            line = LineString((wall.start, wall.end))
-            gap = line.distance(shapely.Point(frame.at)) - wall.thickness_m / 2
+        gaps = shapely.distance(walls, shapely.Point(frame.at)) - thick
+        for index, gap in enumerate(gaps.tolist()):
             if gap < widest:
                 yield (
                     ("frames", name, "at"),
@@ -125,7 +144,7 @@ def _frames(world: World) -> Iterator[Problem]:
                 )
 
 
-def _lanes(world: World) -> Iterator[Problem]:
+def _lanes(world: World, walls: Lines, thick: Floats) -> Iterator[Problem]:
     """A lane must lead to where tracks wait for its gate, on open ground."""
     reach = waiting_distance(world)
     for name, lane in world.lanes.items():
@@ -139,15 +158,12 @@ def _lanes(world: World) -> Iterator[Problem]:
                 ("lanes", name, "points"),
                 f"it ends {gap:.1f} m from {lane.gate}; its last point must be within {reach:g} m",
             )
-        for index, wall in enumerate(world.walls):
-            if line.distance(LineString((wall.start, wall.end))) < wall.thickness_m / 2:
-                yield ("lanes", name, "points"), f"it runs through walls.{index}"
+        for index in np.flatnonzero(shapely.distance(walls, line) < thick).tolist():
+            yield ("lanes", name, "points"), f"it runs through walls.{index}"
 
 
 def _posts(world: World) -> Iterator[Problem]:
     """There must be a standing place for every asset at the frame where it starts."""
-    if any(True for source in (_sizes, _polygons, _walls, _lanes) for _ in source(world)):
-        return
     terrain = Terrain(world)
     posted = Counter((spec.post, spec.kind == "uav") for spec in world.assets.values())
     for name, spec in world.assets.items():

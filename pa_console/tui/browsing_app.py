@@ -4,6 +4,7 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
+from pa_console.schema.visible import visible
 from pa_console.schema.world import World
 from pa_console.session.replay import Player
 from pa_console.tui.export import export_folder, plan_text, trace_text, write_copy
@@ -179,6 +180,6 @@ class BrowsingApp(SessionApp):
             self._copy("plan", f"{trace.mission.id}-plan.json", plan_text(trace))
 
     def _copy(self, what: str, file: str, text: str) -> None:
-        self.copy_to_clipboard(text)
+        self.copy_to_clipboard(visible(text))
         where = write_copy(self._copies or export_folder(), file, text)
         self.tell(f"{where}, and sent to the terminal's clipboard", f"Copied the {what}")

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from pa_console.schema.visible import visible
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.screens.plan_editor import plan_json
 from pa_console.tui.trace.planning import Rules
@@ -37,7 +38,7 @@ def write_copy(folder: Path, name: str, text: str) -> str:
     path = folder / name
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+        path.write_text(visible(text), encoding="utf-8")
     except OSError as error:
         return f"not written to a file: {error.strerror or error}"
     return f"written to {path}"

@@ -15,6 +15,8 @@ from typing import Any
 from textual.app import SuspendNotSupported
 from textual.screen import Screen
 
+from pa_console.schema.document import DocumentError, read_text
+
 NO_EDITOR = "set VISUAL or EDITOR to the command of your editor"
 
 
@@ -54,8 +56,8 @@ async def edit_outside(screen: Screen[Any], command: list[str], text: str) -> st
         if code != 0:
             raise ValueError(f"{command[0]} ended with code {code}: the draft is as it was")
         try:
-            return file.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
+            return read_text(file)
+        except DocumentError as error:
             raise ValueError(f"what the editor left cannot be read: {error}") from error
 
 

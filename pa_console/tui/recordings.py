@@ -1,6 +1,7 @@
 """Opens a session log to be looked at or compared, with the world and the rules that it names."""
 
 import hashlib
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, Self
@@ -10,7 +11,7 @@ from pa_console.orchestrator.compose import open_world
 from pa_console.orchestrator.session_site import SessionSites
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data
-from pa_console.schema.document import DocumentError
+from pa_console.schema.document import DocumentError, read_bytes
 from pa_console.schema.event import SessionStarted
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
@@ -142,7 +143,8 @@ def _rules(player: Player, started: SessionStarted) -> tuple[dict[str, Rule], li
 def _world(started: SessionStarted, folder: Path | None) -> World | None:
     """Return the world of a session: the file with its hash below `folder`, else by its name."""
     for file in sorted(folder.glob("**/world.yaml")) if folder is not None else ():
-        if hashlib.sha256(file.read_bytes()).hexdigest() == started.world_sha256:
-            return open_world(str(file))[0]
+        with suppress(DocumentError):
+            if hashlib.sha256(read_bytes(file)).hexdigest() == started.world_sha256:
+                return open_world(str(file))[0]
     installed = find_data("worlds", started.world, "world.yaml")
     return open_world(str(installed))[0] if installed.is_file() else None

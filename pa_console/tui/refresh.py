@@ -1,5 +1,6 @@
 """Which panes an event concerns, so that the others are left alone."""
 
+from textual.content import Content
 from textual.widget import Widget
 
 FRAME_S = 0.12
@@ -34,6 +35,7 @@ def views_of(kind: str) -> frozenset[str]:
 
 
 def retitle(pane: Widget, title: str) -> None:
-    """Give `pane` another title; the same one again, which would paint all of it, does nothing."""
-    if pane.border_title != title:
-        pane.border_title = title
+    """Give `pane` another title, no markup; the same one again paints nothing."""
+    content = Content(title)
+    if pane.border_title != content.markup:
+        pane.border_title = content

@@ -2,8 +2,10 @@
 
 import asyncio
 import time
+from collections.abc import Sequence
 
 from textual.app import App
+from textual.filter import LineFilter
 from textual.message import Message
 from textual.widgets import Input, TextArea
 
@@ -12,6 +14,7 @@ from pa_console.schema.world import World
 from pa_console.session.fold import SessionState
 from pa_console.session.replay import Player
 from pa_console.tui.actions import Situation, find_action
+from pa_console.tui.plain_console import PlainConsole
 from pa_console.tui.ports import (
     Clock,
     LogSink,
@@ -22,6 +25,7 @@ from pa_console.tui.ports import (
 from pa_console.tui.refresh import ALL_VIEWS, FRAME_S, views_of
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.screens.recording import RecordingScreen
+from pa_console.tui.visible_lines import VisibleLines
 
 LOOK_S = 1.0
 """How often the age of the telemetry is looked at, in wall seconds."""
@@ -58,6 +62,8 @@ class SessionApp(App[None]):
     ) -> None:
         """A live console needs `station`, a replay `player`; `clock` is replaced in tests."""
         super().__init__()
+        self.error_console = PlainConsole(stderr=True)
+        self._visible_lines = VisibleLines()
         self.world, self.station, self.player = world, station, player
         self.rulebook, self.retriever, self.log_sink = rulebook, retriever, log
         self.readonly, self.clock = readonly, clock
@@ -69,6 +75,10 @@ class SessionApp(App[None]):
         self._last_telemetry = clock()
         self._situation = Situation()
         self._waited = False
+
+    def get_line_filters(self) -> Sequence[LineFilter]:
+        """Let every line of every widget, screen and picture go through the last gate."""
+        return [*super().get_line_filters(), self._visible_lines]
 
     @property
     def state(self) -> SessionState:

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.schema.document import DocumentError
+from pa_console.schema.visible import obeyed
 from pa_console.settings import file as settings_file
 from pa_console.settings.file import changed_text, reset_settings, save_setting
 
@@ -20,9 +21,11 @@ keys:
 speed: 2
 """
 NAMES = st.sampled_from(("theme", "speed", "mouse", "keys", "logs"))
+WORDS = st.text(st.characters().filter(lambda character: not obeyed(character)))
 VALUES = st.one_of(
-    st.none(), st.booleans(), st.floats(allow_nan=False), st.text(), st.integers(),
-    st.dictionaries(st.text(min_size=1), st.text(), min_size=1, max_size=3),
+    st.none(), st.booleans(), st.floats(allow_nan=False), WORDS,
+    st.integers(-(10**60), 10**60),
+    st.dictionaries(WORDS.filter(bool), WORDS, min_size=1, max_size=3),
 )  # fmt: skip
 
 
@@ -76,6 +79,13 @@ def test_a_file_that_is_no_yaml_is_not_touched(mine: Path) -> None:
     with pytest.raises(DocumentError):
         save_setting(mine, "theme", "nord")
     assert mine.read_text() == "theme: ["
+
+
+@pytest.mark.parametrize("value", ["nord\x1b]52;c;eA==\x07", "\u202edron", 10**70])
+def test_what_could_not_be_read_again_is_not_saved(mine: Path, value: object) -> None:
+    with pytest.raises(DocumentError):
+        save_setting(mine, "theme", value)
+    assert mine.read_text() == MINE
 
 
 def test_a_disk_that_refuses_leaves_the_old_file_and_nothing_else(

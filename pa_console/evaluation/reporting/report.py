@@ -15,6 +15,7 @@ from pa_console.evaluation.reporting.record_groups import needless_refusal
 from pa_console.evaluation.reporting.report_text import DEFINITIONS, facts, notes
 from pa_console.evaluation.reporting.table import Table, seconds
 from pa_console.evaluation.reporting.tables import build_sections
+from pa_console.schema.visible import visible
 
 MARKDOWN, PAGE, FIGURES = "report.md", "report.html", "figures"
 
@@ -86,7 +87,7 @@ def write_report(folder: Path, records: Sequence[RunRecord], about: Mapping[str,
     environment.filters["cell"] = markdown_cell
     for name in (MARKDOWN, PAGE):
         text = environment.get_template(f"{name}.jinja").render(content)
-        (folder / name).write_text(text, encoding="utf-8", newline="\n")
+        (folder / name).write_text(visible(text), encoding="utf-8", newline="\n")
 
 
 def markdown_cell(text: str) -> str:

@@ -90,4 +90,4 @@ class AssetPane(Vertical):
             title += f"  ▲ {count.problems} of {count.total} {verb} an eye"
         if self._text:
             title += f"  filter “{self._text}”: {count.shown} of {count.total}, Esc clears"
-        retitle(self, title.replace("[", r"\["))
+        retitle(self, title)

@@ -1,0 +1,69 @@
+r"""Characters that a terminal obeys instead of showing, and how text with them is shown.
+
+An escape sequence in a rule's text can fill the clipboard; a bidirectional control can turn "do not
+hold" round; a tag character says something that nobody sees. They are the control characters (C0,
+DEL, C1), everything that Unicode calls a format character (bidirectional, zero-width, tags), lone
+surrogates, and the line and paragraph separators. Wherever text leaves the program each of them is
+written as its escape: `\x1b`, `\u202e`, `\U000e0041`. The log keeps the true text.
+"""
+
+import json
+import re
+import unicodedata
+
+_FORMAT = (
+    "\u00ad\u0600-\u0605\u061c\u06dd\u070f\u0890-\u0891\u08e2\u180b-\u180f\u200b-\u200f\u2028-\u202e"
+    "\u2060-\u206f\ufe00-\ufe0e\ufeff\ufff0-\ufffb"
+    "\U000110bd\U000110cd\U00013430-\U0001343f\U0001bca0-\U0001bca3\U0001d173-\U0001d17a"
+    "\U000e0000-\U000e0fff"
+)
+_UNSEEN = re.compile(f"[\x00-\x08\x0b-\x1f\x7f-\x9f{_FORMAT}\ud800-\udfff]")
+_OBEYED = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff"
+    "\U000e0000-\U000e007f]"
+)
+
+
+def visible(text: str) -> str:
+    """Return `text` with every character that would be obeyed or not be seen as its escape.
+
+    Line feeds and tabs stay: they are layout.
+    """
+    return text if _UNSEEN.search(text) is None else _UNSEEN.sub(_escape, text)
+
+
+def visible_line(text: str) -> str:
+    r"""Return `text` likewise where it has to stay on one line: line feeds are `\n`, tabs `\t`."""
+    return visible(text).replace("\n", r"\n").replace("\t", r"\t")
+
+
+def visible_json(document: str) -> str:
+    """Return a JSON `document` that means the same and holds no such character, laid out as it is.
+
+    JSON has its own escapes for them, so who parses it reads the true text.
+    """
+    return document if _UNSEEN.search(document) is None else _UNSEEN.sub(_json_escape, document)
+
+
+def obeyed(text: str) -> str:
+    """Return the name of the first character of `text` that no file may hold, '' if none does.
+
+    They are those that move a cursor, change a terminal or turn the order of reading; zero-width
+    characters are letters' joiners in some languages, and are only shown.
+    """
+    found = _OBEYED.search(text)
+    if found is None:
+        return ""
+    name = unicodedata.name(found[0], "a control character")
+    return f"U+{ord(found[0]):04X} ({name.lower()})"
+
+
+def _json_escape(found: re.Match[str]) -> str:
+    return json.dumps(found[0])[1:-1] if ord(found[0]) != 0x7F else "\\u007f"
+
+
+def _escape(found: re.Match[str]) -> str:
+    code = ord(found[0])
+    if code <= 0xFF:
+        return f"\\x{code:02x}"
+    return f"\\u{code:04x}" if code <= 0xFFFF else f"\\U{code:08x}"
