@@ -2,7 +2,7 @@
 
 import os
 import sys
-from typing import TextIO
+from typing import IO, Any
 
 
 def open_closed_streams() -> None:
@@ -27,7 +27,7 @@ def require_keys(instead: str) -> None:
         raise ValueError(f"standard input is no terminal, no key would arrive; {instead}")
 
 
-def _open_on_nothing(number: int, mode: str) -> TextIO:
+def _open_on_nothing(number: int, mode: str) -> IO[Any]:
     """Return a stream on the null device: as descriptor `number`, unless a file is there by now."""
     opened = os.open(os.devnull, os.O_RDONLY if mode == "r" else os.O_WRONLY)
     os.set_inheritable(opened, opened == number)

@@ -281,9 +281,13 @@ async def test_a_process_that_says_more_than_it_was_asked_for_is_ended(
 ) -> None:
     monkeypatch.setattr("pa_console.llm.process.COMMAND", ("-c", script))
     ended: list[str] = []
+
+    def never_ready(_n_ctx: int, _description: str) -> None:
+        raise AssertionError
+
     weights = PinnedFile(path=str(tiny.path), sha256=tiny.sha256)
     load = Load(weights=weights, chat="chatml", n_ctx=512, threads=1)
-    worker = await Worker.spawn(load, lambda *_: None, ended.append)
+    worker = await Worker.spawn(load, never_ready, ended.append)
     try:
         assert await asyncio.wait_for(worker.ready, 300) is False
         assert ended == [""]

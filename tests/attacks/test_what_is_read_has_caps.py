@@ -51,7 +51,7 @@ def brought(monkeypatch: pytest.MonkeyPatch, unpacked: int) -> None:
     def download(_requirement: str, incoming: Path, *_: object) -> None:
         wheel = incoming / "bomb-1.0-py3-none-any.whl"
         with ZipFile(wheel, "w", ZIP_DEFLATED) as archive, archive.open(MEMBER, "w") as member:
-            for _ in range(unpacked // MIB):
+            for _mebibyte in range(unpacked // MIB):
                 member.write(bytes(MIB))
 
     monkeypatch.setattr(fetch_packages, "_download", download)
