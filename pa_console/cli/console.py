@@ -17,6 +17,7 @@ from pa_console.cli.output import (
     WorldOption,
     out,
 )
+from pa_console.cli.streams import require_keys
 from pa_console.llm.catalog import find_model
 from pa_console.llm.engine import Engine
 from pa_console.session.chain import LogError
@@ -85,6 +86,7 @@ def console(
         respond=alarms,
         watch=watch,
     )
+    require_keys("use 'pa-console mission' in scripts")
     station.rate = settings.values.speed
     path = new_log_path(settings.values.logs or default_folder(), station.session)
 

@@ -7,6 +7,7 @@ from rich.table import Table
 from rich.text import Text
 
 from pa_console.cli.doctor_checks import Check, check_build_tools, check_libraries, check_python
+from pa_console.cli.doctor_model import check_confinement
 from pa_console.cli.doctor_places import (
     check_folders,
     check_model,
@@ -43,6 +44,7 @@ def _checks() -> Iterator[Check]:
     loaded.export()
     yield settings
     yield from check_model(loaded.values.model)
+    yield check_confinement()
     yield from check_folders(loaded)
     yield from check_terminal()
 

@@ -9,9 +9,9 @@ from pathlib import Path
 from rich.console import Console
 
 from pa_console.cli.doctor_checks import Check
-from pa_console.llm.adapters import check_adapters
+from pa_console.cli.doctor_model import check_files
 from pa_console.llm.cache import cache_folder
-from pa_console.llm.catalog import Catalog, ModelEntry
+from pa_console.llm.catalog import Catalog
 from pa_console.llm.errors import ModelError
 from pa_console.llm.threads import physical_cores
 from pa_console.schema.document import DocumentError
@@ -54,30 +54,15 @@ def load_or_default() -> tuple[Loaded, Check]:
 
 
 def check_model(name: str) -> Iterator[Check]:
-    """Look whether the model `name` (empty: the default one) is here, its hash and its memory."""
+    """Look whether the model `name` (empty: the default one) is here, its hashes and its memory."""
     try:
         catalog = Catalog.load()
         entry = catalog.get(name or catalog.default)
     except (ModelError, DocumentError) as error:
         yield Check("model", "missing", str(error), "choose another: pa-console models list")
         return
-    yield _check_file(entry)
+    yield check_files(entry)
     yield check_memory(entry.size_mb)
-
-
-def _check_file(entry: ModelEntry) -> Check:
-    path, pull = entry.local_file, f"pa-console models pull {entry.name}"
-    if path is None:
-        return Check("model", "missing", f"{entry.name} is not here ({entry.size_mb} MB)", pull)
-    try:
-        entry.check(path)
-        check_adapters(entry.name, entry.adapters)
-    except (ModelError, OSError) as error:
-        return Check("model", "missing", str(error), f"rm '{path}'; {pull}")
-    if entry.sha256 is None:
-        what = f"{entry.name}: {path}; no hash is known that it could be held against"
-        return Check("model", "warning", what, "choose a model of the catalogue that has one")
-    return Check("model", "ok", f"{entry.name}: {path}, SHA-256 as pinned")
 
 
 def check_memory(model_mb: int, memory: Path = MEMORY) -> Check:

@@ -12,6 +12,7 @@ from typer.core import TyperGroup
 
 from pa_console import __version__
 from pa_console.cli.output import BAD_INPUT, FAILED, errors
+from pa_console.cli.streams import open_closed_streams
 from pa_console.cli.verbs import Verbs
 
 INTERRUPTED = 130
@@ -60,6 +61,7 @@ def _default(
 
 def main() -> None:
     """Run the command line; never lets a traceback reach the user."""
+    open_closed_streams()
     try:
         code = app(prog_name="pa-console", standalone_mode=False)
         if code == INTERRUPTED:

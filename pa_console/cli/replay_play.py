@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from pa_console.cli.output import errors
 from pa_console.cli.read_bar import read_recording
+from pa_console.cli.streams import require_keys
 from pa_console.orchestrator.compose import Site, load_site
 from pa_console.orchestrator.session_site import SessionSites
 from pa_console.resources import find_data
@@ -33,6 +34,7 @@ def run_console(
     from pa_console.policy.retriever import Retriever  # noqa: PLC0415 - only when it is shown
     from pa_console.session.replay import Player  # noqa: PLC0415
 
+    require_keys("use --verify or --compare in scripts")
     app = make(
         site.world,
         None,

@@ -17,6 +17,7 @@ from pa_console.llm.prepare import (
     Progress,
     Quantisation,
     Sha256,
+    find_pinned,
     prepare,
     prepared_path,
     silent,
@@ -37,8 +38,8 @@ class ModelEntry(StrictModel):
     """One model; `sha256` None means that no hash of it is known to be right.
 
     `prepare` names the type its weights are converted to after the download, or says that it is the
-    one that this machine is fastest with. Adapters learnt the compact prompts; a model without them
-    needs examples.
+    one that this machine is fastest with; `prepared` pins the hash that they have then. Adapters
+    learnt the compact prompts; a model without them needs examples.
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")
@@ -55,6 +56,9 @@ class ModelEntry(StrictModel):
     prepare: Quantisation | Literal["fastest"] | None = None
     vocabulary: int | None = Field(
         default=None, ge=1000, description="of the first so many pieces those in ASCII are kept"
+    )
+    prepared: dict[Quantisation, Sha256] = Field(
+        default={}, description="the SHA-256 of the prepared file of each type"
     )
     adapters: dict[Role, AdapterFile] = {}
     prompts: DialectName = "examples"
@@ -91,6 +95,16 @@ class ModelEntry(StrictModel):
         path = prepared_path(self.stem, self.how) if self.how else None
         return path if path is not None and path.is_file() else None
 
+    def pin(self, how: How | None) -> Sha256 | None:
+        """The SHA-256 that the catalogue pins for the file that is loaded; None when it has none.
+
+        What `how` makes is pinned by its type, and a file that is used as it is by its own hash.
+        """
+        if how is None:
+            return self.sha256
+        kind = how.quantisation
+        return self.prepared.get(kind) if kind and how.vocabulary == self.vocabulary else None
+
     def ready_file(self, path: Path, progress: Progress = silent) -> tuple[Path, str]:
         """Return the file to load for the fetched one at `path`, prepared if need be; its hash too.
 
@@ -109,11 +123,13 @@ class ModelEntry(StrictModel):
         return self._made(How(None, self.vocabulary), path, silent)[0]
 
     def _made(self, how: How | None, path: Path, progress: Progress) -> tuple[Path, str]:
-        digest = self.check(path)
         if how is None:
-            return path, digest
-        prepared = prepare(self.stem, how, path, digest, progress)
-        return prepared.path, prepared.sha256
+            return path, self.check(path)
+        pin = self.pin(how)
+        found = find_pinned(self.stem, how, pin) if pin else None
+        if found is None:
+            found = prepare(self.stem, how, path, self.check(path), progress, pin=pin)
+        return found.path, found.sha256
 
     def check(self, path: Path) -> str:
         """Return the SHA-256 of `path`; raises ModelError unless it is the pinned one."""

@@ -18,7 +18,17 @@ from pa_console.llm.errors import (
 )
 from pa_console.llm.model_info import ModelInfo
 from pa_console.llm.process import Worker
-from pa_console.llm.protocol import Cancel, Done, Finish, Generate, Load, Piece, Refused, Texts
+from pa_console.llm.protocol import (
+    Cancel,
+    Done,
+    Finish,
+    Generate,
+    Load,
+    Piece,
+    PinnedFile,
+    Refused,
+    Texts,
+)
 from pa_console.llm.request import Completed, Request
 from pa_console.llm.threads import physical_cores
 from pa_console.schema.event import Role, WorkerState
@@ -53,11 +63,14 @@ class Engine:
         self.detail = "not started"
         self.on_state = on_state
         self._load = Load(
-            path=str(model.path),
+            weights=PinnedFile(path=str(model.path), sha256=model.sha256),
             chat=model.chat,
             n_ctx=n_ctx,
             threads=threads or physical_cores(),
-            adapters={adapter.role: str(adapter.path) for adapter in model.adapters},
+            adapters={
+                adapter.role: PinnedFile(path=str(adapter.path), sha256=adapter.sha256)
+                for adapter in model.adapters
+            },
         )
         self._worker: Worker | None = None
         self._birth: asyncio.Future[Worker] | None = None
@@ -172,7 +185,7 @@ class Engine:
             return False
         if worker.ready.done():
             if worker.error:
-                raise ModelUnavailableError(f"model {name} cannot be used: {worker.error}")
+                raise ModelUnavailableError(self._unusable(worker.error))
             if worker.ended:
                 raise EngineDiedError(DIED)
             return True
@@ -216,6 +229,8 @@ class Engine:
                     return
                 case Refused(id=id_) if id_ == number:
                     raise PromptRefusedError(message.error)
+                case "ended" if worker.error:
+                    raise ModelUnavailableError(self._unusable(worker.error))
                 case "ended":
                     raise EngineDiedError(DIED)
                 case "stop" if asked is None and self._stop.is_set():
@@ -235,6 +250,9 @@ class Engine:
                     return
                 case _:
                     continue
+
+    def _unusable(self, error: str) -> str:
+        return f"model {self.model.name} cannot be used: {error}"
 
     def _on_ready(self, n_ctx: int, description: str) -> None:
         self.info = replace(self.info, n_ctx=n_ctx, description=description)

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from pa_console.llm.room import require_room
+from pa_console.llm.room import most_bytes, require_room
 from pa_console.llm.sources import HubSource
 from pa_console.llm.watched import run_watched
 
@@ -49,5 +49,6 @@ def fetch_from_hub(source: HubSource, place: Path, total: int, progress: Progres
         folder=place,
         report=lambda size: progress(min(size, total), total, source.label),
         stall_s=STALL_S,
+        most=most_bytes(2 * total),
     )
     return place / source.file

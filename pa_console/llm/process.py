@@ -9,6 +9,7 @@ from contextlib import suppress
 from time import perf_counter
 from typing import Literal
 
+from pa_console.llm.confinement import clean_environment
 from pa_console.llm.protocol import (
     Done,
     FromWorker,
@@ -32,6 +33,9 @@ as fast on an idle machine, and three times slower for a prompt beside one other
 """
 
 LINE_LIMIT = 1 << 20
+WAITING_LIMIT = 8 << 20
+"""Bytes that a worker may have said and nobody yet listened to: ten times its longest answers."""
+
 EXIT_S = 2.0
 
 Answer = Piece | Texts | Done | Refused
@@ -55,14 +59,18 @@ class Worker:
         self.error = ""
         self.ready: asyncio.Future[bool] = asyncio.get_running_loop().create_future()
         self._child, self._on_ready, self._on_end = child, on_ready, on_end
-        self._answers: asyncio.Queue[Answer | Signal] = asyncio.Queue()
+        self._answers: asyncio.Queue[tuple[Answer | Signal, int]] = asyncio.Queue()
+        self._waiting = 0
         self._listener = asyncio.create_task(self._listen(), name="llm worker")
 
     @classmethod
     async def spawn(
         cls, load: Load, on_ready: Callable[[int, str], None], on_end: Callable[[str], None]
     ) -> "Worker":
-        """Start a worker that loads a model; it has no terminal, so Ctrl-C does not reach it."""
+        """Start a worker that loads a model.
+
+        It has no terminal, so Ctrl-C does not reach it, and of the environment only what it needs.
+        """
         child = await asyncio.create_subprocess_exec(
             sys.executable,
             *COMMAND,
@@ -70,7 +78,7 @@ class Worker:
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.DEVNULL,
             start_new_session=True,
-            env={**ENVIRONMENT, **os.environ},
+            env={**ENVIRONMENT, **clean_environment(os.environ)},
             limit=LINE_LIMIT,
         )
         worker = cls(child, on_ready, on_end)
@@ -87,13 +95,20 @@ class Worker:
         """Return the next answer or signal, "late" when none came until perf_counter() `limit`."""
         try:
             async with asyncio.timeout(max(0.0, limit - perf_counter())):
-                return await self._answers.get()
+                answer, size = await self._answers.get()
         except TimeoutError:
             return "late"
+        self._waiting -= size
+        return answer
 
     def interrupt(self) -> None:
         """Make `receive` return "stop"."""
-        self._answers.put_nowait("stop")
+        self._put("stop")
+
+    def _put(self, answer: Answer | Signal, size: int = 0) -> None:
+        """Keep what was said, a line of `size` bytes, until `receive` takes it."""
+        self._waiting += size
+        self._answers.put_nowait((answer, size))
 
     async def kill(self) -> None:
         """End the process now and wait until it is gone."""
@@ -129,18 +144,25 @@ class Worker:
             await self._child.wait()
 
     async def _listen(self) -> None:
-        """Sort what the worker says until it says no more, or nothing sensible, then reap it."""
+        """Sort what the worker says until it says no more, or nothing sensible, then reap it.
+
+        A line that is too long, or a second Ready, is not sensible either.
+        """
         stream = self._child.stdout
         try:
             while stream is not None and (line := await stream.readline()):
                 match FromWorker.validate_json(line):
-                    case Ready(n_ctx=n_ctx, description=description):
+                    case Ready(n_ctx=n_ctx, description=description) if not self.ready.done():
                         self._on_ready(n_ctx, description)
                         self.ready.set_result(True)
                     case LoadFailed(error=error):
                         self.error = error
+                    case Ready():
+                        raise ValueError("the worker says twice that it is ready")
                     case answer:
-                        self._answers.put_nowait(answer)
+                        self._put(answer, len(line))
+                if self._waiting > WAITING_LIMIT:
+                    raise ValueError("the worker says more than it was asked for")
         except ValueError:
             self.strike()
         finally:
@@ -148,5 +170,5 @@ class Worker:
             await self._reap()
             if not self.ready.done():
                 self.ready.set_result(False)
-            self._answers.put_nowait("ended")
+            self._put("ended")
             self._on_end(self.error)

@@ -6,6 +6,7 @@ from pydantic import Field, TypeAdapter
 
 from pa_console.llm.catalog import ChatFormat
 from pa_console.llm.confidence import Chance
+from pa_console.llm.prepare import Sha256
 from pa_console.schema.base import StrictModel
 from pa_console.schema.event import Role
 from pa_console.schema.finding import Usage
@@ -13,15 +14,22 @@ from pa_console.schema.finding import Usage
 Finish = Literal["stop", "length", "cancelled", "deadline"]
 
 
+class PinnedFile(StrictModel):
+    """A file to load, and the SHA-256 without which it is not loaded."""
+
+    path: str
+    sha256: Sha256
+
+
 class Load(StrictModel):
     """First message to a worker: the model, its adapters, and the context `n_ctx` of each role."""
 
     op: Literal["load"] = "load"
-    path: str
+    weights: PinnedFile
     chat: ChatFormat
     n_ctx: int
     threads: int
-    adapters: dict[Role, str] = {}
+    adapters: dict[Role, PinnedFile] = {}
 
 
 class Generate(StrictModel):

@@ -1,10 +1,12 @@
-"""Looks for free disk space before anything is fetched."""
+"""How much is fetched at the most, and whether there is room for it."""
 
 import shutil
 from pathlib import Path
 
 from pa_console.llm.cache import CACHE_VARIABLE
 from pa_console.llm.errors import PullError
+
+SLACK = 16_000_000
 
 
 def require_room(folder: Path, needed: int) -> None:
@@ -15,3 +17,11 @@ def require_room(folder: Path, needed: int) -> None:
             f"{needed / 1e6:.0f} MB are needed in {folder} and {free / 1e6:.0f} MB are free: "
             f"free some space, or set {CACHE_VARIABLE} to a folder on another disk"
         )
+
+
+def most_bytes(expected: int) -> int:
+    """Return how large something may be of which `expected` bytes, to the megabyte, are announced.
+
+    What is larger is something else, and is not kept until its hash shows that.
+    """
+    return expected * 11 // 10 + SLACK

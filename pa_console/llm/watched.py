@@ -13,6 +13,8 @@ from pa_console.llm.errors import PullError
 POLL_S = 0.05
 STALL_S = 90.0
 STOP_S = 3.0
+LAST_WORDS = 64_000
+"""Bytes at the end of what a child says in which its last words are looked for."""
 
 
 def folder_size(folder: Path) -> int:
@@ -34,11 +36,13 @@ def run_watched(
     folder: Path,
     report: Callable[[int], None],
     stall_s: float = STALL_S,
+    most: int | None = None,
 ) -> None:
     """Run `command`, calling `report` with the bytes under `folder` up to twenty times a second.
 
-    The child never outlives the call: it is stopped on Ctrl-C, when `report` raises, and when
-    nothing was written for `stall_s` seconds. Raises PullError with the child's last words.
+    The child never outlives the call: it is stopped on Ctrl-C, when `report` raises, when nothing
+    was written for `stall_s` seconds, and when there are more than `most` bytes. Raises PullError
+    with the child's last words.
     """
     with tempfile.TemporaryFile() as output:
         child = subprocess.Popen(
@@ -50,16 +54,20 @@ def run_watched(
             start_new_session=True,
         )
         try:
-            _watch(child, folder, report, stall_s)
+            _watch(child, folder, report, stall_s, most)
         finally:
             _stop(child)
         if child.returncode != 0:
-            output.seek(0)
+            output.seek(max(0, output.seek(0, os.SEEK_END) - LAST_WORDS))
             raise PullError(_last_words(output.read().decode("utf-8", "replace")))
 
 
 def _watch(
-    child: subprocess.Popen[bytes], folder: Path, report: Callable[[int], None], stall_s: float
+    child: subprocess.Popen[bytes],
+    folder: Path,
+    report: Callable[[int], None],
+    stall_s: float,
+    most: int | None,
 ) -> None:
     size, since = -1, time.monotonic()
     while True:
@@ -68,6 +76,8 @@ def _watch(
             return
         except subprocess.TimeoutExpired:
             now = folder_size(folder)
+            if most is not None and now > most:
+                raise PullError(f"more than {most / 1e6:.0f} MB arrived, given up") from None
             if now != size:
                 size, since = now, time.monotonic()
                 report(size)

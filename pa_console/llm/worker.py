@@ -1,17 +1,21 @@
 """The process that holds the model: reads requests on stdin, writes answers on stdout.
 
 It owns the only imports of llama.cpp and llguidance. It ignores Ctrl-C (its parent decides), ends
-at once when its parent is gone, and prints nothing to the terminal.
+at once when its parent is gone, and prints nothing to the terminal. It loads what has the hashes
+that its parent names, and gives up what it does not need before it does (see `confinement`).
 """
 
 import os
 import signal
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from queue import SimpleQueue
 from typing import IO, TYPE_CHECKING
 
+from pa_console.llm.checked_file import CheckedFile
+from pa_console.llm.confinement import confine
 from pa_console.llm.protocol import (
     Cancel,
     Done,
@@ -20,6 +24,7 @@ from pa_console.llm.protocol import (
     Load,
     LoadFailed,
     Piece,
+    PinnedFile,
     Ready,
     Refused,
     Texts,
@@ -71,28 +76,39 @@ def serve(inbox: Inbox, outbox: IO[bytes]) -> None:
     load = inbox.requests.get()
     if not isinstance(load, Load):
         raise TypeError("the first message must be Load")
+    files: dict[PinnedFile, CheckedFile] = {}
     try:
-        from pa_console.llm.chat import ChatPrompt  # noqa: PLC0415
-        from pa_console.llm.decoding import Decoder  # noqa: PLC0415
-        from pa_console.llm.runtime import Runtime  # noqa: PLC0415
+        with ThreadPoolExecutor(1) as hashing:
+            opened = hashing.submit(_open, (load.weights, *load.adapters.values()))
+            from pa_console.llm.chat import ChatPrompt  # noqa: PLC0415 - meanwhile
+            from pa_console.llm.decoding import Decoder  # noqa: PLC0415
+            from pa_console.llm.runtime import Runtime  # noqa: PLC0415
 
+            files = opened.result()
+        confine(sum(file.size for file in files.values()), load.threads)
         inbox.current = 1
         runtime = Runtime(
-            load.path,
+            files[load.weights].route,
             n_ctx=load.n_ctx,
             threads=load.threads,
             stopped=inbox.stopped,
-            adapters={SEQUENCES[role]: path for role, path in load.adapters.items()},
+            adapters={SEQUENCES[role]: files[pin].route for role, pin in load.adapters.items()},
         )
         chat, decoder = ChatPrompt(runtime, load.chat), Decoder(runtime)
+        _check(files.values())
     except Exception as error:  # whatever it is, the parent has to know
-        send(LoadFailed(error=str(error) or type(error).__name__))
+        send(LoadFailed(error=_in_words(error, files.values())))
         return
     send(Ready(n_ctx=runtime.n_ctx, description=runtime.description))
     while True:
         request = inbox.requests.get()
         if not isinstance(request, Generate):
             continue
+        try:
+            _check(files.values())
+        except (OSError, ValueError) as error:
+            send(LoadFailed(error=str(error)))
+            return
         number = inbox.current = request.id
         try:
             finish, usage = _answer(decoder, SEQUENCES[request.role], chat, request, send)
@@ -101,6 +117,25 @@ def serve(inbox: Inbox, outbox: IO[bytes]) -> None:
         else:
             chances = decoder.chances if request.count == 1 else ()
             send(Done(id=number, finish=finish, usage=usage, chances=chances))
+
+
+def _open(pins: Iterable[PinnedFile]) -> dict[PinnedFile, CheckedFile]:
+    """Open every file once and hash it; raises ValueError for one that is not what was pinned."""
+    return {pin: CheckedFile(pin.path, pin.sha256) for pin in set(pins)}
+
+
+def _check(files: Iterable[CheckedFile]) -> None:
+    """Raise ValueError when a file in use was written to and is another now; takes 10 µs."""
+    for file in files:
+        file.check()
+
+
+def _in_words(error: Exception, files: Iterable[CheckedFile]) -> str:
+    """Return what went wrong, with the names of files for the descriptors they are loaded by."""
+    text = str(error) or type(error).__name__
+    for file in files:
+        text = text.replace(f"{file.route}:", f"{file.path}:")
+    return text
 
 
 def _answer(

@@ -9,10 +9,11 @@ is the `hash` of the record before, `GENESIS` in the first, whose `seq` is 1. Th
 import errno
 import hashlib
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC
 from pathlib import Path
-from typing import Any, NoReturn, cast, get_args
+from typing import IO, Any, NoReturn, cast, get_args
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -26,6 +27,10 @@ PURPOSE = b"pa-console session log, record\n"
 KINDS = frozenset(
     payload.model_fields["kind"].default for payload in get_args(get_args(EventPayload)[0])
 )
+LINE_LIMIT = 4 << 20
+"""No line of a log is longer; the picture of a thousand assets takes a seventh of it."""
+
+TORN = "the line is cut short: it has no line end"
 _JSON = TypeAdapter(Any)
 _DISK_FULL = frozenset((errno.ENOSPC, errno.EDQUOT))
 
@@ -42,6 +47,21 @@ def os_error(path: Path, task: str, error: OSError) -> LogError:
     remedy = "free some space on that disk" if error.errno in _DISK_FULL else "check the path"
     reason = error.strerror or str(error)
     return LogError(str(path), 0, f"cannot {task}: {reason}; {remedy}")
+
+
+def lines_of(file: IO[bytes]) -> Iterator[bytes]:
+    """Yield the lines of a log with their ends; a longer one than LINE_LIMIT comes in pieces."""
+    while line := file.readline(LINE_LIMIT):
+        yield line
+
+
+def end_problem(line: bytes) -> str:
+    """Return why `line`, one of `lines_of`, is no whole line; empty when it is one."""
+    if line.endswith(b"\n"):
+        return ""
+    if len(line) < LINE_LIMIT:
+        return TORN
+    return f"the line is longer than {LINE_LIMIT >> 20} MiB: no record of a session log is"
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal, cast
 
 from pa_console.schema.event import LogSigned
-from pa_console.session.chain import Record, digest, link_problem, own_problem, parse
+from pa_console.session.chain import Record, digest, lines_of, link_problem, own_problem, parse
 from pa_console.session.head import Head
 
 DamageKind = Literal[
@@ -171,7 +171,7 @@ def _look_around(path: Path, number: int, bad: bytes) -> _Around:
     """Read the log once more for what the line `number`, which is `bad`, has to do with others."""
     around, own = _Around(), _SEQ.match(bad)
     with path.open("rb") as file:
-        for at, line in enumerate(file, start=1):
+        for at, line in enumerate(lines_of(file), start=1):
             if at == number:
                 continue
             text = line.removesuffix(b"\n")

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import IO
 
 from pa_console.schema import event as ev
-from pa_console.session.chain import LogError, parse
+from pa_console.session.chain import LogError, end_problem, lines_of, parse
 from pa_console.session.fold import SessionState
 from pa_console.session.keyframe import (
     MissionShelf,
@@ -106,11 +106,10 @@ def build_index(
     builder = _Builder(LogIndex(scratch_file()), frame_events)
     index, position = builder.index, 0
     file.seek(0)
-    for number, line in enumerate(file, start=1):
+    for number, line in enumerate(lines_of(file), start=1):
         if position >= size:
             break
-        if not line.endswith(b"\n"):
-            problem = "the line is cut short: it has no line end"
+        if problem := end_problem(line):
             index.problem = LogError(str(path), number, problem)
             break
         try:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from pa_console.schema.event import Event
-from pa_console.session.chain import LogError, os_error, parse
+from pa_console.session.chain import LogError, end_problem, lines_of, os_error, parse
 
 
 def read_log(path: Path) -> Iterator[Event]:
@@ -19,12 +19,15 @@ def read_log(path: Path) -> Iterator[Event]:
 
 
 def read_lines(path: Path) -> Iterator[tuple[int, bytes]]:
-    """Yield (line number from 1, line without its end); raises LogError for a torn last line."""
+    """Yield (line number from 1, line without its end).
+
+    Raises LogError for a torn last line and for one that is too long.
+    """
     try:
         with path.open("rb") as file:
-            for number, line in enumerate(file, start=1):
-                if not line.endswith(b"\n"):
-                    raise LogError(str(path), number, "the line is cut short: it has no line end")
+            for number, line in enumerate(lines_of(file), start=1):
+                if problem := end_problem(line):
+                    raise LogError(str(path), number, problem)
                 yield number, line[:-1]
     except OSError as error:
         raise os_error(path, "read the session log", error) from error

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from pa_console.schema.event import LogSigned
-from pa_console.session.chain import LogError, Record, link_problem, parse, signed_part
+from pa_console.session.chain import TORN, LogError, Record, link_problem, parse, signed_part
 from pa_console.session.damage import Damage, DamageKind, Sound, find_damage, find_forgery
 from pa_console.session.head import Head, head_path, read_head
 from pa_console.session.reader import read_lines
@@ -107,6 +107,8 @@ class _Chain:
         except LogError as error:
             if not error.line:
                 raise
+            if error.problem != TORN:
+                return Damage("garbage", error.line, error.problem)
             if self._head is not None and self._head.seq >= error.line:
                 problem = f"{error.problem}, and the signed head says that {self._head.seq} follow"
                 return Damage("cut-short", error.line, problem)

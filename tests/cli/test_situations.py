@@ -118,7 +118,8 @@ def test_the_console_opens_on_the_situation(
     path.write_text(LOSS, encoding="utf-8")
     monkeypatch.setattr("pa_console.tui.app.ConsoleApp", App)
     monkeypatch.setattr("pa_console.session.log.default_folder", lambda: tmp_path)
-    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    for stream in ("stdin", "stdout"):
+        monkeypatch.setattr(f"sys.{stream}.isatty", lambda: True)
     words = ("--scenario", str(path), "--seed", "7", "--readonly", "--no-mouse")
     done = call("--set", "speed=4", "console", *words)
     assert done.code == 0, done.err

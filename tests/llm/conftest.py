@@ -8,6 +8,7 @@ import pytest
 from pa_console.llm.cache import CACHE_VARIABLE
 from pa_console.llm.catalog import Catalog, LocalModel
 from pa_console.llm.fetch import pull
+from pa_console.signing import KEY_VARIABLE
 
 SMALLEST = "smollm2-135m"
 
@@ -21,7 +22,8 @@ def smallest_model() -> LocalModel:
 
 @pytest.fixture
 def empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Make everything be cached in an empty folder."""
+    """Make everything be cached in an empty folder, and signed with a new key."""
     folder = tmp_path / "cache"
+    monkeypatch.setenv(KEY_VARIABLE, os.fspath(tmp_path / "keys" / "key.pem"))
     monkeypatch.setenv(CACHE_VARIABLE, os.fspath(folder))
     return folder

@@ -12,6 +12,7 @@ import pytest_asyncio
 from pydantic import ValidationError
 
 from pa_console.llm.adapters import AdapterFile, LocalAdapter, check_adapters
+from pa_console.llm.cache import hash_file
 from pa_console.llm.catalog import LocalModel, ModelEntry, find_model
 from pa_console.llm.engine import Engine
 from pa_console.llm.errors import ModelError, ModelUnavailableError
@@ -118,7 +119,7 @@ async def test_a_file_that_is_no_adapter_of_the_model_makes_it_unavailable(
 ):
     path = tmp_path / "odd.lora.gguf"
     path.write_bytes(b"GGUF but not really")
-    model = replace(smallest_model, adapters=(LocalAdapter("judge", path, "0" * 64),))
+    model = replace(smallest_model, adapters=(LocalAdapter("judge", path, hash_file(path)),))
     with pytest.raises(ModelUnavailableError, match=r"odd\.lora\.gguf: not an adapter"):
         await fresh(model, TALK)
 

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 import pytest_asyncio
 
+from pa_console.llm.cache import hash_file
 from pa_console.llm.catalog import Catalog, LocalModel
 from pa_console.llm.engine import Engine
 from pa_console.llm.errors import (
@@ -304,7 +305,7 @@ async def test_a_file_that_is_no_model_makes_the_engine_unavailable(
 ):
     path = tmp_path / "broken.gguf"
     path.write_bytes(b"GGUF but not really")
-    engine = Engine(LocalModel("broken", path, "0" * 64))
+    engine = Engine(LocalModel("broken", path, hash_file(path)))
     with pytest.raises(ModelUnavailableError, match=r"broken\.gguf: not a GGUF model"):
         await answer(engine, BRIEF)
     await engine.close()
@@ -318,7 +319,7 @@ from pa_console.llm.catalog import LocalModel
 from pa_console.llm.engine import Engine
 from pathlib import Path
 async def main():
-    engine = Engine(LocalModel("m", Path(sys.argv[1]), ""))
+    engine = Engine(LocalModel("m", Path(sys.argv[1]), sys.argv[2]))
     await engine.start()
     print(engine.pid, flush=True)
     await asyncio.sleep(60)
@@ -327,7 +328,8 @@ asyncio.run(main())
 
 
 async def test_a_worker_does_not_outlive_its_parent(smallest_model: LocalModel):
-    command = [sys.executable, "-c", PARENT, os.fspath(smallest_model.path)]
+    path = os.fspath(smallest_model.path)
+    command = [sys.executable, "-c", PARENT, path, smallest_model.sha256]
     with subprocess.Popen(command, stdout=subprocess.PIPE) as parent:
         assert parent.stdout is not None
         pid = int(parent.stdout.readline())

@@ -10,7 +10,7 @@ from pa_console.llm import room
 from pa_console.llm.cache import hash_file
 from pa_console.llm.catalog import Catalog, ModelEntry
 from pa_console.llm.errors import ModelError, PullError
-from pa_console.llm.prepare import How, Prepared, find_prepared, prepare, prepared_path
+from pa_console.llm.prepare import How, Prepared, find_recorded, prepare, prepared_path
 from pa_console.llm.sources import PathSource
 from pa_console.llm.weight_type import fastest_type
 from tests.training.lora.tiny import write_tiny
@@ -55,7 +55,7 @@ def test_weights_are_prepared_once_and_used_from_then_on(
 def test_a_broken_or_missing_prepared_file_is_made_again(source: Path, empty_cache: Path):
     first = made(source)
     first.path.write_bytes(first.path.read_bytes()[:-1] + b"?")
-    assert find_prepared("tiny", Q8, hash_file(source)) is None
+    assert find_recorded("tiny", Q8, hash_file(source)) is None
     assert made(source) == first
     first.path.unlink()
     assert made(source) == first
@@ -70,7 +70,7 @@ def test_another_source_or_another_llama_cpp_makes_it_again(
     other = write_tiny(tmp_path / "other.gguf", seed=1)
     assert made(other).sha256 != first.sha256
     monkeypatch.setattr(module, "LLAMA_CPP", "numpy")
-    assert find_prepared("tiny", Q8, hash_file(other)) is None
+    assert find_recorded("tiny", Q8, hash_file(other)) is None
 
 
 def test_ctrl_c_leaves_neither_file_nor_process(

@@ -1,0 +1,104 @@
+"""A program that was started without standard input asks nobody, says so, and does nothing."""
+
+import os
+import pty
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pa_console.cli import console, mission
+from pa_console.llm.catalog import LocalModel
+from pa_console.orchestrator.compose import load_site
+from pa_console.signing import KEY_VARIABLE
+from tests.cli.inside import Call, caller
+from tests.cli.test_replay_verb import record
+from tests.scripted import ScriptedEngine, plan
+
+RUN = "from pa_console.cli.main import main; main()"
+CLOSED = {"in": "<&-", "out": ">&-", "all": "<&- >&- 2>&-"}
+
+
+@pytest.fixture(autouse=True)
+def _a_key_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # pyright: ignore[reportUnusedFunction]
+    monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "key" / "key.pem"))
+
+
+@pytest.fixture
+def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Call:
+    """Return what runs a verb in this process, whose standard input is closed."""
+    for name in ("stdin", "__stdin__"):
+        monkeypatch.setattr(sys, name, None)
+    return caller(monkeypatch, capsys)
+
+
+@pytest.fixture(autouse=True)
+def engine(monkeypatch: pytest.MonkeyPatch) -> ScriptedEngine:
+    """Put a scripted LLM in the place of the real one."""
+    scripted = ScriptedEngine([plan(("Drone_T04", "move_to EastGate"))])
+
+    def find_model(_: str | None, *_progress: object) -> LocalModel:
+        return scripted.model
+
+    def new_engine(_: LocalModel) -> ScriptedEngine:
+        return scripted
+
+    for verb in (mission, console):
+        monkeypatch.setattr(verb, "find_model", find_model)
+        monkeypatch.setattr(verb, "Engine", new_engine)
+    return scripted
+
+
+def test_a_mission_that_nobody_can_approve_is_rejected(call: Call, tmp_path: Path) -> None:
+    log = tmp_path / "session.jsonl"
+    done = call("mission", "Fill the gap.", "--log", str(log))
+    assert done.code == 3
+    assert "nobody answered at the terminal" in done.said
+    assert '"command_sent"' not in log.read_text()
+
+
+def test_the_console_says_that_no_key_would_arrive(
+    call: Call, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("pa_console.session.log.default_folder", lambda: tmp_path / "logs")
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    done = call("console")
+    assert done.code == 2
+    assert "standard input is no terminal" in done.err
+    assert not (tmp_path / "logs").exists(), "a session that nobody can command is not begun"
+
+
+def shell(redirections: str, *words: str) -> tuple[str, ...]:
+    """Return the command that runs a verb with its streams redirected."""
+    return ("sh", "-c", f'exec "$@" {redirections}', "sh", sys.executable, "-c", RUN, *words)
+
+
+def test_a_replay_on_a_terminal_without_keys_says_so(tmp_path: Path) -> None:
+    log = tmp_path / "session.jsonl"
+    record(load_site("checkpoint", "checkpoint"), log)
+    ours, its = pty.openpty()
+    replay = subprocess.Popen(
+        shell("<&-", "replay", str(log)), stdout=its, stderr=its, start_new_session=True
+    )
+    os.close(its)
+    said = b""
+    try:
+        while chunk := os.read(ours, 65536):
+            said += chunk
+    except OSError:  # the other end of a terminal is closed
+        pass
+    finally:
+        os.close(ours)
+    assert replay.wait() == 2
+    assert b"standard input is no terminal" in said
+    assert b"Traceback" not in said
+    assert b"Error" not in said
+
+
+@pytest.mark.parametrize("closed", CLOSED)
+def test_verbs_that_need_no_stream_work_without_it(closed: str) -> None:
+    command = shell(CLOSED[closed], "scenarios", "list")
+    listed = subprocess.run(command, capture_output=True, check=False)
+    assert (listed.returncode, listed.stderr) == (0, b"")
+    assert (b"situation-2" in listed.stdout) == (closed == "in")
