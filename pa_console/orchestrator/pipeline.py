@@ -71,7 +71,7 @@ class MissionRun:
         self._status: MissionStatus = "held"
         self._reason = ""
         alarm = next((a for a in open_alarms() if a.id == mission.alarm), None)
-        self._facts = ReportFacts(mission, alarm)
+        self._facts = ReportFacts(mission, alarm, warnings=services.rulebook.seal.warnings)
         self._results = Results(mission, self._course, self._monitor, open_alarms)
 
     @property
@@ -82,8 +82,10 @@ class MissionRun:
 
     async def payloads(self) -> Payloads:
         """Yield everything that happens; a plan is executed only after an admissible approval."""
-        content = self._services.rulebook.seal.content_sha256
-        yield ev.MissionStarted(rules_content_sha256=content)
+        seal = self._services.rulebook.seal
+        yield ev.MissionStarted(
+            rules_content_sha256=seal.content_sha256, rules_warnings=seal.warnings
+        )
         refused = await self._refused_at_intake()
         if refused is not None:
             yield refused

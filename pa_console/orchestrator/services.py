@@ -11,6 +11,7 @@ from pa_console.llm.engine import Engine
 from pa_console.llm.judge import Judge
 from pa_console.llm.planner import Planner
 from pa_console.orchestrator.respelling import respell
+from pa_console.policy.core import with_core
 from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.policy.sightings import Sightings
@@ -42,7 +43,8 @@ class Services:
     """What was seen where in this session; the station keeps it."""
 
     def __post_init__(self) -> None:
-        """Begin with nothing seen."""
+        """Begin with nothing seen, and with the core in force whatever the rules say."""
+        object.__setattr__(self, "rulebook", with_core(self.rulebook))
         object.__setattr__(self, "sightings", Sightings(self.sim.world))
 
     def read(self, text: str) -> str:

@@ -6,7 +6,7 @@ check that fails to run decides nothing, so its finding is an error, which count
 rule's orderings must hold as well, over the mission so far and the rehearsed plan after it.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast
 
 import cel
@@ -22,6 +22,7 @@ from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import Rehearsal
+from pa_console.schema.rule import PRIORITIES
 from pa_console.schema.world import World
 
 CHECKS_S = 1.0
@@ -74,7 +75,10 @@ def prepare_checks(
         with together(CHECKS_S, size):
             broken = _broken_orderings(ahead, rehearsal)
             return tuple(
-                _combine(_decide(entry, context), broken.get(entry.rule.id))
+                _combine(
+                    _both([_decide(part, context) for part in entry.parts]),
+                    broken.get(entry.rule.id),
+                )
                 for entry in rulebook.compiled
             )
 
@@ -86,7 +90,9 @@ def check_mission(rulebook: Rulebook, mission: Mission, world: World) -> tuple[F
     context = make_context(mission_variables(mission, world))
     with together(CHECKS_S):
         return tuple(
-            _decide(entry, context) for entry in rulebook.compiled if entry.about_mission_only
+            _both([_decide(part, context) for part in parts])
+            for entry in rulebook.compiled
+            if (parts := [part for part in entry.parts if part.about_mission_only])
         )
 
 
@@ -153,6 +159,15 @@ def _decide(entry: CompiledRule, context: cel.Context) -> Finding:
     return undecided(rule, f"it yields {result!r}, neither true, false nor a list of texts")
 
 
+def _both(found: Sequence[Finding]) -> Finding:
+    """Return the finding of a rule and of the core's of the same id as one: the stricter wins."""
+    broken = [one for one in found if one.broken]
+    if len(broken) < 2:
+        decided = [one for one in found if one.status == "complies"]
+        return (*broken, *decided, *found)[0]
+    return _worse(*broken)
+
+
 def _combine(state: Finding, order: Finding | None) -> Finding:
     """Return the one finding of a rule from its check and its orderings."""
     if order is None:
@@ -164,4 +179,5 @@ def _worse(first: Finding, second: Finding) -> Finding:
     """Return both as one: an error outweighs a violation, and every message is kept once."""
     status = "error" if "error" in (first.status, second.status) else "violates"
     message = "; ".join(dict.fromkeys((first.message, second.message)))
-    return first.model_copy(update={"status": status, "message": message})
+    priority = min(first.priority, second.priority, key=PRIORITIES.index)
+    return first.model_copy(update={"status": status, "message": message, "priority": priority})

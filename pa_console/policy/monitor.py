@@ -12,7 +12,7 @@ from pa_console.policy.sightings import Sightings
 from pa_console.policy.subjects import Evaluator, Subjects, subjects
 from pa_console.schema.finding import Finding
 from pa_console.schema.moment import Moment
-from pa_console.schema.rule import Rule
+from pa_console.schema.rule import PRIORITIES, Rule
 from pa_console.schema.world import World
 
 Each = Literal["track", "gate"] | None
@@ -143,9 +143,10 @@ class Monitor:
         self._last: dict[Each, Subjects] = {}
         with together(MOMENT_S):
             self._watches = [
-                self._watch(entry, ordering)
+                self._watch(part, ordering)
                 for entry in rulebook.compiled
-                for ordering in entry.order
+                for part in entry.parts
+                for ordering in part.order
             ]
 
     def observe(self, moment: Moment) -> tuple[Finding, ...]:
@@ -208,7 +209,7 @@ class Monitor:
 
 def halts(finding: Finding, rulebook: Rulebook) -> bool:
     """Whether a broken ordering halts the running plan; premises and alarms see to gates."""
-    orderings = rulebook.get(finding.rule_id).order
+    orderings = rulebook.orderings(finding.rule_id)
     return finding.blocking and any(ordering.each != "gate" for ordering in orderings)
 
 
@@ -221,7 +222,7 @@ def _findings(breaches: Iterable[Breach]) -> tuple[Finding, ...]:
 
 
 def _finding(found: list[Breach]) -> Finding:
-    rule = found[0].rule
+    rule = min((breach.rule for breach in found), key=lambda r: PRIORITIES.index(r.priority))
     problems = [breach.problem for breach in found if breach.problem]
     if problems:
         return undecided(rule, problems[0])

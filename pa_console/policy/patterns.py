@@ -6,6 +6,8 @@ backtracking engine that stops when the check's time is up. Both mean the same b
 """
 
 import re
+from collections.abc import Generator
+from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any
 
@@ -44,29 +46,19 @@ class Pattern:
 
     def search(self, text: str) -> bool:
         """Return whether the pattern matches somewhere in `text`."""
-        if self._linear is not None and _short(text).isascii():
+        left = _left(text)
+        if self._linear is not None and text.isascii():
             return self._linear.search(text) is not None
-        return bool(self._timed("search", text))
+        with _in_time():
+            return self._any.search(text, timeout=left) is not None
 
     def cut(self, text: str, mark: str) -> str:
         """Return `text` with every match replaced by `mark`."""
-        if self._linear is not None and _short(text).isascii():
-            return self._linear.sub(mark, text)
-        return str(self._timed("sub", text, mark))
-
-    def _timed(self, method: str, text: str, mark: str | None = None) -> Any:
-        """Use the engine that backtracks, no longer than there is time."""
-        _short(text)
-        left = left_s()
-        if left == 0.0:
-            raise DeadlineError("no time is left for a pattern")
-        try:
-            if mark is None:
-                return self._any.search(text, timeout=left)
+        left = _left(text)
+        if self._linear is not None and text.isascii():
+            return str(self._linear.sub(mark, text))
+        with _in_time():
             return self._any.sub(mark, text, timeout=left)
-        except TimeoutError as error:
-            give_up()
-            raise DeadlineError(f"a pattern took too long to {method}") from error
 
 
 @lru_cache(maxsize=1024)
@@ -95,10 +87,24 @@ def _linear(source: str) -> Any:
     return compiled
 
 
-def _short(text: str) -> str:
+def _left(text: str) -> float | None:
+    """Return the seconds that there are for a search of `text`; raises where it may not begin."""
     if len(text) > MAX_TEXT:
         raise ValueError(f"a text of {len(text):,} characters is not searched")
-    return text
+    left = left_s()
+    if left == 0.0:
+        raise DeadlineError("no time is left for a pattern")
+    return left
+
+
+@contextmanager
+def _in_time() -> Generator[None]:
+    """Take a search that was broken off for one that used up the time of its check."""
+    try:
+        yield
+    except TimeoutError as error:
+        give_up()
+        raise DeadlineError("a pattern took too long") from error
 
 
 def _without_layout(source: str) -> str:

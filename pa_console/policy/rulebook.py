@@ -49,11 +49,18 @@ class CompiledRule:
     applies: Expression | None
     check: Expression | None
     order: tuple[CompiledOrdering, ...] = ()
+    core: "CompiledRule | None" = None
+    """The core's rule of the same id, which is decided besides."""
+
+    @property
+    def parts(self) -> "tuple[CompiledRule, ...]":
+        """The rule itself, and the core's of the same id if that is another."""
+        return (self,) if self.core is None else (self, self.core)
 
     @property
     def variables(self) -> frozenset[str]:
         """What guard and check read."""
-        parts = (part.variables for part in (self.applies, self.check) if part is not None)
+        parts = [part.variables for part in (self.applies, self.check) if part is not None]
         return frozenset[str]().union(*parts)
 
     @property
@@ -176,12 +183,26 @@ class Rulebook:
         self.rule_set = rule_set
         self.rules: tuple[Rule, ...] = tuple(entry.rule for entry in compiled)
         self._by_id = {rule.id: rule for rule in self.rules}
-        self.variables = frozenset[str]().union(*(entry.variables for entry in compiled))
+        self.variables = frozenset[str]().union(
+            *(part.variables for entry in compiled for part in entry.parts)
+        )
         """What any check reads; nothing else has to be converted for CEL."""
 
     def get(self, rule_id: str) -> Rule:
         """Return the rule `rule_id`; raises KeyError when it is not in force."""
         return self._by_id[rule_id]
+
+    def orderings(self, rule_id: str) -> tuple[Ordering, ...]:
+        """Return the orderings of a rule, those of the core too; KeyError when not in force."""
+        self.get(rule_id)
+        parts = next(entry.parts for entry in self.compiled if entry.rule.id == rule_id)
+        return tuple(order for part in parts for order in part.rule.order)
+
+    def sealed(self, seal: RulesSeal) -> "Rulebook":
+        """Return the same rules with another seal."""
+        return Rulebook(
+            self.name, self.sha256, self.compiled, self.workflows, seal, rule_set=self.rule_set
+        )
 
 
 def load_rules(path: Path, deadline_s: float = DEADLINE_S) -> Rulebook:
