@@ -1,7 +1,7 @@
 """Rule files that are made to crash, freeze or fill the console: eight kinds, any number of each.
 
 `python -m tests.attacks.hostile_rules` loads 50 of each kind, decides a plan by those that can be
-loaded, and prints for each kind how many were refused, and the longest processor time and most memory taken.
+loaded, and prints for each kind how many were refused, and the most processor time and memory.
 """
 
 import json
