@@ -11,7 +11,7 @@ from pa_console.schema.mission import Mission
 from pa_console.schema.moment import Moment
 from pa_console.schema.plan import Plan, Verb
 
-MOMENT_S = 0.05
+MOMENT_S = 0.02
 """Seconds of processor time that all workflows may take together at one moment."""
 
 

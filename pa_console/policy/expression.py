@@ -12,8 +12,10 @@ from pa_console.policy import patterns
 from pa_console.policy.allowance import DEADLINE_S, deadline, going_on
 from pa_console.policy.expression_source import GOING_ON, Source
 
-logging.getLogger("cel").propagate = False
-"""An expression that fails is told as the finding of its rule; the library would print it too."""
+_log = logging.getLogger("cel")
+_log.propagate = False
+_log.addHandler(logging.NullHandler())
+# An expression that fails is told as the finding of its rule; the library would print it too.
 
 PLAN_VARIABLES: frozenset[str] = frozenset(
     ("plan", "actions", "before", "after", "timeline", "tracks", "assets", "gates", "mission",

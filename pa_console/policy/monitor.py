@@ -17,7 +17,7 @@ from pa_console.schema.world import World
 
 Each = Literal["track", "gate"] | None
 
-MOMENT_S = 0.05
+MOMENT_S = 0.02
 """Seconds of processor time that all orderings may take together at one moment."""
 
 

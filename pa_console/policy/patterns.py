@@ -9,12 +9,15 @@ import re
 from collections.abc import Generator
 from contextlib import contextmanager
 from functools import lru_cache
+from importlib import import_module
 from typing import Any
 
-import re2
 import regex
 
 from pa_console.policy.allowance import DeadlineError, give_up, left_s
+
+_re2: Any = import_module("re2")
+"""The library has no type information."""
 
 MAX_PATTERN = 16_384
 MAX_PROGRAM = 12_000
@@ -69,11 +72,11 @@ def pattern(source: str) -> Pattern:
 
 def _linear(source: str) -> Any:
     """Return `source` compiled by RE2; raises ValueError for what no engine without memory does."""
-    options = re2.Options()
+    options = _re2.Options()
     options.log_errors = False
     try:
-        compiled = re2.compile(source.replace(r"\Z", r"\z"), options)
-    except re2.error as error:
+        compiled = _re2.compile(source.replace(r"\Z", r"\z"), options)
+    except _re2.error as error:
         problem = error.args[0].decode() if error.args else "not supported"
         raise ValueError(
             f"{problem}: backreferences, possessive and atomic groups, conditions and very large "

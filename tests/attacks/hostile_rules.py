@@ -1,4 +1,4 @@
-"""Rule files that are made to crash, freeze or fill the console: eight kinds, any number of each.
+"""Rule files that are made to crash, freeze or fill the console: nine kinds, any number of each.
 
 `python -m tests.attacks.hostile_rules` loads 50 of each kind, decides a plan by those that can be
 loaded, and prints for each kind how many were refused, and the most processor time and memory.
@@ -99,6 +99,12 @@ def crowds(rng: random.Random) -> str:
     return f"assets.all(a, gates.all(g, assets.all(b, a.id != 'x{rng.randrange(9)}' || g == b)))"
 
 
+def moments(rng: random.Random) -> str:
+    """Return loops over a list that is written out, for orderings, which run at every telemetry."""
+    ones = f"[{', '.join(['1'] * rng.randrange(20, 60))}]"
+    return f"{ones}.all(a, {ones}.all(b, {ones}.all(c, a + b + c + {rng.randrange(9)} > 0)))"
+
+
 KINDS: dict[str, tuple[Check, int]] = {
     "terms": (terms, 1),
     "nesting": (nesting, 1),
@@ -108,19 +114,25 @@ KINDS: dict[str, tuple[Check, int]] = {
     "backtracking": (backtracking, 5),
     "repetition": (repetition, 5),
     "crowds": (crowds, 400),
+    "moments": (moments, 100),
 }
-"""What makes a check of each kind, and how many of them a file has."""
+"""What makes an expression of each kind, and how many of them a file has."""
 
 
 def write_hostile(folder: Path, kind: str, seed: int) -> Path:
-    """Write the rule file of that kind and number; its checks are critical or orderings."""
+    """Write the rule file of that kind and number; its checks, or orderings, are critical."""
     rng = random.Random(f"{kind} {seed}")
-    check, most = KINDS[kind]
-    rules: list[dict[str, Any]] = [
-        {"id": f"ROE-{number + 100}", "domain": "ROE", "priority": "critical", "text": "Be safe.",
-         "check": check(rng), "message": "hostile"}
-        for number in range(most if most > 5 else rng.randrange(1, most + 1))
-    ]  # fmt: skip
+    make, most = KINDS[kind]
+    rules: list[dict[str, Any]] = []
+    for number in range(most if most > 5 else rng.randrange(1, most + 1)):
+        rule = {"id": f"ROE-{number + 100}", "domain": "ROE", "priority": "critical", "text": "t"}
+        decides: dict[str, Any] = {"check": make(rng), "message": "hostile"}
+        if kind == "moments":
+            event = decides["check"]
+            decides = {
+                "order": [{"kind": "until", "event": event, "other": "false", "message": "m"}]
+            }
+        rules.append(rule | decides)
     path = folder / f"{kind}-{seed}.yaml"
     path.write_text(json.dumps({"name": "hostile", "version": "1", "rules": rules}))
     return path
@@ -172,7 +184,7 @@ def measure_apart(path: Path) -> dict[str, Any]:
         timeout=300,
         check=False,
     )
-    found = json.loads(done.stdout) if done.returncode == 0 else {}
+    found: dict[str, Any] = json.loads(done.stdout) if done.returncode == 0 else {}
     return {"exit": done.returncode, "error": done.stderr[-300:], **found}
 
 

@@ -269,16 +269,15 @@ def test_a_pin_that_cannot_be_read_stops_all_but_nothing_is_lost(tmp_path: Path)
 
 
 VERSIONS = st.sampled_from(("", "1", "2", "2.1", "10"))
+
+
+def a_set(name: str, version: str, content: str, key: str) -> tuple[str, RulesSeal]:
+    standing = "unknown key" if key else "not signed"
+    return name, RulesSeal(version=version, content_sha256=content * 64, standing=standing, key=key)
+
+
 SETS = st.builds(
-    lambda name, version, content, key: (
-        name,
-        RulesSeal(
-            version=version,
-            content_sha256=content * 64,
-            standing="unknown key" if key else "not signed",
-            key=key,
-        ),
-    ),
+    a_set,
     st.sampled_from(("house", "other")),
     VERSIONS,
     st.sampled_from("abc"),
