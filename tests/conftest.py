@@ -27,6 +27,14 @@ def pytest_configure() -> None:
         os.sched_setaffinity(0, own or os.sched_getaffinity(0))
 
 
+@pytest.fixture(autouse=True)
+def _no_state_of_the_users(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keep what a console remembers, such as the rules used before, to the test."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        yield
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _no_settings_of_the_users(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:

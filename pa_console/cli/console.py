@@ -9,12 +9,14 @@ import typer
 
 from pa_console.cli.chosen import settings_of
 from pa_console.cli.output import (
+    AcceptRulesOption,
     ModelOption,
     RulesOption,
     ScenarioOption,
     SeedOption,
     UnsignedOption,
     WorldOption,
+    errors,
     out,
 )
 from pa_console.cli.streams import require_keys
@@ -37,6 +39,7 @@ def console(
         bool, typer.Option("--readonly", help="Look only: every command is refused.")
     ] = False,
     unsigned: UnsignedOption = False,
+    accept_rules: AcceptRulesOption = False,
     mouse: Annotated[
         bool,
         typer.Option("--mouse/--no-mouse", help="Take the mouse, or leave it to the terminal."),
@@ -59,18 +62,36 @@ def console(
         try:
             from pa_console.orchestrator.clock import RealTimeClock  # noqa: PLC0415 - meanwhile
             from pa_console.orchestrator.compose import (  # noqa: PLC0415
+                Site,
                 load_site,
                 open_scenario,
                 open_station,
             )
             from pa_console.orchestrator.rules_watch import RulesWatch  # noqa: PLC0415
+            from pa_console.policy.rules_pin import RefusedRulesError, RulesPins  # noqa: PLC0415
             from pa_console.session.log import LogWriter, default_folder, new_log_path  # noqa: PLC0415
             from pa_console.signing import load_signer  # noqa: PLC0415
             from pa_console.tui.app import ConsoleApp  # noqa: PLC0415
 
-            site = load_site(world, rules, unsigned=unsigned)
+            pins, deadline_s = RulesPins(), settings.values.check_deadline_ms / 1000.0
+
+            def open_site(*, accept: bool) -> Site:
+                return load_site(
+                    world, rules, unsigned=unsigned, pins=pins, accept=accept, deadline_s=deadline_s
+                )
+
+            try:
+                site = open_site(accept=accept_rules)
+            except RefusedRulesError as error:
+                if not _accepted(error):
+                    raise
+                site = open_site(accept=True)
             file = site.rules_path
-            watch = RulesWatch(file, unsigned=unsigned) if file is not None else None
+            watch = (
+                RulesWatch(file, unsigned=unsigned, pins=pins, deadline_s=deadline_s)
+                if file is not None
+                else None
+            )
             played = open_scenario(site.world, site.world_path, scenario) if scenario else None
             signer = load_signer()
             engine = Engine(found.result())
@@ -106,3 +127,9 @@ def console(
         )
         app.run(mouse=mouse)
     out.print(f"session log: {path}", markup=False, soft_wrap=True)
+
+
+def _accepted(error: ValueError) -> bool:
+    """Ask on the terminal whether refused rules go in force all the same; Enter means no."""
+    errors.print(str(error), style="bold red", markup=False, soft_wrap=True)
+    return sys.stdin.isatty() and typer.confirm("Put these rules in force?", default=False)

@@ -48,6 +48,7 @@ from pa_console.llm.catalog import LocalModel, find_model
 from pa_console.llm.engine import Engine
 from pa_console.llm.threads import physical_cores
 from pa_console.orchestrator.compose import load_site
+from pa_console.policy.rules_pin import RulesPins
 from pa_console.tui.words import count
 
 app = typer.Typer(
@@ -107,6 +108,13 @@ def evaluate(
         return
     site = load_site(world, rules, unsigned=unsigned)
     warn_of_altered(rules, site.rulebook.seal)
+    if why := RulesPins().refusal(site.rulebook.name, site.rulebook.seal):
+        errors.print(
+            f"this evaluation has rules of its own, which no mission would take: {why}",
+            style="bold red",
+            markup=False,
+            soft_wrap=True,
+        )
     variants = [find_variant(name) for name in variant or ("full",)]
     models = {local.name: local for local in map(find_model, model or (None,))}
     folder = output or evaluations_folder() / f"{datetime.now():%Y%m%d-%H%M%S}"

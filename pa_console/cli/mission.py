@@ -12,6 +12,7 @@ from rich.status import Status
 from pa_console.cli.ask import ask
 from pa_console.cli.chosen import settings_of
 from pa_console.cli.output import (
+    AcceptRulesOption,
     JsonOption,
     ModelOption,
     RulesOption,
@@ -34,6 +35,7 @@ from pa_console.orchestrator.headless import (
     run_missions,
     standing_approver,
 )
+from pa_console.policy.rules_pin import RulesPins
 from pa_console.schema.document import Document
 from pa_console.schema.event import ApprovalRequested, Event
 from pa_console.schema.incident import Incident
@@ -85,13 +87,22 @@ def mission(
     seed: SeedOption = 0,
     log: Annotated[Path | None, typer.Option(help="Where to write the session log.")] = None,
     unsigned: UnsignedOption = False,
+    accept_rules: AcceptRulesOption = False,
     json: JsonOption = False,
 ) -> None:
     """Plan, check, rehearse, judge, decide, execute and verify one mission, or a situation's."""
     if text is None and scenario is None:
         raise ValueError("give a mission in plain language, or --scenario NAME, or both")
     setup = [read_event(number, text_) for number, text_ in enumerate(event or (), start=1)]
-    site = load_site(world, rules, unsigned=unsigned)
+    settings = settings_of(context)
+    site = load_site(
+        world,
+        rules,
+        unsigned=unsigned,
+        pins=RulesPins(),
+        accept=accept_rules,
+        deadline_s=settings.values.check_deadline_ms / 1000.0,
+    )
     warn_of_altered(rules, site.rulebook.seal)
     played = open_scenario(site.world, site.world_path, scenario) if scenario else None
     signer = load_signer()
@@ -103,9 +114,7 @@ def mission(
         scenario=played,
         respond=alarms if alarms is not None else played is not None,
     )
-    path = log or new_log_path(
-        settings_of(context).values.logs or default_folder(), station.session
-    )
+    path = log or new_log_path(settings.values.logs or default_folder(), station.session)
     with (
         LogWriter(path, station.session, signer=signer) as writer,
         errors.status("starting") as status,

@@ -30,6 +30,14 @@ UnsignedOption = Annotated[
         "--unsigned", help="Take rules that were altered since they were signed; the log says so."
     ),
 ]
+AcceptRulesOption = Annotated[
+    bool,
+    typer.Option(
+        "--accept-rules",
+        help="Take rules that are less than those used before (not signed, signed by another, "
+        "of a lower version); log and reports say so.",
+    ),
+]
 ModelOption = Annotated[
     str | None,
     typer.Option("--model", help="A model of the catalogue, or the path of a GGUF file."),
@@ -45,10 +53,11 @@ JsonOption = Annotated[
 
 
 def warn_of_altered(rules: str, seal: "RulesSeal") -> None:
-    """Say on stderr that altered rules are in force."""
-    if seal.altered:
+    """Say on stderr that rules are in force of which people must be told something."""
+    altered = (f"{seal.words}: {seal.problem}",) if seal.altered else ()
+    for warning in (*altered, *seal.warnings):
         errors.print(
-            f"warning: the rules {rules!r} are {seal.words}: {seal.problem}",
+            f"warning: the rules {rules!r}: {warning}",
             style="bold red",
             markup=False,
             soft_wrap=True,

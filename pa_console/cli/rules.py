@@ -6,9 +6,10 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from pa_console.cli import rule_effect, rule_lint, rule_sets, rule_trace
-from pa_console.cli.output import JsonOption, RulesOption, errors, out, print_json
+from pa_console.cli import rule_effect, rule_lint, rule_pin, rule_sets, rule_trace
+from pa_console.cli.output import JsonOption, RulesOption, errors, out, print_json, warn_of_altered
 from pa_console.cli.rule_sets import told
+from pa_console.policy.core import differing_core
 from pa_console.policy.examples import run_example
 from pa_console.policy.retriever import DEFAULT_METHOD, METHODS, Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules
@@ -22,6 +23,7 @@ app = typer.Typer(
     help="List, search, check, lint, sign, compare, try and trace rules.", no_args_is_help=True
 )
 app.command("sign")(rule_sets.sign)
+app.command("pin")(rule_pin.pin)
 app.command("diff")(rule_sets.diff)
 app.command("lint")(rule_lint.lint)
 app.command("effect")(rule_effect.effect)
@@ -45,6 +47,7 @@ def list_rules(rules: RulesOption = "checkpoint", json: JsonOption = False) -> N
         return
     title = f"{book.name}: {count(len(book.rules), 'rule')}, {told(book.seal)}"
     table = Table("rule", "priority", "how", "text", title=title)
+    warn_of_altered(book.name, book.seal)
     for rule in book.rules:
         table.add_row(rule.id, rule.priority, _how(rule), rule.text)
     out.print(table)
@@ -118,7 +121,8 @@ def check(
             f"{count(examples, 'example')}, {len(wrong)} wrong"
         )
         out.print(f"{book.name}, {told(book.seal)}", markup=False, soft_wrap=True)
-        if book.seal.altered:
-            errors.print(book.seal.problem, markup=False, soft_wrap=True)
+        warn_of_altered(book.name, book.seal)
+        if lacking := differing_core(book):
+            out.print(f"the core's own stay in force besides: {', '.join(lacking)}", soft_wrap=True)
     if wrong or book.seal.altered:
         raise typer.Exit(BROKEN)

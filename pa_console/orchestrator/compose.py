@@ -17,8 +17,11 @@ from pa_console.orchestrator.clock import Clock
 from pa_console.orchestrator.rules_watch import RulesWatch
 from pa_console.orchestrator.services import Services
 from pa_console.orchestrator.station import Station
+from pa_console.policy.allowance import DEADLINE_S
+from pa_console.policy.core import with_core
 from pa_console.policy.retriever import DEFAULT_METHOD, Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules
+from pa_console.policy.rules_pin import RulesPins
 from pa_console.policy.seal import refuse_altered
 from pa_console.resources import find_data
 from pa_console.schema.document import read_bytes
@@ -70,16 +73,30 @@ def open_world(name: str) -> tuple[World, Path]:
     return load_world(path), path
 
 
-def load_site(world: str, rules: str, *, unsigned: bool = False) -> Site:
+def load_site(
+    world: str,
+    rules: str,
+    *,
+    unsigned: bool = False,
+    pins: RulesPins | None = None,
+    accept: bool = False,
+    deadline_s: float = DEADLINE_S,
+) -> Site:
     """Load a world and a rule file by installed name or path; raises DocumentError.
 
-    Rules that were altered since they were signed raise AlteredRulesError, unless `unsigned`.
+    Rules that were altered since they were signed raise AlteredRulesError, unless `unsigned`. With
+    `pins`, rules that are less than those used before raise RefusedRulesError, unless the operator
+    does `accept` them. The core is in force whatever the file says; a check may take `deadline_s`.
     """
     loaded, world_path = open_world(world)
     rules_path = find_data("rules", rules, "rules.yaml")
-    rulebook = load_rules(rules_path)
+    rulebook = load_rules(rules_path, deadline_s)
     if not unsigned:
         refuse_altered(rules_path, rulebook.seal)
+    if pins is not None:
+        seal = pins.admit(rulebook.name, rulebook.seal, accept=accept or unsigned)
+        rulebook = rulebook.sealed(seal)
+    rulebook = with_core(rulebook, deadline_s)
     return Site(loaded, world_path, rulebook, rules_path)
 
 

@@ -3,12 +3,16 @@
 from collections.abc import Iterator
 
 from pa_console.orchestrator.premises import ENCOUNTERS
+from pa_console.policy.allowance import together
 from pa_console.policy.rulebook import Rulebook
 from pa_console.policy.workflow import WorkflowRun
 from pa_console.schema.event import WorkflowMoved
 from pa_console.schema.mission import Mission
 from pa_console.schema.moment import Moment
 from pa_console.schema.plan import Plan, Verb
+
+MOMENT_S = 0.02
+"""Seconds of processor time that all workflows may take together at one moment."""
 
 
 class Course:
@@ -85,15 +89,17 @@ class Course:
 
     def observe(self, now: Moment) -> Iterator[WorkflowMoved]:
         """Move on every workflow whose phase, or which itself, is over at `now`."""
-        for run in self._runs.values():
-            if run.advance(now):
-                yield _moved(run)
+        with together(MOMENT_S):
+            moved = [run for run in self._runs.values() if run.advance(now)]
+        yield from map(_moved, moved)
 
     def _enter(self, track: str, now: Moment) -> Iterator[WorkflowMoved]:
-        run = WorkflowRun.start(self._rulebook, now, track)
+        with together(MOMENT_S):
+            run = WorkflowRun.start(self._rulebook, now, track)
+            if run is not None:
+                run.advance(now)
         if run is not None:
             self._runs[track] = run
-            run.advance(now)
             yield _moved(run)
 
 

@@ -72,7 +72,7 @@ class MissionRun:
         self._status: MissionStatus = "held"
         self._reason = ""
         alarm = next((a for a in open_alarms() if a.id == mission.alarm), None)
-        self._facts = ReportFacts(mission, alarm)
+        self._facts = ReportFacts(mission, alarm, warnings=services.rulebook.seal.warnings)
         self._results = Results(mission, self._course, self._monitor, open_alarms)
 
     @property
@@ -83,9 +83,11 @@ class MissionRun:
 
     async def payloads(self) -> Payloads:
         """Yield everything that happens; a plan is executed only after an admissible approval."""
-        content = self._services.rulebook.seal.content_sha256
-        yield ev.MissionStarted(rules_content_sha256=content)
-        refused = self._refused_at_intake()
+        seal = self._services.rulebook.seal
+        yield ev.MissionStarted(
+            rules_content_sha256=seal.content_sha256, rules_warnings=seal.warnings
+        )
+        refused = await self._refused_at_intake()
         if refused is not None:
             yield refused
         else:
@@ -186,13 +188,15 @@ class MissionRun:
             yield ev.PlanVoided(attempt=candidate.attempt, reason=reason)
             reasons, previous = fresh.broken, fresh.plan.answer
 
-    def _refused_at_intake(self) -> ev.PlanChecked | None:
+    async def _refused_at_intake(self) -> ev.PlanChecked | None:
         """Decide the rules that concern the mission's words alone, before any model is asked."""
         services = self._services
         if not services.variant.checks:
             return None
         started = perf_counter()
-        findings = check_mission(services.rulebook, self.mission, services.sim.world)
+        findings = await asyncio.to_thread(
+            check_mission, services.rulebook, self.mission, services.sim.world
+        )
         seconds = perf_counter() - started
         self._watch.add("checks_s", seconds)
         blocking = [f"{f.rule_id}: {f.message}" for f in findings if f.blocking]

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pa_console.orchestrator.flips import Findings
 from pa_console.orchestrator.rehearsal import order_moments
 from pa_console.policy.checks import check_mission, check_plan
+from pa_console.policy.core import with_core
 from pa_console.policy.moments import moment
 from pa_console.policy.monitor import Monitor
 from pa_console.policy.rulebook import Rulebook, compile_rule
@@ -18,6 +19,7 @@ from pa_console.policy.structure import STRUCTURE_ID
 from pa_console.schema import event as ev
 from pa_console.schema.mission import Mission
 from pa_console.schema.moment import Moment
+from pa_console.schema.rules_seal import RulesSeal
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.session.fold import SessionState
@@ -108,8 +110,10 @@ class Recheck:
         if isinstance(event.data, ev.TelemetryReceived):
             self._sightings.look(event.data.picture)
             yield from self._running(event.data.picture)
+        if isinstance(event.data, ev.SessionStarted) and self._own is not None:
+            self._own = _as_then(self._own, event.data.rules_seal)
         if isinstance(event.data, ev.RulesReplaced) and self._own is not None:
-            self._own = _as_told(event.data)
+            self._own = _as_then(_as_told(event.data), event.data.rules_seal)
         self.state.apply(event)
         trace = self.state.missions.get(event.mission or "")
         if trace is not None:
@@ -226,4 +230,10 @@ class Recheck:
 def _as_told(replaced: ev.RulesReplaced) -> Rulebook:
     """Return the rules that a session changed to; raises ExpressionError if they do not compile."""
     entries = tuple(compile_rule(rule) for rule in replaced.rule_set.rules)
-    return Rulebook(replaced.rules, replaced.rules_sha256, entries, seal=replaced.rules_seal)
+    seal = replaced.rules_seal.model_copy(update={"core": ""})
+    return Rulebook(replaced.rules, replaced.rules_sha256, entries, seal=seal)
+
+
+def _as_then(own: Rulebook, seal: RulesSeal | None) -> Rulebook:
+    """Return the rules with the core besides if it was in force then, else by themselves."""
+    return with_core(own) if seal is not None and seal.core else own

@@ -40,6 +40,8 @@ class ReportFacts:
     alarm: Alarm | None = None
     rules: tuple[str, ...] = ()
     """Ids of the rules that were retrieved for it (WF-10)."""
+    warnings: tuple[str, ...] = ()
+    """What must be said of the rule set that it was worked on under."""
     plans: list[PlanFacts] = field(default_factory=list[PlanFacts])
     moves: list[tuple[WorkflowMoved, float]] = field(
         default_factory=list[tuple[WorkflowMoved, float]]
@@ -102,6 +104,7 @@ def after_action_report(
         lines[-1] += alarm.text
     elif mission.alarm:
         lines.append(f"Raised by alarm {mission.alarm}")
+    lines.extend(f"Rule set: {warning}" for warning in facts.warnings)
     if facts.rules:
         lines.append(f"Rules: {', '.join(facts.rules)}")
     lines.extend(_workflows(facts.moves))

@@ -1,4 +1,7 @@
-"""Puts a changed rule set in force while a session runs; a broken one changes nothing."""
+"""Puts a changed rule set in force while a session runs; a broken one changes nothing.
+
+Nor does one that is less than what was used before, until the operator accepts it.
+"""
 
 import asyncio
 from collections.abc import Iterator
@@ -27,6 +30,9 @@ class RulesReload:
         """Without `watch` the rules stay as they are."""
         self._services, self._watch, self._emit, self._desk = services, watch, emit, desk
         self._turn = asyncio.Lock()
+        self._offered: Rulebook | None = None
+        self.offered = ""
+        """Why the set that the file holds now waits for the operator to accept it, if it does."""
 
     @property
     def services(self) -> Services:
@@ -45,20 +51,48 @@ class RulesReload:
         if self._watch is None:
             return
         async with self._turn:
+            self._offered, self.offered = None, ""
             try:
                 rulebook = await self._watch.load()
+                why = self._watch.refusal(self._services.rulebook, rulebook)
             except ValueError as error:
-                old = self._services.rulebook
-                kept = f"{old.name} {old.seal.content_sha256[:SHORT]} stays in force"
-                self._tell("alarm", f"the changed rules were not taken, {kept}: {error}")
+                self._not_taken(str(error))
+                return
+            if why:
+                self._offered, self.offered = rulebook, why
+                self._not_taken(f"{why}. In the policy browser you can accept them")
             else:
-                await self._take(rulebook)
+                await self._take(rulebook, "")
 
-    async def _take(self, rulebook: Rulebook) -> None:
-        """Put `rulebook` in force; the world goes on while its rules are indexed."""
+    async def accept(self) -> None:
+        """Take the set that waits for it, as the operator says; raises ValueError without one."""
+        async with self._turn:
+            rulebook, why = self._offered, self.offered
+            if rulebook is None:
+                raise ValueError("no changed rules wait to be accepted")
+            self._offered, self.offered = None, ""
+            await self._take(rulebook, why)
+
+    def _not_taken(self, problem: str) -> None:
+        old = self._services.rulebook
+        kept = f"{old.name} {old.seal.content_sha256[:SHORT]} stays in force"
+        self._tell("alarm", f"the changed rules were not taken, {kept}: {problem}")
+
+    async def _take(self, rulebook: Rulebook, why: str) -> None:
+        """Put `rulebook` in force; the world goes on while its rules are indexed.
+
+        `why` is why the operator had to accept it, "" for a set that is taken by itself.
+        """
         old = self._services.rulebook
         before, after = old.rule_set, rulebook.rule_set
-        if before is None or after is None or rulebook.seal == old.seal:
+        if self._watch is None or before is None or after is None:
+            return
+        try:
+            rulebook = self._watch.admit(rulebook, why)
+        except (ValueError, OSError) as error:
+            self._not_taken(str(error))
+            return
+        if rulebook.seal == old.seal:
             return
         self._services = await asyncio.to_thread(self._services.with_rules, rulebook)
         self._desk.use(self._services)
@@ -73,7 +107,8 @@ class RulesReload:
             ),
             None,
         )
-        self._tell("warning", _in_words(rulebook, changes, self._desk.worked_on))
+        level: ev.Level = "alarm" if rulebook.seal.warnings else "warning"
+        self._tell(level, _in_words(rulebook, changes, self._desk.worked_on))
 
     def _tell(self, level: ev.Level, text: str) -> None:
         self._emit(ev.Noticed(level=level, subject="rules", text=text), None)
@@ -88,6 +123,6 @@ def _changes(before: RuleSet, after: RuleSet) -> Iterator[str]:
 def _in_words(rulebook: Rulebook, changes: tuple[str, ...], worked_on: str) -> str:
     named = ", ".join(changes[:MOST_NAMED]) or "no rule is different"
     more = f" and {len(changes) - MOST_NAMED} more" if len(changes) > MOST_NAMED else ""
-    standing = rulebook.seal.words
+    standing = "; ".join((rulebook.seal.words, *rulebook.seal.warnings))
     pinned = f"; {worked_on} goes on under the set it began with" if worked_on else ""
     return f"now in force: {rulebook.name} {rulebook.seal.title}, {standing}: {named}{more}{pinned}"

@@ -1,11 +1,12 @@
 """Step 6: structure, rehearsal and every rule in force, whatever was retrieved."""
 
+import asyncio
 from dataclasses import dataclass
 from time import perf_counter
 
 from pa_console.orchestrator.assumption import assume_done
 from pa_console.orchestrator.rehearsal import rehearse
-from pa_console.policy.checks import check_plan
+from pa_console.policy.checks import prepare_checks
 from pa_console.policy.monitor import Monitor
 from pa_console.policy.rulebook import Rulebook
 from pa_console.policy.structure import problems
@@ -61,6 +62,8 @@ async def examine(  # noqa: PLR0917
 
     `monitor` has followed the mission so far: ordering rules go on from its history. A `variant`
     may leave out the rules or the rehearsal; an order that nobody can take is found in any case.
+    The rules are checked in a thread of their own: however slow a rule file makes them, telemetry
+    and STOP go on.
     """
     variant = variant or Variant()
     started = perf_counter()
@@ -75,7 +78,7 @@ async def examine(  # noqa: PLR0917
     rehearsed = perf_counter()
     if not variant.checks:
         return Examination(plan, (), rehearsal, checked - started, rehearsed - checked)
-    findings = check_plan(
+    checks = prepare_checks(
         rulebook,
         plan=plan,
         rehearsal=rehearsal,
@@ -83,6 +86,7 @@ async def examine(  # noqa: PLR0917
         world=sim.world,
         monitor=monitor,
     )
+    findings = await asyncio.to_thread(checks)
     done = perf_counter()
     return Examination(
         plan, findings, rehearsal, checked - started + done - rehearsed, rehearsed - checked

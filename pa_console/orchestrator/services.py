@@ -12,6 +12,7 @@ from pa_console.llm.judge import Judge
 from pa_console.llm.planner import Planner
 from pa_console.orchestrator.command_gate import CommandGate
 from pa_console.orchestrator.respelling import respell
+from pa_console.policy.core import with_core
 from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.policy.sightings import Sightings
@@ -45,7 +46,8 @@ class Services:
     """What every command to a device goes through: `sim.send` is for the gate alone."""
 
     def __post_init__(self) -> None:
-        """Begin with nothing seen and nothing decided."""
+        """Begin with nothing seen or decided, and with the core in force whatever the rules say."""
+        object.__setattr__(self, "rulebook", with_core(self.rulebook))
         object.__setattr__(self, "sightings", Sightings(self.sim.world))
         object.__setattr__(self, "gate", CommandGate(self.sim))
 

@@ -121,6 +121,16 @@ class Station:
         """Take the rules as their file has them now; why they cannot be taken is told."""
         await self._reload.now()
 
+    @property
+    def rules_offered(self) -> str:
+        """Why the rules in their file wait for the operator to accept them, "" when none do."""
+        return self._reload.offered
+
+    async def accept_rules(self) -> None:
+        """Take rules that were refused, as the operator says; raises ValueError without any."""
+        self._writable()
+        await self._reload.accept()
+
     def typing(self, text: str) -> None:
         """Note that the operator types a mission, `text` so far; the model reads meanwhile."""
         self._ahead.typing(text)

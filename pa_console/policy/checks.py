@@ -6,11 +6,12 @@ check that fails to run decides nothing, so its finding is an error, which count
 rule's orderings must hold as well, over the mission so far and the rehearsed plan after it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast
 
 import cel
 
+from pa_console.policy.allowance import together
 from pa_console.policy.context import mission_variables, plan_variables
 from pa_console.policy.expression import make_context
 from pa_console.policy.findings import finding, undecided, violation
@@ -21,7 +22,11 @@ from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import Rehearsal
+from pa_console.schema.rule import PRIORITIES
 from pa_console.schema.world import World
+
+CHECKS_S = 1.0
+"""Seconds of processor time that all checks of one plan, or of one mission, may take together."""
 
 
 def check_plan(
@@ -38,21 +43,57 @@ def check_plan(
     `monitor` has followed the mission so far and stays as it is; without one the mission begins
     with this plan, and nothing was seen before it.
     """
+    return prepare_checks(
+        rulebook, plan=plan, rehearsal=rehearsal, mission=mission, world=world, monitor=monitor
+    )()
+
+
+def prepare_checks(
+    rulebook: Rulebook,
+    *,
+    plan: Plan,
+    rehearsal: Rehearsal,
+    mission: Mission,
+    world: World,
+    monitor: Monitor | None = None,
+) -> Callable[[], tuple[Finding, ...]]:
+    """Return what `check_plan` does as a function that any thread may call.
+
+    All that goes on while a mission runs is read now, nothing of it later. What a rule file makes
+    slow is in the function alone, so that no screen and no stop has to wait for it.
+    """
     history = Monitor(rulebook, world) if monitor is None else monitor
     variables = plan_variables(
         plan, rehearsal, mission, world, rulebook.variables, history.sightings
     )
-    context = make_context(variables)
-    broken = broken_orderings(history, rehearsal)
-    return tuple(
-        _combine(_decide(entry, context), broken.get(entry.rule.id)) for entry in rulebook.compiled
-    )
+    ahead = history.copy(running_limits=False)
+    picture = rehearsal.before
+    size = len(picture.assets) + len(picture.tracks) + len(picture.gates)
+
+    def run() -> tuple[Finding, ...]:
+        context = make_context(variables)
+        with together(CHECKS_S, size):
+            broken = _broken_orderings(ahead, rehearsal)
+            return tuple(
+                _combine(
+                    _both([_decide(part, context) for part in entry.parts]),
+                    broken.get(entry.rule.id),
+                )
+                for entry in rulebook.compiled
+            )
+
+    return run
 
 
 def check_mission(rulebook: Rulebook, mission: Mission, world: World) -> tuple[Finding, ...]:
     """Return a finding for every rule that the mission's words alone decide (step 1)."""
     context = make_context(mission_variables(mission, world))
-    return tuple(_decide(entry, context) for entry in rulebook.compiled if entry.about_mission_only)
+    with together(CHECKS_S):
+        return tuple(
+            _both([_decide(part, context) for part in parts])
+            for entry in rulebook.compiled
+            if (parts := [part for part in entry.parts if part.about_mission_only])
+        )
 
 
 def check_rule(
@@ -74,7 +115,11 @@ def broken_orderings(monitor: Monitor, rehearsal: Rehearsal) -> Mapping[str, Fin
 
     What is wrong at the rehearsal's first moment, before any command, is not the plan's doing.
     """
-    ahead = monitor.copy(running_limits=False)
+    return _broken_orderings(monitor.copy(running_limits=False), rehearsal)
+
+
+def _broken_orderings(ahead: Monitor, rehearsal: Rehearsal) -> Mapping[str, Finding]:
+    """Return the same for a monitor that goes on by itself."""
     found: dict[str, Finding] = {}
     moments = list(rehearsal.moments)
     if moments:
@@ -114,6 +159,15 @@ def _decide(entry: CompiledRule, context: cel.Context) -> Finding:
     return undecided(rule, f"it yields {result!r}, neither true, false nor a list of texts")
 
 
+def _both(found: Sequence[Finding]) -> Finding:
+    """Return the finding of a rule and of the core's of the same id as one: the stricter wins."""
+    broken = [one for one in found if one.broken]
+    if len(broken) < 2:
+        decided = [one for one in found if one.status == "complies"]
+        return (*broken, *decided, *found)[0]
+    return _worse(*broken)
+
+
 def _combine(state: Finding, order: Finding | None) -> Finding:
     """Return the one finding of a rule from its check and its orderings."""
     if order is None:
@@ -125,4 +179,5 @@ def _worse(first: Finding, second: Finding) -> Finding:
     """Return both as one: an error outweighs a violation, and every message is kept once."""
     status = "error" if "error" in (first.status, second.status) else "violates"
     message = "; ".join(dict.fromkeys((first.message, second.message)))
-    return first.model_copy(update={"status": status, "message": message})
+    priority = min(first.priority, second.priority, key=PRIORITIES.index)
+    return first.model_copy(update={"status": status, "message": message, "priority": priority})

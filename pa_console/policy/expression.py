@@ -1,10 +1,21 @@
 """CEL expressions of rules: compiled once, and searched for names that do not exist."""
 
+import logging
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Generator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import cel
+
+from pa_console.policy import patterns
+from pa_console.policy.allowance import DEADLINE_S, deadline, going_on
+from pa_console.policy.expression_source import GOING_ON, Source
+
+_log = logging.getLogger("cel")
+_log.propagate = False
+_log.addHandler(logging.NullHandler())
+# An expression that fails is told as the finding of its rule; the library would print it too.
 
 PLAN_VARIABLES: frozenset[str] = frozenset(
     ("plan", "actions", "before", "after", "timeline", "tracks", "assets", "gates", "mission",
@@ -23,15 +34,13 @@ STANDARD_FUNCTIONS: frozenset[str] = frozenset(
     ("contains", "double", "endsWith", "has", "int", "matches", "size", "startsWith", "string")
 )
 
-_BOUND = re.compile(r"\.\s*(?:all|exists|exists_one|filter|map)\s*\(\s*(\w+)\s*,")
-
 
 def finds(text: str, pattern: str) -> bool:
     """Return whether the regular expression `pattern` matches somewhere in `text`.
 
-    CEL's own `matches` compiles its pattern anew each time; Python keeps it.
+    CEL's own `matches` is taken for it, for that compiles its pattern anew each time.
     """
-    return re.search(pattern, text) is not None
+    return patterns.pattern(pattern).search(text)
 
 
 def without(text: str, pattern: str) -> str:
@@ -40,7 +49,7 @@ def without(text: str, pattern: str) -> str:
     "... but not in such a phrase" is said by cutting those phrases out first. A comma stays where
     a phrase was, so that its neighbours do not join.
     """
-    return re.sub(pattern, " , ", text)
+    return patterns.pattern(pattern).cut(text, " , ")
 
 
 def brief(number: float) -> str:
@@ -48,40 +57,91 @@ def brief(number: float) -> str:
     return f"{number:.4g}"
 
 
-FUNCTIONS = {"brief": brief, "finds": finds, "without": without}
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "brief": brief, "finds": finds, "without": without, GOING_ON: going_on,
+}  # fmt: skip
 """Functions that expressions may use besides CEL's own."""
 
 
 class Expression:
     """A compiled CEL expression; `variables` are those of the allowed ones that it reads."""
 
-    def __init__(self, source: str, allowed: frozenset[str] = PLAN_VARIABLES) -> None:
-        """Compile `source`; raises ValueError for broken syntax and for unknown names."""
-        try:
-            self._program = cel.compile(source)
-        except ValueError as error:
-            raise ValueError(f"not valid CEL: {_syntax_problem(error)}") from error
+    def __init__(
+        self,
+        source: str,
+        allowed: frozenset[str] = PLAN_VARIABLES,
+        deadline_s: float = DEADLINE_S,
+    ) -> None:
+        """Compile `source`, which may run `deadline_s` of processor time each time.
+
+        Raises ValueError for broken syntax, for unknown names, for patterns that are not supported
+        and for what is too large.
+        """
+        text = Source(source)
+        for pattern in text.patterns():
+            try:
+                patterns.pattern(pattern)
+            except ValueError as error:
+                raise ValueError(f"a pattern that cannot be used: {error}") from error
+        self._program = _compiled(source, text)
+        self._deadline_s = deadline_s
         references = self._program.references()
         named = set(references["variables"])
-        unknown = sorted(named - set(_BOUND.findall(source)) - allowed)
+        unknown = sorted(named - text.bound - allowed)
         if unknown:
             known = ", ".join(sorted(allowed))
             raise ValueError(f"unknown name {unknown[0]!r}; an expression may use {known}")
         functions = {name for name in references["functions"] if name.isidentifier()}
         missing = sorted(functions - STANDARD_FUNCTIONS - FUNCTIONS.keys())
         if missing:
-            known = ", ".join(sorted(STANDARD_FUNCTIONS | FUNCTIONS.keys()))
+            known = ", ".join(sorted(STANDARD_FUNCTIONS | FUNCTIONS.keys() - {GOING_ON}))
             raise ValueError(f"unknown function {missing[0]!r}; known: {known}")
+        if GOING_ON in source:
+            raise ValueError(f"{GOING_ON!r} is not for rules to use")
         self.variables: frozenset[str] = allowed & named
+        self.size = text.size
+        """How many names, values and signs it is made of."""
 
     def evaluate(self, context: cel.Context) -> Any:
-        """Return the value in `context`; raises whatever the expression runs into."""
-        return self._program.execute(context)
+        """Return the value in `context`; raises whatever the expression runs into.
+
+        Raises DeadlineError when it takes too long.
+        """
+        with deadline(self._deadline_s), _no_panic():
+            return self._program.execute(context)
 
 
 def make_context(variables: Mapping[str, Any]) -> cel.Context:
     """Convert `variables` once, for any number of expressions."""
     return cel.Context(variables=dict(variables), functions=dict(FUNCTIONS))
+
+
+@contextmanager
+def _no_panic() -> Generator[None]:
+    """Make a panic of the library, which no handler of exceptions sees, a ValueError."""
+    try:
+        yield
+    except BaseException as error:
+        if type(error).__name__ != "PanicException":
+            raise
+        raise ValueError(f"the expression language broke down: {error}") from None
+
+
+def _compiled(source: str, text: Source) -> cel.Program:
+    """Return the program of an expression, its mistakes told at their places in `source`."""
+    problem = text.problem
+    try:
+        if not problem:
+            with _no_panic():
+                return cel.compile(text.watched())
+    except ValueError as error:
+        problem = _syntax_problem(error)
+    try:
+        with _no_panic():
+            cel.compile(source)
+    except ValueError as error:
+        problem = _syntax_problem(error)
+    raise ValueError(f"not valid CEL: {problem}")
 
 
 def _syntax_problem(error: ValueError) -> str:

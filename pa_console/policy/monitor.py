@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple, Self
 
+from pa_console.policy.allowance import together
 from pa_console.policy.findings import finding, undecided, violation
 from pa_console.policy.ordering import START, Progress, follow, leave
 from pa_console.policy.rulebook import CompiledOrdering, CompiledRule, Rulebook
@@ -11,10 +12,13 @@ from pa_console.policy.sightings import Sightings
 from pa_console.policy.subjects import Evaluator, Subjects, subjects
 from pa_console.schema.finding import Finding
 from pa_console.schema.moment import Moment
-from pa_console.schema.rule import Rule
+from pa_console.schema.rule import PRIORITIES, Rule
 from pa_console.schema.world import World
 
 Each = Literal["track", "gate"] | None
+
+MOMENT_S = 0.02
+"""Seconds of processor time that all orderings may take together at one moment."""
 
 
 class Pending(NamedTuple):
@@ -137,22 +141,27 @@ class Monitor:
         self._evaluator = Evaluator(world)
         self._covered_before: set[str] = set()
         self._last: dict[Each, Subjects] = {}
-        self._watches = [
-            self._watch(entry, ordering) for entry in rulebook.compiled for ordering in entry.order
-        ]
+        with together(MOMENT_S):
+            self._watches = [
+                self._watch(part, ordering)
+                for entry in rulebook.compiled
+                for part in entry.parts
+                for ordering in part.order
+            ]
 
     def observe(self, moment: Moment) -> tuple[Finding, ...]:
         """Take in the next moment; return one finding for each rule that it newly breaks."""
         news: dict[Each, _News] = {}
         breaches: list[Breach] = []
-        for watch in self._watches:
-            each = watch.entry.order.each
-            if each not in news:
-                present = subjects(watch.entry.order, moment, self._covered_before)
-                news[each] = _News.since(self._last.get(each, {}), present)
-            breach = watch.observe(moment, news[each], self._evaluator)
-            if breach is not None:
-                breaches.append(breach)
+        with together(MOMENT_S):
+            for watch in self._watches:
+                each = watch.entry.order.each
+                if each not in news:
+                    present = subjects(watch.entry.order, moment, self._covered_before)
+                    news[each] = _News.since(self._last.get(each, {}), present)
+                breach = watch.observe(moment, news[each], self._evaluator)
+                if breach is not None:
+                    breaches.append(breach)
         self._last = {each: new.present for each, new in news.items()}
         self._covered_before |= {gate for gate, covered in moment.covered.items() if covered}
         return _findings(breaches)
@@ -178,7 +187,7 @@ class Monitor:
         time that passed before it.
         """
         twin = object.__new__(type(self))
-        twin.sightings, twin._evaluator = self.sightings, self._evaluator
+        twin.sightings, twin._evaluator = self.sightings, self._evaluator.copy()
         twin._covered_before = set(self._covered_before)
         twin._last = self._last
         twin._watches = [watch.copy() for watch in self._watches]
@@ -200,7 +209,7 @@ class Monitor:
 
 def halts(finding: Finding, rulebook: Rulebook) -> bool:
     """Whether a broken ordering halts the running plan; premises and alarms see to gates."""
-    orderings = rulebook.get(finding.rule_id).order
+    orderings = rulebook.orderings(finding.rule_id)
     return finding.blocking and any(ordering.each != "gate" for ordering in orderings)
 
 
@@ -213,7 +222,7 @@ def _findings(breaches: Iterable[Breach]) -> tuple[Finding, ...]:
 
 
 def _finding(found: list[Breach]) -> Finding:
-    rule = found[0].rule
+    rule = min((breach.rule for breach in found), key=lambda r: PRIORITIES.index(r.priority))
     problems = [breach.problem for breach in found if breach.problem]
     if problems:
         return undecided(rule, problems[0])

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from pa_console.policy.allowance import DEADLINE_S
 from pa_console.policy.expression import (
     MOMENT_VARIABLES,
     PLAN_VARIABLES,
@@ -15,6 +16,10 @@ from pa_console.policy.seal import seal_of
 from pa_console.schema.document import Document, FieldPath
 from pa_console.schema.rule import Ordering, Rule, RuleSet, Workflow
 from pa_console.schema.rules_seal import RulesSeal
+
+MAX_SET_SIZE = 100_000
+"""Names, values and signs in all expressions of a file, each of which counts for some more."""
+EXPRESSION_SIZE = 20
 
 MISSION_VARIABLES = frozenset(("mission", "world"))
 LIMIT_VARIABLES = frozenset(("world",))
@@ -43,11 +48,18 @@ class CompiledRule:
     applies: Expression | None
     check: Expression | None
     order: tuple[CompiledOrdering, ...] = ()
+    core: "CompiledRule | None" = None
+    """The core's rule of the same id, which is decided besides."""
+
+    @property
+    def parts(self) -> "tuple[CompiledRule, ...]":
+        """The rule itself, and the core's of the same id if that is another."""
+        return (self,) if self.core is None else (self, self.core)
 
     @property
     def variables(self) -> frozenset[str]:
         """What guard and check read."""
-        parts = (part.variables for part in (self.applies, self.check) if part is not None)
+        parts = [part.variables for part in (self.applies, self.check) if part is not None]
         return frozenset[str]().union(*parts)
 
     @property
@@ -82,33 +94,67 @@ class ExpressionError(ValueError):
         self.field, self.problem = field, problem
 
 
+class Compiler:
+    """Compiles expressions that may run `deadline_s` each; together they have a size at most."""
+
+    def __init__(self, deadline_s: float = DEADLINE_S) -> None:
+        self._deadline_s = deadline_s
+        self._left = MAX_SET_SIZE
+
+    def rule(self, rule: Rule) -> CompiledRule:
+        """Return `rule` ready to run; raises ExpressionError."""
+        plan = PLAN_VARIABLES
+        return CompiledRule(
+            rule,
+            None if rule.applies is None else self._compile(("applies",), rule.applies, plan),
+            None if rule.check is None else self._compile(("check",), rule.check, plan),
+            tuple(self._ordering(number, order) for number, order in enumerate(rule.order)),
+        )
+
+    def workflow(self, workflow: Workflow) -> CompiledWorkflow:
+        """Return `workflow` ready to run; raises ExpressionError."""
+        return CompiledWorkflow(
+            workflow,
+            self._compile(("starts",), workflow.starts, WORKFLOW_VARIABLES),
+            tuple(
+                (outcome, self._compile(("ends", outcome), source, WORKFLOW_VARIABLES))
+                for outcome, source in workflow.ends.items()
+            ),
+            tuple(
+                CompiledPhase(
+                    self._compile(("phases", number, "when"), phase.when, WORKFLOW_VARIABLES),
+                    self._compile(("phases", number, "done"), phase.done, WORKFLOW_VARIABLES),
+                )
+                for number, phase in enumerate(workflow.phases)
+            ),
+        )
+
+    def _ordering(self, number: int, order: Ordering) -> CompiledOrdering:
+        place = ("order", number)
+        allowed = SUBJECT_VARIABLES if order.each is not None else MOMENT_VARIABLES
+        return CompiledOrdering(
+            order,
+            self._compile((*place, "event"), order.event, allowed),
+            self._compile((*place, "other"), order.other, allowed),
+            self._compile((*place, "seconds"), order.seconds, LIMIT_VARIABLES)
+            if isinstance(order.seconds, str)
+            else None,
+        )
+
+    def _compile(self, field: FieldPath, source: str, allowed: frozenset[str]) -> Expression:
+        try:
+            expression = Expression(source, allowed, self._deadline_s)
+        except ValueError as error:
+            raise ExpressionError(field, str(error)) from error
+        self._left -= expression.size + EXPRESSION_SIZE
+        if self._left < 0:
+            raise ExpressionError(field, "the expressions up to here are too many for one file")
+        return expression
+
+
 def compile_rule(rule: Rule) -> CompiledRule:
     """Return `rule` ready to run; raises ExpressionError."""
-    return CompiledRule(
-        rule,
-        None if rule.applies is None else _compile(("applies",), rule.applies, PLAN_VARIABLES),
-        None if rule.check is None else _compile(("check",), rule.check, PLAN_VARIABLES),
-        tuple(_compile_ordering(number, order) for number, order in enumerate(rule.order)),
-    )
-
-
-def compile_workflow(workflow: Workflow) -> CompiledWorkflow:
-    """Return `workflow` ready to run; raises ExpressionError."""
-    return CompiledWorkflow(
-        workflow,
-        _compile(("starts",), workflow.starts, WORKFLOW_VARIABLES),
-        tuple(
-            (outcome, _compile(("ends", outcome), source, WORKFLOW_VARIABLES))
-            for outcome, source in workflow.ends.items()
-        ),
-        tuple(
-            CompiledPhase(
-                _compile(("phases", number, "when"), phase.when, WORKFLOW_VARIABLES),
-                _compile(("phases", number, "done"), phase.done, WORKFLOW_VARIABLES),
-            )
-            for number, phase in enumerate(workflow.phases)
-        ),
-    )
+    return Compiler().rule(rule)
 
 
 class Rulebook:
@@ -130,24 +176,39 @@ class Rulebook:
         self.rule_set = rule_set
         self.rules: tuple[Rule, ...] = tuple(entry.rule for entry in compiled)
         self._by_id = {rule.id: rule for rule in self.rules}
-        self.variables = frozenset[str]().union(*(entry.variables for entry in compiled))
+        self.variables = frozenset[str]().union(
+            *(part.variables for entry in compiled for part in entry.parts)
+        )
         """What any check reads; nothing else has to be converted for CEL."""
 
     def get(self, rule_id: str) -> Rule:
         """Return the rule `rule_id`; raises KeyError when it is not in force."""
         return self._by_id[rule_id]
 
+    def orderings(self, rule_id: str) -> tuple[Ordering, ...]:
+        """Return the orderings of a rule, those of the core too; KeyError when not in force."""
+        self.get(rule_id)
+        parts = next(entry.parts for entry in self.compiled if entry.rule.id == rule_id)
+        return tuple(order for part in parts for order in part.rule.order)
 
-def load_rules(path: Path) -> Rulebook:
+    def sealed(self, seal: RulesSeal) -> "Rulebook":
+        """Return the same rules with another seal."""
+        return Rulebook(
+            self.name, self.sha256, self.compiled, self.workflows, seal, rule_set=self.rule_set
+        )
+
+
+def load_rules(path: Path, deadline_s: float = DEADLINE_S) -> Rulebook:
     """Read the rules at `path`; raises DocumentError with file, line and field.
 
     Unknown fields, an id that appears twice, a check without a message, and CEL that does not
     compile or uses an unknown name are all errors: a rule is in force as written or not at all.
     The rulebook's seal says whether the set was altered since it was signed; refusing it is for
-    those who put it in force. Raises SigningError when this machine's keys cannot be read.
+    those who put it in force. Each expression may run `deadline_s` of processor time. Raises
+    SigningError when this machine's keys cannot be read.
     """
     document, rule_set = read_rule_set(path)
-    rules, workflows = compile_rule_set(document, rule_set)
+    rules, workflows = compile_rule_set(document, rule_set, deadline_s)
     seal = seal_of(path, rule_set)
     return Rulebook(rule_set.name, document.sha256, rules, workflows, seal, rule_set=rule_set)
 
@@ -167,19 +228,20 @@ def parse_rule_set(document: Document) -> RuleSet:
 
 
 def compile_rule_set(
-    document: Document, rule_set: RuleSet
+    document: Document, rule_set: RuleSet, deadline_s: float = DEADLINE_S
 ) -> tuple[tuple[CompiledRule, ...], tuple[CompiledWorkflow, ...]]:
     """Return the rules and workflows of `document` ready to run; raises DocumentError."""
+    compiler = Compiler(deadline_s)
     place: FieldPath = ()
     rules: list[CompiledRule] = []
     workflows: list[CompiledWorkflow] = []
     try:
         for index, rule in enumerate(rule_set.rules):
             place = ("rules", index)
-            rules.append(compile_rule(rule))
+            rules.append(compiler.rule(rule))
         for index, workflow in enumerate(rule_set.workflows):
             place = ("workflows", index)
-            workflows.append(compile_workflow(workflow))
+            workflows.append(compiler.workflow(workflow))
     except ExpressionError as error:
         raise document.error((*place, *error.field), error.problem) from error
     return tuple(rules), tuple(workflows)
@@ -191,23 +253,3 @@ def _refuse_repeated(document: Document, part: str, ids: Iterable[str]) -> None:
         if name in seen:
             raise document.error((part, index, "id"), f"{name!r} appears twice")
         seen.add(name)
-
-
-def _compile_ordering(number: int, order: Ordering) -> CompiledOrdering:
-    place = ("order", number)
-    allowed = SUBJECT_VARIABLES if order.each is not None else MOMENT_VARIABLES
-    return CompiledOrdering(
-        order,
-        _compile((*place, "event"), order.event, allowed),
-        _compile((*place, "other"), order.other, allowed),
-        _compile((*place, "seconds"), order.seconds, LIMIT_VARIABLES)
-        if isinstance(order.seconds, str)
-        else None,
-    )
-
-
-def _compile(field: FieldPath, source: str, allowed: frozenset[str]) -> Expression:
-    try:
-        return Expression(source, allowed)
-    except ValueError as error:
-        raise ExpressionError(field, str(error)) from error

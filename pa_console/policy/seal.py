@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 from pa_console.policy.content import canonical, content_sha256
+from pa_console.policy.shipped_rules import CONTENT_SHA256, NAME
 from pa_console.schema.document import Document, DocumentError
 from pa_console.schema.rule import RuleSet
 from pa_console.schema.rules_seal import SHORT, RulesSeal, RulesSignature
@@ -45,10 +46,18 @@ def sign_rules(path: Path, rule_set: RuleSet, signer: Signer) -> RulesSignature:
 def seal_of(path: Path, rule_set: RuleSet) -> RulesSeal:
     """Return how `rule_set`, read from `path`, stands; it is altered if its signature is not its.
 
+    The set that is shipped is known by its content, which is pinned in the package.
     A signature file that cannot be read is one that was altered too. Raises SigningError when
     this machine's own keys cannot be read.
     """
-    unsigned = RulesSeal(version=rule_set.version, content_sha256=content_sha256(rule_set))
+    decided = any(rule.priority == "critical" and rule.decidable for rule in rule_set.rules)
+    unsigned = RulesSeal(
+        version=rule_set.version,
+        content_sha256=content_sha256(rule_set),
+        no_critical_check=not decided,
+    )
+    if (rule_set.name, unsigned.content_sha256) == (NAME, CONTENT_SHA256):
+        return unsigned.model_copy(update={"standing": "shipped"})
     place = signature_path(path)
     if not os.path.lexists(place):
         return unsigned

@@ -73,6 +73,13 @@ class Evaluator:
             self._known[key] = self._evaluate(expression, now, name, subject)
         return self._known[key]
 
+    def copy(self) -> "Evaluator":
+        """Return one that knows as much and may be used by another thread."""
+        twin = object.__new__(Evaluator)
+        twin._world, twin._known = self._world, self._known
+        twin._moment, twin._now = self._moment, self._now
+        return twin
+
     def number(self, expression: Expression) -> float:
         """Return the positive number that the world gives `expression`, else TypeError."""
         value: Any = expression.evaluate(make_context({"world": self._world}))

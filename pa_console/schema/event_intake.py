@@ -77,3 +77,6 @@ class MissionStarted(Payload):
 
     kind: Literal["mission_started"] = "mission_started"
     rules_content_sha256: str = Field(default="", description="content hash of that rule set")
+    rules_warnings: tuple[str, ...] = Field(
+        default=(), description="what must be said of it: accepted although, nothing critical"
+    )

@@ -81,6 +81,15 @@ class Settings(BaseSettings):
         "approves a plan.",
         json_schema_extra=_about("Approval and alarms", restart=False),
     )
+    check_deadline_ms: float = Field(
+        default=10.0,
+        ge=1.0,
+        le=1000.0,
+        title="Deadline of a check",
+        description="Milliseconds of processor time that one check of a rule may take. One that "
+        "takes longer decides nothing, which blocks the plan.",
+        json_schema_extra=_about("Approval and alarms"),
+    )
     stale_after_s: float = Field(
         default=5.0,
         ge=2.0,

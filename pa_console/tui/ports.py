@@ -80,6 +80,15 @@ class StationPort(Protocol):
         """Take the rules as their file has them now; why they cannot be taken is an event."""
         ...
 
+    @property
+    def rules_offered(self) -> str:
+        """Why changed rules wait for the operator to accept them, "" when none do."""
+        ...
+
+    async def accept_rules(self) -> None:
+        """Take the rules that wait for it; raises ValueError without any."""
+        ...
+
     def inject(self, incident: Incident) -> None:
         """Change the simulated checkpoint; raises ValueError for an unknown asset or gate."""
         ...

@@ -56,12 +56,18 @@ class RulesApp(CommandingApp):
             missions=lambda: tuple(self.shown_state.missions.values()),
             busy=lambda: self.state.active or "",
             saved=self._reload,
+            offered=lambda: self.station.rules_offered if self.station is not None else "",
+            accept=self._accept,
             drafts=Drafts(None if closed else rules_file, drafts),
         )
 
     async def _reload(self) -> None:
         if self.station is not None:
             await self.station.reload_rules()
+
+    async def _accept(self) -> None:
+        if self.station is not None:
+            await self.station.accept_rules()
 
     def on_session_app_received(self, message: SessionApp.Received) -> None:
         """Note what concerns the rules once the event is folded."""

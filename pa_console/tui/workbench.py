@@ -17,7 +17,8 @@ class Workbench:
 
     `drafts` are what was typed and not saved, by rule id, '' for a new rule; they outlive the
     editor and the console. `saved` is awaited after the file was written, so that it is taken at
-    once.
+    once. `offered` says why the rules in the file wait to be accepted, empty when they do not, and
+    `accept` takes them.
     """
 
     world: World
@@ -27,6 +28,8 @@ class Workbench:
     missions: Callable[[], Iterable[MissionTrace]]
     busy: Callable[[], str]
     saved: Callable[[], Awaitable[None]]
+    offered: Callable[[], str]
+    accept: Callable[[], Awaitable[None]]
     cases: SessionCases = field(init=False)
     drafts: Drafts = field(default_factory=Drafts)
 

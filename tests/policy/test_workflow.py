@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.policy.rulebook import Rulebook, compile_rule, compile_workflow
+from pa_console.policy.rulebook import Compiler, Rulebook, compile_rule
 from pa_console.policy.workflow import Move, WorkflowRun
 from pa_console.schema.moment import Moment, TrackMoment
 from pa_console.schema.rule import Phase, Rule, Workflow
@@ -151,7 +151,7 @@ def book_with(
     rule = Rule(id="WF-01", domain="WF", priority="high", text="In order.")
     phase = Phase(name="only", command="go to {gate}", done=done)
     workflow = Workflow(id="own", rule="WF-01", starts=starts, ends=ends or {}, phases=(phase,))
-    return Rulebook("own", "", (compile_rule(rule),), (compile_workflow(workflow),))
+    return Rulebook("own", "", (compile_rule(rule),), (Compiler().workflow(workflow),))
 
 
 def test_an_expression_that_cannot_be_evaluated_holds_for_nothing() -> None:

@@ -53,7 +53,8 @@ class ScriptedStation:
         self.deferred: list[str] = []
         self.withdrawn: list[str] = []
         self.closed = False
-        self.refuse = ""
+        self.refuse = self.offered = ""
+        self.accepted = 0
         self.typed = self.reloads = 0
         self.retriever: RetrieverPort = WordRetriever()
         self._broken = broken
@@ -87,6 +88,17 @@ class ScriptedStation:
     def drained(self) -> bool:
         """Whether everything was taken."""
         return self._queue.empty() and self.given == self._count
+
+    @property
+    def rules_offered(self) -> str:
+        """Say why the rules of the file wait, as the test has it."""
+        return self.offered
+
+    async def accept_rules(self) -> None:
+        """Count what was accepted."""
+        self._refuse()
+        self.accepted += 1
+        self.offered = ""
 
     def typing(self, text: str) -> None:
         """Count the keys that the prompt told of."""

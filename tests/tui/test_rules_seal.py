@@ -2,10 +2,12 @@
 
 from pathlib import Path
 
+import pytest
 from textual.widgets import Static
 
 from pa_console.schema.event import EventPayload
 from pa_console.schema.rules_seal import RulesSeal
+from pa_console.tui.screens.confirm import Confirm
 from pa_console.tui.screens.policies import PolicyScreen
 from tests.tui import story
 from tests.tui.scripted import ScriptedStation, console, settle
@@ -46,3 +48,45 @@ async def test_rules_that_are_not_signed_are_not_shouted_about(tmp_path: Path) -
     async with app.run_test(size=(120, 36)) as pilot:
         await settle(pilot, station)
         assert "RULES" not in shown(app, "#status")
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"accepted": "not signed"}, "RULES ACCEPTED, NOT VOUCHED FOR"),
+        ({"no_critical_check": True}, "RULES: NO CRITICAL CHECK"),
+    ],
+)
+async def test_what_must_be_said_of_the_rules_is_in_the_status_bar_and_the_browser(
+    tmp_path: Path, fields: dict[str, object], words: str
+) -> None:
+    seal = ALTERED.model_copy(update={"standing": "not signed", "problem": ""} | fields)
+    station = ScriptedStation(opened_with(seal))
+    app = console(station, tmp_path)
+    async with app.run_test(size=(120, 36)) as pilot:
+        await settle(pilot, station)
+        assert words in shown(app, "#status")
+
+
+async def test_refused_rules_are_accepted_in_the_browser_only_after_a_question(
+    tmp_path: Path,
+) -> None:
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path)
+    async with app.run_test(size=(120, 36)) as pilot:
+        await settle(pilot, station)
+        await pilot.press("f6", "tab", "tab", "tab", "tab")
+        await settle(pilot)
+        app.screen.query_one("#policy-list").focus()
+        await pilot.press("a")
+        await settle(pilot)
+        assert not isinstance(app.screen, Confirm)
+        station.offered = "not signed, and the set used before is signed"
+        for key, accepted in (("enter", 0), ("a", 0), ("y", 1)):
+            if key == "enter":
+                await pilot.press("a")
+                await settle(pilot)
+                assert isinstance(app.screen, Confirm)
+            await pilot.press(key)
+            await settle(pilot)
+            assert station.accepted == accepted

@@ -45,6 +45,7 @@ class PolicyScreen(Screen[str]):
         Binding("n", "new", "New"),
         Binding("delete", "remove", "Remove"),
         Binding("m", "mission", "To its mission"),
+        Binding("a", "accept", "Accept the file", show=False),
     ]
 
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (100, "-wide")]
@@ -150,6 +151,7 @@ class PolicyScreen(Screen[str]):
                 ("Policies  ", "bold $text-primary"),
                 f"{self._set} {self._seal.title} ",
                 (self._seal.words, standing_style(self._seal)),
+                *((f"  ▲ {warning}", "bold $text-error") for warning in self._seal.warnings),
                 (f"  {len(rules)} of {len(self._rules)}, {count} checked by code", QUIET),
             )
         )
@@ -196,6 +198,25 @@ class PolicyScreen(Screen[str]):
             self.dismiss(uses[-1].mission)
         else:
             self._refused("no mission of this session had to do with it")
+
+    def action_accept(self) -> None:
+        """Put the rules in force that the file holds and that were refused, after a question."""
+        if self._bench.offered():
+            self.run_worker(self._accept(), group="edit", exclusive=True)
+        else:
+            self._refused("no changed rules wait to be accepted")
+
+    async def _accept(self) -> None:
+        question = (
+            f"The rules in {self._bench.path} were refused: {self._bench.offered()}.\n"
+            "Put them in force all the same? Screen, log and every report will say so."
+        )
+        if not await self.app.push_screen_wait(Confirm(question, yes="Accept", no="Back")):
+            return
+        try:
+            await self._bench.accept()
+        except ValueError as error:
+            self._refused(str(error))
 
     def _begin(self, work: Callable[[Path], Coroutine[None, None, None]]) -> None:
         """Begin to change the file, unless it may not be changed here."""

@@ -3,6 +3,7 @@
 from textual.content import Content
 from textual.widgets import Static
 
+from pa_console.schema.rules_seal import RulesSeal
 from pa_console.session.fold import SessionState
 from pa_console.tui.actions import first_key
 from pa_console.tui.condition import cover_state
@@ -33,8 +34,8 @@ class StatusBar(Static):
             parts.append((f"{title}  ", QUIET))
         clock = ("session ", QUIET) if mode == "REPLAY" else ""
         parts += [self._mode(mode), "  ", clock, f"{time} ", (f"×{rate:g}", QUIET)]
-        if state.started is not None and (seal := state.started.rules_seal) and seal.altered:
-            parts += ["  ", (" RULES ALTERED ", "bold reverse $text-error")]
+        if state.started is not None and (alarm := _rules_alarm(state.started.rules_seal)):
+            parts += ["  ", (f" {alarm} ", "bold reverse $text-error")]
         if stale:
             parts.append((f"  ▲ no telemetry for {silent_s:.0f} s", "bold $text-error"))
         if wide or worker.word != "ready":
@@ -79,3 +80,14 @@ class StatusBar(Static):
         return Content.assemble(
             f"{trace.mission.id}{phase} {trace.stage}", (waiting, "bold $text-accent")
         )
+
+
+def _rules_alarm(seal: RulesSeal | None) -> str:
+    """Return what is wrong with the rules in force that nobody may overlook, "" for nothing."""
+    if seal is None:
+        return ""
+    if seal.altered:
+        return "RULES ALTERED"
+    if seal.no_critical_check:
+        return "RULES: NO CRITICAL CHECK"
+    return "RULES ACCEPTED, NOT VOUCHED FOR" if seal.accepted else ""
