@@ -19,11 +19,14 @@ def request_approval(  # noqa: PLR0917 - one plan and what was said of it
     judging: bool = True,
     asked: str = "",
     readings: Sequence[str] = (),
+    gaps: Sequence[str] = (),
+    confidence: float | None = None,
+    read_apart: bool = False,
 ) -> ApprovalRequested:
     """Say what nobody may override, what must be acknowledged, and whether the judge objects.
 
     With `judging`, a plan without a verdict is on hold. The plan is for what was `asked`;
-    `readings` are what else was meant, maybe.
+    `readings` are what else was meant, maybe. The rest says how far that reading can be trusted.
     """
     blocked = [f"{finding.rule_id}: {finding.message}" for finding in findings if finding.blocking]
     if not blocked and judging and verdict is None:
@@ -37,6 +40,9 @@ def request_approval(  # noqa: PLR0917 - one plan and what was said of it
         needs_override=verdict is not None and verdict.verdict == "Failure",
         asked=asked,
         readings=tuple(readings),
+        gaps=tuple(gaps),
+        confidence=confidence,
+        read_apart=read_apart,
     )
 
 

@@ -5,7 +5,7 @@ from collections.abc import Awaitable, Callable
 from pa_console.orchestrator.approval import inadmissible, request_approval
 from pa_console.orchestrator.candidate import Candidate
 from pa_console.orchestrator.planning import Planning
-from pa_console.orchestrator.rereading import Rereading
+from pa_console.orchestrator.rereading import Rereading, read_apart
 from pa_console.orchestrator.services import Payloads, Stopwatch
 from pa_console.schema import event as ev
 from pa_console.schema.mission import Decision, Mission, MissionStatus
@@ -64,6 +64,9 @@ class Deciding:
                 judging=self._judging,
                 asked=self._rereading.own,
                 readings=self._rereading.offered,
+                gaps=candidate.mentions.gaps,
+                confidence=self._planning.agreed,
+                read_apart=read_apart(candidate),
             )
             yield request
             decision = self.decision = None

@@ -6,12 +6,18 @@ check that fails to run decides nothing, so its finding is an error, which count
 rule's orderings must hold as well, over the mission so far and the rehearsed plan after it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
 import cel
 
-from pa_console.policy.context import mission_variables, plan_variables
+from pa_console.policy.context import (
+    Values,
+    mission_variables,
+    mission_words,
+    plan_variables,
+    reworded,
+)
 from pa_console.policy.expression import make_context
 from pa_console.policy.findings import finding, undecided, violation
 from pa_console.policy.monitor import Monitor
@@ -42,17 +48,20 @@ def check_plan(
     variables = plan_variables(
         plan, rehearsal, mission, world, rulebook.variables, history.sightings
     )
-    context = make_context(variables)
+    contexts = _contexts(variables, mission)
     broken = broken_orderings(history, rehearsal)
     return tuple(
-        _combine(_decide(entry, context), broken.get(entry.rule.id)) for entry in rulebook.compiled
+        _combine(_decide_all(entry, contexts), broken.get(entry.rule.id))
+        for entry in rulebook.compiled
     )
 
 
 def check_mission(rulebook: Rulebook, mission: Mission, world: World) -> tuple[Finding, ...]:
     """Return a finding for every rule that the mission's words alone decide (step 1)."""
-    context = make_context(mission_variables(mission, world))
-    return tuple(_decide(entry, context) for entry in rulebook.compiled if entry.about_mission_only)
+    contexts = _contexts(mission_variables(mission, world), mission)
+    return tuple(
+        _decide_all(entry, contexts) for entry in rulebook.compiled if entry.about_mission_only
+    )
 
 
 def check_rule(
@@ -66,7 +75,7 @@ def check_rule(
 ) -> Finding:
     """Return the finding for the guard and check of one rule alone."""
     variables = plan_variables(plan, rehearsal, mission, world, entry.variables, sightings)
-    return _decide(entry, make_context(variables))
+    return _decide_all(entry, _contexts(variables, mission))
 
 
 def broken_orderings(monitor: Monitor, rehearsal: Rehearsal) -> Mapping[str, Finding]:
@@ -86,6 +95,26 @@ def broken_orderings(monitor: Monitor, rehearsal: Rehearsal) -> Mapping[str, Fin
                 continue
             known = found.get(new.rule_id)
             found[new.rule_id] = new if known is None else _worse(known, new)
+    return found
+
+
+def _contexts(variables: Values, mission: Mission) -> list[cel.Context]:
+    """Return what the checks see, once for each way to read the words of `mission`."""
+    contexts = [make_context(variables)]
+    if "mission" in variables:
+        words = mission_words(mission)[1:]
+        contexts += (make_context(reworded(variables, other)) for other in words)
+    return contexts
+
+
+def _decide_all(entry: CompiledRule, contexts: Sequence[cel.Context]) -> Finding:
+    """Decide a rule for every way to read the mission, if it reads that: the worst one counts."""
+    first, *others = contexts
+    found = _decide(entry, first)
+    for context in others if "mission" in entry.variables else ():
+        other = _decide(entry, context)
+        if other.broken and not found.broken:
+            found = other
     return found
 
 

@@ -6,6 +6,8 @@ from typing import Any
 
 import cel
 
+from pa_console.policy.forbidden_words import asks_for_force, asks_to_set_rules_aside
+
 PLAN_VARIABLES: frozenset[str] = frozenset(
     ("plan", "actions", "before", "after", "timeline", "tracks", "assets", "gates", "mission",
      "world", "sightings")
@@ -48,7 +50,13 @@ def brief(number: float) -> str:
     return f"{number:.4g}"
 
 
-FUNCTIONS = {"brief": brief, "finds": finds, "without": without}
+FUNCTIONS = {
+    "asks_for_force": asks_for_force,
+    "asks_to_set_rules_aside": asks_to_set_rules_aside,
+    "brief": brief,
+    "finds": finds,
+    "without": without,
+}
 """Functions that expressions may use besides CEL's own."""
 
 

@@ -43,6 +43,7 @@ from pa_console.schema.event_planning import (
     RepairRequested,
     RulesRetrieved,
     TextStreamed,
+    told_confidence,
 )
 from pa_console.schema.event_session import (
     IncidentHappened,
@@ -105,6 +106,7 @@ __all__ = (
     "WorkerChanged",
     "WorkerState",
     "WorkflowMoved",
+    "told_confidence",
 )
 
 EventPayload = Annotated[
