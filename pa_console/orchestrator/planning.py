@@ -65,22 +65,21 @@ class Planning:
 
     @property
     def sure(self) -> float | None:
-        """How sure planner and judge of `best` were of what was asked; None: they did not tell.
-
-        Less where the words of the order and its reading do not match.
-        """
+        """How sure planner and judge of `best` were of what was asked; None: they did not tell."""
         if self.best is None:
             return None
         told = self._told(self.best)
-        sure = min((sure for sure in told if sure is not None), default=None)
-        return ev.told_confidence(sure, self.best.mentions.gaps)
+        return min((sure for sure in told if sure is not None), default=None)
 
     @property
     def agreed(self) -> float | None:
-        """The same, None where not both of them have read the order for themselves."""
+        """The same, None where not both of them have read the order for themselves.
+
+        It is less where the words of the order and its reading do not match.
+        """
         if self.best is None or None in self._told(self.best):
             return None
-        return self.sure
+        return ev.told_confidence(self.sure, self.best.mentions.gaps)
 
     async def retrieve(self, task: Mission, verbs: Sequence[Verb] = ()) -> Payloads:
         """Step 2: the rules that concern the words of `task`, and the pinned ones.
