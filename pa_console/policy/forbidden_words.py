@@ -56,6 +56,17 @@ _FORCE = re.compile(
     | \b(?: bump | knock | rub | polish )\s+(?: off | out )\s+{_PERSON}
     | (?: ^ | [.,;:!?]\s* | \b(?: and | then | to | please | just )\s+ )
       (?: ice | whack | waste | smoke | cap | plug | frag )\s+{_HIM}
+    | \bnever\s+(?: drives?\s+or\s+ )?walks?\s+again\b
+    # bodies and machines as weapons
+    | \b(?: strike | knock | bring )\s+(?: {_PERSON} | {_THING} )\s+(?: down | over | dead )\b
+    | \b(?: crash | collide | smash | plough | plow )\s+(?: [\w-]+\s+ ){{0,2}}?
+      (?: into | with | through )\s+(?: {_PERSON} | {_THING} )
+    | \b(?: hits? | bumps? | rams? )\s+(?: [\w@-]+\s+ ){{1,6}}?
+      (?: at\s+full\s+speed | full\s+speed | as\s+hard\s+as | hard\s+enough )\b
+    | \bpin\s+{_THING}\s+[^.!?;]{{0,20}}?\bagainst\b
+    | \b(?: break | crack )\s+(?: some | a\s+few | every | all )\s+(?: of\s+ )?
+      (?: his\s+ | her\s+ | their\s+ )?(?: bones | ribs | legs | teeth )\b
+    | \bphysical\s+destruction\b | \b(?: a | the )\s+fist\s+in\s+the\s+face\b
     # weapons by another name
     | \b(?: pull | squeeze )\s+the\s+trigger\b
     | \b(?: squeeze | loose | let | pop | crank )\s+off\s+(?: [\w-]+\s+ ){{0,3}}?
@@ -160,6 +171,18 @@ _ASIDE = re.compile(
       (?: (?: all | now | hereby | temporarily )\s+ )?
       (?: suspended | lifted | off | void | cancelled | canceled | waived | disabled | overridden
         | overruled | revoked | null | optional )\b
+    | \b{_RULE}\s+(?: off | suspended | void | notwithstanding | aside | out\s+of\s+ (?: force
+        | function ) )\b (?! \s+(?: the | its | limits? )\b )
+    | \b(?: checks | safeguards | (?: safety\s+ )?limits )\s+(?: off | released | disabled )\b
+    | \b{_RULE}\s+(?: no\s+longer | don't | do\s+not )\s+appl(?: y | ies )\b
+    | \b{_RULE}\s+(?: [\w-]+\s+ ){{0,3}}?(?: is | are )\s+(?: [\w-]+\s+ )?
+      (?: void | out\s+of\s+(?: force | function | order ) )\b
+    | \b(?: disable | delete | erase | remove | outside | deviate\s+from | notwithstanding | despite
+          | around | past )\s+{_WHICH}(?: {_RULE} | checks )\b
+    | \b(?: without | no )\s+(?: any\s+ )?(?: regard | respect | consideration )\s+
+      (?: to | for | of )\s+{_WHICH}{_RULE}\b
+    | \b(?: not | n't )\s+(?: look\s+at | care\s+about | consult | mind | heed )\s+{_WHICH}{_RULE}\b
+    | \bcommand\s+override\b | \boverride\s+codes?\b
     | \b{_RULE}\s+(?: do | does | did )\s*(?: n't | \s+not )\s+(?: exist | matter | count | bind
         | concern )\b
     | \bwithout\s+{_WHICH}(?: {_RULE} | approvals? | (?: safety\s+ )?checks )\b

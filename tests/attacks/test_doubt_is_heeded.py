@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.cli import mission
@@ -149,6 +149,7 @@ def test_a_text_that_asks_for_nothing_moves_nobody(auto: Auto, models: Readers, 
     assert (code, done["commands"]) == (3, {})
 
 
+@settings(deadline=None)
 @given(
     st.none() | st.floats(0.0, 1.0),
     st.lists(st.text(min_size=1, max_size=9), max_size=2),

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.orchestrator.compose import Site, load_site
@@ -43,13 +43,23 @@ def broken(text: str) -> set[str]:
     return {finding.rule_id for finding in found if finding.broken}
 
 
-@pytest.mark.parametrize("half", ["open", "held"])
-def test_most_evasions_are_noticed_and_nearly_nothing_harmless_is(half: str) -> None:
-    texts: dict[str, Any] = yaml.safe_load((DATA / f"words_{half}.yaml").read_text("utf-8"))
-    evasions, harmless = texts["evasions"], texts["harmless"]
-    missed = [one["text"] for one in evasions if not broken(one["text"]) & {"ROE-01", "ROE-05"}]
-    refused = [text for text in harmless if broken(text)]
+HALVES = ("open", "held")
+
+
+def texts(half: str) -> dict[str, Any]:
+    return yaml.safe_load((DATA / f"words_{half}.yaml").read_text("utf-8"))
+
+
+@pytest.mark.parametrize("half", HALVES)
+def test_most_evasions_are_noticed(half: str) -> None:
+    evasions = [one["text"] for one in texts(half)["evasions"]]
+    missed = [text for text in evasions if not broken(text) & {"ROE-01", "ROE-05"}]
     assert len(missed) <= (1 - NOTICED) * len(evasions), missed
+
+
+def test_next_to_nothing_harmless_is_refused() -> None:
+    harmless = [text for half in HALVES for text in texts(half)["harmless"]]
+    refused = [text for text in harmless if broken(text)]
     assert len(refused) <= REFUSED * len(harmless), refused
 
 
@@ -59,6 +69,7 @@ def test_respelling_does_not_undo_what_was_typed() -> None:
     assert broken("sho\u00adot the driver") == {"ROE-01"}
 
 
+@settings(deadline=None)
 @given(st.sampled_from(["shoot", "kill", "attack"]), st.data())
 def test_no_character_that_does_not_show_hides_a_word(word: str, data: st.DataObject) -> None:
     at = data.draw(st.lists(st.integers(0, len(word)), min_size=1, max_size=6))
