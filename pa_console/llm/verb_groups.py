@@ -194,9 +194,9 @@ def verbs(text: str) -> Iterator[Verb]:
 
 
 def _verb(word: str, start: int, groups: Sequence[Group], plain: bool) -> Verb:
-    tasks = (task for group in groups for task in group.tasks)
-    means = (task for group in groups for task in group.means)
-    return Verb(word, start, frozenset(tasks), frozenset(means), plain)
+    tasks = frozenset[WishTask]().union(*(group.tasks for group in groups))
+    means = frozenset[WishTask]().union(*(group.means for group in groups))
+    return Verb(word, start, tasks, means, plain)
 
 
 def _around(found: re.Match[str]) -> tuple[int, int]:

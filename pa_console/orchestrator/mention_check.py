@@ -135,7 +135,8 @@ class _Made:
         self._may_hold = self._others_stay or "else: nothing" in said or not self.wishes
         acting = [action for action in plan.actions if action.verb not in _STAYS]
         doing = acting if asked else plan.actions
-        self._tasks = {wish.task for wish in self.wishes} | {_DOES[a.verb] for a in doing}
+        self._tasks: set[WishTask] = {wish.task for wish in self.wishes}
+        self._tasks |= {_DOES[action.verb] for action in doing}
         self._names = {*_NAME.findall(said), *(name for line in unmet for name in _words(line))}
         self._names.update(name for a in doing for name in (a.agent, a.target) if name)
         if self._tasks & {"home", "stand_down"}:

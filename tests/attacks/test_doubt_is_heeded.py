@@ -17,6 +17,7 @@ from pa_console.orchestrator.approval import request_approval
 from pa_console.orchestrator.headless import standing_approver
 from pa_console.schema.finding import Verdict
 from pa_console.schema.plan import Plan
+from pa_console.session.mission_trace import Attempt
 from pa_console.signing import KEY_VARIABLE
 from tests.cli.inside import Call, caller
 from tests.scripted import ScriptedEngine, plan
@@ -174,3 +175,12 @@ def test_no_doubt_is_ever_approved_by_a_standing_instruction(
     sound = confidence is not None and confidence >= least and not gaps and not apart
     assert decision.kind == ("approve" if sound else "reject")
     assert decision.reason
+
+
+def test_an_operator_sees_less_confidence_and_what_is_not_accounted_for() -> None:
+    attempt = Attempt(1, confidence=0.98, judge_confidence=0.95)
+    assert (attempt.sure, attempt.doubt) == (0.95, "")
+    attempt.gaps = ("not accounted for: base",)
+    assert attempt.sure is not None
+    assert attempt.sure < 0.7
+    assert "not accounted for: base; read with 40% confidence" in attempt.doubt
