@@ -64,7 +64,10 @@ def mission(
     rules: RulesOption = "checkpoint",
     model: ModelOption = None,
     approve: Annotated[
-        Approve, typer.Option(help="ask: on the terminal; auto: whatever the safeguards allow.")
+        Approve,
+        typer.Option(
+            help="ask: on the terminal; auto: what the safeguards allow and is read without doubt."
+        ),
     ] = Approve.ask,
     override_reason: Annotated[
         str, typer.Option(help="With --approve auto: overrule a judge's Failure, for this reason.")
@@ -123,7 +126,11 @@ def mission(
         approver = (
             progress.ask
             if approve is Approve.ask
-            else standing_approver(approve.value, override_reason)
+            else standing_approver(
+                approve.value,
+                override_reason,
+                least=settings_of(context).values.standing_confidence,
+            )
         )
         traces = asyncio.run(
             run_missions(

@@ -20,11 +20,15 @@ def request_approval(  # noqa: PLR0917 - one plan and what was said of it
     asked: str = "",
     readings: Sequence[str] = (),
     if_halted: Sequence[Action] = (),
+    gaps: Sequence[str] = (),
+    confidence: float | None = None,
+    read_apart: bool = False,
 ) -> ApprovalRequested:
     """Say what nobody may override, what must be acknowledged, and whether the judge objects.
 
     With `judging`, a plan without a verdict is on hold. The plan is for what was `asked`;
-    `readings` are what else was meant, maybe. `if_halted` is approved with the plan.
+    `readings` are what else was meant, maybe. `if_halted` is approved with the plan. The rest says
+    how far the reading can be trusted.
     """
     blocked = [f"{finding.rule_id}: {finding.message}" for finding in findings if finding.blocking]
     if not blocked and judging and verdict is None:
@@ -39,6 +43,9 @@ def request_approval(  # noqa: PLR0917 - one plan and what was said of it
         asked=asked,
         readings=tuple(readings),
         if_halted=tuple(if_halted),
+        gaps=tuple(gaps),
+        confidence=confidence,
+        read_apart=read_apart,
     )
 
 

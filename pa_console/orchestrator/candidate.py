@@ -6,6 +6,7 @@ from typing import NamedTuple
 from pa_console.llm.grammar import PLANNED
 from pa_console.llm.reading import Reading, read_asked, read_reason
 from pa_console.orchestrator.fulfilment import gaps
+from pa_console.orchestrator.mention_check import NOTHING_SAID, MentionCheck
 from pa_console.orchestrator.plan_moves import PlanMoves
 from pa_console.orchestrator.safeguards import Examination
 from pa_console.orchestrator.unmet import unmet
@@ -24,6 +25,8 @@ class Candidate:
     """In which points the plan is not what the planner itself says was asked."""
     unmet: tuple[str, ...] = ()
     """What of that no plan can do now, and why."""
+    mentions: MentionCheck = NOTHING_SAID
+    """Whether that accounts for the words of the order."""
     verdict: Verdict | None = None
     judge_error: str = ""
     judge_confidence: float | None = None

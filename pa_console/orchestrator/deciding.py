@@ -6,7 +6,7 @@ from pa_console.orchestrator.approval import inadmissible, request_approval
 from pa_console.orchestrator.candidate import Candidate
 from pa_console.orchestrator.planning import Planning
 from pa_console.orchestrator.premises import way_to_safety
-from pa_console.orchestrator.rereading import Rereading
+from pa_console.orchestrator.rereading import Rereading, read_apart
 from pa_console.orchestrator.services import Payloads, Stopwatch
 from pa_console.schema import event as ev
 from pa_console.schema.mission import Decision, Mission, MissionStatus
@@ -72,6 +72,9 @@ class Deciding:
                 asked=self._rereading.own,
                 readings=self._rereading.offered,
                 if_halted=self._way_to_safety(candidate),
+                gaps=candidate.mentions.gaps,
+                confidence=self._planning.agreed,
+                read_apart=read_apart(candidate),
             )
             self.request = request
             yield request

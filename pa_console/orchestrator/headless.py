@@ -16,7 +16,9 @@ ApprovalMode = Literal["auto", "never"]
 SETUP_SETTLE_S = 2.0
 
 
-def standing_approver(mode: ApprovalMode, override_reason: str = "", reading: int = 0) -> Approver:
+def standing_approver(
+    mode: ApprovalMode, override_reason: str = "", reading: int = 0, *, least: float | None = None
+) -> Approver:
     """Return the approver that follows a standing instruction given before the mission.
 
     Where other readings of the order are offered, it first chooses the one of that number, if
@@ -25,6 +27,10 @@ def standing_approver(mode: ApprovalMode, override_reason: str = "", reading: in
     `auto` approves what may be approved and acknowledges warnings; a judge's Failure is only
     overridden with `override_reason`, which stands with such a decision alone. `never` rejects
     every plan.
+
+    Nobody watches a standing approval, so it takes no plan for an order that may have been misread
+    (`doubt`): both models have to be at least so sure, 0 to 1, as `least` says. None takes it all
+    the same, for evaluations, where the truth of every plan is wanted.
     """
     chosen: list[str] = []
 
@@ -38,6 +44,8 @@ def standing_approver(mode: ApprovalMode, override_reason: str = "", reading: in
             return Decision(kind="reject", by=by, reason="plans are never approved in this run")
         if request.blocked_by:
             return Decision(kind="reject", by=by, reason="; ".join(request.blocked_by))
+        if least is not None and (why := doubt(request, least)):
+            return Decision(kind="reject", by=by, reason=why)
         if request.needs_override and not override_reason.strip():
             reason = "the judge said Failure and no override reason was given"
             return Decision(kind="reject", by=by, reason=reason)
@@ -52,6 +60,21 @@ def standing_approver(mode: ApprovalMode, override_reason: str = "", reading: in
         )
 
     return decide
+
+
+def doubt(request: ev.ApprovalRequested, least: float) -> str:
+    """Return why the order may have been misread, so that only an operator may approve; or ''.
+
+    Two models that agree may be wrong alike: the order's own words have to bear them out.
+    """
+    why = list(request.gaps)
+    if request.read_apart:
+        why.append("planner and judge have read the order apart")
+    if least > 0.0 and request.confidence is None:
+        why.append("not both models have told how sure they are of what was asked")
+    if request.confidence is not None and request.confidence < least:
+        why.append(f"read with {request.confidence:.0%} confidence, {least:.0%} are needed")
+    return f"too doubtful for standing approval: {'; '.join(why)}" if why else ""
 
 
 async def run_missions(  # noqa: PLR0917

@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 
 from pa_console.orchestrator.alarms import AlarmBook
 from pa_console.orchestrator.mission_queue import MissionQueue
+from pa_console.policy.plain_text import visible
 from pa_console.schema import event as ev
 from pa_console.schema.alarm import Alarm, QueueEntry
 from pa_console.schema.mission import MAX_MISSION_TEXT, Mission
@@ -67,18 +68,18 @@ class Intake:
     def submit(
         self, text: str, active: bool, read: Callable[[str], str] = str
     ) -> tuple[Mission, ev.MissionReceived]:
-        """Queue an operator's mission, its words as `read` has them.
+        """Queue an operator's mission, its words as `read` has what shows of them.
 
         Raises ValueError when it cannot be taken.
         """
-        words = " ".join(text.split())
-        if not words:
+        words, seen = " ".join(text.split()), " ".join(visible(text).split())
+        if not seen:
             raise ValueError("the mission is empty: say what is to be done")
         if len(words) > MAX_MISSION_TEXT:
             raise ValueError(
                 f"the mission has {len(words)} characters, at most {MAX_MISSION_TEXT} are taken"
             )
-        right = read(words)[:MAX_MISSION_TEXT]
+        right = read(seen)[:MAX_MISSION_TEXT]
         typed = words if right != words else ""
         mission = Mission(id=self._new_id(), text=right, typed=typed, created=datetime.now(UTC))
         self._queue.add(mission, None)

@@ -2,9 +2,10 @@
 
 from collections.abc import Sequence
 
-from pa_console.llm.reading import Reading, read_asked, read_reason
+from pa_console.llm.reading import Reading, asked_words, read_asked, read_reason
 from pa_console.orchestrator.candidate import Candidate, met
 from pa_console.orchestrator.judging import PlanCase, judge_plan
+from pa_console.orchestrator.mention_check import NOTHING_SAID, MentionCheck, check_mentions
 from pa_console.orchestrator.proposing import Proposing
 from pa_console.orchestrator.safeguards import Examination, examine
 from pa_console.orchestrator.services import Payloads, Services, Stopwatch
@@ -67,8 +68,18 @@ class Planning:
         """How sure planner and judge of `best` were of what was asked; None: they did not tell."""
         if self.best is None:
             return None
-        told = self._proposing.confidence.get(self.best.attempt), self.best.judge_confidence
+        told = self._told(self.best)
         return min((sure for sure in told if sure is not None), default=None)
+
+    @property
+    def agreed(self) -> float | None:
+        """The same, None where not both of them have read the order for themselves.
+
+        It is less where the words of the order and its reading do not match.
+        """
+        if self.best is None or None in self._told(self.best):
+            return None
+        return ev.told_confidence(self.sure, self.best.mentions.gaps)
 
     async def retrieve(self, task: Mission, verbs: Sequence[Verb] = ()) -> Payloads:
         """Step 2: the rules that concern the words of `task`, and the pinned ones.
@@ -132,7 +143,7 @@ class Planning:
         self.best = self._reading = None
         async for payload in self._proposing.take(plan):
             yield payload
-        async for payload in self._examine(self.attempts, plan):
+        async for payload in self._examine(self.attempts, plan, own=True):
             yield payload
 
     async def judge(self) -> Payloads:
@@ -233,19 +244,36 @@ class Planning:
             return read_asked(self._proposing.question.asked)
         return read_reason(plan.reason)
 
-    async def _examine(self, attempt: int, plan: Plan) -> Payloads:
+    def _told(self, shown: Candidate) -> tuple[float | None, float | None]:
+        return self._proposing.confidence.get(shown.attempt), shown.judge_confidence
+
+    async def _examine(self, attempt: int, plan: Plan, *, own: bool = False) -> Payloads:
+        """Examine `plan`; what an operator's `own` is for is not read from the order."""
         found = await self._safeguards(plan)
         fits = met(found, self._reading, self._services.sim.world)
-        self._latest = candidate = Candidate(attempt, found, fits.gaps, fits.unmet)
+        read = not own and not self.chosen
+        mentions = self._mentions(found, fits.unmet) if read else NOTHING_SAID
+        self._latest = candidate = Candidate(attempt, found, fits.gaps, fits.unmet, mentions)
         if found.rehearsal is not None and self._services.variant.rehearsal:
             yield ev.PlanRehearsed(
                 attempt=attempt, rehearsal=found.rehearsal, seconds=found.rehearsal_s
             )
         yield ev.PlanChecked(
-            attempt=attempt, findings=found.findings, seconds=found.checks_s, unmet=fits.unmet
+            attempt=attempt,
+            findings=found.findings,
+            seconds=found.checks_s,
+            unmet=fits.unmet,
+            gaps=mentions.gaps,
         )
         if self.best is None or candidate.badness < self.best.badness:
             self.best = candidate
+
+    def _mentions(self, found: Examination, unmet: Sequence[str]) -> MentionCheck:
+        """Compare the words of the task with what the plan says was asked."""
+        sim, plan = self._services.sim, found.plan
+        before = found.rehearsal.before if found.rehearsal is not None else sim.picture()
+        asked = asked_words(plan.reason).rstrip("; ")
+        return check_mentions(sim.world, before, self.task.text, asked, plan, unmet)
 
     async def _safeguards(self, plan: Plan) -> Examination:
         services = self._services

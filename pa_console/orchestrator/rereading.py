@@ -61,6 +61,12 @@ def said_by_judge(shown: Candidate) -> str:
     return said if planned else ""
 
 
+def read_apart(shown: Candidate) -> bool:
+    """Whether the judge says that something else was asked than the plan on show is for."""
+    judged = said_by_judge(shown)
+    return bool(judged) and bool(distinct(said_by_planner(shown), (judged,)))
+
+
 def distinct(own: str, others: Iterable[str]) -> tuple[str, ...]:
     """Return those of `others` that can be read and ask now for something else than `own`.
 

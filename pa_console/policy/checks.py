@@ -12,7 +12,13 @@ from typing import Any, cast
 import cel
 
 from pa_console.policy.allowance import together
-from pa_console.policy.context import mission_variables, plan_variables
+from pa_console.policy.context import (
+    Values,
+    mission_variables,
+    mission_words,
+    plan_variables,
+    reworded,
+)
 from pa_console.policy.expression import make_context
 from pa_console.policy.findings import finding, undecided, violation
 from pa_console.policy.monitor import Monitor
@@ -71,12 +77,12 @@ def prepare_checks(
     size = len(picture.assets) + len(picture.tracks) + len(picture.gates)
 
     def run() -> tuple[Finding, ...]:
-        context = make_context(variables)
+        contexts = _contexts(variables, mission)
         with together(CHECKS_S, size):
             broken = _broken_orderings(ahead, rehearsal)
             return tuple(
                 _combine(
-                    _both([_decide(part, context) for part in entry.parts]),
+                    _both([_decide_all(part, contexts) for part in entry.parts]),
                     broken.get(entry.rule.id),
                 )
                 for entry in rulebook.compiled
@@ -87,10 +93,10 @@ def prepare_checks(
 
 def check_mission(rulebook: Rulebook, mission: Mission, world: World) -> tuple[Finding, ...]:
     """Return a finding for every rule that the mission's words alone decide (step 1)."""
-    context = make_context(mission_variables(mission, world))
+    contexts = _contexts(mission_variables(mission, world), mission)
     with together(CHECKS_S):
         return tuple(
-            _both([_decide(part, context) for part in parts])
+            _both([_decide_all(part, contexts) for part in parts])
             for entry in rulebook.compiled
             if (parts := [part for part in entry.parts if part.about_mission_only])
         )
@@ -107,7 +113,7 @@ def check_rule(
 ) -> Finding:
     """Return the finding for the guard and check of one rule alone."""
     variables = plan_variables(plan, rehearsal, mission, world, entry.variables, sightings)
-    return _decide(entry, make_context(variables))
+    return _decide_all(entry, _contexts(variables, mission))
 
 
 def broken_orderings(monitor: Monitor, rehearsal: Rehearsal) -> Mapping[str, Finding]:
@@ -131,6 +137,26 @@ def _broken_orderings(ahead: Monitor, rehearsal: Rehearsal) -> Mapping[str, Find
                 continue
             known = found.get(new.rule_id)
             found[new.rule_id] = new if known is None else _worse(known, new)
+    return found
+
+
+def _contexts(variables: Values, mission: Mission) -> list[cel.Context]:
+    """Return what the checks see, once for each way to read the words of `mission`."""
+    contexts = [make_context(variables)]
+    if "mission" in variables:
+        words = mission_words(mission)[1:]
+        contexts += (make_context(reworded(variables, other)) for other in words)
+    return contexts
+
+
+def _decide_all(entry: CompiledRule, contexts: Sequence[cel.Context]) -> Finding:
+    """Decide a rule for every way to read the mission, if it reads that: the worst one counts."""
+    first, *others = contexts
+    found = _decide(entry, first)
+    for context in others if "mission" in entry.variables else ():
+        other = _decide(entry, context)
+        if other.broken and not found.broken:
+            found = other
     return found
 
 

@@ -28,7 +28,8 @@ sightings list of {track, place, gate, kind, identity, intent, noncombatants, st
           `place` is a zone in which it was, or a frame within whose radius, else ''; a track has an
           entry for every place at which it has been. What was found out later counts.
 mission   {id, text, words, source}; `words` is the text in lower case, with plain quotes,
-          compatibility forms resolved and single spaces.
+          compatibility forms resolved, nothing hidden and single spaces. An expression that reads
+          the mission must hold for every way to read its words (`mission_words`).
 world     {gates, frames, zones, assets, base, standoff_m, coverage_grace_s, low_battery_pct,
           commands}; frames, zones and assets map names to kinds, commands verbs to kinds.
 
@@ -37,11 +38,11 @@ Names, not positions on the map, are what policies speak of: routes and polygons
 `filter` and `map` copy what they have found so far at each hit: over `assets` use `exists`.
 """
 
-import unicodedata
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 from pa_console.policy.expression import PLAN_VARIABLES
+from pa_console.policy.plain_text import foldings, plain_words
 from pa_console.policy.sightings import Sightings
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import COMMANDS, Action, Plan
@@ -56,7 +57,6 @@ _ASSET_FIELDS = (
     "low_battery", "comms", "available", "stale", "integrity", "stamp_s",
 )  # fmt: skip
 _ATTENDING: frozenset[Task] = frozenset(("identifying", "warning", "blocking"))
-_QUOTES = str.maketrans({"’": "'", "‘": "'", "“": '"', "”": '"', "–": "-", "—": "-"})
 
 
 def plan_variables(  # noqa: PLR0917 - what a check may speak of, and of which of it
@@ -132,12 +132,18 @@ def goes_to(action: Action, world: World) -> str:
     return action.target or ""
 
 
-def plain_words(text: str) -> str:
-    """Return `text` as patterns expect it: lower case, plain quotes, single spaces."""
-    visible = "".join(
-        sign for sign in unicodedata.normalize("NFKC", text) if unicodedata.category(sign) != "Cf"
-    )
-    return " ".join(visible.translate(_QUOTES).lower().split())
+def mission_words(mission: Mission) -> tuple[str, ...]:
+    """Return the ways to read a mission's words: as they are read first, then as they were typed.
+
+    Each may be read besides with what looks like a letter as that letter, and so on.
+    """
+    plain = dict.fromkeys(map(plain_words, (mission.text, mission.said)))
+    return tuple(dict.fromkeys((*plain, *(other for words in plain for other in foldings(words)))))
+
+
+def reworded(variables: Values, words: str) -> Values:
+    """Return the `variables` of a mission with other `words` for it."""
+    return variables | {"mission": variables["mission"] | {"words": words}}
 
 
 def _mission(mission: Mission) -> Values:

@@ -11,6 +11,7 @@ import cel
 from pa_console.policy import patterns
 from pa_console.policy.allowance import DEADLINE_S, deadline, going_on
 from pa_console.policy.expression_source import GOING_ON, Source
+from pa_console.policy.forbidden_words import asks_for_force, asks_to_set_rules_aside
 
 _log = logging.getLogger("cel")
 _log.propagate = False
@@ -58,8 +59,13 @@ def brief(number: float) -> str:
 
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {
-    "brief": brief, "finds": finds, "without": without, GOING_ON: going_on,
-}  # fmt: skip
+    "asks_for_force": asks_for_force,
+    "asks_to_set_rules_aside": asks_to_set_rules_aside,
+    "brief": brief,
+    "finds": finds,
+    "without": without,
+    GOING_ON: going_on,
+}
 """Functions that expressions may use besides CEL's own."""
 
 

@@ -6,7 +6,7 @@
 from pa_console.schema.rule import Ordering, Rule
 
 NAME = 'checkpoint'
-CONTENT_SHA256 = "94af02d576ad6966ba1595d989327e7a45eab66b83f5698eed1a3f1ba0747916"
+CONTENT_SHA256 = "dc0f85684e943535496f0126f0459e523c18ec0fad6d4add6401a2cdab90c105"
 """The content that a set called NAME has when it is as shipped."""
 
 CORE: tuple[Rule, ...] = (
@@ -80,6 +80,7 @@ CORE: tuple[Rule, ...] = (
       | registrations? | details | names? )\b
   | \bdrive\s+(?: [\w-]+\s+ ){0,4}? into\s+(?: [\w-]+\s+ )? car\s+park\b
   | \bkill\s+me\b
+  | \bknock\s+it\s+off\b (?! \s+ (?: the | its | his | her | their )\b )
   | \bkill\s+(?: some | the )?\s*time\b | \bkill(?:ing)?\s+two\s+birds\b
   | \b(?: photo | film | movie | video | calendar | wedding | fashion | commercial | tv )\s+shoots?\b
   | \b(?: during | middle\s+of | after | before | until )\s+(?: a | the | our | their )\s+shoot\b
@@ -202,7 +203,7 @@ CORE: tuple[Rule, ...] = (
     (?: foot | feet | toes? | legs? | hands? )\b
   | \b(?: turn | flip | tip )\s+(?: him | her | it | them )\s+(?: over\s+ )?on(?:to)?\s+
     (?: its | his | her | their )\s+(?: roof | side | back | head )\b
-""")''',
+""") && !asks_for_force(mission.words)''',
         message='the mission asks for force; no command for force exists and none is derived from words',
     ),
     Rule(
@@ -261,7 +262,7 @@ CORE: tuple[Rule, ...] = (
     (?: rules?(?:\s+of\s+engagement)? | roe | polic(?:y|ies) )\b
   | \b(?: regardless | irrespective )\s+of\s+(?: (?: the | all | any | your )\s+ ){0,2}
     (?: rules? | roe | polic(?:y|ies) | safety | safeguards? | constraints? )\b
-""")''',
+""") && !asks_to_set_rules_aside(mission.words)''',
         message='the mission tells to set rules or safety aside, which no instruction can',
     ),
     Rule(

@@ -45,6 +45,7 @@ from pa_console.schema.event_planning import (
     RepairRequested,
     RulesRetrieved,
     TextStreamed,
+    told_confidence,
 )
 from pa_console.schema.event_session import (
     IncidentHappened,
@@ -109,6 +110,7 @@ __all__ = (
     "WorkerChanged",
     "WorkerState",
     "WorkflowMoved",
+    "told_confidence",
 )
 
 EventPayload = Annotated[

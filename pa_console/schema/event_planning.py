@@ -1,5 +1,6 @@
 """Events of steps 2 to 6: from a mission's words to a decision on a plan."""
 
+from collections.abc import Sequence
 from typing import ClassVar, Literal
 
 from pydantic import Field
@@ -17,8 +18,16 @@ UNSURE = 0.5
 """Below this confidence it is told that an order may have been misread: that something else was
 asked is then likelier, in the model's own eyes, than what it wrote."""
 
+SURE_WITH_GAPS = 0.4
+"""The confidence in a reading is told as at most this where order and reading do not match."""
+
 MOST_READINGS = 3
 """So many other readings of an order can be taken in at a glance."""
+
+
+def told_confidence(sure: float | None, gaps: Sequence[str]) -> float | None:
+    """Return how sure the models' reading is said to be, with what it does not account for."""
+    return sure if sure is None or not gaps else min(sure, SURE_WITH_GAPS)
 
 
 class RulesRetrieved(Payload):
@@ -105,6 +114,10 @@ class PlanChecked(Payload):
     unmet: tuple[str, ...] = Field(
         default=(), description="what of the order no plan can do now, and why"
     )
+    gaps: tuple[str, ...] = Field(
+        default=(),
+        description="what the order names and the plan's reading of it does not, or the other way",
+    )
 
 
 class PlanJudged(Payload):
@@ -151,6 +164,17 @@ class ApprovalRequested(Payload):
         default=(),
         max_length=MOST_READINGS,
         description="what else the order may mean, likeliest first; the operator may choose one",
+    )
+    gaps: tuple[str, ...] = Field(
+        default=(), description="where the words of the order and its reading do not match"
+    )
+    confidence: Share | None = Field(
+        default=None,
+        description="how sure both models were of what was asked: the less sure of them, and less "
+        "where there are gaps; None where one of them has not read the order for itself",
+    )
+    read_apart: bool = Field(
+        default=False, description="the judge has read the order otherwise than the planner"
     )
 
 

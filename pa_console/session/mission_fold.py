@@ -52,7 +52,7 @@ def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
         case ev.PlanChecked(attempt=number, findings=findings, seconds=seconds):
             attempt = trace.attempt(number)
             attempt.findings, attempt.checks_s = findings, seconds
-            attempt.unmet = data.unmet
+            attempt.unmet, attempt.gaps = data.unmet, data.gaps
         case ev.PlanJudged(attempt=number):
             attempt = trace.attempt(number)
             attempt.verdict, attempt.judge_error = data.verdict, data.error

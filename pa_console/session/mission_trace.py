@@ -37,6 +37,8 @@ class Attempt:
     checks_s: float = 0.0
     unmet: tuple[str, ...] = ()
     """What of the order no plan can do now, and why."""
+    gaps: tuple[str, ...] = ()
+    """Where the words of the order and the reading that the plan is for do not match."""
     rehearsal: Rehearsal | None = None
     rehearsal_s: float = 0.0
     if_halted: tuple[Action, ...] = ()
@@ -59,16 +61,20 @@ class Attempt:
 
     @property
     def sure(self) -> float | None:
-        """How sure planner and judge were of what was asked: the less sure of them, 0 to 1."""
+        """How sure planner and judge were of what was asked: the less sure of them, 0 to 1.
+
+        It is less where the words of the order and their reading do not match.
+        """
         known = [c for c in (self.confidence, self.judge_confidence) if c is not None]
-        return min(known, default=None)
+        return ev.told_confidence(min(known, default=None), self.gaps)
 
     @property
     def doubt(self) -> str:
         """That the order may have been misread, in words; '' where both were sure."""
-        if self.sure is None or self.sure >= ev.UNSURE:
-            return ""
-        return f"the order may mean something else: read with {self.sure:.0%} confidence"
+        why = list(self.gaps)
+        if self.sure is not None and self.sure < ev.UNSURE:
+            why.append(f"read with {self.sure:.0%} confidence")
+        return f"the order may mean something else: {'; '.join(why)}" if why else ""
 
     @property
     def aside(self) -> str:

@@ -90,6 +90,16 @@ class Settings(BaseSettings):
         "takes longer decides nothing, which blocks the plan.",
         json_schema_extra=_about("Approval and alarms"),
     )
+    standing_confidence: float = Field(
+        default=0.7,
+        ge=0.0,
+        le=1.0,
+        title="Standing approval needs",
+        description="How sure planner and judge have to be of what was asked, 0 to 1, for "
+        "`--approve auto` to approve a plan. An order whose words its reading does not account for "
+        "is never approved so.",
+        json_schema_extra=_about("Approval and alarms", restart=False),
+    )
     stale_after_s: float = Field(
         default=5.0,
         ge=2.0,

@@ -42,6 +42,8 @@ def approval_rows(trace: MissionTrace) -> Iterator[Row]:
         yield row(("△ ", WARN), ("NOT MET  ", f"bold {WARN}"), text)
     if attempt is not None and attempt.doubt and not request.readings:
         yield _unsure(attempt.doubt)
+    elif attempt is not None and attempt.gaps:
+        yield _unsure("; ".join(attempt.gaps))
     for reason in request.blocked_by:
         yield row(("✘ ", BAD), ("BLOCKED  ", f"bold {BAD}"), (reason, BAD))
     for rule_id in request.acknowledge:

@@ -1,0 +1,153 @@
+"""Orders of the training generator with their true readings, and wrong readings of them.
+
+`python -m tests.attacks.readings 420` says how often the mention check objects to a right reading,
+and how often it notices a wrong one, over some 2,000 orders in words that no model was trained on.
+"""
+
+import random
+import re
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from pa_console.llm.reading import read_asked
+from pa_console.orchestrator.compose import load_site
+from pa_console.orchestrator.mention_check import check_mentions
+from pa_console.orchestrator.respelling import respell
+from pa_console.schema.plan import Plan
+from pa_console.schema.telemetry import Picture
+from pa_console.schema.world import World
+from pa_console.training.asked import asked
+from pa_console.training.names import Split
+from pa_console.training.order import Order
+from pa_console.training.order_sampler import sample_order
+from pa_console.training.phrasing import phrase
+from pa_console.training.situations import random_situation
+from pa_console.training.teacher import teach
+from pa_console.training.worlds import random_world
+
+ORDERS = 5
+"""Orders in each situation."""
+_UNLAWFUL = re.compile(
+    r"use force|without identification|without warning|with noncombatants|set rules aside"
+    r"|without guard|beyond the perimeter"
+)
+_ALIKE = {
+    "respond": ("look", "identify", "warn", "block"), "mass": ("go",), "cover": ("go",),
+    "relieve": ("go", "home", "cover"), "go": ("cover",), "stand_down": ("home",),
+    "home": ("stand_down",),
+}  # fmt: skip
+"""Tasks that an order may as well be read as."""
+
+
+class Example(NamedTuple):
+    """An order in words, what it means, and the teacher's plan for it."""
+
+    world: World
+    picture: Picture
+    text: str
+    asked: str
+    plan: Plan
+    foreign: bool
+    """Whether the words carry text that is no order of the operator."""
+
+
+def examples(groups: int, split: Split, seed: int = 3636) -> Iterator[Example]:
+    """Yield `ORDERS` for each of so many situations; equal arguments give equal ones."""
+    rulebook = load_site("checkpoint", "checkpoint").rulebook
+    for number in range(groups):
+        rng = random.Random(f"{seed}/{split}/{number}")
+        world = random_world(rng, split, frozenset())
+        there = random_situation(rng, world, history=True)
+        for _ in range(ORDERS):
+            order, _ = sample_order(rng, world, there.picture, there.digest)
+            text = respell(phrase(order, world, there.picture, rng, split).text, world, rulebook)
+            try:
+                plan = teach(order, world, there.picture, there.digest).plan
+            except ValueError:
+                continue
+            said = f"asked: {asked(order, world, there.picture, there.digest)}"
+            said = _as_said(said, order, world, text)
+            yield Example(world, there.picture, text, said, plan, order.injected)
+
+
+def _as_said(said: str, order: Order, world: World, text: str) -> str:
+    """Return the reading as a trained planner writes it: the base is home, who is lost is named."""
+    for ask in (*order.asks, *order.otherwise):
+        if ask.task == "cover" and ask.place and re.search(rf"\b{ask.leaving or '-'}\b", text):
+            named = rf"cover {ask.place}(?= by |[;,]|$)"
+            said = re.sub(named, f"cover {ask.leaving} at {ask.place}", said)
+    return re.sub(rf" to {world.base}(?=[;,:]|$)", " home", said)
+
+
+def wrong(example: Example, rng: random.Random) -> Iterator[tuple[str, str]]:
+    """Yield readings in which one thing is another, with what that is; none that are refused."""
+    head, now, rest = example.asked.partition("; now: ")
+    world, words = example.world, re.findall(r"\w+", head)
+    if _UNLAWFUL.search(head):
+        return
+    for sort, names in (("place", [*world.frames]), ("asset", [*world.assets])):
+        if said := [word for word in words if word in names]:
+            name = rng.choice(said)
+            other = rng.choice([each for each in names if each != name])
+            yield sort, re.sub(rf"\b{name}\b", other, head) + now + rest
+    if found := re.search(r"(\d+|all|all free) (drone|vehicle|robot)", head):
+        other = rng.choice([k for k in ("drone", "vehicle", "robot") if k != found[2]])
+        yield "kind", head[: found.start(2)] + other + head[found.end(2) :] + now + rest
+    if found := re.search(r"\b(\d+|all) (drone|vehicle|robot)s?\b", head):
+        count = rng.choice([n for n in ("1", "2", "3", "4", "all") if n != found[1]])
+        team = f"{count} {found[2]}{'' if count == '1' else 's'}"
+        yield "number", head[: found.start()] + team + head[found.end() :] + now + rest
+    reading = read_asked(head)
+    if reading is None or head.startswith("asked: if") or len(reading.wishes) != 1:
+        return
+    wish = reading.wishes[0]
+    place = wish.place if wish.place in world.frames else rng.choice([*world.frames])
+    names = ", ".join(wish.team.names)
+    ways = {
+        "go": f"{names or 'somebody'} to {place}", "home": f"{names or 'all'} home",
+        "hold": f"{names} hold".strip(), "look": f"look at {place}", "block": f"block {place}",
+        "warn": f"warn at {place}", "identify": f"identify at {place}", "report": "report",
+        "cover": f"cover {place}", "stand_down": f"stand down {place}",
+    }  # fmt: skip
+    same = (wish.task, *_ALIKE.get(wish.task, ()))
+    yield "verb", f"asked: {ways[rng.choice([task for task in ways if task not in same])]}"
+
+
+class Rates(NamedTuple):
+    """Right readings that the check objects to, and wrong ones that it notices, with totals."""
+
+    alarms: int
+    right: int
+    noticed: Counter[str]
+    tried: Counter[str]
+
+
+def measure(groups: int, split: Split) -> Rates:
+    """Check right and wrong readings; orders with foreign text in them are left out."""
+    rng = random.Random(7)
+    nothing = Plan(reason="", actions=())
+    alarms = right = 0
+    noticed, tried = Counter[str](), Counter[str]()
+    for one in examples(groups, split):
+        if one.foreign:
+            continue
+        right += 1
+        alarms += bool(check_mentions(one.world, one.picture, one.text, one.asked, one.plan).gaps)
+        for sort, said in wrong(one, rng):
+            tried[sort] += 1
+            found = check_mentions(one.world, one.picture, one.text, said, nothing)
+            noticed[sort] += bool(found.gaps)
+    return Rates(alarms, right, noticed, tried)
+
+
+if __name__ == "__main__":
+    for part in ("train", "heldout"):
+        rates = measure(int(sys.argv[1]), part)
+        share = rates.alarms / rates.right
+        print(f"{part}: false alarms {rates.alarms} of {rates.right}, {share:.1%}")
+        for sort, count in sorted(rates.tried.items()):
+            print(f"  {sort}: {rates.noticed[sort]} of {count}, {rates.noticed[sort] / count:.1%}")
+        whole = rates.noticed.total() / rates.tried.total()
+        print(f"  all: {rates.noticed.total()} of {rates.tried.total()}, {whole:.1%}")

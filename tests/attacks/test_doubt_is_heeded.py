@@ -1,0 +1,186 @@
+"""Standing approval takes nothing that may have been misread, however green the judge is."""
+
+import json
+import math
+from collections.abc import AsyncGenerator, Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pa_console.cli import mission
+from pa_console.llm.catalog import LocalModel
+from pa_console.llm.request import Completed, Request
+from pa_console.orchestrator.approval import request_approval
+from pa_console.orchestrator.headless import standing_approver
+from pa_console.schema.finding import Verdict
+from pa_console.schema.plan import Plan
+from pa_console.session.mission_trace import Attempt
+from pa_console.signing import KEY_VARIABLE
+from tests.cli.inside import Call, caller
+from tests.scripted import ScriptedEngine, plan
+
+
+class Readers(ScriptedEngine):
+    """A planner and a judge that read what they are told, each as sure as it is told."""
+
+    mute = False
+    """Whether they do not tell how sure they are."""
+
+    def read(
+        self,
+        asked: str,
+        *orders: tuple[str, str],
+        judged: str = "",
+        sure: float = 0.99,
+        judge: float = 0.99,
+    ) -> None:
+        """Let the planner read `asked`, and the judge `judged`, or the same, and say Success."""
+        answer = plan(*orders, reason=f"asked: {asked}; Free drone: Drone_T04")
+        words = f"asked: {judged or asked}; planned: it; it fits"
+        opening = f'{{"feedback": "{words.partition("planned: ")[0]}planned: '
+        verdict = f'{{"feedback": {json.dumps(words)}, "violated": [], "verdict": "Success"}}'
+        self._answers = {"planner": [answer], "judge": [opening, verdict]}
+        self.model = LocalModel("scripted", Path("/dev/null"), "0" * 64, prompts="compact")
+        self._told = {"planner": (answer, sure), "judge": (opening, judge)}
+
+    async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
+        """Answer with the chances of whoever is asked."""
+        text, sure = self._told.get(request.role, ("", 1.0))
+        self._chances = () if self.mute else ((text.find("asked: ") + 1, math.log(sure)),)
+        async for piece in super().generate(request):
+            yield piece
+
+
+@pytest.fixture(autouse=True)
+def _a_key_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # pyright: ignore[reportUnusedFunction]
+    monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "key" / "key.pem"))
+
+
+@pytest.fixture
+def models(monkeypatch: pytest.MonkeyPatch) -> Readers:
+    """Put models that read as they are told in the place of the real one."""
+    readers = Readers([])
+
+    def find_model(_: str | None) -> LocalModel:
+        return readers.model
+
+    def new_engine(_: LocalModel) -> Readers:
+        return readers
+
+    monkeypatch.setattr(mission, "find_model", find_model)
+    monkeypatch.setattr(mission, "Engine", new_engine)
+    return readers
+
+
+Auto = Callable[..., tuple[int, dict[str, Any]]]
+
+
+@pytest.fixture
+def auto(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Auto:
+    """Return what gives a mission under standing approval: its exit code and what became of it."""
+    call: Call = caller(monkeypatch, capsys)
+
+    def give(text: str) -> tuple[int, dict[str, Any]]:
+        done = call("mission", text, "--approve", "auto", "--json")
+        return done.code, done.json["mission"]
+
+    return give
+
+
+EVERYBODY = tuple((name, "move_to WestGate") for name in ("Drone_T04", "Ugv_T02", "Robot_T01"))
+
+
+def test_an_order_to_the_base_that_both_read_as_to_a_gate_moves_nobody(
+    auto: Auto, models: Readers
+) -> None:
+    models.read("all free to WestGate", *EVERYBODY)
+    code, done = auto("Send all assets to base.")
+    assert (code, done["status"], done["commands"]) == (3, "rejected", {})
+    assert "not accounted for: base" in done["reason"]
+    assert "not in the order's words: WestGate" in done["reason"]
+
+
+def test_an_order_read_rightly_and_surely_is_carried_out(auto: Auto, models: Readers) -> None:
+    models.read("1 drone to EastGate", ("Drone_T04", "move_to EastGate"))
+    code, done = auto("Send one drone to the east gate.")
+    assert (code, done["status"]) == (0, "verified"), done["reason"]
+
+
+@pytest.mark.parametrize(("sure", "judge"), [(0.5, 0.99), (0.99, 0.5), (0.69, 0.69)])
+def test_what_either_model_doubts_is_held(
+    auto: Auto, models: Readers, sure: float, judge: float
+) -> None:
+    order = ("Drone_T04", "move_to EastGate")
+    models.read("1 drone to EastGate", order, sure=sure, judge=judge)
+    code, done = auto("Send one drone to the east gate.")
+    assert (code, done["commands"]) == (3, {})
+    assert f"read with {min(sure, judge):.0%} confidence, 70% are needed" in done["reason"]
+
+
+def test_models_that_do_not_tell_how_sure_they_are_do_not_move_anybody_unseen(
+    auto: Auto, models: Readers
+) -> None:
+    models.read("1 drone to EastGate", ("Drone_T04", "move_to EastGate"), sure=1.0)
+    models.mute = True
+    code, done = auto("Send one drone to the east gate.")
+    assert (code, done["commands"]) == (3, {})
+    assert "how sure they are" in done["reason"]
+
+
+def test_a_judge_that_reads_something_else_and_says_success_anyway_is_no_witness(
+    auto: Auto, models: Readers
+) -> None:
+    order = ("Drone_T04", "move_to EastGate")
+    models.read("1 drone to EastGate", order, judged="1 drone to NorthGate")
+    code, done = auto("Send one drone to the east gate.")
+    assert (code, done["commands"]) == (3, {})
+    assert "read the order apart" in done["reason"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["Lovely weather, a blue sky.", "42", "😀😀", "el perro come una manzana roja", "...!?"],
+)
+def test_a_text_that_asks_for_nothing_moves_nobody(auto: Auto, models: Readers, text: str) -> None:
+    models.read("1 drone to EastGate", ("Drone_T04", "move_to EastGate"))
+    code, done = auto(text)
+    assert (code, done["commands"]) == (3, {})
+
+
+@settings(deadline=None)
+@given(
+    st.none() | st.floats(0.0, 1.0),
+    st.lists(st.text(min_size=1, max_size=9), max_size=2),
+    st.booleans(),
+    st.floats(0.01, 1.0),
+)
+def test_no_doubt_is_ever_approved_by_a_standing_instruction(
+    confidence: float | None, gaps: list[str], apart: bool, least: float
+) -> None:
+    request = request_approval(
+        "M1.1",
+        1,
+        Plan(reason="", actions=()),
+        [],
+        Verdict(verdict="Success"),
+        "",
+        gaps=gaps,
+        confidence=confidence,
+        read_apart=apart,
+    )
+    decision = standing_approver("auto", "whatever", least=least)(request)
+    sound = confidence is not None and confidence >= least and not gaps and not apart
+    assert decision.kind == ("approve" if sound else "reject")
+    assert decision.reason
+
+
+def test_an_operator_sees_less_confidence_and_what_is_not_accounted_for() -> None:
+    attempt = Attempt(1, confidence=0.98, judge_confidence=0.95)
+    assert (attempt.sure, attempt.doubt) == (0.95, "")
+    attempt.gaps = ("not accounted for: base",)
+    assert attempt.sure is not None
+    assert attempt.sure < 0.7
+    assert "not accounted for: base; read with 40% confidence" in attempt.doubt
