@@ -39,10 +39,11 @@ _running = _Running()
 def together(seconds: float, size: int = 0) -> Generator[None]:
     """Let all expressions that this thread evaluates in the block take `seconds` together.
 
-    They are about `size` assets, tracks and gates; above USUAL_SIZE all times are longer.
+    They are about `size` assets, tracks and gates; above USUAL_SIZE all times are longer. So they
+    are within another such block about more of them.
     """
     outer = _running.group_end_s, _running.scale
-    _running.scale = max(1.0, size / USUAL_SIZE)
+    _running.scale = max(1.0, size / USUAL_SIZE, outer[1])
     end_s = thread_time() + seconds * _running.scale
     _running.group_end_s = end_s if outer[0] is None else min(end_s, outer[0])
     try:

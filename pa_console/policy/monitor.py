@@ -153,7 +153,7 @@ class Monitor:
         """Take in the next moment; return one finding for each rule that it newly breaks."""
         news: dict[Each, _News] = {}
         breaches: list[Breach] = []
-        with together(MOMENT_S):
+        with together(MOMENT_S, len(moment.tracks) + len(moment.covered) + len(moment.up)):
             for watch in self._watches:
                 each = watch.entry.order.each
                 if each not in news:
