@@ -88,6 +88,7 @@ class Document:
             first = error.errors(include_url=False, include_context=False, include_input=False)[0]
             field, problem = self._written(first["loc"]), first["msg"]
             named = _NAMED_FIELD.match(problem)
+            problem = problem.removeprefix("Value error, ")
             if named is not None:
                 parts = (int(part) if part.isdigit() else part for part in named[1].split("."))
                 field, problem = (*field, *parts), named[2]

@@ -119,7 +119,7 @@ def _only_placeholders(command: str) -> str:
     """Refuse a brace that is not that of a plain placeholder: none can format or look inside."""
     rest = PLACEHOLDER.sub("", command)
     if "{" in rest or "}" in rest:
-        begun = re.search(r"\{[^}]{0,20}|\}", rest)
+        begun = re.search(r"\{[^}]{0,20}\}?|\}", rest)
         raise ValueError(
             "only {track} and {gate} can be put in, written just so; change or take out "
             f"{begun[0] if begun is not None else rest[:20]!r}"

@@ -49,9 +49,8 @@ def _texts(value: Any) -> Iterator[tuple[Any, Any]]:
     """Yield where every text stands but ids and what events are told apart by."""
     keys = cast(dict[str, Any], value) if isinstance(value, dict) else range(len(value))
     for key in list[Any](keys):
-        child: object = value[key]
-        if isinstance(child, str):
+        if isinstance(value[key], str):
             if key not in ("kind", "session", "id", "mission_id", "rule_id", "world", "rules"):
                 yield value, key
-        elif isinstance(child, dict | list):
-            yield from _texts(child)
+        elif isinstance(value[key], dict | list):
+            yield from _texts(value[key])

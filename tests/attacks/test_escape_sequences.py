@@ -270,6 +270,7 @@ def test_the_console_of_the_command_line_lets_nothing_through(text: str, width: 
 
 
 @given(st.text() | WORDS)
+@settings(deadline=None)
 def test_json_means_the_same_and_is_plain(text: str) -> None:
     written = visible_json(json.dumps({text: [text]}, ensure_ascii=False, indent=1))
     assert json.loads(written) == {text: [text]}
@@ -277,6 +278,7 @@ def test_json_means_the_same_and_is_plain(text: str) -> None:
 
 
 @given(st.text() | WORDS)
+@settings(deadline=None)
 def test_what_is_visible_stays_and_the_rest_is_told_apart(text: str) -> None:
     shown = visible(text)
     assert not raw(shown)

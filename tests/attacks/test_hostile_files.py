@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.policy.rulebook import load_rules
@@ -112,6 +112,7 @@ def _height(value: object) -> int:
 
 
 @given(st.data())
+@settings(deadline=None)
 def test_a_document_is_what_yaml_says_or_is_refused(data: st.DataObject) -> None:
     text, value = _Tree(data).drawn()
     small = _size(value) <= MOST_NODES and _height(value) <= MOST_DEPTH
@@ -121,6 +122,7 @@ def test_a_document_is_what_yaml_says_or_is_refused(data: st.DataObject) -> None
 
 
 @given(st.integers(1, 40), st.integers(1, 40), st.integers(2, 12))
+@settings(deadline=None)
 def test_aliases_count_as_often_as_they_are_used(width: int, uses: int, levels: int) -> None:
     text = "a0: &a0 [" + "x, " * width + "]\n"
     for level in range(1, levels):

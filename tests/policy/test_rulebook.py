@@ -96,7 +96,7 @@ def test_a_bad_rule_is_named_with_file_line_and_field(
         ({"phases": [PHASE, PHASE | {"done": "len(id)"}]}, "workflows.0.phases.1.done", "'len'"),
         ({"phases": [PHASE | {"when": "track.warned"}]}, "workflows.0.phases.0.when", "'track'"),
         ({"phases": [PHASE | {"command": "go to {place}"}]}, "workflows.0.phases.0.command",
-         "'place'"),
+         "'{place}'"),
         ({"phases": [PHASE | {"command": "go to {gate"}]}, "workflows.0.phases.0.command", "only"),
         ({"phases": [PHASE | {"command": "{gate.upper.x}"}]}, "workflows.0.phases.0.command", "x"),
         ({"phases": []}, "workflows.0.phases", "at least 1"),
