@@ -1,5 +1,6 @@
 """Writes the session log: hash-chained and signed JSONL, one record a line, as it happens."""
 
+import os
 import re
 import time
 from collections.abc import Callable
@@ -9,6 +10,7 @@ from typing import Self
 
 import platformdirs
 
+from pa_console.private_files import make_private_folder, open_private
 from pa_console.schema.event import Event, LogSigned
 from pa_console.session.chain import GENESIS, LogError, os_error, seal
 from pa_console.session.head import head_path, sign_head, write_head
@@ -54,10 +56,10 @@ def new_log_path(folder: Path, session: str) -> Path:
     stem = re.sub(r"[^A-Za-z0-9._-]+", "_", session).strip("._") or "session"
     path, number = folder / f"{stem}.jsonl", 1
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        make_private_folder(folder)
         while True:
             try:
-                path.open("xb").close()
+                os.close(open_private(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL))
             except FileExistsError:
                 number += 1
                 path = folder / f"{stem}-{number}.jsonl"
