@@ -92,12 +92,12 @@ def console(
         app.notify(str(error), title="Session log", severity="error", timeout=30, markup=False)
 
     with LogWriter(path, station.session, signer=signer, on_error=cannot_write) as log:
+        station.write_to(log)
         app = ConsoleApp(
             site.world,
             station,
             site.rulebook,
             station.retriever,
-            log.append,
             readonly=readonly,
             settings=settings,
             rules_file=file,

@@ -39,7 +39,7 @@ from pa_console.schema.event import ApprovalRequested, Event
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision
 from pa_console.session.fold import SessionState
-from pa_console.session.log import LogWriter, default_folder, new_log_path
+from pa_console.session.log import LogError, LogWriter, default_folder, new_log_path
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.signing import load_signer
 
@@ -107,10 +107,11 @@ def mission(
         settings_of(context).values.logs or default_folder(), station.session
     )
     with (
-        LogWriter(path, station.session, signer=signer) as writer,
+        LogWriter(path, station.session, signer=signer, on_error=_cannot_write) as writer,
         errors.status("starting") as status,
     ):
-        progress = _Progress(writer, status)
+        station.write_to(writer)
+        progress = _Progress(status)
         approver = (
             progress.ask
             if approve is Approve.ask
@@ -150,16 +151,20 @@ def _incident(number: int, text: str) -> Incident:
         raise document.error(first["loc"], first["msg"]) from error
 
 
-class _Progress:
-    """Writes every event to the log and keeps one line on the terminal up to date."""
+def _cannot_write(error: LogError) -> None:
+    """Say at once that the log is behind; nothing is dispatched until it can be written."""
+    errors.print(f"warning: {error}", style="bold red", markup=False, soft_wrap=True)
 
-    def __init__(self, writer: LogWriter, status: Status) -> None:
-        self._writer, self._status = writer, status
+
+class _Progress:
+    """Keeps one line on the terminal up to date."""
+
+    def __init__(self, status: Status) -> None:
+        self._status = status
         self._trace: MissionTrace | None = None
 
-    def show(self, event: Event, state: SessionState) -> None:
+    def show(self, _: Event, state: SessionState) -> None:
         """Take in one event."""
-        self._writer.append(event)
         trace = self._trace = state.current
         if trace is not None:
             attempt = f", attempt {len(trace.attempts)}" if len(trace.attempts) > 1 else ""

@@ -62,13 +62,18 @@ class Execution:
     async def run(self, approved: Examination, attempt: int) -> Payloads:
         """Step 7: send every command, follow it to its end, then compare with telemetry.
 
-        A broken premise or ordering halts the plan to a safe state; nothing is verified then.
+        A broken premise or ordering halts the plan to a safe state; nothing is verified then. A
+        plan whose approval cannot be logged is halted before anything is sent.
         """
         sim = self._services.sim
         timeline = approved.rehearsal.timeline if approved.rehearsal is not None else None
         premises = Premises(sim.world, approved.plan, sim.picture(), timeline)
         self._premises, self.verification, self.halted = premises, None, ()
         self.breaches.clear()
+        if problem := self._services.journal.commit():
+            self.halted = (problem,)
+            yield ev.PlanHalted(attempt=attempt, reasons=self.halted)
+            return
         limit_s = MARGIN_S + 2 * (timeline.duration_s if timeline is not None else 0.0)
         commands = device_commands(approved.plan, f"{self._mission.id}.{attempt}")
         start = sim.time_s

@@ -49,6 +49,7 @@ from pa_console.schema.event_session import (
     IncidentSource,
     Level,
     LogSigned,
+    LogTroubled,
     Noticed,
     RulesReplaced,
     SessionEnded,
@@ -76,6 +77,7 @@ __all__ = (
     "IncidentSource",
     "Level",
     "LogSigned",
+    "LogTroubled",
     "MissionFinished",
     "MissionPreempted",
     "MissionReceived",
@@ -115,7 +117,7 @@ EventPayload = Annotated[
     | TextStreamed | PlanProposed | PlanRehearsed | PlanChecked | PlanJudged | RepairRequested
     | ApprovalRequested | DecisionMade | PlanVoided | CommandSent | CommandReplied
     | MissionVerified | OutcomeJudged | MissionReported | MissionFinished | AllStopped
-    | RulesReplaced | SessionEnded | LogSigned,
+    | RulesReplaced | SessionEnded | LogSigned | LogTroubled,
     Field(discriminator="kind"),
 ]  # fmt: skip
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from pa_console.private_files import NotPrivateError, make_private_folder, open_private
+from pa_console.session.head import head_path
 from pa_console.session.log import LogError, LogWriter, new_log_path
 from pa_console.signing import (
     KEY_VARIABLE,
@@ -72,20 +73,26 @@ def test_a_log_that_others_could_read_is_taken_back(tmp_path: Path) -> None:
     assert loose(tmp_path) == {}
 
 
-@pytest.mark.parametrize("name", ["s.jsonl", "s.jsonl.torn", "s.jsonl.head.new"])
-def test_a_link_leads_no_write_elsewhere(tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize("name", ["s.jsonl", "s.jsonl.torn"])
+def test_a_log_that_is_a_link_is_refused(tmp_path: Path, name: str) -> None:
     precious = tmp_path / "precious"
     precious.write_text("precious")
-    log = tmp_path / "logs" / "s.jsonl"
-    log.parent.mkdir()
-    (log.parent / name).symlink_to(precious)
+    log = tmp_path / "s.jsonl"
     if name.endswith(".torn"):
         log.write_bytes(b'{"seq":1,')
-    try:
+    log.with_name(name).symlink_to(precious)
+    with pytest.raises(LogError, match="symbolic link"):
         write_signed(log)
-    except LogError as error:
-        assert "symbolic link" in str(error)
     assert precious.read_text() == "precious"
+
+
+@pytest.mark.parametrize("name", ["s.jsonl.head", "s.jsonl.head.new"])
+def test_a_link_leads_no_head_elsewhere(tmp_path: Path, name: str) -> None:
+    precious = tmp_path / "precious"
+    (tmp_path / name).symlink_to(precious)
+    write_signed(tmp_path / "s.jsonl")
+    assert not precious.exists()
+    assert not head_path(tmp_path / "s.jsonl").is_symlink()
 
 
 def test_a_pipe_in_the_place_of_a_log_keeps_nobody_waiting(tmp_path: Path) -> None:
