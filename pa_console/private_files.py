@@ -77,6 +77,15 @@ def read_private(path: Path, loose: int = 0o077) -> bytes:
         return stream.read()
 
 
+def loose(folder: Path) -> int:
+    """Return the mode of `folder` when others have a right to it; 0 when not, or without one."""
+    try:
+        mode = stat.S_IMODE(folder.stat().st_mode)
+    except FileNotFoundError:
+        return 0
+    return mode if mode & 0o077 else 0
+
+
 def sync_folder(folder: Path) -> None:
     """Make the names in `folder` safe; raises OSError."""
     file = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)

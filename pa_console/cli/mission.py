@@ -18,12 +18,14 @@ from pa_console.cli.output import (
     ScenarioOption,
     SeedOption,
     UnsignedOption,
+    WitnessOption,
     WorldOption,
     errors,
     out,
     print_json,
     warn_of_altered,
 )
+from pa_console.cli.session_log import open_log, tell_of_witness
 from pa_console.cli.trace import print_trace
 from pa_console.llm.catalog import find_model
 from pa_console.llm.engine import Engine
@@ -38,8 +40,8 @@ from pa_console.schema.document import Document
 from pa_console.schema.event import ApprovalRequested, Event
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision
+from pa_console.session.chain import LogError
 from pa_console.session.fold import SessionState
-from pa_console.session.log import LogError, LogWriter, default_folder, new_log_path
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.signing import load_signer
 
@@ -84,6 +86,7 @@ def mission(
     ] = None,
     seed: SeedOption = 0,
     log: Annotated[Path | None, typer.Option(help="Where to write the session log.")] = None,
+    witness: WitnessOption = "",
     unsigned: UnsignedOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -103,11 +106,9 @@ def mission(
         scenario=played,
         respond=alarms if alarms is not None else played is not None,
     )
-    path = log or new_log_path(
-        settings_of(context).values.logs or default_folder(), station.session
-    )
+    settings = settings_of(context).values
     with (
-        LogWriter(path, station.session, signer=signer, on_error=_cannot_write) as writer,
+        open_log(settings, station.session, signer, _cannot_write, log, witness) as writer,
         errors.status("starting") as status,
     ):
         station.write_to(writer)
@@ -127,6 +128,8 @@ def mission(
                 duration_s=played.scenario.duration_s if played else 0.0,
             )
         )
+    tell_of_witness(writer)
+    path = writer.path
     code = exit_code([trace.status for trace in traces])
     if json:
         single = played is None and len(traces) == 1

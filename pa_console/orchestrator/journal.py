@@ -20,6 +20,10 @@ class Log(Protocol):
         """Whether `commit` has something to do."""
         ...
 
+    def news(self) -> str | None:
+        """Return what has become of the log's witness since this was last asked; None: nothing."""
+        ...
+
     def append(self, event: ev.Event, *, commit: bool = True) -> None:
         """Take one more event."""
         ...
@@ -41,11 +45,14 @@ class Journal:
         """Begin without a log: then there is nothing to write, and no problem."""
         self.problem = ""
         self._log: Log | None = None
-        self._tell: Callable[[str], None] = _nobody
+        self._tell: Callable[[ev.LogTroubled | ev.Noticed], None] = _nobody
         self._due: asyncio.Handle | None = None
 
-    def open(self, log: Log, tell: Callable[[str], None]) -> None:
-        """Write to `log`, which reports its own errors; `tell` is given every new `problem`."""
+    def open(self, log: Log, tell: Callable[[ev.LogTroubled | ev.Noticed], None]) -> None:
+        """Write to `log`, which reports its own errors.
+
+        `tell` is given every new `problem`, and what becomes of the log's witness.
+        """
         self._log, self._tell = log, tell
 
     def append(self, event: ev.Event) -> None:
@@ -70,8 +77,17 @@ class Journal:
     def _look(self, log: Log) -> None:
         before, self.problem = self.problem, str(log.error) if log.error is not None else ""
         if self.problem != before:
-            self._tell(self.problem)
+            self._tell(ev.LogTroubled(problem=self.problem))
+        if (news := log.news()) is not None:
+            asyncio.get_running_loop().call_soon(self._tell, _witnessed(news))
 
 
-def _nobody(_: str) -> None:
+def _witnessed(news: str) -> ev.Noticed:
+    if news:
+        text = f"does not get the log's signed heads: {news}"
+        return ev.Noticed(level="warning", subject="witness", text=text)
+    return ev.Noticed(level="info", subject="witness", text="gets the log's signed heads again")
+
+
+def _nobody(_: ev.LogTroubled | ev.Noticed) -> None:
     pass

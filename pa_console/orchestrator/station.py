@@ -89,7 +89,7 @@ class Station:
 
         While that is not possible, nothing is dispatched but what stops assets or makes them safe.
         """
-        self._journal.open(log, lambda problem: self._emit(ev.LogTroubled(problem=problem)))
+        self._journal.open(log, self._emit)
 
     async def run(self) -> AsyncGenerator[ev.Event]:
         """Yield every event of the session until `close`; stopping the iteration closes it too."""

@@ -13,11 +13,13 @@ import platformdirs
 from pa_console.private_files import make_private_folder, open_private
 from pa_console.schema.event import Event, LogSigned
 from pa_console.session.chain import GENESIS, LogError, os_error, seal
-from pa_console.session.head import head_path, sign_head, write_head
+from pa_console.session.head import Head, head_path, sign_head, write_head
 from pa_console.session.head_keeper import HeadKeeper
 from pa_console.session.log_file import LogFile
 from pa_console.session.reader import read_log
+from pa_console.session.session_index import SessionIndex, index_path
 from pa_console.session.verify import VerifyResult, verify
+from pa_console.session.witness import Witness
 from pa_console.signing import Signer
 
 __all__ = [
@@ -89,10 +91,15 @@ class LogWriter:
         session: str,
         *,
         signer: Signer | None = None,
+        index: SessionIndex | None = None,
+        witness: Witness | None = None,
         on_error: Callable[[LogError], None] | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Open `path`, new or to be continued; a torn last line moves to `PATH.torn`.
+
+        A signed log is noted in the `index` of its folder when it begins and when it ends. Its
+        heads go to the `witness` as well, which is closed with the log.
 
         Raises LogError when the file cannot be opened, is held by another console, belongs to
         another session, does not end in a sound record, or is not what its signed head, of the
@@ -102,8 +109,11 @@ class LogWriter:
         self._signer, self._on_error, self._clock = signer, on_error, clock
         self._pending, self._records = bytearray(), 0
         self._file = LogFile(path, session, signer and signer.public)
-        self._keeper = HeadKeeper(path, self._file.sync)
+        self._keeper = HeadKeeper(path, self._file.sync, self._seen)
+        self._index, self._witness = index, witness
+        self._begun, self._unindexed = False, False
         self._seq, self._hash = self._file.seq, self._file.hash
+        self._first = self._seq, self._hash
         self._last: Event | None = None
         self._owed: Literal["nothing", "disk", "signature"] = "nothing"
         signed = self._file.head.seq if self._file.head is not None else 0
@@ -139,6 +149,15 @@ class LogWriter:
         """Records that are in memory only."""
         return self._records
 
+    def news(self) -> str | None:
+        """Return what has become of the witness since this was last asked; None for nothing new."""
+        return self._witness.news() if self._witness is not None else None
+
+    @property
+    def witness_problem(self) -> str:
+        """Why the witness has not got the last head that was sent; empty when it has."""
+        return self._witness.problem if self._witness is not None else ""
+
     @property
     def owes(self) -> bool:
         """Whether `commit` has something to do."""
@@ -156,6 +175,8 @@ class LogWriter:
             raise LogError(str(self.path), 0, "the session log is closed")
         first, self._last = self._last is None, event
         self._put(event)
+        if first and self._seq == 1:
+            self._first = self._seq, self._hash
         if self._signer is not None and (first or event.data.binding):
             self._owed = "signature"
         elif not self.owes and (event.data.binding or event.data.kind in DURABLE_KINDS):
@@ -214,10 +235,14 @@ class LogWriter:
                 problem = f"{self._records} records at its end could not be written"
                 why = self._refused and self._refused.problem
                 raise LogError(str(self.path), 0, f"{problem}; {why}")
+            if self._begun:
+                self._note(self._seq, self._hash, ended=True)
         finally:
             self._open = False
             self._keeper.close()
             self._file.close()
+            if self._witness is not None:
+                self._witness.close()
 
     def __enter__(self) -> Self:
         return self
@@ -256,6 +281,27 @@ class LogWriter:
             self._report(self._headless, error, told=told is not None)
         else:
             self._headless = None
+        if at_once and not self._begun:
+            self._begun = self._note(*self._first, ended=False)
+
+    def _note(self, records: int, head: str, *, ended: bool) -> bool:
+        """Tell the index of sessions; return whether it could be told."""
+        if self._index is None:
+            return True
+        try:
+            self._index.add(self.path.name, self.session, records, head, ended=ended)
+        except OSError as error:
+            told, self._unindexed = self._unindexed, True
+            place, task = index_path(self.path.parent), "write the index of sessions"
+            self._report(os_error(place, task, error), error, told=told)
+            return False
+        self._unindexed = False
+        return True
+
+    def _seen(self, head: Head, urgent: bool) -> None:
+        """Give the witness a head whose records are on the disk."""
+        if self._witness is not None:
+            self._witness.see(head, urgent=urgent)
 
     def _report(self, problem: LogError, error: OSError, *, told: bool) -> None:
         if self._on_error is None:
