@@ -13,7 +13,7 @@ import os
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -101,7 +101,7 @@ class SessionIndex:
             os.close(file)
 
     def _sign(self, entry: Entry) -> Entry:
-        return Entry(**{**asdict(entry), "signature": self._signer.sign(_signed_part(entry))})
+        return replace(entry, signature=self._signer.sign(_signed_part(entry)))
 
 
 def entry_line(entry: Entry) -> bytes:

@@ -116,7 +116,9 @@ def _to_file(target: str) -> Send:
 class _NoRedirect(urllib.request.HTTPRedirectHandler):
     """A head that is sent on elsewhere as a question has been stored by nobody."""
 
-    def redirect_request(self, *_: object) -> None:
+    def redirect_request(  # pyright: ignore[reportIncompatibleMethodOverride] - whatever is asked
+        self, *_: object
+    ) -> None:
         """Take the redirection for the answer, which is an error."""
 
 

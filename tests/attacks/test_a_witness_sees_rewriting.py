@@ -2,7 +2,8 @@
 
 import json
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from pa_console.orchestrator.station import Station
 from pa_console.schema import event as ev
 from pa_console.session.head import head_path, parse_head
 from pa_console.session.log import LogWriter, verify
@@ -201,6 +203,11 @@ def test_an_address_is_given_the_heads_and_its_file_is_the_witness(
     assert (found.ok, found.records) == (True, verify(log, KNOWN).lines)
 
 
+def only(station: Station) -> Callable[..., Station]:
+    """Return what opens no station but `station`."""
+    return lambda *_: station
+
+
 @pytest.mark.parametrize(("status", "words"), [(500, "answered 500"), (302, "answered 302")])
 def test_an_address_that_keeps_nothing_is_told(
     tmp_path: Path, receiver: Receiver, status: int, words: str
@@ -228,7 +235,7 @@ async def test_a_witness_that_is_not_there_is_told_and_keeps_no_mission_waiting(
     witness = Witness("http://127.0.0.1:9/", send=nobody)
     with LogWriter(log, station.session, signer=MINE, witness=witness) as writer:
         station.write_to(writer)
-        monkeypatch.setattr(rig, "station", lambda _: station)
+        monkeypatch.setattr(rig, "station", only(station))
 
         def wait(*_: object) -> None:
             assert failed.wait(30)
@@ -254,7 +261,7 @@ def test_heads_that_no_decision_calls_for_are_sent_every_ten_seconds(tmp_path: P
     head = parse_head(file.read_bytes().splitlines(keepends=True)[0])
     for number in range(1, 41):
         now[0] = number / 2
-        seen = type(head)(**{**head.__dict__, "seq": number})
+        seen = replace(head, seq=number)
         before = len(sent)
         witness.see(seen, urgent=number == 5)
         if number in (1, 5, 25):

@@ -1,12 +1,14 @@
 """After a crash no decision and no command can be forged, cut off or left out without the key."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from pa_console.orchestrator.station import Station
 from pa_console.schema import event as ev
 from pa_console.session.head import head_path, read_head
 from pa_console.session.log import LogWriter, verify
@@ -97,6 +99,11 @@ def test_events_of_one_moment_take_one_signature(tmp_path: Path) -> None:
         assert len(lines_of(log)) == 11
 
 
+def only(station: Station) -> Callable[..., Station]:
+    """Return what opens no station but `station`."""
+    return lambda *_: station
+
+
 async def test_no_command_takes_effect_before_the_log_is_signed(
     tmp_path: Path, rig: Rig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -106,7 +113,7 @@ async def test_no_command_takes_effect_before_the_log_is_signed(
     station = rig.station(engine)
     writer = LogWriter(log, station.session, signer=MINE, clock=lambda: 0.0)
     station.write_to(writer)
-    monkeypatch.setattr(rig, "station", lambda _: station)
+    monkeypatch.setattr(rig, "station", only(station))
     sim, moved = station._sim, [0]  # pyright: ignore[reportPrivateUsage]
     step = sim.step
 

@@ -1,6 +1,7 @@
 """A session log that is deleted, cut, swapped or rolled back is missed by the index of sessions."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -149,7 +150,7 @@ def test_no_line_of_the_index_goes_unseen(
             lines[number] = lines[number][:at] + bytes([bad[0] ^ 1]) + lines[number][at + 1 :]
         case "forge":
             forged = SessionIndex(folder, OTHER)._sign(  # pyright: ignore[reportPrivateUsage]
-                type(entry)(**{**entry.__dict__, "key": OTHER.public, "session": "S7"})
+                replace(entry, key=OTHER.public, session="S7")
             )
             lines[number] = entry_line(forged)
         case _:
