@@ -42,6 +42,7 @@ from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision
 from pa_console.session.chain import LogError
 from pa_console.session.fold import SessionState
+from pa_console.session.log import LogWriter
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.signing import load_signer
 
@@ -112,7 +113,7 @@ def mission(
         errors.status("starting") as status,
     ):
         station.write_to(writer)
-        progress = _Progress(status)
+        progress = _Progress(writer, status)
         approver = (
             progress.ask
             if approve is Approve.ask
@@ -155,19 +156,21 @@ def _incident(number: int, text: str) -> Incident:
 
 
 def _cannot_write(error: LogError) -> None:
-    """Say at once that the log is behind; nothing is dispatched until it can be written."""
+    """Say at once what of the log, or of its index, cannot be written."""
     errors.print(f"warning: {error}", style="bold red", markup=False, soft_wrap=True)
 
 
 class _Progress:
-    """Keeps one line on the terminal up to date."""
+    """Keeps one line on the terminal up to date; ends a session that cannot be logged."""
 
-    def __init__(self, status: Status) -> None:
-        self._status = status
+    def __init__(self, writer: LogWriter, status: Status) -> None:
+        self._writer, self._status = writer, status
         self._trace: MissionTrace | None = None
 
     def show(self, _: Event, state: SessionState) -> None:
-        """Take in one event."""
+        """Take in one event; raises LogError when the log is behind."""
+        if self._writer.error is not None:
+            raise self._writer.error
         trace = self._trace = state.current
         if trace is not None:
             attempt = f", attempt {len(trace.attempts)}" if len(trace.attempts) > 1 else ""
