@@ -12,6 +12,14 @@ from cryptography.hazmat.primitives.asymmetric import ed25519
 from filelock import FileLock, Timeout
 from platformdirs import user_config_path
 
+from pa_console.private_files import (
+    FILE_MODE,
+    NotPrivateError,
+    make_private_folder,
+    read_private,
+    replace_private,
+)
+
 KEY_VARIABLE = "PA_CONSOLE_SIGNING_KEY"
 KEY_FILE = "signing-key.pem"
 KNOWN_FILE = "known-keys"
@@ -50,22 +58,19 @@ def load_signer() -> Signer:
     """Return this machine's signer; the key is made, for its owner alone to read, on first use.
 
     Two consoles that start at once get the same key. Raises SigningError when it can be neither
-    read nor made.
+    read nor made, or is not this user's alone.
     """
     path = key_path()
     try:
         if (signer := _read(path)) is not None:
             return signer
-        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with FileLock(f"{path}.lock", timeout=LOCK_SECONDS):
+        make_private_folder(path.parent)
+        with FileLock(f"{path}.lock", timeout=LOCK_SECONDS, mode=FILE_MODE):
             return _read(path) or _make(path)
     except Timeout as error:
         raise SigningError(f"{path}: another console holds {path.name}.lock; try again") from error
     except OSError as error:
-        raise SigningError(
-            f"{path}: cannot make or read the signing key: {error.strerror or error}; "
-            f"check that folder, or name another file in {KEY_VARIABLE}"
-        ) from error
+        raise _unusable(path, error) from error
 
 
 def known_keys() -> frozenset[str]:
@@ -76,7 +81,7 @@ def known_keys() -> frozenset[str]:
     try:
         signer = _read(key_path())
     except OSError as error:
-        raise SigningError(f"{key_path()}: {error.strerror or error}") from error
+        raise _unusable(key_path(), error) from error
     return frozenset((signer.fingerprint,)) if signer is not None else frozenset()
 
 
@@ -84,15 +89,17 @@ def named_keys() -> dict[str, str]:
     """Return the names of the keys that this machine's user knows, by fingerprint.
 
     They stand in `known-keys` beside the signing key: a fingerprint and a name on each line, lines
-    with # are comments. Raises SigningError with the line that is neither.
+    with # are comments. Raises SigningError with the line that is neither, and for a file that
+    others may change.
     """
     path = key_path().with_name(KNOWN_FILE)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_private(path, loose=0o022).decode("utf-8")
     except FileNotFoundError:
         return {}
     except (OSError, UnicodeDecodeError) as error:
-        raise SigningError(f"{path}: cannot be read: {error}") from error
+        reason = error.strerror if isinstance(error, NotPrivateError) else error
+        raise SigningError(f"{path}: cannot be read: {reason}") from error
     known: dict[str, str] = {}
     for number, line in enumerate(text.splitlines(), start=1):
         key, _, name = line.strip().partition(" ")
@@ -128,7 +135,7 @@ def is_signature(signature: str, message: bytes, public: str) -> bool:
 def _read(path: Path) -> Signer | None:
     """Return the signer of the key at `path`, None when there is no such file."""
     try:
-        key = form.load_pem_private_key(path.read_bytes(), None)
+        key = form.load_pem_private_key(read_private(path), None)
     except FileNotFoundError:
         return None
     except (ValueError, TypeError, UnsupportedAlgorithm) as error:
@@ -143,12 +150,18 @@ def _make(path: Path) -> Signer:
     """Make a key and have it safely at `path` before it signs anything."""
     key = ed25519.Ed25519PrivateKey.generate()
     pem = key.private_bytes(form.Encoding.PEM, form.PrivateFormat.PKCS8, form.NoEncryption())
-    new = path.with_name(path.name + ".new")
-    new.unlink(missing_ok=True)
-    file = os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
-    with os.fdopen(file, "wb") as stream:
-        stream.write(pem)
-        stream.flush()
-        os.fsync(stream.fileno())
-    os.replace(new, path)
+    replace_private(path, pem)
     return Signer(key)
+
+
+def _unusable(path: Path, error: OSError) -> SigningError:
+    """Return `error`, met with the key at `path`, worded with what to do about it."""
+    if isinstance(error, NotPrivateError):
+        return SigningError(
+            f"{path}: this signing key is not used: {error.strerror}; else move it away, and a new "
+            f"one is made; or name another file in {KEY_VARIABLE}"
+        )
+    return SigningError(
+        f"{path}: cannot make or read the signing key: {error.strerror or error}; "
+        f"check that folder, or name another file in {KEY_VARIABLE}"
+    )

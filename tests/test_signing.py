@@ -61,6 +61,7 @@ def test_a_key_that_cannot_be_read_is_kept_and_named(key: Path) -> None:
     )
     for content, problem in ((b"rubbish", "not an unencrypted"), (elsewhere, "not an Ed25519")):
         key.write_bytes(content)
+        key.chmod(0o600)
         for use in (load_signer, known_keys):
             with pytest.raises(SigningError, match=problem) as caught:
                 use()

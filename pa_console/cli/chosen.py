@@ -74,9 +74,10 @@ def _defaults(loaded: Loaded) -> dict[str, Any]:
     values = loaded.values
     site = {"world": values.world, "rules": values.rules}
     model = {"model": values.model} if values.model else {}
+    log = {"witness": values.witness}
     return {
-        "console": {**site, **model, "alarms": values.alarms, "mouse": values.mouse},
-        "mission": {**site, **model},
+        "console": {**site, **model, **log, "alarms": values.alarms, "mouse": values.mouse},
+        "mission": {**site, **model, **log},
         "replay": {"mouse": values.mouse},
         "rules": {verb: {"rules": values.rules} for verb in ("list", "search")},
         "scenarios": {verb: {"world": values.world} for verb in ("list", "show", "check")},

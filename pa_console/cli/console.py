@@ -15,6 +15,7 @@ from pa_console.cli.output import (
     ScenarioOption,
     SeedOption,
     UnsignedOption,
+    WitnessOption,
     WorldOption,
     errors,
     out,
@@ -38,6 +39,7 @@ def console(
     readonly: Annotated[
         bool, typer.Option("--readonly", help="Look only: every command is refused.")
     ] = False,
+    witness: WitnessOption = "",
     unsigned: UnsignedOption = False,
     accept_rules: AcceptRulesOption = False,
     mouse: Annotated[
@@ -60,6 +62,7 @@ def console(
     with ThreadPoolExecutor(1) as hashing:
         found = hashing.submit(find_model, model, going_on)
         try:
+            from pa_console.cli.session_log import open_log, tell_of_witness  # noqa: PLC0415
             from pa_console.orchestrator.clock import RealTimeClock  # noqa: PLC0415 - meanwhile
             from pa_console.orchestrator.compose import (  # noqa: PLC0415
                 Site,
@@ -69,7 +72,6 @@ def console(
             )
             from pa_console.orchestrator.rules_watch import RulesWatch  # noqa: PLC0415
             from pa_console.policy.rules_pin import RefusedRulesError, RulesPins  # noqa: PLC0415
-            from pa_console.session.log import LogWriter, default_folder, new_log_path  # noqa: PLC0415
             from pa_console.signing import load_signer  # noqa: PLC0415
             from pa_console.tui.app import ConsoleApp  # noqa: PLC0415
 
@@ -109,24 +111,25 @@ def console(
     )
     require_keys("use 'pa-console mission' in scripts")
     station.rate = settings.values.speed
-    path = new_log_path(settings.values.logs or default_folder(), station.session)
 
     def cannot_write(error: LogError) -> None:
         app.notify(str(error), title="Session log", severity="error", timeout=30, markup=False)
 
-    with LogWriter(path, station.session, signer=signer, on_error=cannot_write) as log:
+    writer = open_log(settings.values, station.session, signer, cannot_write, witness=witness)
+    with writer as log:
+        station.write_to(log)
         app = ConsoleApp(
             site.world,
             station,
             site.rulebook,
             station.retriever,
-            log.append,
             readonly=readonly,
             settings=settings,
             rules_file=file,
         )
         app.run(mouse=mouse)
-    out.print(f"session log: {path}", markup=False, soft_wrap=True)
+    tell_of_witness(writer)
+    out.print(f"session log: {writer.path}", markup=False, soft_wrap=True)
 
 
 def _accepted(error: ValueError) -> bool:

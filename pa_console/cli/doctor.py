@@ -11,10 +11,12 @@ from pa_console.cli.doctor_model import check_confinement
 from pa_console.cli.doctor_places import (
     check_folders,
     check_model,
+    check_sessions,
     check_terminal,
     load_or_default,
 )
 from pa_console.cli.output import FAILED, JsonOption, errors, out, print_json
+from pa_console.session.log import default_folder
 from pa_console.tui.words import count
 
 STYLES = {"ok": "green", "warning": "yellow", "missing": "bold red"}
@@ -46,6 +48,7 @@ def _checks() -> Iterator[Check]:
     yield from check_model(loaded.values.model)
     yield check_confinement()
     yield from check_folders(loaded)
+    yield check_sessions(loaded.values.logs or default_folder())
     yield from check_terminal()
 
 

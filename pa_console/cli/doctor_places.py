@@ -14,7 +14,10 @@ from pa_console.llm.cache import cache_folder
 from pa_console.llm.catalog import Catalog
 from pa_console.llm.errors import ModelError
 from pa_console.llm.threads import physical_cores
+from pa_console.private_files import loose
 from pa_console.schema.document import DocumentError
+from pa_console.session.chain import LogError
+from pa_console.session.index_check import check_index
 from pa_console.session.log import default_folder
 from pa_console.settings.folders import nearest_existing, unwritable
 from pa_console.settings.sources import (
@@ -23,7 +26,7 @@ from pa_console.settings.sources import (
     load_settings,
     unknown_variables,
 )
-from pa_console.signing import key_path
+from pa_console.signing import SigningError, key_path, known_keys
 from pa_console.tui.words import count
 
 LEAST_FREE_MB = 200
@@ -92,6 +95,21 @@ def check_folders(loaded: Loaded) -> Iterator[Check]:
         ("signing key", key_path().parent, "pa-console settings set signing_key"),
     ):
         yield check_folder(name, folder, field)
+
+
+def check_sessions(folder: Path) -> Check:
+    """Look whether every session of the index in `folder` is there, whole, and nobody else's."""
+    name, remedy = "session logs", "bring them back from a copy; --verify of a log tells more"
+    try:
+        found = check_index(folder, known_keys())
+    except (LogError, SigningError) as error:
+        return Check(name, "warning", str(error), "look at that file")
+    if found.told:
+        return Check(name, "warning", "; ".join(found.told), remedy)
+    if others := loose(folder):
+        words = f"{folder}: others may look into it (mode {others:04o})"
+        return Check(name, "warning", words, f"chmod 700 '{folder}'")
+    return Check(name, "ok", f"{count(len(found.sessions), 'session')} in the index, none is lost")
 
 
 def check_folder(name: str, folder: Path, field: str) -> Check:

@@ -19,12 +19,14 @@ from pa_console.cli.output import (
     ScenarioOption,
     SeedOption,
     UnsignedOption,
+    WitnessOption,
     WorldOption,
     errors,
     out,
     print_json,
     warn_of_altered,
 )
+from pa_console.cli.session_log import open_log, tell_of_witness
 from pa_console.cli.trace import print_trace
 from pa_console.llm.catalog import find_model
 from pa_console.llm.engine import Engine
@@ -40,8 +42,9 @@ from pa_console.schema.document import Document
 from pa_console.schema.event import ApprovalRequested, Event
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision
+from pa_console.session.chain import LogError
 from pa_console.session.fold import SessionState
-from pa_console.session.log import LogWriter, default_folder, new_log_path
+from pa_console.session.log import LogWriter
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.signing import load_signer
 
@@ -89,6 +92,7 @@ def mission(
     ] = None,
     seed: SeedOption = 0,
     log: Annotated[Path | None, typer.Option(help="Where to write the session log.")] = None,
+    witness: WitnessOption = "",
     unsigned: UnsignedOption = False,
     accept_rules: AcceptRulesOption = False,
     json: JsonOption = False,
@@ -117,11 +121,11 @@ def mission(
         scenario=played,
         respond=alarms if alarms is not None else played is not None,
     )
-    path = log or new_log_path(settings.values.logs or default_folder(), station.session)
     with (
-        LogWriter(path, station.session, signer=signer) as writer,
+        open_log(settings.values, station.session, signer, _cannot_write, log, witness) as writer,
         errors.status("starting") as status,
     ):
+        station.write_to(writer)
         progress = _Progress(writer, status)
         approver = (
             progress.ask
@@ -129,7 +133,7 @@ def mission(
             else standing_approver(
                 approve.value,
                 override_reason,
-                least=settings_of(context).values.standing_confidence,
+                least=settings.values.standing_confidence,
             )
         )
         traces = asyncio.run(
@@ -142,6 +146,8 @@ def mission(
                 duration_s=played.scenario.duration_s if played else 0.0,
             )
         )
+    tell_of_witness(writer)
+    path = writer.path
     code = exit_code([trace.status for trace in traces])
     if json:
         single = played is None and len(traces) == 1
@@ -166,16 +172,22 @@ def read_event(number: int, text: str) -> Incident:
         raise document.error(first["loc"], first["msg"]) from error
 
 
+def _cannot_write(error: LogError) -> None:
+    """Say at once what of the log, or of its index, cannot be written."""
+    errors.print(f"warning: {error}", style="bold red", markup=False, soft_wrap=True)
+
+
 class _Progress:
-    """Writes every event to the log and keeps one line on the terminal up to date."""
+    """Keeps one line on the terminal up to date; ends a session that cannot be logged."""
 
     def __init__(self, writer: LogWriter, status: Status) -> None:
         self._writer, self._status = writer, status
         self._trace: MissionTrace | None = None
 
-    def show(self, event: Event, state: SessionState) -> None:
-        """Take in one event."""
-        self._writer.append(event)
+    def show(self, _: Event, state: SessionState) -> None:
+        """Take in one event; raises LogError when the log is behind."""
+        if self._writer.error is not None:
+            raise self._writer.error
         trace = self._trace = state.current
         if trace is not None:
             attempt = f", attempt {len(trace.attempts)}" if len(trace.attempts) > 1 else ""

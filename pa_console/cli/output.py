@@ -47,6 +47,14 @@ ScenarioOption = Annotated[
     typer.Option("--scenario", help="A situation to play; see 'pa-console scenarios list'."),
 ]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the simulation.")]
+WitnessOption = Annotated[
+    str,
+    typer.Option(
+        "--witness",
+        metavar="FILE|URL",
+        help="Give the log's signed heads to a file on another disk, or to a web address.",
+    ),
+]
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else there.")
 ]

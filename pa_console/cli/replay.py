@@ -35,6 +35,13 @@ def replay(
     unsigned: Annotated[
         bool, typer.Option("--unsigned", help="With --verify: accept a log without signatures.")
     ] = False,
+    witness: Annotated[
+        Path | None,
+        typer.Option(
+            help="With --verify: the file of a witness; names the first head that it has seen and "
+            "the log no longer has."
+        ),
+    ] = None,
     again: Annotated[
         bool,
         typer.Option(
@@ -85,7 +92,7 @@ def replay(
 
         place = Place(world, scenario, rules)
         if check:
-            trust = Trust(frozenset(key or ()), unsigned)
+            trust = Trust(frozenset(key or ()), unsigned, witness)
             show_verified(log, trust, None if chain_only else place, json)
         else:
             show_again(log, place, json)

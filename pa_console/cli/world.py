@@ -7,6 +7,7 @@ import typer
 
 from pa_console.cli.output import errors, out, print_document
 from pa_console.orchestrator.compose import open_world
+from pa_console.session.audit_files import refuse_audit_file
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.world_generator import generate_world, world_yaml
 from pa_console.tui.words import count
@@ -32,6 +33,7 @@ def generate(
     if output is None:
         print_document(text)
         return
+    refuse_audit_file(output)
     output.parent.mkdir(parents=True, exist_ok=True)
     output.write_text(text, encoding="utf-8")
     out.print(

@@ -7,20 +7,23 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
+from pa_console.session.audit_files import refuse_audit_file
+
 
 @contextmanager
 def whole_file(path: Path, log: Path) -> Generator[BinaryIO]:
     """Yield a file that replaces `path` when the block ends well, and vanishes otherwise.
 
-    Raises ValueError when `path` is a folder or the `log` itself.
+    Raises ValueError when `path` is a folder, the `log` itself or any other file of an audit.
     """
     if path.is_dir():
         raise ValueError(f"{path}: this is a folder; give the name of a file")
     if path.exists() and path.samefile(log):
         raise ValueError(f"{path}: this is the log itself; give another name")
+    refuse_audit_file(path)
     part = _beside(path)
     try:
-        with part.open("wb") as file:
+        with part.open("xb") as file:
             yield file
         part.replace(path)
     finally:

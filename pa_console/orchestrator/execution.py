@@ -65,14 +65,18 @@ class Execution:
         """Step 7: send every command, follow it to its end, then compare with telemetry.
 
         A broken premise or ordering halts the plan to the safe state that was approved with it in
-        `request`; nothing is verified then. Raises RuntimeError for a command that the gate keeps
-        back.
+        `request`; nothing is verified then. A plan whose approval cannot be logged is halted before
+        anything is sent. Raises RuntimeError for a command that the gate keeps back.
         """
         sim, gate = self._services.sim, self._services.gate
         timeline = approved.rehearsal.timeline if approved.rehearsal is not None else None
         premises = Premises(sim.world, approved.plan, sim.picture(), timeline)
         self._premises, self.verification, self.halted = premises, None, ()
         self.breaches.clear()
+        if problem := self._services.journal.commit():
+            self.halted = (problem,)
+            yield ev.PlanHalted(attempt=request.attempt, reasons=self.halted)
+            return
         limit_s = MARGIN_S + 2 * (timeline.duration_s if timeline is not None else 0.0)
         commands = device_commands(approved.plan, request.request_id)
         self._safety = request.if_halted

@@ -11,6 +11,7 @@ from pa_console.llm.engine import Engine
 from pa_console.llm.judge import Judge
 from pa_console.llm.planner import Planner
 from pa_console.orchestrator.command_gate import CommandGate
+from pa_console.orchestrator.journal import Journal
 from pa_console.orchestrator.respelling import respell
 from pa_console.policy.core import with_core
 from pa_console.policy.retriever import Retriever
@@ -40,6 +41,7 @@ class Services:
     top_k: int = 3
     variant: Variant = field(default_factory=Variant)
     dialect: Dialect = DIALECTS["examples"]
+    journal: Journal = field(default_factory=Journal)
     sightings: Sightings = field(init=False)
     """What was seen where in this session; the station keeps it."""
     gate: CommandGate = field(init=False)

@@ -9,6 +9,7 @@ from pa_console.orchestrator.clock import Clock
 from pa_console.orchestrator.desk import Desk
 from pa_console.orchestrator.feed import StepFeed
 from pa_console.orchestrator.intake import Intake
+from pa_console.orchestrator.journal import Log
 from pa_console.orchestrator.read_ahead import ReadAhead
 from pa_console.orchestrator.rules_reload import RulesReload
 from pa_console.orchestrator.rules_watch import RulesWatch
@@ -46,7 +47,7 @@ class Station:
         """
         self._services, self._clock, self._started = services, clock, started
         self.readonly, self._keep_engine = readonly, keep_engine
-        self._sim = services.sim
+        self._sim, self._journal = services.sim, services.journal
         self._feed = StepFeed()
         self._events: asyncio.Queue[ev.Event | None] = asyncio.Queue()
         self._intake = Intake(self.world, started.session, respond=respond and not readonly)
@@ -94,6 +95,13 @@ class Station:
     def awaits_decision(self) -> bool:
         """Whether a plan waits for `decide`."""
         return self._desk.awaits_decision
+
+    def write_to(self, log: Log) -> None:
+        """Write every event of the session to `log`, before anybody else is told of it.
+
+        While that is not possible, nothing is dispatched but what stops assets or makes them safe.
+        """
+        self._journal.open(log, self._emit)
 
     async def run(self) -> AsyncGenerator[ev.Event]:
         """Yield every event of the session until `close`; stopping the iteration closes it too."""
@@ -153,8 +161,13 @@ class Station:
         return mission
 
     def decide(self, decision: Decision) -> None:
-        """Answer the open approval request; raises ValueError when there is none."""
+        """Answer the open approval request; raises ValueError when there is none.
+
+        Raises ValueError too for an approval that the log could not tell of.
+        """
         self._writable()
+        if decision.kind == "approve" and (problem := self._journal.commit()):
+            raise ValueError(f"nothing is approved while the log cannot be written: {problem}")
         self._desk.decide(decision)
 
     def cancel(self) -> None:
@@ -252,9 +265,9 @@ class Station:
         self._desk.queue_changed()
 
     def _emit(self, payload: ev.EventPayload, mission: str | None = None) -> None:
-        self._events.put_nowait(
-            ev.Event(t=datetime.now(UTC), tick=self._sim.tick, mission=mission, data=payload)
-        )
+        event = ev.Event(t=datetime.now(UTC), tick=self._sim.tick, mission=mission, data=payload)
+        self._journal.append(event)
+        self._events.put_nowait(event)
 
     def _broken(self, error: BaseException) -> None:
         """End the session in order when one of its own tasks broke."""

@@ -42,6 +42,7 @@ class Ticking:
         every = max(1, round(world.telemetry_period_s / world.dt_s))
         while True:
             for _ in range(await self._clock.due(world.dt_s, self._wanted)):
+                self._services.journal.commit()
                 replies = tuple(self._sim.step())
                 self._feed.publish(self._sim.tick, replies)
                 for incident in self._sim.take_incidents():

@@ -52,6 +52,7 @@ from pa_console.schema.event_session import (
     IncidentSource,
     Level,
     LogSigned,
+    LogTroubled,
     Noticed,
     RulesReplaced,
     SessionEnded,
@@ -80,6 +81,7 @@ __all__ = (
     "IncidentSource",
     "Level",
     "LogSigned",
+    "LogTroubled",
     "MissionFinished",
     "MissionPreempted",
     "MissionReceived",
@@ -121,7 +123,7 @@ EventPayload = Annotated[
     | TextStreamed | PlanProposed | PlanRehearsed | PlanChecked | PlanJudged | RepairRequested
     | ApprovalRequested | DecisionMade | PlanVoided | CommandSent | CommandReplied
     | MissionVerified | OutcomeJudged | MissionReported | MissionFinished | AllStopped
-    | StopReleased | CommandRefused | RulesReplaced | SessionEnded | LogSigned,
+    | StopReleased | CommandRefused | RulesReplaced | SessionEnded | LogSigned | LogTroubled,
     Field(discriminator="kind"),
 ]  # fmt: skip
 

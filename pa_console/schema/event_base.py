@@ -9,6 +9,11 @@ Role = Literal["planner", "judge", "outcome"]
 
 
 class Payload(StrictModel):
-    """Base of all event payloads; a transient one is no part of what a log tells."""
+    """Base of all event payloads; a transient one is no part of what a log tells.
+
+    Somebody answers for what is `binding`: a decision, or a command to a device. The log is signed
+    right after it.
+    """
 
     transient: ClassVar[bool] = False
+    binding: ClassVar[bool] = False

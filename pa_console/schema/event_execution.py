@@ -1,6 +1,6 @@
 """Events of steps 7 and 8: commands, halts, verification, report, stop."""
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
@@ -12,6 +12,8 @@ from pa_console.schema.mission import Metrics, MissionStatus, Verification
 
 class CommandSent(Payload):
     """Step 7: a command went out on the link."""
+
+    binding: ClassVar[bool] = True
 
     kind: Literal["command_sent"] = "command_sent"
     command: DeviceCommand
@@ -87,6 +89,8 @@ class AllStopped(Payload):
 
     From here to a `StopReleased` no command but hold and report leaves the station.
     """
+
+    binding: ClassVar[bool] = True
 
     kind: Literal["all_stopped"] = "all_stopped"
     by: str

@@ -181,6 +181,8 @@ class ApprovalRequested(Payload):
 class DecisionMade(Payload):
     """The operator's decision; `accepted` is False when it was not admissible, with the reason."""
 
+    binding: ClassVar[bool] = True
+
     kind: Literal["decision_made"] = "decision_made"
     attempt: int
     decision: Decision

@@ -52,6 +52,8 @@ class RulesReplaced(Payload):
     that the session can be run again whatever becomes of the file.
     """
 
+    binding: ClassVar[bool] = True
+
     kind: Literal["rules_replaced"] = "rules_replaced"
     rules: str
     rules_sha256: str
@@ -97,6 +99,15 @@ class SessionEnded(Payload):
 
     kind: Literal["session_ended"] = "session_ended"
     reason: str
+
+
+class LogTroubled(Payload):
+    """The log cannot be written, and so nothing is dispatched; with no `problem` it can again."""
+
+    transient: ClassVar[bool] = True
+
+    kind: Literal["log_troubled"] = "log_troubled"
+    problem: str
 
 
 class LogSigned(Payload):

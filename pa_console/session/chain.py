@@ -17,6 +17,7 @@ from typing import IO, Any, NoReturn, cast, get_args
 
 from pydantic import TypeAdapter, ValidationError
 
+from pa_console.private_files import NotPrivateError
 from pa_console.schema.document import DocumentError
 from pa_console.schema.event import Event, EventPayload
 from pa_console.signing import Signer
@@ -44,9 +45,11 @@ class LogError(DocumentError):
 
 def os_error(path: Path, task: str, error: OSError) -> LogError:
     """Return `error`, met while doing `task` with the log at `path`, worded for the user."""
-    remedy = "free some space on that disk" if error.errno in _DISK_FULL else "check the path"
     reason = error.strerror or str(error)
-    return LogError(str(path), 0, f"cannot {task}: {reason}; {remedy}")
+    if not isinstance(error, NotPrivateError):
+        remedy = "free some space on that disk" if error.errno in _DISK_FULL else "check the path"
+        reason += f"; {remedy}"
+    return LogError(str(path), 0, f"cannot {task}: {reason}")
 
 
 def lines_of(file: IO[bytes]) -> Iterator[bytes]:

@@ -66,11 +66,12 @@ class SessionState:
 
     `latest` is the mission that arrived last, `last_active` the one that was worked on last, and
     `answers` the unfinished mission that answers an alarm, by the alarm's id. `loose_orders` are
-    those of no mission since the last stop.
+    those of no mission since the last stop. `log_problem` is why the log cannot be written.
     """
 
     started: ev.SessionStarted | None = None
     ended: str = ""
+    log_problem: str = ""
     tick: int = 0
     picture: Picture | None = None
     worker: ev.WorkerChanged | None = None
@@ -148,6 +149,10 @@ class SessionState:
                 self._notice(event, "warning", "stop", f"released by {by}")
             case ev.CommandRefused(command=command, reason=reason):
                 self._notice(event, "alarm", command.agent, f"{order_in_words(command)}: {reason}")
+            case ev.LogTroubled(problem=problem):
+                self.log_problem = problem
+                text = f"nothing is dispatched: {problem}" if problem else "written again"
+                self._notice(event, "alarm" if problem else "info", "session log", text)
             case ev.SessionEnded(reason=reason):
                 self.ended = reason
             case _:

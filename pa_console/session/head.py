@@ -5,7 +5,6 @@ are on the disk, under another name first: a crash leaves the head before it, wh
 """
 
 import json
-import os
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
+from pa_console.private_files import replace_private, sync_folder
 from pa_console.schema.base import Hex32, Hex64
 from pa_console.session.chain import LogError, os_error
 from pa_console.signing import Signer, is_signature
@@ -56,17 +56,10 @@ def write_head(log: Path, head: Head, *, lasting: bool) -> None:
     The records that it speaks of must be on the disk by now.
     """
     path = head_path(log)
-    new, content = path.with_name(path.name + ".new"), memoryview(_text(asdict(head)))
-    file = os.open(new, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
-    try:
-        while content:
-            content = content[os.write(file, content) :]
-        os.fsync(file)
-    finally:
-        os.close(file)
-    os.replace(new, path)
+    replace_private(path, head_line(head))
     if lasting:
-        _sync_folder(path.parent)
+        with suppress(OSError):
+            sync_folder(path.parent)
 
 
 def read_head(log: Path) -> Head | None:
@@ -81,6 +74,16 @@ def read_head(log: Path) -> Head | None:
         return None
     except OSError as error:
         raise os_error(path, "read the signed head", error) from error
+    return parse_head(content)
+
+
+def head_line(head: Head) -> bytes:
+    """Return `head` as it is written: one line, with its end."""
+    return _text(asdict(head))
+
+
+def parse_head(content: bytes) -> Head:
+    """Return the head that a line says; raises ValueError for what no key has signed."""
     try:
         head = _HEAD.validate_json(content, strict=True)
     except ValidationError as error:
@@ -124,13 +127,3 @@ def _signed_part(head: Head) -> bytes:
 def _text(fields: dict[str, Any]) -> bytes:
     text = json.dumps(fields, ensure_ascii=False, separators=(",", ":"), sort_keys=True)
     return text.encode("utf-8", "surrogatepass") + b"\n"
-
-
-def _sync_folder(folder: Path) -> None:
-    """Make the names in `folder` safe, where the system can."""
-    with suppress(OSError):
-        file = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(file)
-        finally:
-            os.close(file)

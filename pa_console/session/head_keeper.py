@@ -13,9 +13,14 @@ class HeadKeeper:
     A disk may take a second for that; the console's screen stands still as long as its log waits.
     """
 
-    def __init__(self, log: Path, sync: Callable[[], None]) -> None:
-        """`sync` waits until the disk has what was written to `log`; it raises OSError."""
-        self._log, self._sync = log, sync
+    def __init__(
+        self, log: Path, sync: Callable[[], None], seen: Callable[[Head, bool], None]
+    ) -> None:
+        """`sync` waits until the disk has what was written to `log`; it raises OSError.
+
+        `seen` is given every head whose records are on the disk, and whether somebody waited.
+        """
+        self._log, self._sync, self._seen = log, sync, seen
         self._thread = ThreadPoolExecutor(1, "log-head")
         self._writing: Future[None] | None = None
 
@@ -34,6 +39,7 @@ class HeadKeeper:
     def keep_now(self, head: Head) -> None:
         """Write `head`, whose records are on the disk, and make its name safe; raises OSError."""
         self._wait()
+        self._seen(head, True)
         write_head(self._log, head, lasting=True)
 
     def close(self) -> None:
@@ -49,4 +55,5 @@ class HeadKeeper:
 
     def _write(self, head: Head) -> None:
         self._sync()
+        self._seen(head, False)
         write_head(self._log, head, lasting=False)

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import IO, Any
 
 import pa_console.schema
+from pa_console.private_files import make_private_folder
 from pa_console.session.chain import LogError
 from pa_console.session.log_index import LogIndex
 
@@ -61,7 +62,7 @@ def load_index(path: Path, log: Path, known: list[int]) -> LogIndex | None:
 
 def save_index(path: Path, index: LogIndex, known: list[int]) -> None:
     """Write the index to `path`, wholly or not at all; raises OSError."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_private_folder(path.parent)
     timeline = index.timeline
     columns = {name: column.tobytes() for name, column in index.columns.items()}
     parts = [*columns.values(), bytes(timeline.kinds), bytes(timeline.mark_kinds)]

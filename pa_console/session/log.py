@@ -1,21 +1,25 @@
 """Writes the session log: hash-chained and signed JSONL, one record a line, as it happens."""
 
+import os
 import re
 import time
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Literal, Self
 
 import platformdirs
 
+from pa_console.private_files import make_private_folder, open_private
 from pa_console.schema.event import Event, LogSigned
 from pa_console.session.chain import GENESIS, LogError, os_error, seal
-from pa_console.session.head import head_path, sign_head, write_head
+from pa_console.session.head import Head, head_path, sign_head, write_head
 from pa_console.session.head_keeper import HeadKeeper
 from pa_console.session.log_file import LogFile
 from pa_console.session.reader import read_log
+from pa_console.session.session_index import SessionIndex, index_path
 from pa_console.session.verify import VerifyResult, verify
+from pa_console.session.witness import Witness
 from pa_console.signing import Signer
 
 __all__ = [
@@ -55,10 +59,10 @@ def new_log_path(folder: Path, session: str) -> Path:
     stem = re.sub(r"[^A-Za-z0-9._-]+", "_", session).strip("._") or "session"
     path, number = folder / f"{stem}.jsonl", 1
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        make_private_folder(folder)
         while True:
             try:
-                path.open("xb").close()
+                os.close(open_private(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL))
             except FileExistsError:
                 number += 1
                 path = folder / f"{stem}-{number}.jsonl"
@@ -73,9 +77,10 @@ class LogWriter:
 
     Records are written at least every FLUSH_RECORDS records or FLUSH_SECONDS seconds, and are
     safe on the disk at once for DURABLE_KINDS. With a `signer`, the log is signed after its first
-    record, after every SIGN_RECORDS records, with the first record after SIGN_SECONDS seconds, and
-    on closing; its signed head follows each time, at the first and the last one before the call
-    returns, else soon after. When the disk refuses, the records are kept in
+    record, after each that is binding, after every SIGN_RECORDS records, with the first record
+    after SIGN_SECONDS seconds, and on closing; its signed head follows each time, before the call
+    returns but for those that only time or number call for: these follow soon. When the disk
+    refuses, the records are kept in
     memory and written as soon as it takes them again; `on_error` is told once each time that
     begins. Without `on_error` the LogError is raised from `append` or `flush` instead, and the
     event is kept all the same.
@@ -87,25 +92,35 @@ class LogWriter:
         session: str,
         *,
         signer: Signer | None = None,
+        index: SessionIndex | None = None,
+        witness: Witness | None = None,
         on_error: Callable[[LogError], None] | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Open `path`, new or to be continued; a torn last line moves to `PATH.torn`.
+
+        A signed log is noted in the `index` of its folder when it begins and when it ends. Its
+        heads go to the `witness` as well, which is closed with the log.
 
         Raises LogError when the file cannot be opened, is held by another console, belongs to
         another session, does not end in a sound record, or is not what its signed head, of the
         key of `signer`, vouches for.
         """
         self.path, self.session = path, session
-        self.error: LogError | None = None
         self._signer, self._on_error, self._clock = signer, on_error, clock
         self._pending, self._records = bytearray(), 0
         self._file = LogFile(path, session, signer and signer.public)
-        self._keeper = HeadKeeper(path, self._file.sync)
+        self._keeper = HeadKeeper(path, self._file.sync, self._seen)
+        self._index, self._witness = index, witness
+        self._begun, self._unindexed = False, False
         self._seq, self._hash = self._file.seq, self._file.hash
+        self._first = self._seq, self._hash
         self._last: Event | None = None
+        self._owed: Literal["nothing", "disk", "signature"] = "nothing"
         signed = self._file.head.seq if self._file.head is not None else 0
-        self._unsigned, self._found, self._headless = 0, self._seq - signed, False
+        self._unsigned, self._found = 0, self._seq - signed
+        self._refused: LogError | None = None
+        self._headless: LogError | None = None
         self._flushed_at = self._signed_at = clock()
         try:
             if signer is not None and self._file.head is None:
@@ -126,28 +141,73 @@ class LogWriter:
         return self._hash
 
     @property
+    def error(self) -> LogError | None:
+        """Why the log, or its signed head, cannot be written at present; None while it can."""
+        return self._refused or self._headless
+
+    @property
     def unwritten(self) -> int:
         """Records that are in memory only."""
         return self._records
 
-    def append(self, event: Event) -> None:
-        """Put `event` at the end of the log; a transient one is skipped."""
+    def news(self) -> str | None:
+        """Return what has become of the witness since this was last asked; None for nothing new."""
+        return self._witness.news() if self._witness is not None else None
+
+    @property
+    def witness_problem(self) -> str:
+        """Why the witness has not got the last head that was sent; empty when it has."""
+        return self._witness.problem if self._witness is not None else ""
+
+    @property
+    def owes(self) -> bool:
+        """Whether `commit` has something to do."""
+        return self._owed != "nothing"
+
+    def append(self, event: Event, *, commit: bool = True) -> None:
+        """Put `event` at the end of the log; a transient one is skipped.
+
+        Without `commit`, what is to be signed or safe at once waits for `commit`: one signature is
+        enough for all that happens at one moment.
+        """
         if event.data.transient:
             return
         if not self._open:
             raise LogError(str(self.path), 0, "the session log is closed")
         first, self._last = self._last is None, event
         self._put(event)
-        waited = self._clock() - self._signed_at
-        if self._signer is not None and (
-            first or self._unsigned >= SIGN_RECORDS or waited >= SIGN_SECONDS
-        ):
-            self._sign(event, self._signer, at_once=first)
+        if first and self._seq == 1:
+            self._first = self._seq, self._hash
+        if self._signer is not None and (first or event.data.binding):
+            self._owed = "signature"
+        elif not self.owes and (event.data.binding or event.data.kind in DURABLE_KINDS):
+            self._owed = "disk"
+        if first or commit:
+            self.commit()
+        now, takes = self._clock(), self._refused is None
+        due = self._unsigned >= SIGN_RECORDS or now - self._signed_at >= SIGN_SECONDS
+        full = self._records >= FLUSH_RECORDS and takes
+        if self._signer is not None and due and takes:
+            self._sign(event, self._signer, at_once=False)
+        elif full or now - self._flushed_at >= FLUSH_SECONDS:
+            self.flush(durable=False)
+
+    def commit(self) -> None:
+        """Have on the disk, and signed, whatever may not wait; without any of it, do nothing.
+
+        What the disk refuses stays owed.
+        """
+        if not self.owes:
             return
-        durable = event.data.kind in DURABLE_KINDS
-        waited = self._clock() - self._flushed_at
-        if durable or self._records >= FLUSH_RECORDS or waited >= FLUSH_SECONDS:
-            self.flush(durable=durable)
+        signed = self._owed == "signature"
+        if not signed or self._refused is not None:
+            self.flush()
+        if signed and self._refused is None:
+            assert self._signer is not None
+            assert self._last is not None
+            self._sign(self._last, self._signer, at_once=True)
+        if self.error is None:
+            self._owed = "nothing"
 
     def flush(self, *, durable: bool = True) -> None:
         """Write what is pending; `durable` also waits until the disk has it."""
@@ -158,9 +218,10 @@ class LogWriter:
             if durable:
                 self._file.sync()
         except OSError as error:
-            self._report(error, "write the session log")
+            told, self._refused = self._refused, os_error(self.path, "write the session log", error)
+            self._report(self._refused, error, told=told is not None)
         else:
-            self.error = None
+            self._refused = None
 
     def close(self) -> None:
         """Write everything and let go of the file; raises LogError when records would be lost."""
@@ -173,11 +234,16 @@ class LogWriter:
                 self.flush()
             if self._records:
                 problem = f"{self._records} records at its end could not be written"
-                raise LogError(str(self.path), 0, f"{problem}; {self.error and self.error.problem}")
+                why = self._refused and self._refused.problem
+                raise LogError(str(self.path), 0, f"{problem}; {why}")
+            if self._begun:
+                self._note(self._seq, self._hash, ended=True)
         finally:
             self._open = False
             self._keeper.close()
             self._file.close()
+            if self._witness is not None:
+                self._witness.close()
 
     def __enter__(self) -> Self:
         return self
@@ -204,23 +270,42 @@ class LogWriter:
         signed = LogSigned(key=signer.public, closing=closing, found=self._found)
         self._put(Event(t=last.t, tick=last.tick, data=signed), signer)
         self._unsigned, self._found, self._signed_at = 0, 0, self._clock()
-        self.flush(durable=at_once or last.data.kind in DURABLE_KINDS)
-        if self.error is not None:
+        self.flush(durable=at_once)
+        if self._refused is not None:
             return
         keep = self._keeper.keep_now if at_once else self._keeper.keep
         try:
             keep(sign_head(self.session, self._seq, self._hash, closing, signer))
         except OSError as error:
-            told, self._headless = self._headless, True
-            if not told or self._on_error is None:
-                self._report(error, "write the signed head of the session log")
+            told, task = self._headless, "write the signed head of the session log"
+            self._headless = os_error(self.path, task, error)
+            self._report(self._headless, error, told=told is not None)
         else:
-            self._headless = False
+            self._headless = None
+        if at_once and not self._begun:
+            self._begun = self._note(*self._first, ended=False)
 
-    def _report(self, error: OSError, task: str) -> None:
-        first = self.error is None
-        self.error = os_error(self.path, task, error)
+    def _note(self, records: int, head: str, *, ended: bool) -> bool:
+        """Tell the index of sessions; return whether it could be told."""
+        if self._index is None:
+            return True
+        try:
+            self._index.add(self.path.name, self.session, records, head, ended=ended)
+        except OSError as error:
+            told, self._unindexed = self._unindexed, True
+            place, task = index_path(self.path.parent), "write the index of sessions"
+            self._report(os_error(place, task, error), error, told=told)
+            return False
+        self._unindexed = False
+        return True
+
+    def _seen(self, head: Head, urgent: bool) -> None:
+        """Give the witness a head whose records are on the disk."""
+        if self._witness is not None:
+            self._witness.see(head, urgent=urgent)
+
+    def _report(self, problem: LogError, error: OSError, *, told: bool) -> None:
         if self._on_error is None:
-            raise self.error from error
-        if first:
-            self._on_error(self.error)
+            raise problem from error
+        if not told:
+            self._on_error(problem)

@@ -4,8 +4,11 @@ import fcntl
 import os
 from pathlib import Path
 
+from pa_console.private_files import make_private_folder, open_private
 from pa_console.session.chain import GENESIS, LogError, Record, os_error, own_problem, parse
 from pa_console.session.head import require_head
+
+_APPEND = os.O_WRONLY | os.O_CREAT | os.O_APPEND
 
 
 class LogFile:
@@ -24,8 +27,8 @@ class LogFile:
         self.path = path
         self.seq, self.hash = 0, GENESIS
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
+            make_private_folder(path.parent)
+            self._file = open_private(path, os.O_RDWR | os.O_CREAT | os.O_APPEND)
         except OSError as error:
             raise os_error(path, "open the session log", error) from error
         try:
@@ -64,7 +67,8 @@ class LogFile:
     def _find_end(self, session: str) -> bytes:
         """Note the last record; return what follows it, a line without its end."""
         try:
-            whole, end, torn = self.path.read_bytes().rpartition(b"\n")
+            with open(self._file, "rb", closefd=False) as file:
+                whole, end, torn = file.read().rpartition(b"\n")
         except OSError as error:
             raise os_error(self.path, "continue the session log", error) from error
         if end:
@@ -91,7 +95,7 @@ class LogFile:
         """Move the torn end of the file to a file of its own."""
         aside = self.path.with_name(self.path.name + ".torn")
         try:
-            with aside.open("ab") as file:
+            with os.fdopen(open_private(aside, _APPEND), "ab") as file:
                 file.write(torn + b"\n")
                 file.flush()
                 os.fsync(file.fileno())

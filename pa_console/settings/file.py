@@ -9,6 +9,7 @@ from typing import cast
 
 import yaml
 
+from pa_console.private_files import make_private_folder
 from pa_console.schema.document import Document, DocumentError, read_text
 
 HEAD = "# Settings of PA Console; `pa-console settings show` tells what there is to choose.\n"
@@ -77,7 +78,7 @@ def _says(text: str, wanted: dict[str, object]) -> bool:
 
 def write_atomically(path: Path, text: str) -> None:
     """Write `text` to `path` so that a reader sees the old file or the new one; raises OSError."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_private_folder(path.parent)
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
     try:
         with os.fdopen(handle, "w", encoding="utf-8") as file:

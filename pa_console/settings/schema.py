@@ -19,7 +19,17 @@ def _whole(path: Path) -> Path:
     return path
 
 
+def _witness(target: str) -> str:
+    """Return the file or the address of a witness, `~` resolved."""
+    if not target or target.startswith(("http://", "https://")):
+        return target
+    if "://" in target:
+        raise ValueError("give a file, or an address with http:// or https://")
+    return str(_whole(Path(target)))
+
+
 WholePath = Annotated[Path, AfterValidator(_whole)]
+WitnessTarget = Annotated[str, AfterValidator(_witness)]
 
 
 def _about(group: str, *, restart: bool = True, form: str = "") -> dict[str, Any]:
@@ -149,6 +159,13 @@ class Settings(BaseSettings):
         title="Signing key",
         description="The file of the key that signs session logs; it is made on first use. Empty "
         "is the user's config folder.",
+        json_schema_extra=_about("Files"),
+    )
+    witness: WitnessTarget = Field(
+        default="",
+        title="Witness of session logs",
+        description="A file on another disk, or an address with http:// or https://, that is given "
+        "the signed heads of the session log every 10 s and at every decision. Empty is none.",
         json_schema_extra=_about("Files"),
     )
     keys: dict[str, str] = Field(

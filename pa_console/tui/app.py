@@ -22,7 +22,6 @@ from pa_console.tui.keymap import shown_keys
 from pa_console.tui.palette import ConsoleCommands
 from pa_console.tui.ports import (
     Clock,
-    LogSink,
     RetrieverPort,
     RulebookPort,
     StationPort,
@@ -57,7 +56,6 @@ class ConsoleApp(SettingsApp):
         station: StationPort | None,
         rulebook: RulebookPort,
         retriever: RetrieverPort,
-        log: LogSink | None = None,
         *,
         readonly: bool = False,
         player: Player | None = None,
@@ -75,7 +73,7 @@ class ConsoleApp(SettingsApp):
         settings of the user's that are wrong.
         """
         super().__init__(
-            world, station, rulebook, retriever, log,
+            world, station, rulebook, retriever,
             readonly=readonly, player=player, clock=clock, copies=copies, evaluations=evaluations,
         )  # fmt: skip
         self.settings = settings or load_settings()

@@ -10,7 +10,6 @@ from pa_console.session.replay import Player
 from pa_console.tui.export import export_folder, plan_text, trace_text, write_copy
 from pa_console.tui.ports import (
     Clock,
-    LogSink,
     RetrieverPort,
     RulebookPort,
     StationPort,
@@ -32,7 +31,6 @@ class BrowsingApp(SessionApp):
         station: StationPort | None,
         rulebook: RulebookPort,
         retriever: RetrieverPort,
-        log: LogSink | None = None,
         *,
         readonly: bool = False,
         player: Player | None = None,
@@ -42,7 +40,7 @@ class BrowsingApp(SessionApp):
     ) -> None:
         """`copies` and `evaluations` are folders, None the user's own."""
         super().__init__(
-            world, station, rulebook, retriever, log, readonly=readonly, player=player, clock=clock
+            world, station, rulebook, retriever, readonly=readonly, player=player, clock=clock
         )
         self._copies, self._evaluations = copies, evaluations
         self.keys: Mapping[str, str] = {}

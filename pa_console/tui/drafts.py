@@ -9,6 +9,7 @@ from pathlib import Path
 from pydantic import TypeAdapter
 
 from pa_console.policy.rule_save import OpenRule
+from pa_console.private_files import make_private_folder, replace_private
 
 Draft = tuple[OpenRule, str]
 _SHAPE = TypeAdapter(dict[str, Draft])
@@ -51,7 +52,5 @@ class Drafts(dict[str, Draft]):
             if not self:
                 self._file.unlink(missing_ok=True)
                 return
-            self._file.parent.mkdir(parents=True, exist_ok=True)
-            new = self._file.with_suffix(".new")
-            new.write_bytes(_SHAPE.dump_json(dict(self)))
-            os.replace(new, self._file)
+            make_private_folder(self._file.parent)
+            replace_private(self._file, _SHAPE.dump_json(dict(self)))

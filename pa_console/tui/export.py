@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from pa_console.private_files import make_private_folder, replace_private
 from pa_console.schema.visible import visible
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.screens.plan_editor import plan_json
@@ -37,8 +38,8 @@ def write_copy(folder: Path, name: str, text: str) -> str:
     """Write `text` to `folder`; return where, or why that was not possible."""
     path = folder / name
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        path.write_text(visible(text), encoding="utf-8")
+        make_private_folder(folder)
+        replace_private(path, visible(text).encode())
     except OSError as error:
         return f"not written to a file: {error.strerror or error}"
     return f"written to {path}"

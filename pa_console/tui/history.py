@@ -3,6 +3,8 @@
 from contextlib import suppress
 from pathlib import Path
 
+from pa_console.private_files import make_private_folder, replace_private
+
 HISTORY_KEPT = 200
 
 
@@ -33,8 +35,8 @@ class History:
         self._at, self._draft = len(self._texts), ""
         if self._file is not None:
             with suppress(OSError):
-                self._file.parent.mkdir(parents=True, exist_ok=True)
-                self._file.write_text("\n".join(self._texts) + "\n", encoding="utf-8")
+                make_private_folder(self._file.parent)
+                replace_private(self._file, "\n".join([*self._texts, ""]).encode())
 
     def _newest(self, texts: list[str]) -> list[str]:
         return texts[-self._kept :] if self._kept else []

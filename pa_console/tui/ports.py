@@ -12,9 +12,6 @@ from pa_console.schema.rules_seal import RulesSeal
 Clock = Callable[[], float]
 """Seconds that only grow; replaced in tests so that no test has to wait."""
 
-LogSink = Callable[[Event], None]
-"""Takes every event in order; the transient ones are for it to leave out."""
-
 
 class StationPort(Protocol):
     """A live session: its events and the commands that may be given to it."""

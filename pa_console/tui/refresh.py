@@ -17,6 +17,7 @@ _BY_KIND = {
     "incident": frozenset(("events",)),
     "noticed": frozenset(("events",)),
     "worker": frozenset(("status", "events")),
+    "log_troubled": frozenset(("status", "events")),
     "alarm_raised": _ALARMS,
     "alarm_acknowledged": _ALARMS,
     "alarm_cleared": _ALARMS,

@@ -17,7 +17,6 @@ from pa_console.tui.actions import Situation, find_action
 from pa_console.tui.plain_console import PlainConsole
 from pa_console.tui.ports import (
     Clock,
-    LogSink,
     RetrieverPort,
     RulebookPort,
     StationPort,
@@ -54,7 +53,6 @@ class SessionApp(App[None]):
         station: StationPort | None,
         rulebook: RulebookPort,
         retriever: RetrieverPort,
-        log: LogSink | None = None,
         *,
         readonly: bool = False,
         player: Player | None = None,
@@ -65,7 +63,7 @@ class SessionApp(App[None]):
         self.error_console = PlainConsole(stderr=True)
         self._visible_lines = VisibleLines()
         self.world, self.station, self.player = world, station, player
-        self.rulebook, self.retriever, self.log_sink = rulebook, retriever, log
+        self.rulebook, self.retriever = rulebook, retriever
         self.readonly, self.clock = readonly, clock
         self.rate = station.rate if station else 1.0
         self.main: MainScreen | None = None
@@ -159,27 +157,11 @@ class SessionApp(App[None]):
         self.post_message(self.StreamEnded(problem))
 
     def on_session_app_received(self, message: Received) -> None:
-        """Log and fold one event, and note which panes it concerns."""
-        self._write_log(message.event)
+        """Fold one event, and note which panes it concerns."""
         self._folded.apply(message.event)
         if message.event.data.kind == "telemetry":
             self._last_telemetry = self.clock()
         self.changed(views_of(message.event.data.kind))
-
-    def _write_log(self, event: Event) -> None:
-        if self.log_sink is None:
-            return
-        try:
-            self.log_sink(event)
-        except Exception as error:  # a full disk must not stop the operator, but must be told
-            self.log_sink = None
-            self.notify(
-                f"The session log can no longer be written: {error}",
-                title="Log",
-                severity="error",
-                timeout=60,
-                markup=False,
-            )
 
     def on_session_app_stream_ended(self, message: StreamEnded) -> None:
         """Say that nothing new will arrive when that was not asked for."""

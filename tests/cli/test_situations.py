@@ -93,6 +93,7 @@ def test_the_console_opens_on_the_situation(
     call: Call, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     opened: list[Station] = []
+    seen: list[SessionStarted] = []
 
     class App:
         """A screen that is closed at once."""
@@ -113,18 +114,20 @@ def test_the_console_opens_on_the_situation(
 
         def run(self, *, mouse: bool) -> None:
             assert not mouse
+            seen.append(asyncio.run(first_event(opened[0])))
 
     path = tmp_path / "loss.yaml"
     path.write_text(LOSS, encoding="utf-8")
     monkeypatch.setattr("pa_console.tui.app.ConsoleApp", App)
-    monkeypatch.setattr("pa_console.session.log.default_folder", lambda: tmp_path)
+    monkeypatch.setattr("pa_console.cli.session_log.default_folder", lambda: tmp_path)
     for stream in ("stdin", "stdout"):
         monkeypatch.setattr(f"sys.{stream}.isatty", lambda: True)
     words = ("--scenario", str(path), "--seed", "7", "--readonly", "--no-mouse")
     done = call("--set", "speed=4", "console", *words)
     assert done.code == 0, done.err
     assert opened[0].rate == 4.0
-    started = asyncio.run(first_event(opened[0]))
+    (started,) = seen
+    assert (tmp_path / "sessions.index").is_file()
     assert (started.scenario, started.seed, started.readonly) == ("loss", 7, True)
     assert len(started.scenario_sha256) == 64
     missing = call("console", "--scenario", "nowhere")

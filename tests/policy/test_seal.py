@@ -105,11 +105,13 @@ def test_the_key_of_another_machine_is_unknown_until_it_is_named(signed: Path, k
     (keys / "key.pem").unlink()
     assert (seal(signed).standing, seal(signed).key) == ("unknown key", key)
     (keys / KNOWN_FILE).write_text(f"# who signs\n\n{key} Ada, policy desk\n")
+    (keys / KNOWN_FILE).chmod(0o600)
     assert seal(signed).words == "signed by a known key (Ada, policy desk)"
 
 
 def test_a_wrong_line_among_the_known_keys_is_named(signed: Path, keys: Path) -> None:
     (keys / "key.pem").unlink()
     (keys / KNOWN_FILE).write_text("# keys\nSHA256:short Ada\n")
+    (keys / KNOWN_FILE).chmod(0o600)
     with pytest.raises(SigningError, match=f"{KNOWN_FILE}:2"):
         seal(signed)

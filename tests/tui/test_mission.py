@@ -10,10 +10,11 @@ from textual.widgets._toast import Toast
 
 from pa_console.schema import event as ev
 from pa_console.tui.app import ConsoleApp
+from pa_console.tui.widgets.event_list import EventList
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.sheet import Sheet
 from pa_console.tui.widgets.status_bar import StatusBar
-from pa_console.tui.widgets.trace_pane import SectionTitle, SectionView, TracePane
+from pa_console.tui.widgets.trace_pane import SectionTitle, SectionView
 from pa_console.tui.widgets.virtual_rows import VirtualRows
 from tests.tui import story
 from tests.tui.scripted import ScriptedStation, console, settle
@@ -208,30 +209,17 @@ async def test_a_broken_stream_leaves_the_console_usable(tmp_path: Path) -> None
         assert app.screen.query("#policy-list")
 
 
-async def test_a_log_that_cannot_be_written_is_told_once(tmp_path: Path) -> None:
-    def full(_event: ev.Event) -> None:
-        raise OSError("no space left")
-
+async def test_a_log_that_cannot_be_written_is_told_until_it_can(tmp_path: Path) -> None:
     station = ScriptedStation(story.told("planning"))
-    app = console(station, tmp_path, log=full)
-    async with app.run_test(size=SIZE, notifications=True) as pilot:
-        await settle(pilot, station)
-        assert told(app, "no space left") == 1
-        assert app.screen.query_one(TracePane)
-
-
-async def test_every_event_goes_to_the_log_in_order(tmp_path: Path) -> None:
-    seen: list[str] = []
-
-    def sink(event: ev.Event) -> None:
-        seen.append(event.data.kind)
-
-    payloads = story.told("finished")
-    station = ScriptedStation(payloads)
-    app = console(station, tmp_path, log=sink)
+    app = console(station, tmp_path)
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
-    assert seen == [payload.kind for payload in payloads]
+        for problem in ("no space left", ""):
+            station.emit(ev.LogTroubled(problem=problem), mission=None)
+            await settle(pilot, station)
+            bar = str(app.screen.query_one(StatusBar).render())
+            assert ("LOG NOT WRITTEN" in bar) is bool(problem)
+        assert "no space left" in app.screen.query_one(EventList).text
 
 
 async def test_leaving_during_a_mission_asks_first(tmp_path: Path) -> None:

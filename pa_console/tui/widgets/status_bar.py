@@ -13,6 +13,8 @@ from pa_console.tui.words import clock_text, few
 STALE_AFTER_S = 5.0
 """Wall seconds without telemetry after which the stream is called stale; the user may change it."""
 
+UNLOGGED = " LOG NOT WRITTEN: NOTHING IS DISPATCHED "
+
 
 class StatusBar(Static):
     """Says at a glance whether this is live, how old the picture is, and what the model does."""
@@ -36,6 +38,8 @@ class StatusBar(Static):
         parts += [self._mode(mode), "  ", clock, f"{time} ", (f"×{rate:g}", QUIET)]
         if state.started is not None and (alarm := _rules_alarm(state.started.rules_seal)):
             parts += ["  ", (f" {alarm} ", "bold reverse $text-error")]
+        if state.log_problem:
+            parts += ["  ", (UNLOGGED, "bold reverse $text-error")]
         if stale:
             parts.append((f"  ▲ no telemetry for {silent_s:.0f} s", "bold $text-error"))
         if wide or worker.word != "ready":

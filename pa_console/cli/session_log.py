@@ -1,0 +1,66 @@
+"""Opens the log of a session for the verbs that have one, with its index and its witness."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from pa_console.cli.output import errors
+from pa_console.session.log import LogError, LogWriter, default_folder, new_log_path
+from pa_console.session.session_index import SessionIndex
+from pa_console.session.witness import URLS, Witness
+from pa_console.settings.folders import nearest_existing
+from pa_console.settings.schema import Settings
+from pa_console.signing import Signer
+
+
+def open_log(
+    settings: Settings,
+    session: str,
+    signer: Signer,
+    on_error: Callable[[LogError], None],
+    path: Path | None = None,
+    witness: str = "",
+) -> LogWriter:
+    """Open a signed log: at `path`, or a new one in the folder of logs, which its index notes.
+
+    Raises ValueError for a `witness` that is none, LogError when the log cannot be opened.
+    """
+    folder = settings.logs or default_folder()
+    target = witness_target(witness) if witness else ""
+    log = path or new_log_path(folder, session)
+    if target and not target.startswith(URLS) and _same_disk(Path(target), log):
+        warn_of_witness(f"the witness {target} is on the same disk as the log")
+    return LogWriter(
+        log,
+        session,
+        signer=signer,
+        index=SessionIndex(folder, signer) if path is None else None,
+        witness=Witness(target) if target else None,
+        on_error=on_error,
+    )
+
+
+def witness_target(given: str) -> str:
+    """Return the address or the whole path of a witness; raises ValueError for another scheme."""
+    if given.startswith(URLS):
+        return given
+    if "://" in given:
+        raise ValueError(f"--witness {given}: give a file, or an address with {' or '.join(URLS)}")
+    path = Path(given).expanduser().absolute()
+    if path.is_dir():
+        raise ValueError(f"--witness {given}: this is a folder; give the name of a file")
+    return str(path)
+
+
+def warn_of_witness(text: str) -> None:
+    """Say on stderr what is wrong with a witness."""
+    errors.print(f"warning: {text}", style="yellow", markup=False, soft_wrap=True)
+
+
+def tell_of_witness(log: LogWriter) -> None:
+    """Say on stderr whether a log's witness lacks its last head; the log is closed by now."""
+    if log.witness_problem:
+        warn_of_witness(f"the witness did not get the log's last head: {log.witness_problem}")
+
+
+def _same_disk(one: Path, other: Path) -> bool:
+    return nearest_existing(one).stat().st_dev == nearest_existing(other).stat().st_dev
