@@ -43,4 +43,5 @@ def _no_settings_of_the_users(tmp_path_factory: pytest.TempPathFactory) -> Itera
                 patch.delenv(setting.variable)
         file = tmp_path_factory.mktemp("settings") / "settings.yaml"
         patch.setenv("PA_CONSOLE_SETTINGS", str(file))
+        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
         yield
