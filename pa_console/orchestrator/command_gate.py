@@ -1,6 +1,7 @@
 """The last gate before the link: what nobody decided does not pass, and nothing after STOP."""
 
 from pa_console.orchestrator.approval import inadmissible
+from pa_console.orchestrator.journal import Journal
 from pa_console.orchestrator.rehearsal import device_commands
 from pa_console.schema import event as ev
 from pa_console.schema.command import DeviceCommand
@@ -21,11 +22,12 @@ class CommandGate:
     That is an approved plan (each of its commands once), the way to safety that was declared with
     it (once the plan is halted), or the operator's own stop. The stop is latched: until `release`
     nothing but its holds and what moves nothing passes, whatever was approved before. The gate
-    decides by what it was shown, the request and the decision, and not by who calls it when.
+    decides by what it was shown, the request and the decision, and not by who calls it when. While
+    the `journal` cannot be written nothing of a plan passes: nobody could tell later that it did.
     """
 
-    def __init__(self, sim: Checkpoint) -> None:
-        self._sim = sim
+    def __init__(self, sim: Checkpoint, journal: Journal) -> None:
+        self._sim, self._journal = sim, journal
         self.stopped = False
         """Whether the stop is latched."""
         self._stops = 0
@@ -110,8 +112,10 @@ class CommandGate:
         if self.stopped and command.verb not in STILL:
             return STOPPED
         safety = self._halted and self._is_safety(command)
-        if command in self._holds or command in self._orders or safety:
+        if command in self._holds or safety:
             return ""
+        if command in self._orders:
+            return "" if command.verb in STILL else self._journal.problem
         return STOPPED if self.stopped else UNDECIDED
 
     def _is_safety(self, command: DeviceCommand) -> bool:

@@ -66,7 +66,7 @@ class Execution:
 
         A broken premise or ordering halts the plan to the safe state that was approved with it in
         `request`; nothing is verified then. A plan whose approval cannot be logged is halted before
-        anything is sent. Raises RuntimeError for a command that the gate keeps back.
+        anything is sent; one of which the gate keeps a command back is halted as well.
         """
         sim, gate = self._services.sim, self._services.gate
         timeline = approved.rehearsal.timeline if approved.rehearsal is not None else None
@@ -88,9 +88,11 @@ class Execution:
                     told = gate.send(command)
                     yield told
                     if isinstance(told, ev.CommandRefused):
-                        raise RuntimeError(f"{command.agent} {command.verb}: {told.reason}")
-            async for payload in self._until_ended(premises, dispatch, steps):
-                yield payload
+                        self.halted = (f"{command.agent} {command.verb}: {told.reason}",)
+                        break
+            if not self.halted:
+                async for payload in self._until_ended(premises, dispatch, steps):
+                    yield payload
             if self.halted:
                 async for payload in self._to_safety(request.attempt, steps):
                     yield payload

@@ -51,7 +51,7 @@ class Services:
         """Begin with nothing seen or decided, and with the core in force whatever the rules say."""
         object.__setattr__(self, "rulebook", with_core(self.rulebook))
         object.__setattr__(self, "sightings", Sightings(self.sim.world))
-        object.__setattr__(self, "gate", CommandGate(self.sim))
+        object.__setattr__(self, "gate", CommandGate(self.sim, self.journal))
 
     def read(self, text: str) -> str:
         """Return the words of a mission with what is misspelt put right."""

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.orchestrator.command_gate import STILL, CommandGate
+from pa_console.orchestrator.journal import Journal
 from pa_console.orchestrator.rehearsal import device_commands
 from pa_console.resources import data_folder
 from pa_console.schema import event as ev
@@ -32,8 +33,8 @@ class Link:
         self.sent.append(command)
 
 
-def gate_on(link: Link) -> CommandGate:
-    return CommandGate(link)  # pyright: ignore[reportArgumentType]
+def gate_on(link: Link, journal: Journal | None = None) -> CommandGate:
+    return CommandGate(link, journal or Journal())  # pyright: ignore[reportArgumentType]
 
 
 def actions(*orders: tuple[str, str]) -> tuple[Action, ...]:
@@ -194,7 +195,21 @@ def test_in_any_order_of_events_only_what_was_decided_passes_and_nothing_moves_w
             assert words in granted or command.command_id.startswith("stop")
 
 
+def test_nothing_of_a_plan_passes_while_the_log_cannot_be_written() -> None:
+    link, journal = Link(), Journal()
+    gate = gate_on(link, journal)
+    gate.grant(RELIEF, APPROVE)
+    journal.problem = "no space left on device"
+    told = gate.send(ORDERS[0])
+    assert isinstance(told, ev.CommandRefused)
+    assert told.reason == "no space left on device"
+    assert not link.sent
+    gate.halt()
+    assert isinstance(gate.send(HOME), ev.CommandSent), "the way to safety passes all the same"
+    assert all(isinstance(gate.send(hold), ev.CommandSent) for hold in gate.stop_all())
+
+
 def test_a_simulation_takes_what_passes() -> None:
-    gate = CommandGate(Checkpoint(WORLD))
+    gate = CommandGate(Checkpoint(WORLD), Journal())
     gate.grant(RELIEF, APPROVE)
     assert isinstance(gate.send(ORDERS[0]), ev.CommandSent)

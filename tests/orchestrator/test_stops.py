@@ -2,6 +2,7 @@
 
 from pa_console.orchestrator.command_gate import CommandGate
 from pa_console.orchestrator.compose import Site
+from pa_console.orchestrator.journal import Journal
 from pa_console.orchestrator.stops import SAFETY_LIMIT_S, Stops
 from pa_console.schema import event as ev
 from pa_console.schema.command import DeviceCommand
@@ -10,7 +11,7 @@ from pa_console.sim.checkpoint import Checkpoint
 
 
 def stops_of(sim: Checkpoint) -> Stops:
-    return Stops(sim, CommandGate(sim))
+    return Stops(sim, CommandGate(sim, Journal()))
 
 
 def follow(sim: Checkpoint, stops: Stops, seconds: float) -> list[ev.EventPayload]:
