@@ -14,7 +14,7 @@ from pa_console.orchestrator.digest import KINDS, digest_picture
 from pa_console.orchestrator.dispatch import Dispatch
 from pa_console.orchestrator.execution import EVIDENCE_S, MARGIN_S, SAFETY_S, gave_up
 from pa_console.orchestrator.pipeline import MAX_HALTS, MAX_TRIES, WATCH_S
-from pa_console.orchestrator.premises import Premises, safe_state
+from pa_console.orchestrator.premises import Premises, safe_state, way_to_safety
 from pa_console.orchestrator.rehearsal import order_moments
 from pa_console.orchestrator.safeguards import Examination, examine
 from pa_console.orchestrator.verification import needs_more_evidence, verify_plan
@@ -177,7 +177,8 @@ class Follower:
     def _to_safety(self, premises: Premises, dispatch: Dispatch, prefix: str) -> None:
         """Bring whoever is under way to a safe state."""
         sim = self.sim
-        commands = safe_state(premises, sim.picture(), dispatch.open_agents, prefix)
+        declared = way_to_safety(premises.plan, premises.world, premises.before)
+        commands = safe_state(declared, sim.picture(), dispatch.open_agents, prefix)
         follow = Dispatch(commands, sim.tick, sim.world.dt_s, SAFETY_S)
         for command in commands:
             self.recorder.sent(command)
