@@ -74,6 +74,7 @@ class Execution:
         self._premises, self.verification, self.halted = premises, None, ()
         self.breaches.clear()
         if problem := self._services.journal.commit():
+            gate.halt()
             self.halted = (problem,)
             yield ev.PlanHalted(attempt=request.attempt, reasons=self.halted)
             return

@@ -22,6 +22,7 @@ class CommandSent(Payload):
 class CommandRefused(Payload):
     """Step 7: a command was kept back at the last gate, for nobody decided it or all is stopped."""
 
+    binding: ClassVar[bool] = True
     kind: Literal["command_refused"] = "command_refused"
     command: DeviceCommand
     reason: str
@@ -99,5 +100,6 @@ class AllStopped(Payload):
 class StopReleased(Payload):
     """The operator released the stop: missions are taken, and alarms answered, again."""
 
+    binding: ClassVar[bool] = True
     kind: Literal["stop_released"] = "stop_released"
     by: str
