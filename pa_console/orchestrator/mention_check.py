@@ -126,7 +126,7 @@ class _Made:
     ) -> None:
         self._world, self._picture = world, picture
         said, _, evidence = asked.partition("; now: ")
-        self.wishes = tuple(_wishes(said))
+        self.wishes = tuple(_wishes(said)) if asked else ()
         under = re.match(r"asked: if ([^:]+):", said)
         self.subjects = _NAME.findall(under[1]) if under is not None else []
         """The names on which it depends what is to be done."""
@@ -167,6 +167,8 @@ class _Made:
     def _meant(self, name: str) -> bool:
         """Whether `name` is one of all that are meant, or whom somebody replaces."""
         place, spec = _at(self._picture, name), self._world.assets.get(name)
+        if not self.wishes and place in self._names:
+            return True
         for wish in self.wishes:
             left = wish.place or _at(self._picture, wish.leaving)
             if wish.task in ("cover", "relieve") and wish.leaving in ("", name) and left == place:

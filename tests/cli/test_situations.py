@@ -30,6 +30,8 @@ events:
   - {at_s: 1, do: {kind: fail, asset: Ugv_T01}}
   - {at_s: 2, do: {kind: worker}}
 """
+HEEDLESS = ("--set", "standing_confidence=0")
+"""The scripted model does not tell how sure it is."""
 Play = Callable[..., tuple[Done, Path]]
 
 
@@ -42,7 +44,7 @@ def play(call: Call, engine: ScriptedEngine, tmp_path: Path) -> Play:
         path, log = tmp_path / "situation.yaml", tmp_path / "session.jsonl"
         path.write_text(text, encoding="utf-8")
         options = ("--scenario", str(path), "--approve", "auto", "--log", str(log))
-        return call("mission", *words, *options), log
+        return call(*HEEDLESS, "mission", *words, *options), log
 
     return run
 
