@@ -167,7 +167,8 @@ _ASIDE = re.compile(
     | \b(?: pretend | imagine | act\s+as\s+if | as\s+if | as\s+though | suppose | assume )\b
       [^.!?;]{{0,30}}? \b(?: no\s+{_RULE} | {_RULE}\b[^.!?;]{{0,20}}?
         \b(?: not | no | never | don't | doesn't | did\s*n't | off | gone ) )\b
-    | \b{_RULE}\s+(?: (?: is | are | has\s+been | have\s+been | was | were )\s+ )
+    | (?: ^ | \b(?: as | because | since | so | now | today | therefore | hereby )\s+ )
+      {_WHICH}{_RULE}\s+(?: (?: is | are | has\s+been | have\s+been | was | were )\s+ )
       (?: (?: all | now | hereby | temporarily )\s+ )?
       (?: suspended | lifted | off | void | cancelled | canceled | waived | disabled | overridden
         | overruled | revoked | null | optional )\b

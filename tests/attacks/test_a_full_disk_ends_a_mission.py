@@ -29,7 +29,16 @@ main()
 @pytest.mark.parametrize("size", [3_000, 12_000, 30_000, 60_000])
 def test_a_log_without_room_ends_the_session(tmp_path: Path, size: int) -> None:
     log = tmp_path / "s.jsonl"
-    words = ["mission", "Fill the gap at EastGate.", "--approve", "auto", "--log", str(log)]
+    words = [
+        "--set",
+        "standing_confidence=0",
+        "mission",
+        "Fill the gap at EastGate.",
+        "--approve",
+        "auto",
+        "--log",
+        str(log),
+    ]
     done = subprocess.run(
         [sys.executable, "-c", PROBE, str(size), *words],
         capture_output=True,

@@ -44,7 +44,9 @@ class Run:
     def __init__(self, site: Site, *plans: str, respond: bool = False) -> None:
         self.sim = Tapped(site, 1, None)
         self.sent: list[DeviceCommand] = []
-        self.sim.on_send = self.sent.append
+        self.sim.on_send = self._send
+        self.began: int | None = None
+        """The tick of the first command: checks run beside the world, which does not wait."""
         self.station = open_station(
             site,
             ScriptedEngine(plans or [REPORT]).engine(),
@@ -56,11 +58,22 @@ class Run:
         self.state = SessionState()
         self.at: dict[int, Callable[[], object]] = {}
         """What is done at which tick."""
+        self.under_way: dict[int, Callable[[], object]] = {}
+        """What is done so many ticks after the first command."""
 
-    async def until(self, tick: int) -> None:
-        """Run up to `tick`; every plan that may be approved is."""
+    def _send(self, command: DeviceCommand) -> None:
+        self.began = self.sim.tick if self.began is None else self.began
+        self.sent.append(command)
+
+    def _step(self, now: int) -> None:
+        self.at.pop(now, lambda: None)()
+        if self.began is not None:
+            self.under_way.pop(now - self.began, lambda: None)()
+
+    async def until(self, tick: int, *, under_way: bool = False) -> None:
+        """Run up to `tick`, counted from the first command if asked; approve what may be."""
         approve = standing_approver("auto")
-        self.sim.on_step = lambda now: self.at.pop(now, lambda: None)()
+        self.sim.on_step = self._step
         async with aclosing(self.station.run()) as events:
             async for event in events:
                 self.events.append(event)
@@ -68,7 +81,8 @@ class Run:
                 if isinstance(event.data, ev.ApprovalRequested):
                     with suppress(ValueError):  # it waits no more
                         self.station.decide(approve(event.data))
-                if self.sim.tick >= tick:
+                since = self.began if under_way else 0
+                if since is not None and self.sim.tick - since >= tick:
                     return
 
     def words(self) -> list[str]:
@@ -87,8 +101,8 @@ async def test_a_stop_in_a_relief_sends_eight_holds_and_then_nothing(site: Site,
         run.sent.clear()
         run.station.stop_all()
 
-    run.at[tick] = stop
-    await run.until(tick + 100)
+    run.under_way[tick] = stop
+    await run.until(tick + 100, under_way=True)
     assert "Drone_T01 move_to EastGate" in before
     assert run.words() == [f"{name} hold" for name in site.world.assets]
     assert all(asset.speed_mps == 0 for asset in run.sim.truth().assets.values())
@@ -118,8 +132,9 @@ async def test_a_lost_way_to_safety_is_not_sent_again_after_a_stop(site: Site) -
         run.sent.clear()
         run.station.stop_all()
 
-    run.at |= {30: cancel, 55: stop, 60: lambda: run.sim.inject(SetRadio(asset="Drone_T01"))}
-    await run.until(160)
+    back = lambda: run.sim.inject(SetRadio(asset="Drone_T01"))  # noqa: E731
+    run.under_way |= {25: cancel, 50: stop, 55: back}
+    await run.until(160, under_way=True)
     assert {command.verb for command in run.sent} == {"hold"}
 
 
