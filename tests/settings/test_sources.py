@@ -91,7 +91,8 @@ def test_every_field_has_a_title_a_help_and_a_variable_that_sets_it(
     file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     samples = {"speed": "3", "approval_delay_s": "1.5", "stale_after_s": "9", "history_kept": "7",
-               "alarms": "off", "mouse": "0", "keys": '{"stop": "f11"}'}  # fmt: skip
+               "check_deadline_ms": "20", "alarms": "off", "mouse": "0",
+               "keys": '{"stop": "f11"}'}  # fmt: skip
     for name, about in describe_settings().items():
         assert about.title
         assert about.help.endswith(".")
