@@ -21,6 +21,7 @@ EXAMPLES = {
     "rules lint": "pa-console rules lint my-rules.yaml --world my-world",
     "rules effect": "pa-console rules effect my-rules.yaml results/night --missions paper",
     "rules trace": "pa-console rules trace ROE-07 results/night",
+    "rules pin": "pa-console rules pin",
     "rules sign": "pa-console rules sign my-rules.yaml",
     "rules pin": "pa-console rules pin --write",
     "rules diff": "pa-console rules diff checkpoint my-rules.yaml",

@@ -12,7 +12,8 @@ from pa_console.schema.moment import Moment
 from pa_console.schema.plan import Plan, Verb
 
 MOMENT_S = 0.02
-"""Seconds of processor time that all workflows may take together at one moment."""
+TRACK_S = 0.002
+"""Seconds of processor time that all workflows may take at one moment, and for each track."""
 
 
 class Course:
@@ -89,7 +90,7 @@ class Course:
 
     def observe(self, now: Moment) -> Iterator[WorkflowMoved]:
         """Move on every workflow whose phase, or which itself, is over at `now`."""
-        with together(MOMENT_S):
+        with together(MOMENT_S + TRACK_S * len(self._runs)):
             moved = [run for run in self._runs.values() if run.advance(now)]
         yield from map(_moved, moved)
 

@@ -18,7 +18,8 @@ from pa_console.schema.world import World
 Each = Literal["track", "gate"] | None
 
 MOMENT_S = 0.02
-"""Seconds of processor time that all orderings may take together at one moment."""
+SUBJECT_S = 0.002
+"""Seconds of processor time that all orderings may take at one moment, and for each subject."""
 
 
 class Pending(NamedTuple):
@@ -153,7 +154,8 @@ class Monitor:
         """Take in the next moment; return one finding for each rule that it newly breaks."""
         news: dict[Each, _News] = {}
         breaches: list[Breach] = []
-        with together(MOMENT_S, len(moment.tracks) + len(moment.covered) + len(moment.up)):
+        subjects_now = len(moment.tracks) + len(moment.covered)
+        with together(MOMENT_S + SUBJECT_S * subjects_now):
             for watch in self._watches:
                 each = watch.entry.order.each
                 if each not in news:

@@ -7,13 +7,19 @@ loaded, and prints for each kind how many were refused, and the most processor t
 import json
 import random
 import resource
-import subprocess
-import sys
 import tempfile
 from collections.abc import Callable
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any
+
+from pa_console.policy.checks import check_mission, check_plan
+from pa_console.policy.rulebook import load_rules
+from pa_console.schema.document import DocumentError
+from tests.policy.large import large_plan, large_rehearsal, large_world
+from tests.policy.test_large import MISSION
 
 Check = Callable[[random.Random], str]
 
@@ -140,12 +146,6 @@ def write_hostile(folder: Path, kind: str, seed: int) -> Path:
 
 def measure(path: Path) -> dict[str, Any]:
     """Load the file at `path` and decide a plan at a checkpoint by it; return what that took."""
-    from pa_console.policy.checks import check_mission, check_plan  # noqa: PLC0415
-    from pa_console.policy.rulebook import load_rules  # noqa: PLC0415
-    from pa_console.schema.document import DocumentError  # noqa: PLC0415
-    from tests.policy.large import large_plan, large_rehearsal, large_world  # noqa: PLC0415
-    from tests.policy.test_large import MISSION  # noqa: PLC0415
-
     world = large_world(60, 8)
     plan = large_plan(world)
     rehearsal = large_rehearsal(world, plan, tracks=10, moments=5)
@@ -177,15 +177,21 @@ def measure(path: Path) -> dict[str, Any]:
 
 def measure_apart(path: Path) -> dict[str, Any]:
     """Return the same, found by a process of its own; `exit` is not 0 where that one died."""
-    done = subprocess.run(
-        [sys.executable, "-m", "tests.attacks.hostile_rules", str(path)],
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
-    found: dict[str, Any] = json.loads(done.stdout) if done.returncode == 0 else {}
-    return {"exit": done.returncode, "error": done.stderr[-300:], **found}
+    context = get_context("fork")
+    found, told = context.Pipe(duplex=False)
+    process = context.Process(target=_measure_into, args=(told, path))
+    process.start()
+    told.close()
+    try:
+        values: dict[str, Any] = found.recv()
+    except EOFError:
+        values = {}
+    process.join()
+    return {"exit": process.exitcode, **values}
+
+
+def _measure_into(told: Connection, path: Path) -> None:
+    told.send(measure(path))
 
 
 def main() -> None:
@@ -206,7 +212,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) > 1:
-        print(json.dumps(measure(Path(sys.argv[1]))))
-    else:
-        main()
+    main()
