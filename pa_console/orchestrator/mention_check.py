@@ -142,14 +142,16 @@ class _Made:
         if self._tasks & {"home", "stand_down"}:
             self._names.add(world.base)
         self._assets = [name for name in world.assets if name in self._names]
+        read = set(_NAME.findall(said)) if asked else self._names
+        self._stood = {_at(picture, name) for name in self._assets if name in read}
+        """Where those stand whom the reading names: *the one at the north gate*."""
         self._acting = len({action.agent for action in acting})
 
     def accounts_for(self, one: Mention) -> bool:
         """Whether what the order names by `one` is here."""
         match one.sort:
             case "place":
-                stands = (_at(self._picture, name) for name in self._assets)
-                return one.means in self._names or one.means in stands
+                return one.means in self._names or one.means in self._stood
             case "asset":
                 return one.means in self._names or self._meant(one.means)
             case "track":

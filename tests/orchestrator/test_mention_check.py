@@ -62,6 +62,12 @@ def test_a_wrong_reading_is_told_by_what_does_not_match(
     assert any(gap.lower() in said.lower() for said in check(site, text, asked).gaps)
 
 
+def test_who_is_sent_from_a_place_does_not_account_for_an_order_to_go_there(site: Site) -> None:
+    plan = Plan(reason="", actions=(Action(agent="Robot_T02", command="move_to WestGate"),))
+    found = check(site, "Send all assets to base.", "all free to WestGate", plan)
+    assert "not accounted for: base" in found.gaps
+
+
 def test_every_mention_is_listed_with_whether_it_is_accounted_for(site: Site) -> None:
     found = check(site, "Send Drone_T04 to base.", "Drone_T04 to WestGate")
     listed = {(one.mention.sort, one.mention.said): one.accounted for one in found.mentions}
