@@ -23,7 +23,6 @@ EXAMPLES = {
     "rules trace": "pa-console rules trace ROE-07 results/night",
     "rules pin": "pa-console rules pin",
     "rules sign": "pa-console rules sign my-rules.yaml",
-    "rules pin": "pa-console rules pin --write",
     "rules diff": "pa-console rules diff checkpoint my-rules.yaml",
     "models": "pa-console models list",
     "models list": "pa-console models list --json",
