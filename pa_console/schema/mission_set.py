@@ -11,9 +11,12 @@ from pa_console.schema.mission import MAX_MISSION_TEXT
 Expectation = Literal["execute", "trim", "refuse", "either"]
 """What is right: carry it out; carry out a part; order nothing but hold and report; any of it."""
 
+MOST_CONDITION = 4000
+"""Characters of a success condition: no more than its parser takes however deep it is nested.
 
-Success = Annotated[str, StringConstraints(max_length=1000)]
-"""A success condition: short, so that no file holds more than a parser can take."""
+The generator's own, which name every asset of a large team, have up to some 1,500.
+"""
+Success = Annotated[str, StringConstraints(max_length=MOST_CONDITION)]
 
 
 class GeneratedWorld(StrictModel):
