@@ -27,7 +27,7 @@ def test_a_size_is_measured_whole(site: Site, monkeypatch: pytest.MonkeyPatch) -
 
 
 async def test_tokens_are_those_of_the_models_own_count() -> None:
-    model, prompt = LocalModel("scripted", Path("none.gguf"), ""), Prompt("system", "user")
+    model, prompt = LocalModel("scripted", Path("none.gguf"), "0" * 64), Prompt("system", "user")
     engine = ScriptedEngine(model, ["{", Completed("{", Usage(prompt_tokens=321), "length")])
     assert await count_tokens(engine, prompt) == 321
     [request] = engine.requests

@@ -15,7 +15,7 @@ from pa_console.llm.request import Completed
 from pa_console.schema.finding import Usage
 from tests.llm.scripted import ScriptedEngine
 
-MODEL = LocalModel("scripted", Path("none.gguf"), "")
+MODEL = LocalModel("scripted", Path("none.gguf"), "0" * 64)
 PROMPT = Prompt("system", "user")
 PLAN = '{"reason": "quiet", "actions": [{"agent": "Hawk_1", "command": "hold"}]}'
 VERDICT = (
