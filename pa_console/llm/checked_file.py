@@ -7,6 +7,7 @@ the next time.
 """
 
 import hashlib
+import mmap
 import os
 from pathlib import Path
 
@@ -42,10 +43,14 @@ class CheckedFile:
         return stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns
 
     def _hash(self) -> None:
-        self._stream.seek(0)
-        digest = hashlib.file_digest(self._stream, "sha256").hexdigest()
-        if digest != self.sha256:
+        """Hash all of it in one step, in which other threads of this process can go on."""
+        digest = hashlib.sha256()
+        if os.fstat(self._stream.fileno()).st_size:
+            with mmap.mmap(self._stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
+                digest.update(content)
+        found = digest.hexdigest()
+        if found != self.sha256:
             raise ValueError(
-                f"{self.path}: not the file that was checked: its SHA-256 is {digest}, "
+                f"{self.path}: not the file that was checked: its SHA-256 is {found}, "
                 f"{self.sha256 or 'none'} is expected; start the console again"
             )

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 import pytest_asyncio
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.llm import seccomp
@@ -223,6 +223,7 @@ REFUSED, MISSING = seccomp.FAIL | errno.EACCES, seccomp.FAIL | errno.ENOSYS
 MACHINES = st.sampled_from(list(seccomp.MACHINES.values()))
 
 
+@settings(deadline=None)
 @given(MACHINES, st.integers(0, 0x1FF), st.tuples(*[st.integers(0, 2**64 - 1)] * 6))
 def test_the_filter_decides_every_call_as_its_tables_say(
     machine: seccomp.Machine, number: int, arguments: tuple[int, ...]
@@ -250,6 +251,7 @@ def test_the_filter_decides_every_call_as_its_tables_say(
     assert answer == wanted
 
 
+@settings(deadline=None)
 @given(MACHINES, st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1))
 def test_no_call_of_another_abi_gets_through(
     machine: seccomp.Machine, number: int, architecture: int
