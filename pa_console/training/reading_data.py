@@ -14,8 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from pa_console.llm.compact_prompt import TASKS, ahead, compact_planner_prompt
-from pa_console.llm.grammar import PLANNED
+from pa_console.llm.compact_prompt import ahead, compact_planner_prompt
 from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.schema.mission import MAX_MISSION_TEXT, Mission
@@ -174,16 +173,7 @@ class _Writer:
             text, kind = no_orders.draw(self._rng, self._situation.world)
             answer = f'{{"reason": "asked: {NOTHING_ASKED}", "actions": []}}'
             sample = self._sample(text, answer, f"nothing/{kind}")
-            yield sample
-            if self._rng.random() < FOR_JUDGE:
-                yield sample.model_copy(
-                    update={
-                        "system": sample.system.replace(TASKS["planner"], TASKS["judge"], 1),
-                        "task": "judge",
-                        "answer": f'{{"feedback": "asked: {NOTHING_ASKED}{PLANNED.rstrip(": ")}',
-                        "goes_on": True,
-                    }
-                )
+            yield from self._with_judge(sample)
 
     def _sample(self, text: str, answer: str, kind: str) -> Sample:
         situation, rules = self._situation, list[Rule]()

@@ -1,5 +1,6 @@
 """Training samples: a prompt, the answer that is wanted, and where the sample came from."""
 
+import gzip
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Literal
@@ -65,12 +66,13 @@ def write_samples(path: Path, samples: Iterable[Sample]) -> int:
 
 
 def read_samples(path: Path, task: Literal["planner", "judge", ""] = "") -> Iterator[Sample]:
-    """Yield the samples of `path`, of one adapter's tasks if asked.
+    """Yield the samples of `path`, gzipped or not, of one adapter's tasks if asked.
 
     Raises OSError, and ValueError with file and line for what is no sample.
     """
     wanted = {"planner": {"planner"}, "judge": {"judge", "outcome"}}.get(task)
-    with path.open(encoding="utf-8") as stream:
+    opened = gzip.open if path.suffix == ".gz" else open
+    with opened(path, "rt", encoding="utf-8") as stream:
         for number, line in enumerate(stream, 1):
             try:
                 sample = Sample.model_validate_json(line)

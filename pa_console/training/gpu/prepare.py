@@ -5,7 +5,6 @@ lines, gzipped or not. The branches of a pack are of like lengths, so that littl
 """
 
 import argparse
-import gzip
 import random
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -18,7 +17,7 @@ from pa_console.llm.catalog import Catalog
 from pa_console.training.gpu.corpus import Branch, Pack, write_corpus
 from pa_console.training.lora.tokens import Pack as LoraPack
 from pa_console.training.lora.tokens import Tokeniser, make_packs
-from pa_console.training.samples import Sample
+from pa_console.training.samples import Sample, read_samples
 
 MOST_TOKENS = 4096
 TOGETHER = 40
@@ -61,19 +60,12 @@ def groups(files: Sequence[Path], tasks: set[str]) -> Iterator[Group]:
     """Yield the samples of `files` that share a prompt's beginning, shortest first."""
     for file in files:
         found: dict[tuple[str, str, str], Group] = {}
-        for sample in _read(file):
+        for sample in read_samples(file):
             if not tasks or sample.task in tasks:
                 key = sample.group, sample.system, sample.picture
                 found.setdefault(key, []).append(sample)
         for group in found.values():
             yield sorted(group, key=lambda sample: len(sample.rest) + len(sample.answer))
-
-
-def _read(file: Path) -> Iterator[Sample]:
-    opened = gzip.open if file.suffix == ".gz" else open
-    with opened(file, "rt", encoding="utf-8") as stream:
-        for line in stream:
-            yield Sample.model_validate_json(line)
 
 
 def _packed(model: str, some: Iterable[Group]) -> list[Pack]:
