@@ -1,0 +1,1 @@
+"""Golden tests: what the code base does, recorded, and held still while its modules move."""

@@ -1,0 +1,285 @@
+"""The situations whose prompts are held still, and everything that a model is given in them.
+
+A mission is worked on twice. `told` asks the writers of prompts, grammars and canonical words one
+by one; `heard` runs the mission at a station and takes down every request that its engine gets.
+"""
+
+import asyncio
+import random
+from collections.abc import AsyncGenerator, Iterator, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from functools import cache
+from itertools import islice
+from typing import NamedTuple
+
+from pa_console.evaluation.mission_set import load_with_worlds
+from pa_console.llm.clauses import asked_pattern
+from pa_console.llm.dialect import DIALECTS, Dialect, DialectName
+from pa_console.llm.grammar import PLANNED, plan_grammar, reason_grammar
+from pa_console.llm.paper_prompt import paper_prompt
+from pa_console.llm.prompts import Prompt
+from pa_console.llm.reading import asked_words, read_asked
+from pa_console.llm.request import Completed, Request
+from pa_console.llm.slot_grammar import Slot, slot_grammar
+from pa_console.orchestrator.clock import SteppedClock
+from pa_console.orchestrator.compose import Site, load_site, open_station
+from pa_console.orchestrator.digest import digest_picture
+from pa_console.orchestrator.headless import run_missions, standing_approver
+from pa_console.orchestrator.selection import select
+from pa_console.orchestrator.serving import servings
+from pa_console.policy.retriever import Retriever
+from pa_console.resources import data_folder
+from pa_console.schema.event import Role
+from pa_console.schema.mission import ActionOutcome, Mission, Verification
+from pa_console.schema.plan import Plan
+from pa_console.sim.world_generator import generate_world
+from pa_console.training.asked import asked, meant
+from pa_console.training.order_sampler import sample_order
+from pa_console.training.phrasing import phrase
+from pa_console.training.situations import Situation, random_situation, settled
+from pa_console.training.teacher import teach
+from pa_console.training.worlds import random_world
+from tests.scripted import ScriptedEngine, plan
+
+PAPER: dict[str, tuple[str, tuple[tuple[str, str], ...]]] = {
+    "P01": ("hold", (("Drone_T01", "hold"),)),
+    "P02": ("1 drone to EastGate", (("Drone_T04", "move_to EastGate"),)),
+    "P03": ("unknown vehicle at WestGate", (("Drone_T04", "observe WestGate"),)),
+    "P04": (
+        "unknown vehicle at WestGate; cover SouthGate",
+        (("Drone_T04", "observe WestGate"), ("Ugv_T02", "move_to SouthGate")),
+    ),
+    "P05": (
+        "unknown vehicle at NorthGate; unknown vehicle at EastGate",
+        (("Drone_T02", "observe NorthGate"), ("Drone_T04", "observe EastGate")),
+    ),
+    "P06": (
+        "unknown vehicle at NorthGate; unknown person at WestGate",
+        (("Drone_T02", "observe NorthGate"), ("Drone_T01", "observe WestGate")),
+    ),
+    "P07": (
+        "stand down WestGate",
+        (("Ugv_T02", "return_to_base"), ("Robot_T01", "return_to_base")),
+    ),
+    "P08": ("cover SouthGate", (("Drone_T04", "move_to SouthGate"),)),
+    "P09": ("all free to EastGate", (("Drone_T04", "move_to EastGate"),)),
+    "P10": ("unknown at NorthGate", (("Drone_T02", "observe NorthGate"),)),
+}
+"""What each mission of the paper asks, in canonical words, and a plan for it."""
+
+FIELD = 20
+GENERATED = 40
+LARGE = {39: (24, 80, 5), 40: (12, 40, 6)}
+"""Of the generated ones, those in a world too large to be told whole: gates, assets, seed."""
+NO_TIME = datetime(2026, 1, 1, tzinfo=UTC)
+REPAIR = ("WF-03: SouthGate would be left\nwithout cover", "CAP-01: no such asset")
+ROLES: tuple[Role, ...] = ("planner", "judge", "outcome")
+
+
+class Case(NamedTuple):
+    """A mission in a situation with a plan for it, whose reason says what is `asked`."""
+
+    name: str
+    text: str
+    situation: Situation
+    asked: str
+    plan: Plan
+    canonical: tuple[str, ...] = ()
+    """What the order asks, in canonical words with and without how its condition stands."""
+
+    @property
+    def mission(self) -> Mission:
+        """The mission as the console has it."""
+        return Mission(id="M", text=self.text, created=NO_TIME)
+
+
+@cache
+def shipped() -> Site:
+    """Return the shipped world and rules."""
+    return load_site("checkpoint", "checkpoint")
+
+
+@cache
+def retriever() -> Retriever:
+    """Return what finds rules among the shipped ones."""
+    return Retriever(shipped().rulebook.rules)
+
+
+def cases() -> Iterator[Case]:
+    """Yield the ten of the paper, twenty of the field set and forty in generated situations."""
+    world, folder = shipped().world, data_folder() / "worlds" / "checkpoint" / "missions"
+    paper, _ = load_with_worlds(folder / "paper.yaml", world)
+    for case in paper.missions:
+        words, orders = PAPER[case.id]
+        made = Plan.model_validate_json(plan(*orders, reason=f"asked: {words}"))
+        yield Case(case.id, case.command, settled(world, 1, case.setup), f"asked: {words}", made)
+    field, worlds = load_with_worlds(folder / "field.yaml", world)
+    for case in field.missions[:: len(field.missions) // FIELD][:FIELD]:
+        there = settled(worlds[case.world] if case.world else world, 2, case.setup)
+        yield _drawn(case.id, random.Random(f"golden/{case.id}"), there, case.command)
+    for number in range(1, GENERATED + 1):
+        rng = random.Random(f"golden/{number}")
+        large = LARGE.get(number)
+        made = random_world(rng, "train") if large is None else generate_world(*large)
+        yield _drawn(f"G{number:02}", rng, random_situation(rng, made))
+
+
+def _drawn(name: str, rng: random.Random, there: Situation, text: str = "") -> Case:
+    """Return an order drawn for a situation, in words of its own unless there is a `text`."""
+    world, picture, digest = there.world, there.picture, there.digest
+    while True:
+        order, _ = sample_order(rng, world, picture, digest)
+        words = text or phrase(order, world, picture, rng, "train").text
+        try:
+            made = teach(order, world, picture, digest).plan
+        except ValueError:
+            continue
+        canonical = (asked(order, world, picture, digest), meant(order, world))
+        return Case(name, words, there, f"asked: {canonical[0]}", made, canonical)
+
+
+def told(case: Case) -> Iterator[tuple[str, str]]:
+    """Yield every prompt, grammar and canonical text for a mission by name."""
+    world, picture, mission = case.situation.world, case.situation.picture, case.mission
+    yield "mission", case.text
+    for number, words in enumerate(case.canonical, start=1):
+        yield f"canonical {number}", words
+    yield "plan", case.plan.answer
+    yield "asked words", asked_words(case.plan.reason)
+    hits = retriever().retrieve(case.text, 3)
+    rules = [shipped().rulebook.get(hit.rule_id) for hit in hits]
+    yield "rules", " ".join(rule.id for rule in rules)
+    selection = select(picture, world, mission, rules)
+    digest = digest_picture(picture, world, selection)
+    yield from _of("planner paper", paper_prompt(world, digest, rules, mission))
+    shown = (None, None) if selection is None else (selection.assets, selection.frames)
+    yield "clauses with facts", asked_pattern(world, digest, case.text)
+    yield "clauses", asked_pattern(world, digest, case.text, facts=False)
+    for name, dialect in DIALECTS.items():
+        first = dialect.planner(world, digest, rules, mission)
+        again = dialect.planner(world, digest, rules, mission, REPAIR, case.plan.answer)
+        yield from _of(f"planner {name}", first)
+        yield from _of(f"planner {name} repair", again)
+        for role in ROLES:
+            yield from _of(f"ahead {name} {role}", dialect.ahead(role, world, digest))
+            yield from _of(f"ahead {name} {role} blind", dialect.ahead(role, world, None))
+            if dialect.typed is not None:
+                begun = dialect.typed(role, world, digest, rules, case.text[: len(case.text) // 2])
+                yield from _of(f"typed {name} {role}", begun)
+        reasons = tuple(dialect.reason(world, digest, case.text, ""))
+        known = tuple(dialect.reason(world, digest, case.text, case.asked))
+        yield f"grammar {name} plan", plan_grammar(world, picture, *shown, (), reasons)
+        yield f"grammar {name} plan known", plan_grammar(world, picture, *shown, (), known)
+        if reasons:
+            yield f"grammar {name} reason", reason_grammar(reasons)
+        yield from _judged(case, name, dialect)
+        for number, slots in enumerate(_slots(case), start=1):
+            yield f"grammar {name} slots {number}", slot_grammar(slots, known or ("a",))
+
+
+def _judged(case: Case, name: str, dialect: Dialect) -> Iterator[tuple[str, str]]:
+    """Yield what the judge is asked of an outcome, and the grammars of how verdicts begin."""
+    world, digest, passed = case.situation.world, case.situation.digest, "telemetry shows it"
+    outcomes = tuple(
+        ActionOutcome(
+            agent=action.agent,
+            command=action.command,
+            outcome="unknown" if number else "pass",
+            reason="nothing was heard" if number else passed,
+        )
+        for number, action in enumerate(case.plan.actions)
+    )
+    lost = tuple(world.gates)[-1:]
+    found = Verification(
+        outcome="fail", actions=outcomes, gates_lost=lost, reason="a gate was lost"
+    )
+    for how, verification in (
+        ("fail", found),
+        ("pass", Verification(outcome="pass", actions=outcomes[:1])),
+    ):
+        prompt = dialect.outcome(world, digest, case.mission, case.plan, verification)
+        yield from _of(f"outcome {name} {how}", prompt)
+    yield f"grammar {name} verdict", dialect.verdict(("WF-03", "ROE-05"))
+    yield f"grammar {name} verdict of nothing", dialect.verdict(())
+    if dialect.opening is not None:
+        yield f"grammar {name} opening", dialect.opening(world, digest, case.text, "")
+        yield f"grammar {name} opening known", dialect.opening(world, digest, case.text, case.asked)
+    yield f"grammar {name} outcome opening", dialect.outcome_opening or ""
+
+
+def _slots(case: Case) -> Iterator[Sequence[Slot]]:
+    reading = read_asked(case.asked)
+    assert reading is not None
+    yield from islice(servings(reading, case.situation.world, case.situation.picture), 2)
+
+
+def _of(name: str, prompt: Prompt) -> Iterator[tuple[str, str]]:
+    yield f"{name} system", prompt.system
+    yield f"{name} user", prompt.user
+
+
+class _Listening(ScriptedEngine):
+    """Answers as a trained or an untrained model would, and keeps every request in order."""
+
+    def __init__(self, case: Case, prompts: DialectName) -> None:
+        super().__init__([case.plan.answer], others=[case.plan.answer])
+        self.model = replace(self.model, prompts=prompts)
+        self._opening = f'{{"feedback": "{case.asked}{PLANNED}'
+        self.heard: list[Request] = []
+
+    async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
+        self.heard.append(request)
+        if request.role != "planner" and self.model.prompts == "compact":
+            said = f'{self._opening}done", "violated": [], "verdict": "Success"}}'
+            begins = "FEEDBACK" not in request.grammar
+            self._answers["judge"] = [self._opening if begins else said]
+        async for item in super().generate(request):
+            yield item
+
+
+@dataclass(frozen=True)
+class Heard:
+    """A request as it is stored: everything that the engine was given."""
+
+    name: str
+    request: Request
+
+    def texts(self) -> Iterator[tuple[str, str]]:
+        """Yield the parts of the request by name."""
+        asked = self.request
+        yield f"{self.name} system", asked.system
+        yield f"{self.name} user", asked.user
+        yield f"{self.name} grammar", asked.grammar
+        rest = (asked.max_tokens, asked.count, asked.hint, asked.begun, asked.within, asked.stop)
+        yield f"{self.name} rest", repr((asked.role, asked.deadline_s, *rest))
+
+
+def heard(case: Case, prompts: DialectName, *, carried_out: bool) -> Iterator[tuple[str, str]]:
+    """Yield what an engine is asked for a mission at a station, and how the mission ends.
+
+    Plans are approved where they are to be `carried_out`, and rejected otherwise.
+    """
+    engine, there = _Listening(case, prompts), case.situation
+    site = replace(shipped(), world=there.world)
+    station = open_station(site, engine.engine(), SteppedClock(), sim=there.fork())
+    approver = standing_approver("auto" if carried_out else "never", "the outcome is wanted")
+    traces = asyncio.run(run_missions(station, [case.text], approver, lambda _event, _state: None))
+    for number, request in enumerate(engine.heard, start=1):
+        yield from Heard(f"station {prompts} {number} {request.role}", request).texts()
+    ended = [f"{trace.status}: {trace.reason}" for trace in traces]
+    yield f"station {prompts} ended", "\n".join(ended)
+
+
+def everything(case: Case) -> dict[str, str]:
+    """Return all texts for a mission by name.
+
+    Those of the paper are carried out in every dialect; of the others, the field's and every fifth
+    of the generated ones are worked on at a station until a plan is put forward.
+    """
+    texts = dict(told(case))
+    of_paper = case.name in PAPER
+    at_station = not case.name.startswith("G") or int(case.name[1:]) % 5 == 0
+    for prompts in DIALECTS if of_paper else ("compact",) * at_station:
+        texts.update(heard(case, prompts, carried_out=of_paper))
+    return texts
