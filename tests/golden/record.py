@@ -6,9 +6,13 @@ now. Outcomes take minutes and a model; they are recorded only when they are nam
 
 import sys
 
-from tests.golden import test_prompts, test_state_hash
+from tests.golden import test_command_line, test_prompts, test_state_hash
 
-PARTS = {"prompts": test_prompts.record, "state_hash": test_state_hash.record}
+PARTS = {
+    "prompts": test_prompts.record,
+    "state_hash": test_state_hash.record,
+    "command_line": test_command_line.record,
+}
 LONG = ("outcomes",)
 
 
