@@ -15,6 +15,7 @@ import pa_console
 from pa_console.llm.catalog import Catalog
 
 ROOT = Path(pa_console.__file__).parents[1]
+MANUAL = "pa_console/manual"
 
 
 @pytest.fixture(scope="module")
@@ -70,6 +71,14 @@ def test_every_module_style_sheet_template_and_picture_is_inside(wheel: set[str]
     for path in (ROOT / "pa_console").rglob("*"):
         if path.suffix in (".py", ".tcss", ".jinja", ".css", ".js", ".svg"):
             assert path.relative_to(ROOT).as_posix() in wheel
+
+
+def test_the_manual_is_inside(wheel: set[str]) -> None:
+    pages = {path.relative_to(ROOT).as_posix() for path in (ROOT / MANUAL).glob("*.md")}
+    assert pages
+    assert {
+        name for name in wheel if name.startswith(f"{MANUAL}/") and name.endswith(".md")
+    } == pages
 
 
 def test_nothing_else_is_inside(wheel: set[str]) -> None:
