@@ -1,11 +1,11 @@
 """The pages of the manual, which come with the package as Markdown, and a search over them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from itertools import pairwise
-from re import search
+from re import search, sub
 
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
@@ -41,6 +41,11 @@ class Page:
         """The first heading."""
         return self.sections[0].heading
 
+    def heading_of(self, anchor: str) -> int:
+        """Return the number of the heading that a link's `anchor` means, 0 for none of them."""
+        anchors = [_anchor(section.heading) for section in self.sections]
+        return anchors.index(anchor) if anchor in anchors else 0
+
 
 @dataclass(frozen=True)
 class Found:
@@ -56,9 +61,42 @@ class Found:
         return self.page.sections[self.number].heading
 
 
+class Manual:
+    """All pages, in the order in which they are to be read."""
+
+    def __init__(self, pages: Iterable[Page]) -> None:
+        self.pages = tuple(pages)
+
+    def find(self, topic: str) -> Page:
+        """Return the page called `topic`; raises ValueError that names what is like it."""
+        pages = {page.name: page for page in self.pages}
+        name = topic.lower().removesuffix(".md")
+        if name in pages:
+            return pages[name]
+        near = process.extract(name, list(pages), limit=3, score_cutoff=ALIKE)
+        hint = f" Did you mean {' or '.join(match[0] for match in near)}?" if near else ""
+        raise ValueError(f"the manual has no page {topic!r}.{hint} Pages: {', '.join(pages)}")
+
+    def search(self, words: str) -> list[Found]:
+        """Return the sections that have every word, in any case; nothing for no words.
+
+        Sections with one of the words in their heading come first.
+        """
+        wanted = words.lower().split()
+        found = [
+            Found(page, number, _excerpt(section.text, wanted))
+            for page in self.pages
+            for number, section in enumerate(page.sections)
+            if wanted
+            and all(word in f"{section.heading} {section.text}".lower() for word in wanted)
+        ]
+        found.sort(key=lambda one: not any(word in one.heading.lower() for word in wanted))
+        return found
+
+
 @cache
-def manual_pages() -> tuple[Page, ...]:
-    """Return the pages, the first one first, then as that one names them, then by name."""
+def load_manual() -> Manual:
+    """Return the pages of the package: the first one, then as that one links to them, then all."""
     folder = files("pa_console") / "manual"
     texts = {
         part.name.removesuffix(".md"): part.read_text(encoding="utf-8")
@@ -66,33 +104,7 @@ def manual_pages() -> tuple[Page, ...]:
         if part.name.endswith(".md")
     }
     order = dict.fromkeys((FIRST, *linked_pages(texts.get(FIRST, "")), *texts))
-    return tuple(read_page(name, texts[name]) for name in order if name in texts)
-
-
-def find_page(topic: str) -> Page:
-    """Return the page called `topic`; raises ValueError that names what is like it."""
-    pages = {page.name: page for page in manual_pages()}
-    name = topic.lower().removesuffix(".md")
-    if name in pages:
-        return pages[name]
-    near = process.extract(name, list(pages), limit=3, score_cutoff=ALIKE)
-    hint = f" Did you mean {' or '.join(match[0] for match in near)}?" if near else ""
-    raise ValueError(f"the manual has no page {topic!r}.{hint} Pages: {', '.join(pages)}")
-
-
-def search_manual(words: str) -> list[Found]:
-    """Return the sections that have every word, in any case; those with it in the heading first."""
-    wanted = words.lower().split()
-    if not wanted:
-        return []
-    found = [
-        Found(page, number, _excerpt(section.text, wanted))
-        for page in manual_pages()
-        for number, section in enumerate(page.sections)
-        if all(word in f"{section.heading} {section.text}".lower() for word in wanted)
-    ]
-    found.sort(key=lambda one: not any(word in one.heading.lower() for word in wanted))
-    return found
+    return Manual(read_page(name, texts[name]) for name in order if name in texts)
 
 
 def read_page(name: str, text: str) -> Page:
@@ -112,6 +124,11 @@ def read_page(name: str, text: str) -> Page:
 
 def _parsed(text: str) -> list[Token]:
     return MarkdownIt("gfm-like").parse(text)
+
+
+def _anchor(heading: str) -> str:
+    """Return a heading as links write it: small letters, digits, and dashes for spaces."""
+    return sub(r"\s+", "-", sub(r"[^\w\s-]", "", heading.lower()).strip())
 
 
 def linked_pages(text: str) -> Iterator[str]:

@@ -2,8 +2,7 @@
 
 import pytest
 
-from pa_console import manual_pages
-from pa_console.manual_pages import FIRST, Page, find_page, read_page, search_manual
+from pa_console.manual_pages import FIRST, Manual, linked_pages, load_manual, read_page
 
 RULES = """# Rules of engagement
 
@@ -29,19 +28,16 @@ pa-console rules pin
 """
 
 
-@pytest.fixture
-def pages(monkeypatch: pytest.MonkeyPatch) -> tuple[Page, ...]:
-    """Two pages that the searches look through."""
-    made = (
+MANUAL = Manual(
+    (
         read_page("rules", RULES),
         read_page("console", "# Console\n\nSigning out is easy.\n\n## Alarms\n\nSeen or new.\n"),
     )
-    monkeypatch.setattr(manual_pages, "manual_pages", lambda: made)
-    return made
+)
 
 
 def test_every_page_has_a_title_and_begins_with_a_sentence() -> None:
-    found = manual_pages.manual_pages()
+    found = load_manual().pages
     assert found[0].name == FIRST
     for page in found:
         assert page.text.startswith(f"# {page.title}\n"), page.name
@@ -49,9 +45,9 @@ def test_every_page_has_a_title_and_begins_with_a_sentence() -> None:
 
 
 def test_every_link_between_pages_leads_to_one() -> None:
-    found = manual_pages.manual_pages()
+    found = load_manual().pages
     for page in found:
-        assert set(manual_pages.linked_pages(page.text)) <= {one.name for one in found}, page.name
+        assert set(linked_pages(page.text)) <= {one.name for one in found}, page.name
 
 
 def test_a_page_is_called_by_its_title_and_described_by_its_first_sentence() -> None:
@@ -74,28 +70,32 @@ def test_the_sections_of_a_page_are_its_headings_and_hold_its_words_without_mark
     assert sections[2].text == "field what it is check an expression that must hold"
 
 
-@pytest.mark.usefixtures("pages")
+def test_the_anchor_of_a_link_means_a_heading() -> None:
+    page = read_page("rules", "# Rules\n\n## What `pin`, if anything, does\n\n## Fields\n")
+    assert page.heading_of("what-pin-if-anything-does") == 1
+    assert page.heading_of("fields") == 2
+    assert page.heading_of("") == page.heading_of("elsewhere") == 0
+
+
 def test_words_are_found_in_any_order_and_case_headings_first() -> None:
-    assert [(one.page.name, one.heading) for one in search_manual("SIGN")] == [
+    assert [(one.page.name, one.heading) for one in MANUAL.search("SIGN")] == [
         ("rules", "Signing"),
         ("console", "Console"),
     ]
-    (found,) = search_manual("seal Broken")
+    (found,) = MANUAL.search("seal Broken")
     assert (found.page.name, found.number) == ("rules", 1)
     assert "broken seal" in found.excerpt
-    assert search_manual("seal moon") == []
-    assert search_manual("  ") == []
+    assert MANUAL.search("seal moon") == []
+    assert MANUAL.search("  ") == []
 
 
-@pytest.mark.usefixtures("pages")
 @pytest.mark.parametrize("topic", ["rules", "Rules", "rules.md"])
 def test_a_page_is_found_by_its_name(topic: str) -> None:
-    assert find_page(topic).name == "rules"
+    assert MANUAL.find(topic).name == "rules"
 
 
-@pytest.mark.usefixtures("pages")
 def test_a_page_that_is_not_there_is_named_with_what_is_like_it() -> None:
     with pytest.raises(ValueError, match=r"no page 'ruls'\. Did you mean rules"):
-        find_page("ruls")
+        MANUAL.find("ruls")
     with pytest.raises(ValueError, match=r"no page 'zzzz'\. Pages: rules, console"):
-        find_page("zzzz")
+        MANUAL.find("zzzz")

@@ -7,7 +7,7 @@ import typer
 from rich.table import Table
 
 from pa_console.cli.output import JsonOption, out, print_document, print_json
-from pa_console.manual_pages import Page, find_page, manual_pages
+from pa_console.manual_pages import Page, load_manual
 
 COLOURED = "-FRX"
 """What `less` needs to show colours, and to leave at once where a page fits the screen."""
@@ -24,9 +24,9 @@ def manual(
 ) -> None:
     """Read the manual: list its pages, or show one of them."""
     if topic is None:
-        _list(manual_pages(), json)
+        _list(load_manual().pages, json)
     else:
-        _show(find_page(topic), plain, json)
+        _show(load_manual().find(topic), plain, json)
 
 
 def _list(pages: tuple[Page, ...], json: bool) -> None:
