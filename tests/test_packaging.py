@@ -12,8 +12,10 @@ from pathlib import Path
 import pytest
 
 import pa_console
+from pa_console.llm.catalog import Catalog
 
 ROOT = Path(pa_console.__file__).parents[1]
+MANUAL = "pa_console/manual"
 
 
 @pytest.fixture(scope="module")
@@ -39,22 +41,49 @@ def test_the_default_world_rules_and_catalogue_are_inside(wheel: set[str]) -> No
 
 
 def test_every_data_file_of_the_checkout_is_inside(wheel: set[str]) -> None:
-    for kind in ("worlds", "rules", "models"):
+    for kind in ("worlds", "rules"):
         for path in (ROOT / kind).rglob("*.yaml"):
             assert f"pa_console/data/{path.relative_to(ROOT).as_posix()}" in wheel
 
 
-def test_every_module_style_sheet_template_and_word_list_is_inside(wheel: set[str]) -> None:
+def test_the_adapters_of_the_catalogue_are_inside_and_no_other_weights(wheel: set[str]) -> None:
+    wanted = {
+        f"pa_console/data/models/{adapter.file}"
+        for entry in Catalog.load().models
+        for adapter in entry.adapters.values()
+    }
+    assert wanted
+    assert {name for name in wheel if name.endswith(".gguf")} == wanted
+
+
+def test_what_training_needs_and_learnt_stays_in_the_repository(wheel: set[str]) -> None:
+    models = {name for name in wheel if name.startswith("pa_console/data/models/")}
+    assert {Path(name).suffix for name in models} == {".yaml", ".gguf", ".md"}
+    cards = {f"{name.removesuffix('.lora.gguf')}.md" for name in models if name.endswith(".gguf")}
+    assert {name for name in models if name.endswith(".md")} == cards
+    assert [name for name in models if name.endswith(".yaml")] == [
+        "pa_console/data/models/catalog.yaml"
+    ]
+    assert not [name for name in wheel if "/language/" in name]
+
+
+def test_every_module_style_sheet_template_and_picture_is_inside(wheel: set[str]) -> None:
     for path in (ROOT / "pa_console").rglob("*"):
-        if path.suffix in (".py", ".tcss", ".jinja", ".css", ".js", ".yaml"):
+        if path.suffix in (".py", ".tcss", ".jinja", ".css", ".js", ".svg"):
             assert path.relative_to(ROOT).as_posix() in wheel
+
+
+def test_the_manual_is_inside(wheel: set[str]) -> None:
+    pages = {path.relative_to(ROOT).as_posix() for path in (ROOT / MANUAL).glob("*.md")}
+    assert pages
+    assert {
+        name for name in wheel if name.startswith(f"{MANUAL}/") and name.endswith(".md")
+    } == pages
 
 
 def test_nothing_else_is_inside(wheel: set[str]) -> None:
     folders = {name.split("/")[0] for name in wheel}
     assert {folder for folder in folders if not folder.endswith(".dist-info")} == {"pa_console"}
-    weights = [name for name in wheel if name.endswith(".gguf") and ".lora." not in name]
-    assert not weights
 
 
 def test_the_command_is_installed(wheel: set[str]) -> None:

@@ -56,6 +56,7 @@ EXAMPLES = {
     "settings set": "pa-console settings set theme pa-console-light",
     "settings unset": "pa-console settings unset keys.stop",
     "settings reset": "pa-console settings reset",
+    "manual": "pa-console manual rules",
 }
 
 

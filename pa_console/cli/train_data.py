@@ -7,7 +7,7 @@ from rich.table import Table
 
 from pa_console.cli.output import errors, out, print_json
 from pa_console.cli.train_progress import DataProgress
-from pa_console.resources import find_data
+from pa_console.resources import find_data, training_data
 from pa_console.training.data_folder import REPORT, DataFolder
 from pa_console.training.data_report import DataReport, fingerprint, write_report
 from pa_console.training.data_set import Job, Made, Part, build
@@ -28,8 +28,10 @@ def make_data(
 ) -> None:
     """Make the groups of `recipes` that `folder` does not have yet, write and print its report.
 
-    Raises DocumentError for a broken rule file, ValueError for a folder that holds something else.
+    Raises DocumentError for a broken rule file, ValueError for a folder that holds something
+    else and without a clone.
     """
+    training_data("language")
     rules_file = find_data("rules", rules, "rules.yaml")
     generator = fingerprint(rules_file)
     data = DataFolder(folder, generator)

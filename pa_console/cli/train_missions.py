@@ -8,7 +8,7 @@ from rich.table import Table
 
 from pa_console.cli.output import errors, out, print_json
 from pa_console.cli.train_progress import MissionProgress
-from pa_console.resources import find_data
+from pa_console.resources import find_data, training_data
 from pa_console.training.data_report import fingerprint
 from pa_console.training.mission_export import Found, generated_missions, write_mission_set
 from pa_console.training.names import Split
@@ -20,8 +20,10 @@ def make_missions(
 ) -> None:
     """Write `count` missions to `file` and print how many of each category there are.
 
-    Raises DocumentError for a broken rule file and ValueError for a file that is there already.
+    Raises DocumentError for a broken rule file, ValueError for a file that is there already and
+    without a clone.
     """
+    training_data("language")
     if file.exists():
         raise ValueError(f"{file}: is there already; name another file, or remove it")
     rules_file = find_data("rules", rules, "rules.yaml")

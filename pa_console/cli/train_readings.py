@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pa_console.cli.output import errors, out
 from pa_console.cli.train_progress import ReadingProgress
-from pa_console.resources import find_data
+from pa_console.resources import find_data, training_data
 from pa_console.training.planner_data import Recipe
 from pa_console.training.reading_data import write_readings
 from pa_console.tui.words import count
@@ -15,8 +15,10 @@ from pa_console.tui.words import count
 def make_readings(file: Path, recipes: Sequence[Recipe], rules: str, processes: int) -> None:
     """Write the samples of `recipes` to `file` and print how many there are.
 
-    Raises DocumentError for a broken rule file and ValueError for a file that is there already.
+    Raises DocumentError for a broken rule file, ValueError for a file that is there already and
+    without a clone.
     """
+    training_data("language")
     if file.exists():
         raise ValueError(f"{file}: is there already; name another file, or remove it")
     file.parent.mkdir(parents=True, exist_ok=True)

@@ -13,8 +13,9 @@ from pa_console.cli.output import errors, out
 from pa_console.cli.train_progress import TrainProgress
 from pa_console.evaluation.machine import describe_machine
 from pa_console.llm.cache import hash_file
+from pa_console.resources import training_data
 from pa_console.schema.document import Document
-from pa_console.training.lora.config import CONFIGS, TrainConfig, find_base
+from pa_console.training.lora.config import TrainConfig, find_base, shipped_config
 from pa_console.training.run_summary import ADAPTER, RunSummary, write_summary
 
 Task = Literal["planner", "judge"]
@@ -32,8 +33,10 @@ def run_training(
 ) -> None:
     """Train, or go on with the run in `folder`; then write its adapter and its summary.
 
-    Raises ValueError without the extra, for a config that cannot be, and for what cannot be used.
+    Raises ValueError without a clone or the extra, for a config that cannot be, and for what cannot
+    be used.
     """
+    training_data("configs")
     require_extra()
     from pa_console.training.lora.checkpoint import RunFolder  # noqa: PLC0415 - torch is slow
     from pa_console.training.lora.export import export_adapter  # noqa: PLC0415
@@ -101,7 +104,7 @@ def chosen_config(
 
     Raises DocumentError for a broken file and ValueError for a change that cannot be.
     """
-    config = TrainConfig.load(file or CONFIGS / f"{task}.yaml")
+    config = TrainConfig.load(file or shipped_config(task))
     if config.task != task:
         raise ValueError(f"{file}: task: is {config.task!r}; this verb trains the {task}")
     values: dict[str, Any] = config.model_dump() | dict(map(_change, changes))

@@ -25,6 +25,7 @@ VERBS = {
     "world": "world:app",
     "train": "train:app",
     "settings": "settings:app",
+    "manual": "manual:manual",
 }
 """Where each verb is below `pa_console.cli`: a function, or the app of a group of verbs."""
 

@@ -12,6 +12,7 @@ from pydantic import Field
 
 from pa_console import __version__
 from pa_console.llm.cache import hash_file
+from pa_console.resources import training_data
 from pa_console.schema.base import StrictModel
 from pa_console.training.data_folder import FILES, REPORT, Entry, read_journal
 from pa_console.training.near_duplicates import NearReport
@@ -39,17 +40,20 @@ class DataReport(StrictModel):
 
 
 def fingerprint(rules: Path) -> str:
-    """Return a short hash of all that makes samples: the package's own code and words, the rules.
+    """Return a short hash of all that makes samples: the package's code, the phrases, the rules.
 
-    Two groups of one recipe and one fingerprint are equal.
+    Two groups of one recipe and one fingerprint are equal. Raises ValueError without a clone.
     """
     package = Path(__file__).parents[1]
     total = hashlib.sha256(rules.read_bytes())
     files = (path for path in package.rglob("*") if path.suffix in {".py", ".yaml"})
-    named = sorted((path.relative_to(package).as_posix(), path) for path in files)
-    for name, path in named:
-        if not name.startswith(("cli/", "tui/", "training/lora/", "data/")):
-            total.update(name.encode() + path.read_bytes())
+    named = [(path.relative_to(package).as_posix(), path) for path in files]
+    apart = ("cli/", "tui/", "training/lora/", "data/")
+    makers = [(name, path) for name, path in named if not name.startswith(apart)]
+    phrases = training_data("language")
+    words = [(path.relative_to(phrases).as_posix(), path) for path in phrases.rglob("*.yaml")]
+    for name, path in (*sorted(makers), *sorted(words)):
+        total.update(name.encode() + path.read_bytes())
     total.update(shipped_world().model_dump_json().encode())
     return total.hexdigest()[:12]
 

@@ -4,9 +4,9 @@ import hashlib
 import random
 from collections.abc import Mapping
 from functools import cache
-from pathlib import Path
 from typing import Literal
 
+from pa_console.resources import training_data
 from pa_console.schema.base import StrictModel
 from pa_console.schema.document import Document
 from pa_console.schema.world import AssetKind, World
@@ -17,7 +17,6 @@ Split = Literal["train", "heldout"]
 HELD_OUT = 0.2
 """About this part of a bank's words is held out."""
 
-_FILE = Path(__file__).parent / "language" / "names.yaml"
 _GATE_FORMS = (("{word}Gate", 86), ("{word}_Gate", 4), ("{word}Entrance", 4), ("Gate{word}", 2))
 _NUMBERED_GATES = (("Gate_{number}", 2), ("Gate{letter}", 2))
 _ASSET_FORMS = (
@@ -142,4 +141,4 @@ def _drawn(word: str) -> bool:
 
 @cache
 def _banks() -> _Words:
-    return Document.read(_FILE).parse(_Words)
+    return Document.read(training_data("language") / "names.yaml").parse(_Words)

@@ -7,12 +7,12 @@ with what the world has, and of `(this|that)` one is taken.
 import random
 import re
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple, cast
 
 import yaml
 
+from pa_console.resources import training_data
 from pa_console.schema.mission import MAX_MISSION_TEXT
 from pa_console.schema.world import World
 from pa_console.training.phrase_bank import phrase_bank
@@ -46,7 +46,7 @@ class NoOrders:
     @classmethod
     def shipped(cls) -> "NoOrders":
         """Read the lists that come with the phrase banks; raises ValueError for a broken one."""
-        return cls.read(Path(str(files("pa_console.training") / "language" / "nothing")))
+        return cls.read(training_data("language") / "nothing")
 
     @classmethod
     def read(cls, folder: Path) -> "NoOrders":

@@ -7,9 +7,9 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
-from importlib.resources import files
 from typing import Literal, cast
 
+from pa_console.resources import training_data
 from pa_console.schema.document import Document
 from pa_console.training.phrase_keys import KEYS
 from pa_console.training.phrase_template import Template
@@ -116,8 +116,8 @@ def _narrowed(entries: list[Entry], wish: Callable[[Entry], bool]) -> list[Entry
 
 @cache
 def phrase_bank() -> PhraseBank:
-    """Return the banks that come with the package; raises DocumentError."""
-    folder = files("pa_console.training") / "language"
+    """Return the banks of the repository; raises DocumentError, and ValueError without a clone."""
+    folder = training_data("language")
     texts = {
         part.name: part.read_text(encoding="utf-8")
         for part in sorted(folder.iterdir(), key=lambda part: part.name)

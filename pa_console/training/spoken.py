@@ -7,10 +7,10 @@ the generator, and what is meant there.
 
 from collections.abc import Mapping, Sequence
 from functools import cache
-from importlib.resources import files
 
 from pydantic import Field
 
+from pa_console.resources import training_data
 from pa_console.schema.base import StrictModel
 from pa_console.schema.document import Document
 from pa_console.training.planner_data import Recipe
@@ -42,7 +42,7 @@ def spoken_words(recipe: Recipe) -> Words:
 
 @cache
 def _files() -> Mapping[tuple[int, int], SpokenWords]:
-    folder = files("pa_console.training") / "language" / "spoken"
+    folder = training_data("language") / "spoken"
     read = [
         Document(part.name, part.read_text(encoding="utf-8")).parse(SpokenWords)
         for part in sorted(folder.iterdir(), key=lambda part: part.name)

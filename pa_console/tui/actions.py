@@ -105,6 +105,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
         "help", "f1,question_mark", "Help", "Show all keys and the meaning of every sign",
         "Console", "help", footer=True,
     ),
+    ConsoleAction("manual", "M", "Manual", "Read and search the manual", "Console", "manual"),
     ConsoleAction("view_map", "f2,1", "Map", "Go to the map", "View", "view('map')"),
     ConsoleAction("view_assets", "f3,2", "Assets", "Go to the assets", "View", "view('assets')"),
     ConsoleAction("view_trace", "f4,3", "Trace", "Go to the trace of the mission", "View",

@@ -139,6 +139,14 @@ class BrowsingApp(SessionApp):
 
         self.push_screen(HelpScreen(self.situation, self.keys))
 
+    def action_manual(self) -> None:
+        """Show the manual."""
+        from pa_console.manual_pages import load_manual  # noqa: PLC0415
+        from pa_console.tui.screens.manual import ManualScreen  # noqa: PLC0415
+
+        if not any(isinstance(screen, ManualScreen) for screen in self.screen_stack):
+            self.push_screen(ManualScreen(load_manual()))
+
     def action_evaluation(self) -> None:
         """Show the newest evaluation, or ask for the folder of one."""
         from pa_console.evaluation.results import (  # noqa: PLC0415

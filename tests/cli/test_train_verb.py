@@ -1,15 +1,18 @@
 """`pa-console train`: data gone on with, training runs, mission sets, cards; wrong input."""
 
 import json
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
+from pa_console import resources
 from pa_console.cli import train_data, train_run
 from pa_console.evaluation.mission_set import load_with_worlds
-from pa_console.training.lora.config import CONFIGS, TrainConfig
+from pa_console.resources import data_folder
+from pa_console.training.lora.config import TrainConfig, shipped_config
 from pa_console.training.run_summary import ADAPTER, read_summary
 from pa_console.training.samples import read_samples
 from pa_console.training.worlds import shipped_world
@@ -138,12 +141,25 @@ def test_a_run_that_is_stopped_is_kept_exported_and_gone_on_with(
 def test_what_cannot_be_trained_with_is_said(
     words: tuple[str, ...], says: str, call: Call, tmp_path: Path
 ) -> None:
-    judge = CONFIGS / "judge.yaml"
+    judge = shipped_config("judge")
     places = {"DATA": str(data_set(tmp_path / "data")), "judge.yaml": str(judge)}
     out = tmp_path / "run"
     done = call("train", "planner", "--out", str(out), *(places.get(word, word) for word in words))
     assert done.code == 2
     assert says in done.said
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("verb", ["data", "readings", "missions", "planner", "judge"])
+def test_without_a_clone_the_remedy_is_said(
+    verb: str, call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(data_folder() / "rules", tmp_path / "data" / "rules")
+    monkeypatch.setattr(resources, "_PACKAGE", tmp_path)
+    out = tmp_path / "out.jsonl.gz"
+    done = call("train", verb, "--out", str(out))
+    assert done.code == 2
+    assert "training needs a clone of the repository" in done.said
     assert not out.exists()
 
 

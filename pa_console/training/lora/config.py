@@ -7,11 +7,17 @@ from pydantic import Field, ValidationInfo, field_validator
 
 from pa_console.llm.catalog import Catalog, ChatFormat
 from pa_console.llm.errors import ModelError
+from pa_console.resources import training_data
 from pa_console.schema.base import StrictModel
 from pa_console.schema.document import Document
 
-CONFIGS = Path(__file__).resolve().parent.parent / "configs"
-"""The configurations of the shipped adapters, one file a task."""
+
+def shipped_config(task: str) -> Path:
+    """Return the file of the configuration that a shipped adapter's training begins with.
+
+    Raises ValueError without a clone of the repository.
+    """
+    return training_data("configs") / f"{task}.yaml"
 
 
 class Lesson(StrictModel):

@@ -57,9 +57,12 @@ def help_rows(now: Situation, keymap: Mapping[str, str] | None = None) -> list[R
 
 
 class HelpScreen(ModalScreen[None]):
-    """The help page; any of Escape, F1, q or ? closes it."""
+    """The help page; any of Escape, F1, q or ? closes it, M goes on to the manual."""
 
-    BINDINGS = [Binding("escape,f1,q,question_mark", "dismiss", "Close")]
+    BINDINGS = [
+        Binding("escape,f1,q,question_mark", "dismiss", "Close"),
+        Binding("m,M", "app.manual", "Manual"),
+    ]
 
     def __init__(self, now: Situation, keymap: Mapping[str, str] | None = None) -> None:
         super().__init__()
@@ -74,5 +77,5 @@ class HelpScreen(ModalScreen[None]):
         """Name the page and let the arrow keys scroll it."""
         page = self.query_one("#help", VerticalScroll)
         page.border_title = "Help"
-        page.border_subtitle = "Esc closes"
+        page.border_subtitle = "M opens the manual, Esc closes"
         page.focus()

@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from pa_console.training.lora.checkpoint import CHECKPOINT, CURVE, LOG, RunFolder
-from pa_console.training.lora.config import CONFIGS, TrainConfig
+from pa_console.training.lora.config import TrainConfig, shipped_config
 from pa_console.training.lora.export import export_adapter
 from pa_console.training.lora.loop import Progress, train
 from pa_console.training.lora.schedule import learning_rate
@@ -176,7 +176,7 @@ def test_the_rate_rises_then_falls(tiny: Path, data: Path) -> None:
 
 @pytest.mark.parametrize("task", ["planner", "judge"])
 def test_the_shipped_configurations_can_be_read(task: str) -> None:
-    assert TrainConfig.load(CONFIGS / f"{task}.yaml").task == task
+    assert TrainConfig.load(shipped_config(task)).task == task
 
 
 def test_bytes_are_not_multiplied_on_a_gpu(tiny: Path, data: Path) -> None:

@@ -1,0 +1,176 @@
+"""The pages of the manual, which come with the package as Markdown, and a search over them."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from itertools import pairwise
+from re import search, sub
+
+from markdown_it import MarkdownIt
+from markdown_it.token import Token
+from rapidfuzz import process
+
+FIRST = "index"
+"""The page that begins the manual; the order of its links is the order of the pages."""
+AROUND = 70
+"""Characters of a section that are shown where words were found in it."""
+ALIKE = 60
+"""How alike a name has to be, of 100, to be offered for one that is not there."""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a page: its heading, and its text without marks."""
+
+    heading: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page by its file's name; its sections begin with its title, one for each heading."""
+
+    name: str
+    summary: str
+    text: str
+    sections: tuple[Section, ...]
+
+    @property
+    def title(self) -> str:
+        """The first heading."""
+        return self.sections[0].heading
+
+    def heading_of(self, anchor: str) -> int:
+        """Return the number of the heading that a link's `anchor` means, 0 for none of them."""
+        anchors = [_anchor(section.heading) for section in self.sections]
+        return anchors.index(anchor) if anchor in anchors else 0
+
+
+@dataclass(frozen=True)
+class Found:
+    """A section that has all the words; `excerpt` is where the first of them stands in it."""
+
+    page: Page
+    number: int
+    excerpt: str
+
+    @property
+    def heading(self) -> str:
+        """The section's heading."""
+        return self.page.sections[self.number].heading
+
+
+class Manual:
+    """All pages, in the order in which they are to be read."""
+
+    def __init__(self, pages: Iterable[Page]) -> None:
+        self.pages = tuple(pages)
+
+    def find(self, topic: str) -> Page:
+        """Return the page called `topic`; raises ValueError that names what is like it."""
+        pages = {page.name: page for page in self.pages}
+        name = topic.lower().removesuffix(".md")
+        if name in pages:
+            return pages[name]
+        near = process.extract(name, list(pages), limit=3, score_cutoff=ALIKE)
+        hint = f" Did you mean {' or '.join(match[0] for match in near)}?" if near else ""
+        raise ValueError(f"the manual has no page {topic!r}.{hint} Pages: {', '.join(pages)}")
+
+    def search(self, words: str) -> list[Found]:
+        """Return the sections that have every word, in any case; nothing for no words.
+
+        Sections with one of the words in their heading come first.
+        """
+        wanted = words.lower().split()
+        found = [
+            Found(page, number, _excerpt(section.text, wanted))
+            for page in self.pages
+            for number, section in enumerate(page.sections)
+            if wanted
+            and all(word in f"{section.heading} {section.text}".lower() for word in wanted)
+        ]
+        found.sort(key=lambda one: not any(word in one.heading.lower() for word in wanted))
+        return found
+
+
+@cache
+def load_manual() -> Manual:
+    """Return the pages of the package: the first one, then as that one links to them, then all."""
+    folder = files("pa_console") / "manual"
+    texts = {
+        part.name.removesuffix(".md"): part.read_text(encoding="utf-8")
+        for part in sorted(folder.iterdir(), key=lambda part: part.name)
+        if part.name.endswith(".md")
+    }
+    order = dict.fromkeys((FIRST, *linked_pages(texts.get(FIRST, "")), *texts))
+    return Manual(read_page(name, texts[name]) for name in order if name in texts)
+
+
+def read_page(name: str, text: str) -> Page:
+    """Return the page that the Markdown `text` is; without a heading it is called by its name."""
+    tokens = _parsed(text)
+    starts = [
+        number
+        for number, token in enumerate(tokens)
+        if token.type == "heading_open" and token.level == 0
+    ]
+    sections = tuple(
+        Section(_plain(tokens[start + 1]), " ".join(_texts(tokens[start + 3 : end])))
+        for start, end in pairwise((*starts, len(tokens)))
+    )
+    return Page(name, _summary(tokens), text, sections or (Section(name, text),))
+
+
+def _parsed(text: str) -> list[Token]:
+    return MarkdownIt("gfm-like").parse(text)
+
+
+def _anchor(heading: str) -> str:
+    """Return a heading as links write it: small letters, digits, and dashes for spaces."""
+    return sub(r"\s+", "-", sub(r"[^\w\s-]", "", heading.lower()).strip())
+
+
+def linked_pages(text: str) -> Iterator[str]:
+    """Yield the names of the pages that the Markdown `text` links to, in order."""
+    for token in _parsed(text):
+        for part in token.children or ():
+            file, _, _ = str(part.attrGet("href") or "").partition("#")
+            if file.endswith(".md"):
+                yield file.removesuffix(".md")
+
+
+def _summary(tokens: list[Token]) -> str:
+    """Return the first sentence of the first paragraph that has words."""
+    for before, token in pairwise(tokens):
+        if before.type == "paragraph_open" and before.level == 0 and (text := _plain(token)):
+            sentence = search(r"^.*?[.!?](?=\s+[^a-z\s]|$)", text)
+            return sentence[0] if sentence else text
+    return ""
+
+
+def _texts(tokens: list[Token]) -> Iterator[str]:
+    for token in tokens:
+        if token.type == "inline":
+            yield _plain(token)
+        elif token.type in {"fence", "code_block"}:
+            yield " ".join(token.content.split())
+
+
+def _plain(inline: Token) -> str:
+    """Return the words of a piece of text without marks, links' addresses and pictures."""
+    words = (
+        part.content if part.type in {"text", "code_inline"} else " "
+        for part in inline.children or ()
+        if part.type in {"text", "code_inline", "softbreak", "hardbreak"}
+    )
+    return " ".join("".join(words).split())
+
+
+def _excerpt(text: str, words: list[str]) -> str:
+    """Return what stands around the first of `words` that is in `text`."""
+    lowered = text.lower()
+    at = next((lowered.find(word) for word in words if word in lowered), 0)
+    first = max(at - AROUND // 3, 0)
+    end = first + AROUND
+    return f"{'…' if first else ''}{text[first:end]}{'…' if end < len(text) else ''}"

@@ -1,0 +1,159 @@
+"""The manual: its pages on the left, the one at the pointer on the right, found by words."""
+
+from typing import NamedTuple
+
+from textual import on
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.containers import Horizontal, VerticalScroll
+from textual.content import Content
+from textual.screen import Screen
+from textual.widgets import Footer, Input, Markdown, OptionList, Static
+from textual.widgets.option_list import Option
+
+from pa_console.manual_pages import Manual, Page
+from pa_console.tui.vocabulary import NOTE, QUIET
+from pa_console.tui.widgets.fields import LineField
+
+FOUND = "-found"
+"""The class of the heading that was jumped to."""
+
+
+class Place(NamedTuple):
+    """A page, and the number of the heading in it that is at the top of the screen."""
+
+    page: Page
+    heading: int = 0
+
+
+class ManualScreen(Screen[None]):
+    """Words that are typed turn the list of pages into one of the sections that have them."""
+
+    BINDINGS = [
+        Binding("escape", "dismiss", "Back"),
+        Binding("slash", "search", "Search"),
+    ]
+
+    def __init__(self, manual: Manual) -> None:
+        super().__init__()
+        self._manual = manual
+        self._places = [Place(page) for page in manual.pages]
+        self._wanted = self._places[0]
+        self._shown: Place | None = None
+        self._busy = False
+
+    def compose(self) -> ComposeResult:
+        """Yield the search line, the list, the page and the keys."""
+        yield Static(id="manual-title", markup=False)
+        yield LineField(compact=True, id="manual-search", placeholder="Words to find in all pages")
+        with Horizontal(id="manual-body"):
+            yield OptionList(id="manual-list", markup=False)
+            with VerticalScroll(id="manual-page"):
+                yield Markdown(id="manual-text", open_links=False)
+        yield Footer(show_command_palette=False, compact=True)
+
+    def on_mount(self) -> None:
+        """List all pages, the pointer on the first."""
+        self.query_one("#manual-search", Input).cursor_blink = False
+        self._list_pages()
+        self.query_one("#manual-list").focus()
+
+    @on(Input.Changed, "#manual-search")
+    def _search(self, event: Input.Changed) -> None:
+        words = event.value.strip()
+        if not words:
+            self._list_pages()
+            return
+        hits = self._manual.search(words)
+        self._places = [Place(hit.page, hit.number) for hit in hits]
+        self._list(
+            [
+                Content.assemble(
+                    (f" {hit.heading}", "bold"),
+                    (f"  {hit.page.title}" if hit.number else "", QUIET),
+                    "\n",
+                    (f" {hit.excerpt}", QUIET),
+                )
+                for hit in hits
+            ]
+        )
+        sections = "section has" if len(hits) == 1 else "sections have"
+        self._title(f"{len(hits) or 'no'} {sections} these words")
+
+    @on(Input.Submitted, "#manual-search")
+    def _to_list(self) -> None:
+        if self._places:
+            self.query_one("#manual-list").focus()
+
+    @on(OptionList.OptionHighlighted)
+    def _highlighted(self, event: OptionList.OptionHighlighted) -> None:
+        self._show(self._places[event.option_index])
+
+    @on(OptionList.OptionSelected)
+    def _to_page(self) -> None:
+        self.query_one("#manual-page").focus()
+
+    @on(Markdown.LinkClicked)
+    def _follow(self, event: Markdown.LinkClicked) -> None:
+        """Go to the page and the heading of a link; an address of the web goes to the browser."""
+        event.stop()
+        file, _, anchor = event.href.partition("#")
+        if "://" in file:
+            self.app.open_url(event.href)
+            return
+        try:
+            page = self._manual.find(file) if file else self._wanted.page
+        except ValueError as error:
+            self.notify(str(error), title="Manual", severity="error", markup=False)
+            return
+        self._show(Place(page, page.heading_of(anchor)))
+
+    def action_search(self) -> None:
+        """Type words to find."""
+        self.query_one("#manual-search").focus()
+
+    def _list_pages(self) -> None:
+        pages = self._manual.pages
+        self._places = [Place(page) for page in pages]
+        at = next((number for number, page in enumerate(pages) if page == self._wanted.page), 0)
+        self._list([Content(f" {page.title}") for page in pages], at)
+        self._title(f"{len(pages)} pages; / finds words in all of them")
+
+    def _list(self, lines: list[Content], at: int = 0) -> None:
+        listing = self.query_one("#manual-list", OptionList)
+        listing.clear_options()
+        listing.add_options(Option(line) for line in lines)
+        if lines:
+            listing.highlighted = at
+
+    def _title(self, note: str) -> None:
+        text = Content.assemble(("Manual  ", f"bold {NOTE}"), (note, QUIET))
+        self.query_one("#manual-title", Static).update(text)
+
+    def _show(self, place: Place) -> None:
+        """Show a place; of several that are asked for while one is laid out, the last is next."""
+        self._wanted = place
+        if not self._busy:
+            self._busy = True
+            self.run_worker(self._lay_out(), group="manual")
+
+    async def _lay_out(self) -> None:
+        text = self.query_one("#manual-text", Markdown)
+        while self._shown != self._wanted:
+            place = self._wanted
+            if self._shown is None or self._shown.page != place.page:
+                await text.update(place.page.text)
+            self._shown = place
+            self.call_after_refresh(self._scroll, text, place.heading)
+        self._busy = False
+
+    def _scroll(self, text: Markdown, heading: int) -> None:
+        """Bring the heading of that number to the top, as far as the page goes, and mark it."""
+        headings = text.table_of_contents
+        text.query(f".{FOUND}").remove_class(FOUND)
+        if 0 < heading < len(headings):
+            found = text.query_one(f"#{headings[heading][2]}")
+            found.add_class(FOUND)
+            found.scroll_visible(top=True, animate=False)
+        else:
+            self.query_one("#manual-page", VerticalScroll).scroll_home(animate=False)
