@@ -6,12 +6,11 @@ from collections.abc import AsyncGenerator, Sequence
 from pathlib import Path
 from typing import cast
 
-from pa_console.llm.catalog import LocalModel
-from pa_console.llm.confidence import Chance
-from pa_console.llm.engine import Engine, OnState
+from pa_console.llm.engine.engine import Engine, OnState
+from pa_console.llm.engine.protocol import Chance, Completed, Request
 from pa_console.llm.errors import EngineError
-from pa_console.llm.request import Completed, Request
-from pa_console.schema.event import Role
+from pa_console.llm.models.catalogue import LocalModel
+from pa_console.schema.events.event import Role
 from pa_console.schema.finding import Usage
 
 Answer = str | EngineError | None

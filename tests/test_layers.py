@@ -16,10 +16,12 @@ ABOVE = (*FRONT, "pa_console.training")
 """The front ends, which may import Textual, and what only they may start."""
 
 WORKER = (
-    *(f"pa_console.llm.{name}" for name in ("worker", "runtime", "decoding", "answer_run", "chat")),
-    *(f"pa_console.llm.{name}" for name in ("shared_context", "candidates", "branches")),
-    *(f"pa_console.llm.{name}" for name in ("token_choice", "adapter_switch", "convert")),
-    *(f"pa_console.evaluation.bench.{name}" for name in ("plain", "raw")),
+    *(
+        f"pa_console.llm.worker.{name}"
+        for name in ("answer", "candidates", "chat", "contexts", "decoding", "runtime", "worker")
+    ),
+    "pa_console.llm.models.gguf_conversion",
+    *(f"pa_console.benchmarks.speed.{name}" for name in ("plain", "raw")),
 )
 """What runs in processes that hold a model; nothing else may import the model libraries."""
 
@@ -86,7 +88,7 @@ def test_the_command_line_starts_without_what_its_verbs_need() -> None:
 
 def test_every_verb_is_there_without_what_trains_and_without_a_screen() -> None:
     loaded = loaded_by(VERBS_LOADED)
-    assert {"pa_console.cli.train", "pa_console.evaluation"} <= loaded
+    assert {"pa_console.cli.train.train", "pa_console.evaluation"} <= loaded
     assert not loaded & {"pa_console.training", "torch", "gguf", "textual", "llama_cpp"}
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import pa_console
-from pa_console.llm.catalog import Catalog
+from pa_console.llm.models.catalogue import Catalog
 
 ROOT = Path(pa_console.__file__).parents[1]
 MANUAL = "pa_console/manual"

@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from pa_console.cli.chosen import settings_of
 from pa_console.cli.output import (
     AcceptRulesOption,
     ModelOption,
@@ -19,11 +18,12 @@ from pa_console.cli.output import (
     WorldOption,
     errors,
     out,
+    require_keys,
 )
-from pa_console.cli.streams import require_keys
-from pa_console.llm.catalog import find_model
-from pa_console.llm.engine import Engine
-from pa_console.session.chain import LogError
+from pa_console.cli.settings_defaults import settings_of
+from pa_console.llm.engine.engine import Engine
+from pa_console.llm.models.catalogue import find_model
+from pa_console.session.log.chain import LogError
 
 
 def console(
@@ -63,15 +63,15 @@ def console(
         found = hashing.submit(find_model, model, going_on)
         try:
             from pa_console.cli.session_log import open_log, tell_of_witness  # noqa: PLC0415
-            from pa_console.orchestrator.clock import RealTimeClock  # noqa: PLC0415 - meanwhile
-            from pa_console.orchestrator.compose import (  # noqa: PLC0415
+            from pa_console.orchestrator.station.assembly import (  # noqa: PLC0415
                 Site,
                 load_site,
                 open_scenario,
                 open_station,
             )
-            from pa_console.orchestrator.rules_watch import RulesWatch  # noqa: PLC0415
-            from pa_console.policy.rules_pin import RefusedRulesError, RulesPins  # noqa: PLC0415
+            from pa_console.orchestrator.station.rules_in_force import RulesWatch  # noqa: PLC0415
+            from pa_console.orchestrator.station.ticking import RealTimeClock  # noqa: PLC0415 - meanwhile
+            from pa_console.policy.trust.pinned_rules import RefusedRulesError, RulesPins  # noqa: PLC0415
             from pa_console.signing import load_signer  # noqa: PLC0415
             from pa_console.tui.app import ConsoleApp  # noqa: PLC0415
 

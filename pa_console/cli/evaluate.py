@@ -6,14 +6,23 @@ from contextlib import aclosing
 from datetime import datetime
 from pathlib import Path
 from time import perf_counter
-from typing import Annotated
+from typing import Annotated, Self
 
 import typer
+from rich import box
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table as RichTable
+from rich.text import Text
 
 from pa_console import __version__
-from pa_console.cli.chosen import settings_of
-from pa_console.cli.eval_progress import EvalProgress
-from pa_console.cli.eval_tables import to_rich
+from pa_console.benchmarks.machine import describe_machine
 from pa_console.cli.output import (
     JsonOption,
     RulesOption,
@@ -24,32 +33,124 @@ from pa_console.cli.output import (
     print_json,
     warn_of_altered,
 )
-from pa_console.evaluation.jobs import (
+from pa_console.cli.progress_bars import LiveBar
+from pa_console.cli.settings_defaults import settings_of
+from pa_console.evaluation.reporting.table import Table
+from pa_console.evaluation.runs.jobs import (
+    ABOUT,
     Job,
     LoadedSet,
-    chosen,
+    chosen_missions,
+    find_variant,
     keep_worlds,
     load_set,
     mission_file,
     plan_jobs,
 )
-from pa_console.evaluation.machine import describe_machine
-from pa_console.evaluation.memo_engine import MemoEngine
-from pa_console.evaluation.results import (
-    Results,
+from pa_console.evaluation.runs.memo_engine import MemoEngine
+from pa_console.evaluation.runs.run_record import (
+    EvaluationFolder,
+    RunRecord,
     evaluations_folder,
     newest_evaluation,
     read_about,
     read_runs,
 )
-from pa_console.evaluation.runner import Runner
-from pa_console.evaluation.variants import ABOUT, find_variant
-from pa_console.llm.catalog import LocalModel, find_model
-from pa_console.llm.engine import Engine
-from pa_console.llm.threads import physical_cores
-from pa_console.orchestrator.compose import load_site
-from pa_console.policy.rules_pin import RulesPins
+from pa_console.evaluation.runs.runner import Runner
+from pa_console.llm.engine.engine import Engine
+from pa_console.llm.models.catalogue import LocalModel, find_model
+from pa_console.llm.worker.threads import physical_cores
+from pa_console.orchestrator.station.assembly import load_site
+from pa_console.policy.trust.pinned_rules import RulesPins
 from pa_console.tui.words import count
+
+
+class EvalProgress(LiveBar):
+    """Counts runs as they end, with how many succeeded strictly."""
+
+    def __init__(self, total: int, done: int) -> None:
+        """`done` of `total` runs were there already."""
+        self._total, self._made, self._strict = total, done, 0
+        self._before = done
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=24),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            console=errors,
+            transient=True,
+        )
+        self._task = self._progress.add_task("starting", total=total, completed=done)
+
+    def __enter__(self) -> Self:
+        super().__enter__()
+        if self._before:
+            errors.print(f"there already: {self._before} of {count(self._total, 'run')}")
+        return self
+
+    def add(self, record: RunRecord) -> None:
+        """Count one more run."""
+        self._made += 1
+        self._strict += record.strict
+        share = f"strict {self._strict}/{self._made - self._before}"
+        self._progress.update(self._task, advance=1, description=f"{share}  {record.run}")
+        if not errors.is_terminal:
+            word = "ok" if record.strict else "failed"
+            line = f"{self._made}/{self._total} {record.run}: {record.status}, strict {word}"
+            errors.print(line, markup=False, soft_wrap=True)
+
+
+_GAP = 2
+"""Characters between two columns."""
+
+_TITLE_WORD = 9
+"""Longer words of a column's title may be broken; names of models are long."""
+
+
+def to_rich(table: Table, width: int = 100) -> RichTable:
+    """Return `table`, without its note, for a terminal of `width` columns; long cells wrap.
+
+    Every column gets a width of its own, so that ids and intervals stay whole as long as there is
+    room for all of them.
+    """
+    shown = RichTable(
+        title=Text(table.title, style="bold"),
+        title_justify="left",
+        box=box.SIMPLE_HEAD,
+        show_edge=False,
+        pad_edge=False,
+        padding=(0, 1, 0, 0),
+    )
+    for index, wide in enumerate(_widths(table, width)):
+        justify = "right" if table.numeric(index) else "left"
+        title = Text(table.columns[index])
+        shown.add_column(title, justify=justify, overflow="fold", width=wide)
+    for row in table.rows:
+        shown.add_row(*map(Text, row))
+    return shown
+
+
+def _widths(table: Table, width: int) -> list[int]:
+    """Return a width for each column: its longest word, then what is left to the neediest."""
+    room = max(width - _GAP * len(table.columns), len(table.columns))
+    cells = [list(column) for column in zip(table.columns, *table.rows, strict=True)]
+    whole = [max(len(cell) for cell in column) or 1 for column in cells]
+    found = [
+        max(
+            max((len(word) for cell in column[1:] for word in cell.split()), default=1),
+            *(min(len(word), _TITLE_WORD) for word in column[0].split()),
+        )
+        for column in cells
+    ]
+    while sum(found) > room:
+        found[found.index(max(found))] -= 1
+    while sum(found) < min(room, sum(whole)):
+        need = [full / here for full, here in zip(whole, found, strict=True)]
+        found[need.index(max(need))] += 1
+    return found
+
 
 app = typer.Typer(
     help="Run mission sets against models and variants of the pipeline; more below.",
@@ -122,12 +223,12 @@ def evaluate(
     wanted = [
         LoadedSet(part, loaded.sites)
         for loaded in (load_set(file, world, site.rulebook, folder / "worlds") for file in files)
-        if (part := chosen(loaded.missions, only, every)) is not None
+        if (part := chosen_missions(loaded.missions, only, every)) is not None
     ]
     if not wanted:
         raise ValueError(f"--only {only!r} matches no mission of {', '.join(map(str, files))}")
     planned = plan_jobs(wanted, list(models), variants, range(repeat))
-    results = Results(folder)  # only now: wrong input leaves no folder behind
+    results = EvaluationFolder(folder)  # only now: wrong input leaves no folder behind
     for loaded in wanted:
         keep_worlds(loaded)
     began = perf_counter()
@@ -173,7 +274,7 @@ def _chosen(folder: Path | None) -> Path:
 
 
 async def _run(
-    results: Results,
+    results: EvaluationFolder,
     planned: list[Job],
     models: dict[str, LocalModel],
     lanes: int,
@@ -202,7 +303,7 @@ def sets_of(planned: Sequence[Job]) -> list[str]:
 
 
 def _about(
-    results: Results, sets: list[str], seconds: float, jobs: int, reuse: bool
+    results: EvaluationFolder, sets: list[str], seconds: float, jobs: int, reuse: bool
 ) -> dict[str, object]:
     """Return what was run, for the report; what a folder said before is added to."""
     before = read_about(results.folder)

@@ -11,8 +11,7 @@ import typer
 from typer.core import TyperGroup
 
 from pa_console import __version__
-from pa_console.cli.output import BAD_INPUT, FAILED, errors
-from pa_console.cli.streams import open_closed_streams
+from pa_console.cli.output import BAD_INPUT, FAILED, errors, open_closed_streams
 from pa_console.cli.verbs import Verbs
 
 INTERRUPTED = 130
@@ -49,9 +48,9 @@ def _default(
     if version:
         typer.echo(f"pa-console {__version__}")
         raise typer.Exit
-    from pa_console.cli.chosen import choose  # noqa: PLC0415 - no version needs settings
+    from pa_console.cli.settings_defaults import set_defaults  # noqa: PLC0415 - no version needs settings
 
-    choose(context, assignments or ())
+    set_defaults(context, assignments or ())
     if context.invoked_subcommand is None:
         assert isinstance(context.command, TyperGroup)
         opened = context.command.commands["console"]

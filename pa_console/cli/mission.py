@@ -9,8 +9,7 @@ import typer
 from pydantic import TypeAdapter, ValidationError
 from rich.status import Status
 
-from pa_console.cli.ask import ask
-from pa_console.cli.chosen import settings_of
+from pa_console.cli.mission_trace import print_trace
 from pa_console.cli.output import (
     AcceptRulesOption,
     JsonOption,
@@ -27,25 +26,22 @@ from pa_console.cli.output import (
     warn_of_altered,
 )
 from pa_console.cli.session_log import open_log, tell_of_witness
-from pa_console.cli.trace import print_trace
-from pa_console.llm.catalog import find_model
-from pa_console.llm.engine import Engine
-from pa_console.orchestrator.clock import SteppedClock
-from pa_console.orchestrator.compose import load_site, open_scenario, open_station
-from pa_console.orchestrator.headless import (
-    exit_code,
-    run_missions,
-    standing_approver,
-)
-from pa_console.policy.rules_pin import RulesPins
+from pa_console.cli.settings_defaults import settings_of
+from pa_console.cli.terminal_approval import ask_decision
+from pa_console.llm.engine.engine import Engine
+from pa_console.llm.models.catalogue import find_model
+from pa_console.orchestrator.station.assembly import load_site, open_scenario, open_station
+from pa_console.orchestrator.station.headless import exit_code, run_missions, standing_approver
+from pa_console.orchestrator.station.ticking import SteppedClock
+from pa_console.policy.trust.pinned_rules import RulesPins
 from pa_console.schema.document import Document
-from pa_console.schema.event import ApprovalRequested, Event
+from pa_console.schema.events.event import ApprovalRequested, Event
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision
-from pa_console.session.chain import LogError
-from pa_console.session.fold import SessionState
-from pa_console.session.log import LogWriter
-from pa_console.session.mission_trace import MissionTrace
+from pa_console.session.log.chain import LogError
+from pa_console.session.log.writer import LogWriter
+from pa_console.session.state.fold import SessionState
+from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.signing import load_signer
 
 
@@ -199,6 +195,6 @@ class _Progress:
         """Return the operator's answer on the terminal, the progress line out of the way."""
         self._status.stop()
         try:
-            return ask(request, self._trace)
+            return ask_decision(request, self._trace)
         finally:
             self._status.start()

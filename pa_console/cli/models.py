@@ -8,8 +8,8 @@ from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeR
 from rich.table import Table
 
 from pa_console.cli.output import JsonOption, errors, out, print_json
-from pa_console.llm.catalog import Catalog, ModelEntry
-from pa_console.llm.fetch import pull as fetch
+from pa_console.llm.models.catalogue import Catalog, ModelEntry
+from pa_console.llm.models.fetching import pull as fetch
 
 app = typer.Typer(help="List and pull language models.", no_args_is_help=True)
 

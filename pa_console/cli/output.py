@@ -1,16 +1,47 @@
-"""What every verb shares: the two consoles, JSON output, exit codes and common options."""
+"""What every verb shares: streams, the two consoles, JSON output, exit codes, common options."""
 
 import json
+import os
 import sys
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import IO, TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pa_console.schema.visible import visible, visible_json
-from pa_console.tui.plain_console import PlainConsole
+from pa_console.schema.visible_text import visible, visible_json
+from pa_console.tui.plain_output import PlainConsole
 
-if TYPE_CHECKING:  # every start of the command line would wait for it
-    from pa_console.schema.rules_seal import RulesSeal
+if TYPE_CHECKING:
+    from pa_console.schema.rule import RulesSeal
+
+
+def open_closed_streams() -> None:
+    """Let every standard stream that was closed read nothing, or lead nowhere.
+
+    Otherwise the next file that is opened becomes standard input or output, and whoever reads or
+    writes there meets it.
+    """
+    for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
+        if getattr(sys, name) is None:
+            stream = _open_on_nothing(number, mode)
+            setattr(sys, name, stream)
+            setattr(sys, f"__{name}__", stream)
+
+
+def require_keys(instead: str) -> None:
+    """Raise ValueError, with what to do instead, where no key of an operator can arrive.
+
+    Textual's own drivers, such as that of a browser, bring keys without a terminal.
+    """
+    if "TEXTUAL_DRIVER" not in os.environ and not sys.stdin.isatty():
+        raise ValueError(f"standard input is no terminal, no key would arrive; {instead}")
+
+
+def _open_on_nothing(number: int, mode: str) -> IO[Any]:
+    """Return a stream on the null device: as descriptor `number`, unless a file is there by now."""
+    opened = os.open(os.devnull, os.O_RDONLY if mode == "r" else os.O_WRONLY)
+    os.set_inheritable(opened, opened == number)
+    return os.fdopen(opened, mode, encoding="utf-8", closefd=False)
+
 
 FAILED = 1
 BAD_INPUT = 2

@@ -4,9 +4,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from pa_console.cli.output import errors
-from pa_console.session.log import LogError, LogWriter, default_folder, new_log_path
-from pa_console.session.session_index import SessionIndex
-from pa_console.session.witness import URLS, Witness
+from pa_console.session.log.session_index import SessionIndex
+from pa_console.session.log.witness import URLS, Witness
+from pa_console.session.log.writer import LogError, LogWriter, default_folder, new_log_path
 from pa_console.settings.folders import nearest_existing
 from pa_console.settings.schema import Settings
 from pa_console.signing import Signer

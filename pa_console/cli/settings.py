@@ -6,8 +6,8 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from pa_console.cli.chosen import given_settings
 from pa_console.cli.output import JsonOption, out, print_json
+from pa_console.cli.settings_defaults import given_settings
 from pa_console.settings.file import reset_settings, save_setting
 from pa_console.settings.schema import describe_settings, value_text
 from pa_console.settings.sources import Loaded, load_settings, settings_file
@@ -68,7 +68,7 @@ def _rows(loaded: Loaded) -> list[dict[str, Any]]:
 
 
 def _problems(loaded: Loaded) -> list[str]:
-    from pa_console.tui.settings_check import problems  # noqa: PLC0415 - the screen's libraries
+    from pa_console.tui.settings_rows import problems  # noqa: PLC0415 - the screen's libraries
 
     return [str(loaded.error(field, problem)) for field, problem in problems(loaded.values)]
 

@@ -7,20 +7,58 @@ Topics: `/telemetry` (the picture), `/events/<kind>` (every other event as the l
 import json
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, cast
 
-from pydantic import BaseModel
+from pydantic import BaseModel, TypeAdapter
 
 from pa_console import __version__
 from pa_console.export.mcap_scene import SceneUpdate, Time, picture_scene, time_of, world_scene
-from pa_console.export.mcap_schema import Schema, event_schema, model_schema
-from pa_console.export.opening import OpenedSession
-from pa_console.schema.event import Event, TelemetryReceived
+from pa_console.export.source_log import OpenedSession
+from pa_console.schema.events.base import Payload
+from pa_console.schema.events.event import Event, TelemetryReceived
 from pa_console.schema.world import World
-from pa_console.session.fold import Notice, SessionState
+from pa_console.session.state.fold import Notice, SessionState
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
+
+
+Schema = dict[str, Any]
+
+
+def model_schema(model: type[BaseModel]) -> Schema:
+    """Return the schema of a model's JSON, definitions put where they are referred to."""
+    return _resolved(TypeAdapter(model).json_schema(mode="serialization"))
+
+
+def event_schema(payload: type[Payload]) -> Schema:
+    """Return the schema of an event that carries `payload`, as a line of the log has it."""
+    event = TypeAdapter(Event).json_schema(mode="serialization")
+    del event["$defs"]
+    event["properties"]["data"] = {}
+    schema = _resolved(event)
+    schema["title"] = payload.__name__
+    schema["properties"]["data"] = model_schema(payload)
+    return schema
+
+
+def _resolved(schema: Schema) -> Schema:
+    """Replace every reference; viewers that plot a field by its path need not follow any."""
+    definitions: Schema = schema.pop("$defs", {})
+
+    def put(node: Any) -> Any:
+        if isinstance(node, list):
+            return [put(item) for item in cast(list[Any], node)]
+        if not isinstance(node, dict):
+            return node
+        given = cast(Schema, node)
+        if "$ref" in given:
+            beside = {name: put(value) for name, value in given.items() if name != "$ref"}
+            return put(definitions[given["$ref"].rpartition("/")[2]]) | beside
+        return {name: put(value) for name, value in given.items() if name != "discriminator"}
+
+    return put(schema)
+
 
 NEEDED = "MCAP files need one more package: pip install 'pa-console[mcap]'"
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)

@@ -4,18 +4,17 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from pa_console.policy.allowance import DEADLINE_S
-from pa_console.policy.expression import (
+from pa_console.policy.expressions.deadlines import DEADLINE_S
+from pa_console.policy.expressions.expression import (
     MOMENT_VARIABLES,
     PLAN_VARIABLES,
     SUBJECT_VARIABLES,
     WORKFLOW_VARIABLES,
     Expression,
 )
-from pa_console.policy.seal import seal_of
+from pa_console.policy.trust.rule_seal import seal_of
 from pa_console.schema.document import Document, FieldPath
-from pa_console.schema.rule import Ordering, Rule, RuleSet, Workflow
-from pa_console.schema.rules_seal import RulesSeal
+from pa_console.schema.rule import Ordering, Rule, RuleSet, RulesSeal, Workflow
 
 MAX_SET_SIZE = 100_000
 """Names, values and signs in all expressions of a file, each of which counts for some more."""

@@ -7,26 +7,15 @@ from pa_console.schema.incident import Incident
 from pa_console.schema.scenario import Scenario
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
-from pa_console.sim import (
-    devices,
-    forecast,
-    incidents,
-    integrity,
-    link,
-    lost_link,
-    motion,
-    physics,
-    power,
-    radio,
-    script,
-    sensing,
-    telemetry,
-    true_contacts,
-)
-from pa_console.sim import picture as station_side
-from pa_console.sim.link_state import RadioState
-from pa_console.sim.state import AssetState, Scene
-from pa_console.sim.terrain import Terrain
+from pa_console.sim import forecast, incidents, scenario_script
+from pa_console.sim.assets import battery, devices, motion, physics
+from pa_console.sim.contacts import true_contacts
+from pa_console.sim.picture import integrity, telemetry
+from pa_console.sim.picture import picture as station_side
+from pa_console.sim.radio import link, radio
+from pa_console.sim.sensing import sensing
+from pa_console.sim.state import AssetState, RadioState, Scene
+from pa_console.sim.worlds.terrain import Terrain
 
 LEAD_TICKS = 2
 
@@ -56,7 +45,7 @@ class Checkpoint:
             )
             incidents.place(self._terrain, self._scene, asset, spec.post)
             self._scene.assets[name] = asset
-        self._scene.script = script.begin(self.scenario, seed)
+        self._scene.script = scenario_script.begin(self.scenario, seed)
         self._happened: list[Incident] = []
         self._skipped: list[str] = []
         self._play()
@@ -79,7 +68,7 @@ class Checkpoint:
         self._play()
         for command in link.take_commands(scene):
             if command.agent in scene.assets:
-                lost_link.heard(terrain, scene, scene.assets[command.agent])
+                devices.note_heard(terrain, scene, scene.assets[command.agent])
             for reply in devices.accept(terrain, scene, command):
                 link.send_reply(scene, reply, dt_s)
         ground = motion.traffic(terrain, scene)
@@ -88,7 +77,7 @@ class Checkpoint:
             physics.move(terrain, scene, ground, velocities, dt_s)
         sensing.advance(terrain, scene, dt_s)
         for asset in scene.busy():
-            power.settle(self.world, scene, asset)
+            battery.settle(self.world, scene, asset)
             for reply in devices.work(terrain, scene, asset):
                 link.send_reply(scene, reply, dt_s)
             if scene.ideal:
@@ -118,7 +107,7 @@ class Checkpoint:
             return
         if phase == max(0, self._period - LEAD_TICKS) % self._period:
             radio.end_jams(scene)
-            lost_link.listen(terrain, scene)
+            devices.listen(terrain, scene)
             telemetry.send(terrain, scene)
         for report in link.take_reports(scene):
             station_side.receive(terrain, scene, report)
@@ -174,7 +163,7 @@ class Checkpoint:
     def _play(self) -> None:
         """Make happen what the scenario says for this tick."""
         if self.scenario is not None:
-            done, skipped = script.play(self._terrain, self._scene, self.scenario)
+            done, skipped = scenario_script.play(self._terrain, self._scene, self.scenario)
             self._happened += done
             self._skipped += skipped
 

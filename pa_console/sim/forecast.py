@@ -12,11 +12,12 @@ from pa_console.schema.command import DeviceCommand
 from pa_console.schema.plan import Verb
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Task
 from pa_console.schema.world import World
-from pa_console.sim import picture as station_side
-from pa_console.sim import power, sensing, telemetry
-from pa_console.sim.link_state import Heard, RadioState, StationState
-from pa_console.sim.state import AssetState, Scene
-from pa_console.sim.terrain import Terrain
+from pa_console.sim.assets import battery
+from pa_console.sim.picture import picture as station_side
+from pa_console.sim.picture import telemetry
+from pa_console.sim.sensing import sensing
+from pa_console.sim.state import AssetState, Heard, RadioState, Scene, StationState
+from pa_console.sim.worlds.terrain import Terrain
 
 IDLE_REPORT_PERIODS = 20
 """An idle asset, of which only the battery changes, reports once in so many telemetry periods."""
@@ -41,7 +42,7 @@ def scene_of(terrain: Terrain, picture: Picture) -> Scene:
             marks=station_side.marks_of(report.comms),
         )
         station.shown[report.id] = report
-        station_side.post(scene, None, report)
+        station_side.update_post(scene, None, report)
         if asset.route or asset.command is not None:
             scene.active.add(asset.id)
     for gate, cover in picture.gates.items():
@@ -64,7 +65,7 @@ def report(terrain: Terrain, scene: Scene) -> Picture:
             scene.touched.add(asset.id)
     heard = [asset for asset in scene.in_order(scene.touched) if asset.radio.up]
     for asset in heard:
-        power.settle(world, scene, asset)
+        battery.settle(world, scene, asset)
         said = telemetry.report_of(terrain, scene.tick, asset)
         station.heard[asset.id] = Heard(said, scene.tick, station.heard[asset.id].marks)
     scene.touched.clear()

@@ -18,10 +18,11 @@ from pa_console.schema.incident import (
     unknown_name,
 )
 from pa_console.schema.telemetry import Task
-from pa_console.sim import obstructions, power, radio, sensing
-from pa_console.sim.link_state import Drift
-from pa_console.sim.state import AssetState, Scene
-from pa_console.sim.terrain import Terrain
+from pa_console.sim.assets import battery, obstructions
+from pa_console.sim.radio import radio
+from pa_console.sim.sensing import sensing
+from pa_console.sim.state import AssetState, Drift, Scene
+from pa_console.sim.worlds.terrain import Terrain
 
 
 def apply(terrain: Terrain, scene: Scene, incident: Incident) -> None:
@@ -106,5 +107,5 @@ def _carried(scene: Scene, name: str) -> None:
 def _asset(terrain: Terrain, scene: Scene, name: str) -> AssetState:
     """Return the asset that something happens to; the next step looks after it."""
     asset = scene.assets[name]
-    power.rouse(terrain.world, scene, asset)
+    battery.rouse(terrain.world, scene, asset)
     return asset

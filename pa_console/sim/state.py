@@ -6,14 +6,356 @@ import math
 import random
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 from pa_console.schema.base import Point
 from pa_console.schema.command import CommandReply, DeviceCommand
-from pa_console.schema.telemetry import Task
-from pa_console.schema.world import AssetKind, Wall
-from pa_console.sim.link_state import UNDISTURBED, Drift, LinkState, RadioState, StationState
-from pa_console.sim.script_state import ScriptState
-from pa_console.sim.sensing_state import ContactState, SensingState
+from pa_console.schema.incident import Reaction
+from pa_console.schema.telemetry import (
+    AssetTelemetry,
+    GateCover,
+    Identity,
+    Intent,
+    Task,
+    TrackStatus,
+    Weather,
+)
+from pa_console.schema.world import AssetKind, Radio, Wall
+
+
+@dataclass(slots=True)
+class ScriptState:
+    """Progress of a scenario whose random events are drawn from `seed`.
+
+    `due_s` says when a scripted event happens, known once its condition has held; `happened` and
+    `skipped` hold the events that are over. `drawn` counts the random events of each process,
+    the next of which is due at `next_s`. Events and processes are named by their index.
+    """
+
+    seed: int = 0
+    due_s: dict[int, float] = field(default_factory=dict[int, float])
+    happened: tuple[int, ...] = ()
+    skipped: tuple[int, ...] = ()
+    drawn: tuple[int, ...] = ()
+    next_s: tuple[float, ...] = ()
+
+    def copy(self) -> "ScriptState":
+        """Return an independent copy."""
+        return ScriptState(
+            seed=self.seed,
+            due_s=dict(self.due_s),
+            happened=self.happened,
+            skipped=self.skipped,
+            drawn=self.drawn,
+            next_s=self.next_s,
+        )
+
+
+ContactKind = Literal["vehicle", "person"]
+
+
+@dataclass(slots=True)
+class ContactState:
+    """A vehicle or person that is not ours, as it truly is; fields hold immutable values.
+
+    On its lane it is `travelled` metres from the far end; off it, `route` lists the waypoints
+    still ahead.
+    """
+
+    id: str
+    kind: ContactKind
+    gate: str
+    lane: str
+    travelled: float
+    x: float
+    y: float
+    heading: float
+    cruise_mps: float
+    identity: Identity
+    intent: Intent
+    when_warned: Reaction = "leave"
+    noncombatants: bool = False
+    name: str | None = None
+    speed: float = 0.0
+    status: TrackStatus = "approaching"
+    warned_tick: int | None = None
+    on_lane: bool = True
+    route: tuple[Point, ...] = ()
+
+    @property
+    def position(self) -> Point:
+        """Where it is, metres."""
+        return (self.x, self.y)
+
+
+@dataclass(frozen=True, slots=True)
+class Phantom:
+    """Something that one sensor takes for a contact until `until_tick`, though nothing is there."""
+
+    id: str
+    lane: str
+    sensor: str
+    from_tick: int
+    until_tick: int
+
+
+@dataclass(frozen=True, slots=True)
+class Detection:
+    """What one sensor tells of one contact in one report.
+
+    `position` is what it measured now, with a normal error of `sigma_m` on each axis, or None if
+    it only repeats what it has learned before. `contact` is the signature by which detections of
+    the same contact are told to belong together.
+    """
+
+    contact: str
+    kind: ContactKind
+    position: Point | None
+    sigma_m: float
+    identity: Identity = "unknown"
+    opinion: Intent = "unknown"
+    noncombatants: bool = False
+    warned_tick: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What a ground robot has learned of a contact by dealing with it (`identify`, `warn`)."""
+
+    identity: Identity = "unknown"
+    opinion: Intent = "unknown"
+    warned_tick: int | None = None
+
+
+@dataclass(slots=True)
+class TrackFile:
+    """What the station has made of the detections of one contact.
+
+    Position and velocity are estimates at `tick`; `variance`, `covariance` and `speed_variance`
+    are theirs on each axis. `confirmed` is an intent that was confirmed before the file began (in
+    the picture of a forecast). `opinions` and `seen` hold, per sensor, its latest opinion of the
+    intent and the tick of its latest detection. `anchor` is where it was when it had last moved
+    beyond doubt, and when that was.
+    """
+
+    id: str
+    contact: str
+    kind: ContactKind
+    gate: str
+    x: float
+    y: float
+    heading: float
+    variance: float
+    tick: int
+    first_tick: int
+    reviewed_tick: int = -1
+    vx: float = 0.0
+    vy: float = 0.0
+    covariance: float = 0.0
+    speed_variance: float = 0.0
+    status: TrackStatus = "approaching"
+    leaning: TrackStatus = "approaching"
+    leaning_tick: int = 0
+    anchor: Point | None = None
+    anchor_tick: int = 0
+    identity: Identity = "unknown"
+    confirmed: Intent = "unknown"
+    opinions: tuple[tuple[str, Intent], ...] = ()
+    seen: tuple[tuple[str, int], ...] = ()
+    observed: bool = False
+    noncombatants: bool = False
+    warned_tick: int | None = None
+    warned_at: Point | None = None
+    warned_sigma_m: float = 0.0
+    warned_inside: bool = False
+    defiant: bool = False
+
+    @property
+    def position(self) -> Point:
+        """Where it was when last detected, as estimated, metres."""
+        return (self.x, self.y)
+
+    @property
+    def sigma_m(self) -> float:
+        """One standard deviation of the estimated position on each axis, metres."""
+        return self.variance**0.5
+
+
+@dataclass(slots=True)
+class SensingState:
+    """Contacts as they are, the sensors' condition and memory, and the station's tracks.
+
+    `named` maps a scenario's handles to contacts, gone ones included; detections of `cleared`
+    contacts that are still on their way are ignored. `watched` counts the scans in which a sensor
+    had a contact at close range.
+    """
+
+    contacts: dict[str, ContactState] = field(default_factory=dict[str, ContactState])
+    spawned: int = 0
+    named: dict[str, str] = field(default_factory=dict[str, str])
+    cleared: tuple[str, ...] = ()
+    weather: Weather = "clear"
+    broken: tuple[str, ...] = ()
+    phantoms: tuple[Phantom, ...] = ()
+    watched: dict[tuple[str, str], int] = field(default_factory=dict[tuple[str, str], int])
+    findings: dict[tuple[str, str], Finding] = field(default_factory=dict[tuple[str, str], Finding])
+    files: dict[str, TrackFile] = field(default_factory=dict[str, TrackFile])
+    numbered: int = 0
+
+    def copy(self) -> "SensingState":
+        """Return an independent copy; immutable values are shared."""
+        return SensingState(
+            contacts={name: copy.copy(contact) for name, contact in self.contacts.items()},
+            spawned=self.spawned,
+            named=dict(self.named),
+            cleared=self.cleared,
+            weather=self.weather,
+            broken=self.broken,
+            phantoms=self.phantoms,
+            watched=dict(self.watched),
+            findings=dict(self.findings),
+            files={name: copy.copy(file) for name, file in self.files.items()},
+            numbered=self.numbered,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class RadioState:
+    """How one asset's link is now; with `up` False nothing passes either way."""
+
+    latency_s: float
+    jitter_s: float
+    loss: float
+    up: bool = True
+
+    @classmethod
+    def nominal(cls, radio: Radio) -> "RadioState":
+        """Return the link as the world has it while nothing disturbs it."""
+        return cls(radio.latency_s, radio.jitter_s, radio.loss)
+
+
+UNDISTURBED = RadioState(latency_s=0.0, jitter_s=0.0, loss=0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Jam:
+    """An area in which no link works, until a tick or for good."""
+
+    at: Point
+    radius_m: float
+    until_tick: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """An asset's own idea of its position drifts away from the truth by (vx, vy) m/s."""
+
+    vx: float
+    vy: float
+    since_tick: int
+
+    def applied(self, position: Point, tick: int, dt_s: float) -> Point:
+        """Return where an asset that truly is at `position` believes to be at `tick`."""
+        seconds = (tick - self.since_tick) * dt_s
+        return (position[0] + self.vx * seconds, position[1] + self.vy * seconds)
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """One telemetry message: what an asset said of itself at tick `stamp`, and what it detected."""
+
+    agent: str
+    stamp: int
+    telemetry: AssetTelemetry
+    detections: tuple[Detection, ...] = ()
+
+
+@dataclass(slots=True)
+class LinkState:
+    """Messages under way: commands and replies as (tick due, order of sending, message).
+
+    `latest_due` holds, per direction and device, when the latest message is due: the next one is
+    not due sooner. Reports keep no order; they stand under the tick at which they are due.
+    """
+
+    sent: int = 0
+    commands: tuple[tuple[int, int, DeviceCommand], ...] = ()
+    replies: tuple[tuple[int, int, CommandReply], ...] = ()
+    reports: dict[int, list[Report]] = field(default_factory=dict[int, list[Report]])
+    latest_due: dict[tuple[str, str], int] = field(default_factory=dict[tuple[str, str], int])
+    jams: tuple[Jam, ...] = ()
+
+    def copy(self) -> "LinkState":
+        """Return an independent copy; messages are immutable."""
+        return LinkState(
+            sent=self.sent,
+            commands=self.commands,
+            replies=self.replies,
+            reports={due: list(reports) for due, reports in self.reports.items()},
+            latest_due=dict(self.latest_due),
+            jams=self.jams,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Trust:
+    """What the station makes of the positions that one asset reports; see integrity.py.
+
+    `stood` is where it came to stand, as sound reports had it. While it is `suspect`, `anchor` is
+    its last sound position, of tick `anchor_tick`, `lie` a place where other sensors miss it, and
+    `sound_from` the tick since which its reports have been sound again. `unseen` and `seen` count
+    in a row the periods in which other sensors missed it, or saw it, where it says it is. Reports
+    sent up to `carried_tick` are void: it was carried elsewhere then.
+    """
+
+    stood: Point | None = None
+    suspect: bool = False
+    anchor: Point = (0.0, 0.0)
+    anchor_tick: int = 0
+    lie: Point | None = None
+    sound_from: int | None = None
+    unseen: int = 0
+    seen: int = 0
+    carried_tick: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """What the station has of one asset: its latest report, sent at tick `stamp`, and the link.
+
+    `marks` has one bit for each of the last expected reports, the latest lowest: 1 if it came in
+    time.
+    """
+
+    telemetry: AssetTelemetry
+    stamp: int
+    marks: int
+    trust: Trust = Trust()
+
+
+@dataclass(slots=True)
+class StationState:
+    """The station's side: what it heard of each asset, what it concluded, and the gates' cover.
+
+    `shown` is what the picture says of each asset; `at_gate` names, per gate, who is posted to it
+    and at it, and whether that is sure. `covered_tick` is when a gate was last known to be covered.
+    """
+
+    heard: dict[str, Heard] = field(default_factory=dict[str, Heard])
+    shown: dict[str, AssetTelemetry] = field(default_factory=dict[str, AssetTelemetry])
+    at_gate: dict[str, dict[str, bool]] = field(default_factory=dict[str, dict[str, bool]])
+    covers: dict[str, GateCover] = field(default_factory=dict[str, GateCover])
+    covered_tick: dict[str, int] = field(default_factory=dict[str, int])
+
+    def copy(self) -> "StationState":
+        """Return an independent copy; reports and covers are immutable."""
+        return StationState(
+            heard=dict(self.heard),
+            shown=dict(self.shown),
+            at_gate={gate: dict(names) for gate, names in self.at_gate.items()},
+            covers=dict(self.covers),
+            covered_tick=dict(self.covered_tick),
+        )
 
 
 @dataclass(slots=True)

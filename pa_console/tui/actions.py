@@ -23,7 +23,7 @@ Group = Literal[
 
 
 @dataclass(frozen=True)
-class Situation:
+class ActionContext:
     """What decides which actions are legal at this moment."""
 
     replay: bool = False
@@ -59,7 +59,7 @@ class ConsoleAction:
     """Whether what is typed next goes into a field: its keys are dealt with at once, so that no
     letter of a burst is taken for another command."""
 
-    def refusal(self, now: Situation) -> str:
+    def refusal(self, now: ActionContext) -> str:
         """Return why the action is not legal now, empty when it is."""
         return next((why for need in self.needs if (why := _refusal(need, now))), "")
 
@@ -82,7 +82,7 @@ class ConsoleAction:
         return result
 
 
-def _refusal(need: Need, now: Situation) -> str:
+def _refusal(need: Need, now: ActionContext) -> str:
     legal, why = {
         "live": (not now.replay, "not in a replay"),
         "replay": (now.replay, "only in a replay"),

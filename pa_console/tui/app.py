@@ -13,24 +13,19 @@ from textual.screen import Screen
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Plan
 from pa_console.schema.world import World
-from pa_console.session.replay import Player
+from pa_console.session.replay.player import Player
 from pa_console.settings.sources import Loaded, load_settings
 from pa_console.tui.actions import ACTIONS, bindings, key_text
-from pa_console.tui.hangup import when_hung_up
-from pa_console.tui.history import History, history_file
+from pa_console.tui.kept_input import History, history_file
 from pa_console.tui.keymap import shown_keys
 from pa_console.tui.palette import ConsoleCommands
-from pa_console.tui.ports import (
-    Clock,
-    RetrieverPort,
-    RulebookPort,
-    StationPort,
-)
+from pa_console.tui.protocols import Clock, LiveStation, RuleScorer, ShownRules
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.settings_app import SettingsApp
+from pa_console.tui.terminal import when_hung_up
 from pa_console.tui.whatif import next_rate
-from pa_console.tui.widgets.approval_panel import ApprovalPanel
+from pa_console.tui.widgets.approval import ApprovalPanel
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
 
 CLOSE_WITHIN_S = 3.0
@@ -53,9 +48,9 @@ class ConsoleApp(SettingsApp):
     def __init__(
         self,
         world: World,
-        station: StationPort | None,
-        rulebook: RulebookPort,
-        retriever: RetrieverPort,
+        station: LiveStation | None,
+        rulebook: ShownRules,
+        retriever: RuleScorer,
         *,
         readonly: bool = False,
         player: Player | None = None,
@@ -186,7 +181,7 @@ class ConsoleApp(SettingsApp):
         if self.state.active is None or self.player is not None or self.readonly:
             self.run_worker(self._close(), exit_on_error=False)
             return
-        from pa_console.tui.screens.confirm import Confirm  # noqa: PLC0415
+        from pa_console.tui.screens.questions import Confirm  # noqa: PLC0415
 
         question = (
             f"Mission {self.state.active} is still active.\n"

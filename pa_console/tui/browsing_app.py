@@ -4,22 +4,17 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
-from pa_console.schema.visible import visible
+from pa_console.schema.visible_text import visible
 from pa_console.schema.world import World
-from pa_console.session.replay import Player
-from pa_console.tui.export import export_folder, plan_text, trace_text, write_copy
-from pa_console.tui.ports import (
-    Clock,
-    RetrieverPort,
-    RulebookPort,
-    StationPort,
-)
+from pa_console.session.replay.player import Player
+from pa_console.tui.copied_file import export_folder, plan_text, trace_text, write_copy
+from pa_console.tui.protocols import Clock, LiveStation, RuleScorer, ShownRules
 from pa_console.tui.session_app import SessionApp
-from pa_console.tui.widgets.alarm_pane import AlarmPane
-from pa_console.tui.widgets.asset_pane import AssetPane
+from pa_console.tui.widgets.alarms import AlarmPane
+from pa_console.tui.widgets.assets import AssetPane
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
-from pa_console.tui.widgets.virtual_rows import VirtualRows
+from pa_console.tui.widgets.row_views import VirtualRows
 
 
 class BrowsingApp(SessionApp):
@@ -28,9 +23,9 @@ class BrowsingApp(SessionApp):
     def __init__(
         self,
         world: World,
-        station: StationPort | None,
-        rulebook: RulebookPort,
-        retriever: RetrieverPort,
+        station: LiveStation | None,
+        rulebook: ShownRules,
+        retriever: RuleScorer,
         *,
         readonly: bool = False,
         player: Player | None = None,
@@ -149,12 +144,9 @@ class BrowsingApp(SessionApp):
 
     def action_evaluation(self) -> None:
         """Show the newest evaluation, or ask for the folder of one."""
-        from pa_console.evaluation.results import (  # noqa: PLC0415
-            evaluations_folder,
-            newest_evaluation,
-        )
-        from pa_console.tui.screens.ask_folder import AskFolder  # noqa: PLC0415
+        from pa_console.evaluation.runs.run_record import evaluations_folder, newest_evaluation  # noqa: PLC0415
         from pa_console.tui.screens.evaluation import EvaluationScreen  # noqa: PLC0415
+        from pa_console.tui.screens.questions import AskFolder  # noqa: PLC0415
 
         if any(isinstance(screen, EvaluationScreen) for screen in self.screen_stack):
             return

@@ -4,15 +4,15 @@ from collections.abc import Callable
 
 from pa_console.schema.incident import Incident
 from pa_console.tui.actions import first_key
-from pa_console.tui.ports import StationPort
+from pa_console.tui.protocols import LiveStation
 from pa_console.tui.replaying_app import ReplayingApp
-from pa_console.tui.widgets.alarm_pane import AlarmPane
+from pa_console.tui.widgets.alarms import AlarmPane
 
 
 class CommandingApp(ReplayingApp):
     """Carries out the registry's actions that the station may refuse; a refusal is shown."""
 
-    def attempt(self, title: str, command: Callable[[StationPort], object]) -> bool:
+    def attempt(self, title: str, command: Callable[[LiveStation], object]) -> bool:
         """Give a command; returns whether it was taken."""
         if self.station is None or self.readonly:
             self.tell("the console is read-only", f"{title} refused", bad=True)
@@ -47,7 +47,7 @@ class CommandingApp(ReplayingApp):
         """Take the mission at the pointer out of the queue."""
         self._with_queued("Withdraw", lambda station, name: station.withdraw(name))
 
-    def _with_queued(self, title: str, command: Callable[[StationPort, str], None]) -> None:
+    def _with_queued(self, title: str, command: Callable[[LiveStation, str], None]) -> None:
         """Give a command about the waiting mission at the pointer, once the operator sees which.
 
         With the pointer elsewhere or out of sight nothing is done but to show it.
@@ -88,7 +88,7 @@ class CommandingApp(ReplayingApp):
         stop = self.state.stop
         if stop is None:
             return
-        from pa_console.tui.screens.confirm import Confirm  # noqa: PLC0415
+        from pa_console.tui.screens.questions import Confirm  # noqa: PLC0415
 
         doubtful = f"Not confirmed: {', '.join(stop.unconfirmed)}.\n" if stop.unconfirmed else ""
         question = (

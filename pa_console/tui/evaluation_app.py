@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from pa_console.orchestrator.compose import Site, load_site
-from pa_console.policy.retriever import Retriever
+from pa_console.orchestrator.station.assembly import Site, load_site
+from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.settings.sources import Loaded
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.screens.evaluation import EvaluationScreen

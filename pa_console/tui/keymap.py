@@ -1,12 +1,32 @@
-"""The user's own keys: which actions they move, and why a choice cannot be used."""
+"""The user's own keys, and which command a refused key would have given."""
 
 from collections.abc import Mapping
 from difflib import get_close_matches
+from typing import Protocol
 
 from textual.binding import Binding, InvalidBinding
 from textual.keys import REPLACED_KEYS, Keys, key_to_character
 
 from pa_console.tui.actions import ACTIONS, ConsoleAction, key_text
+
+_PANEL = {"a": "Approve", "r": "Reject", "m": "Modify"}
+"""The keys of the approval panel, which a recording does not have."""
+
+
+class KeysHost(Protocol):
+    """What is needed of the app: the user's own keys, by the names of the actions."""
+
+    keys: Mapping[str, str]
+
+
+def refused_command(key: str, keymap: Mapping[str, str]) -> str:
+    """Return the name of the command that `key` gives in a live session; empty if it gives none."""
+    for action in ACTIONS:
+        keys = ",".join(own_keys(action, keymap).values()).split(",")
+        if "live" in action.needs and key in keys:
+            return action.label
+    return _PANEL.get(key, "")
+
 
 RESERVED = {
     **dict.fromkeys(("tab", "shift+tab", "enter", "up", "down"), "moving about needs it"),

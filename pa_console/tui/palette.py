@@ -9,7 +9,7 @@ from textual.types import IgnoreReturnCallbackType
 
 from pa_console.schema.incident import Incident
 from pa_console.schema.world import World
-from pa_console.tui.actions import ACTIONS, Situation
+from pa_console.tui.actions import ACTIONS, ActionContext
 from pa_console.tui.keymap import shown_keys
 from pa_console.tui.whatif import RATES, WhatIf, what_ifs
 
@@ -27,7 +27,7 @@ class PaletteHost(Protocol):
     keys: Mapping[str, str]
 
     @property
-    def situation(self) -> Situation:
+    def situation(self) -> ActionContext:
         """What decides which actions are legal now."""
         ...
 

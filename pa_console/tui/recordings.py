@@ -6,19 +6,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, Self
 
-from pa_console.llm.cache import cache_folder
-from pa_console.orchestrator.compose import open_world
-from pa_console.orchestrator.session_site import SessionSites
+from pa_console.llm.models.cache import cache_folder
+from pa_console.orchestrator.station.assembly import open_world
+from pa_console.orchestrator.station.session_site import SessionSites
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data
 from pa_console.schema.document import DocumentError, read_bytes
-from pa_console.schema.event import SessionStarted
+from pa_console.schema.events.event import SessionStarted
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
-from pa_console.session.chain import LogError
-from pa_console.session.log_index import Progress
-from pa_console.session.recording import Recording
-from pa_console.session.replay import Player
+from pa_console.session.log.chain import LogError
+from pa_console.session.replay.log_index import Progress
+from pa_console.session.replay.player import Player
+from pa_console.session.replay.recording import Recording
 
 
 @dataclass(frozen=True)

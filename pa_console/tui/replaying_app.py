@@ -4,10 +4,10 @@ from functools import partial
 from pathlib import Path
 
 from pa_console.schema.document import DocumentError
-from pa_console.session.log_index import Progress
+from pa_console.session.replay.log_index import Progress
 from pa_console.tui.browsing_app import BrowsingApp
-from pa_console.tui.moment import ACCEPTED, read_moment
-from pa_console.tui.replay import FINDINGS, MISSIONS
+from pa_console.tui.replay_driver import FINDINGS, MISSIONS
+from pa_console.tui.replay_position import ACCEPTED, read_position
 
 
 class ReplayingApp(BrowsingApp):
@@ -43,14 +43,14 @@ class ReplayingApp(BrowsingApp):
         recording = self.recording
         if recording is None:
             return
-        from pa_console.tui.screens.ask_line import AskLine  # noqa: PLC0415
+        from pa_console.tui.screens.questions import AskLine  # noqa: PLC0415
 
         def given(index: int | None) -> None:
             if index is not None:
                 recording.move(lambda deck: deck.to_event(index - 1))
 
         def read(text: str) -> int:
-            return read_moment(text, recording.player)
+            return read_position(text, recording.player)
 
         self.push_screen(AskLine("Where to?", ACCEPTED, read), given)
 
@@ -73,9 +73,9 @@ class ReplayingApp(BrowsingApp):
         if recording is None:
             return
         from pa_console.tui.recordings import KnownWorld, open_compared  # noqa: PLC0415
-        from pa_console.tui.screens.ask_line import AskLine  # noqa: PLC0415
         from pa_console.tui.screens.compare import CompareScreen, Side  # noqa: PLC0415
-        from pa_console.tui.screens.reading_log import ReadingLog, is_large  # noqa: PLC0415
+        from pa_console.tui.screens.opening_log import ReadingLog, is_large  # noqa: PLC0415
+        from pa_console.tui.screens.questions import AskLine  # noqa: PLC0415
 
         def opened(path: Path, progress: Progress | None = None) -> Side:
             known = KnownWorld.of(recording.world, recording.player.recording)

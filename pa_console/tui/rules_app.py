@@ -3,14 +3,13 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from pa_console.schema import event as ev
-from pa_console.schema.rule import Rule
-from pa_console.schema.rules_seal import RulesSeal
+from pa_console.schema.events import event as ev
+from pa_console.schema.rule import Rule, RulesSeal
 from pa_console.tui.commanding_app import CommandingApp
-from pa_console.tui.drafts import Drafts
-from pa_console.tui.ports import RetrieverPort, RulebookPort
+from pa_console.tui.kept_input import Drafts
+from pa_console.tui.protocols import RuleScorer, ShownRules
+from pa_console.tui.rule_rows import Workbench
 from pa_console.tui.session_app import SessionApp
-from pa_console.tui.workbench import Workbench
 
 if TYPE_CHECKING:
     from pa_console.tui.screens.policies import PolicyScreen
@@ -30,8 +29,8 @@ class InForce(NamedTuple):
 class RulesApp(CommandingApp):
     """Follows every change of the rule set, and lends the browser what it needs to edit it."""
 
-    rulebook: RulebookPort
-    retriever: RetrieverPort
+    rulebook: ShownRules
+    retriever: RuleScorer
     bench: Workbench
     rule_texts: dict[str, Rule]
     """Every rule that was in force in this session, as it is in force now, by id."""

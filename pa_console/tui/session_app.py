@@ -9,22 +9,16 @@ from textual.filter import LineFilter
 from textual.message import Message
 from textual.widgets import Input, TextArea
 
-from pa_console.schema.event import Event
+from pa_console.schema.events.event import Event
 from pa_console.schema.world import World
-from pa_console.session.fold import SessionState
-from pa_console.session.replay import Player
-from pa_console.tui.actions import Situation, find_action
-from pa_console.tui.plain_console import PlainConsole
-from pa_console.tui.ports import (
-    Clock,
-    RetrieverPort,
-    RulebookPort,
-    StationPort,
-)
+from pa_console.session.replay.player import Player
+from pa_console.session.state.fold import SessionState
+from pa_console.tui.actions import ActionContext, find_action
+from pa_console.tui.plain_output import PlainConsole, VisibleLines
+from pa_console.tui.protocols import Clock, LiveStation, RuleScorer, ShownRules
 from pa_console.tui.refresh import ALL_VIEWS, FRAME_S, views_of
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.screens.recording import RecordingScreen
-from pa_console.tui.visible_lines import VisibleLines
 
 LOOK_S = 1.0
 """How often the age of the telemetry is looked at, in wall seconds."""
@@ -50,9 +44,9 @@ class SessionApp(App[None]):
     def __init__(
         self,
         world: World,
-        station: StationPort | None,
-        rulebook: RulebookPort,
-        retriever: RetrieverPort,
+        station: LiveStation | None,
+        rulebook: ShownRules,
+        retriever: RuleScorer,
         *,
         readonly: bool = False,
         player: Player | None = None,
@@ -71,7 +65,7 @@ class SessionApp(App[None]):
         self._dirty: frozenset[str] = frozenset()
         self._flush_due = False
         self._last_telemetry = clock()
-        self._situation = Situation()
+        self._situation = ActionContext()
         self._waited = False
 
     def get_line_filters(self) -> Sequence[LineFilter]:
@@ -100,14 +94,14 @@ class SessionApp(App[None]):
         return self.recording.state if self.recording else self.state
 
     @property
-    def situation(self) -> Situation:
+    def situation(self) -> ActionContext:
         """What decides which actions are legal now; in a recording none that commands is."""
         recorded = self.player is not None or self.recording is not None
         return self._situation_of(self.shown_state, recorded)
 
-    def _situation_of(self, state: SessionState, recorded: bool) -> Situation:
+    def _situation_of(self, state: SessionState, recorded: bool) -> ActionContext:
         current, alarms = state.current, state.alarms
-        return Situation(
+        return ActionContext(
             replay=recorded,
             readonly=self.readonly or self.station is None,
             mission=state.active is not None,
@@ -145,7 +139,7 @@ class SessionApp(App[None]):
             self.set_interval(LOOK_S, self._look_for_silence)
         self.changed(ALL_VIEWS)
 
-    async def _listen(self, station: StationPort) -> None:
+    async def _listen(self, station: LiveStation) -> None:
         """Post every event of the session; the screen stays usable when the stream breaks."""
         problem = ""
         try:

@@ -6,7 +6,7 @@ from typing import Any, cast
 
 from pydantic import ValidationError
 
-from pa_console.schema.event import Event
+from pa_console.schema.events.event import Event
 
 PIECES = (
     "\x1b]52;c;aGk=\x07", "\x1b[31;5m", "\x1bPq\x1b\\", "\x9b31m", "\x9d52;c;aGk=\x9c",

@@ -17,15 +17,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 from pa_console.cli.mission import read_event
-from pa_console.evaluation.mission_set import load_with_worlds
+from pa_console.evaluation.runs.jobs import load_with_worlds
 from pa_console.policy.rulebook import load_rules
-from pa_console.policy.seal import seal_of
+from pa_console.policy.trust.rule_seal import seal_of
 from pa_console.resources import find_data
 from pa_console.schema.document import DocumentError
 from pa_console.schema.rule import RuleSet
 from pa_console.settings.sources import load_settings
-from pa_console.sim.scenario_file import load_scenario
-from pa_console.sim.world_file import load_world
+from pa_console.sim.worlds.scenario_file import load_scenario
+from pa_console.sim.worlds.world_file import load_world
 from tests.attacks.hostile_files import KINDS, hostile_files
 
 LONGEST_S = 60

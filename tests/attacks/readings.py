@@ -11,21 +11,20 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from pa_console.llm.reading import read_asked
-from pa_console.orchestrator.compose import load_site
-from pa_console.orchestrator.mention_check import check_mentions
-from pa_console.orchestrator.respelling import respell
+from pa_console.orchestrator.intake.spelling_correction import respell
+from pa_console.orchestrator.station.assembly import load_site
+from pa_console.orders.canonical_words import canonical_order
+from pa_console.orders.mention_check import check_mentions
+from pa_console.orders.order import Order
+from pa_console.orders.reading import read_asked
 from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
-from pa_console.training.asked import asked
-from pa_console.training.names import Split
-from pa_console.training.order import Order
-from pa_console.training.order_sampler import sample_order
-from pa_console.training.phrasing import phrase
-from pa_console.training.situations import random_situation
-from pa_console.training.teacher import teach
-from pa_console.training.worlds import random_world
+from pa_console.training.order_generator.sampler import sample_order
+from pa_console.training.phrasing.phrasing import phrase
+from pa_console.training.situations.situations import random_situation
+from pa_console.training.situations.worlds import Split, random_world
+from pa_console.training.teacher.teacher import teach
 
 ORDERS = 5
 """Orders in each situation."""
@@ -67,7 +66,7 @@ def examples(groups: int, split: Split, seed: int = 3636) -> Iterator[Example]:
                 plan = teach(order, world, there.picture, there.digest).plan
             except ValueError:
                 continue
-            said = f"asked: {asked(order, world, there.picture, there.digest)}"
+            said = f"asked: {canonical_order(order, world, there.picture, there.digest)}"
             said = _as_said(said, order, world, text)
             yield Example(world, there.picture, text, said, plan, order.injected)
 

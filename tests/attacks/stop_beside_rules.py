@@ -14,13 +14,13 @@ from contextlib import aclosing
 from pathlib import Path
 from time import perf_counter, sleep
 
-from pa_console.orchestrator import rehearsal
-from pa_console.orchestrator.clock import RealTimeClock
-from pa_console.orchestrator.compose import Site, load_site, open_station
-from pa_console.orchestrator.safeguards import examine
-from pa_console.policy.core import with_core
-from pa_console.policy.monitor import Monitor
+from pa_console.orchestrator.planning import rehearsal
+from pa_console.orchestrator.planning.safeguards import examine
+from pa_console.orchestrator.station.assembly import Site, load_site, open_station
+from pa_console.orchestrator.station.ticking import RealTimeClock
+from pa_console.policy.ordering.monitor import Monitor
 from pa_console.policy.rulebook import load_rules
+from pa_console.policy.trust.core_rules import with_core
 from pa_console.schema.document import DocumentError
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan

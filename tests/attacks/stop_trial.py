@@ -13,19 +13,19 @@ from dataclasses import dataclass, field
 from functools import cache
 from time import perf_counter
 
-from pa_console.llm.request import Completed, Request
-from pa_console.orchestrator.compose import LoadedScenario, Site, load_site, open_station
-from pa_console.orchestrator.headless import standing_approver
-from pa_console.orchestrator.station import Station
-from pa_console.schema import event as ev
+from pa_console.llm.engine.protocol import Completed, Request
+from pa_console.orchestrator.station.assembly import LoadedScenario, Site, load_site, open_station
+from pa_console.orchestrator.station.headless import standing_approver
+from pa_console.orchestrator.station.station import Station
 from pa_console.schema.command import CommandReply, DeviceCommand
+from pa_console.schema.evaluation import Variant
+from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset, Incident, SetRadio, SpawnTrack
 from pa_console.schema.plan import COMMANDS, Verb
 from pa_console.schema.scenario import Scenario, ScriptedEvent
-from pa_console.schema.variant import Variant
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.sim.picture import period_ticks
-from pa_console.sim.terrain import Terrain
+from pa_console.sim.picture.picture import period_ticks
+from pa_console.sim.worlds.terrain import Terrain
 from tests.scripted import ScriptedEngine, plan
 
 AFTER_TICKS = 80

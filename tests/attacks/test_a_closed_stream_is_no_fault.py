@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from pa_console.cli import console, mission
-from pa_console.llm.catalog import LocalModel
-from pa_console.orchestrator.compose import load_site
+from pa_console.llm.models.catalogue import LocalModel
+from pa_console.orchestrator.station.assembly import load_site
 from pa_console.signing import KEY_VARIABLE
 from tests.cli.inside import Call, caller
 from tests.cli.test_replay_verb import record
@@ -61,7 +61,7 @@ def test_a_mission_that_nobody_can_approve_is_rejected(call: Call, tmp_path: Pat
 def test_the_console_says_that_no_key_would_arrive(
     call: Call, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("pa_console.session.log.default_folder", lambda: tmp_path / "logs")
+    monkeypatch.setattr("pa_console.session.log.writer.default_folder", lambda: tmp_path / "logs")
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
     done = call("console")
     assert done.code == 2

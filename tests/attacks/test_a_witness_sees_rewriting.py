@@ -11,12 +11,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pa_console.orchestrator.station import Station
-from pa_console.schema import event as ev
-from pa_console.session.head import head_path, parse_head
-from pa_console.session.log import LogWriter, verify
-from pa_console.session.witness import EVERY_S, Witness
-from pa_console.session.witness_check import Statement, check_witness
+from pa_console.orchestrator.station.station import Station
+from pa_console.schema.events import event as ev
+from pa_console.session.log.signed_head import head_path, parse_head
+from pa_console.session.log.witness import EVERY_S, Statement, Witness, check_witness
+from pa_console.session.log.writer import LogWriter, verify
 from pa_console.signing import KEY_VARIABLE, load_signer
 from tests.cli.inside import Call, caller
 from tests.orchestrator.conftest import Rig, rig, site

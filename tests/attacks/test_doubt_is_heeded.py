@@ -11,13 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.cli import mission
-from pa_console.llm.catalog import LocalModel
-from pa_console.llm.request import Completed, Request
-from pa_console.orchestrator.approval import request_approval
-from pa_console.orchestrator.headless import standing_approver
+from pa_console.llm.engine.protocol import Completed, Request
+from pa_console.llm.models.catalogue import LocalModel
+from pa_console.orchestrator.planning.approval import request_approval
+from pa_console.orchestrator.station.headless import standing_approver
 from pa_console.schema.finding import Verdict
 from pa_console.schema.plan import Plan
-from pa_console.session.mission_trace import Attempt
+from pa_console.session.state.mission_trace import Attempt
 from pa_console.signing import KEY_VARIABLE
 from tests.cli.inside import Call, caller
 from tests.scripted import ScriptedEngine, plan

@@ -20,16 +20,16 @@ from rich.table import Table
 from rich.text import Text
 
 from pa_console.cli import models
-from pa_console.evaluation.results import RUNS
-from pa_console.llm.catalog import Catalog
+from pa_console.evaluation.runs.run_record import RUNS
+from pa_console.llm.models.catalogue import Catalog
 from pa_console.resources import find_data
 from pa_console.schema import document
 from pa_console.schema.document import Document, DocumentError
-from pa_console.schema.event import Event
-from pa_console.schema.visible import obeyed, visible, visible_json
-from pa_console.session.replay import Player
+from pa_console.schema.events.event import Event
+from pa_console.schema.visible_text import obeyed, visible, visible_json
+from pa_console.session.replay.player import Player
 from pa_console.tui.app import ConsoleApp
-from pa_console.tui.plain_console import PlainConsole
+from pa_console.tui.plain_output import PlainConsole
 from tests.attacks.hostile_text import PAYLOAD, PIECES, hostile, raw
 from tests.cli.inside import Call, caller
 from tests.evaluation.records import made_record

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from pa_console.private_files import NotPrivateError, make_private_folder, open_private
-from pa_console.session.head import head_path
-from pa_console.session.log import LogError, LogWriter, new_log_path
+from pa_console.session.log.signed_head import head_path
+from pa_console.session.log.writer import LogError, LogWriter, new_log_path
 from pa_console.signing import (
     KEY_VARIABLE,
     KNOWN_FILE,
@@ -18,8 +18,8 @@ from pa_console.signing import (
     load_signer,
     named_keys,
 )
-from pa_console.tui.export import write_copy
-from pa_console.tui.history import History
+from pa_console.tui.copied_file import write_copy
+from pa_console.tui.kept_input import History
 from tests.session.story import story
 from tests.session.tamper import MINE, write_signed
 

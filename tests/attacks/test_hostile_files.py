@@ -14,9 +14,8 @@ from hypothesis import strategies as st
 
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data
-from pa_console.schema.document import Document, DocumentError
-from pa_console.schema.yaml_tree import MOST_BYTES, MOST_DEPTH, MOST_NODES
-from pa_console.sim.world_file import load_world
+from pa_console.schema.document import MOST_BYTES, MOST_DEPTH, MOST_NODES, Document, DocumentError
+from pa_console.sim.worlds.world_file import load_world
 from tests.attacks.hostile_files import KINDS, bomb
 from tests.attacks.read_hostile import costs
 

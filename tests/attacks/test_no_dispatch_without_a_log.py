@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.orchestrator.station import Station
-from pa_console.schema import event as ev
+from pa_console.orchestrator.station.station import Station
+from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
-from pa_console.session.log import LogError, LogWriter, verify
+from pa_console.session.log.writer import LogError, LogWriter, verify
 from tests.orchestrator.conftest import Rig, rig, site
 from tests.scripted import ScriptedEngine, plan
 from tests.session.tamper import KNOWN, MINE

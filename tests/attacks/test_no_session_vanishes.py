@@ -8,17 +8,18 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pa_console.cli.doctor_places import check_sessions
-from pa_console.session.head import head_path, sign_head, write_head
-from pa_console.session.index_check import IndexReport, check_index
-from pa_console.session.log import LogWriter, new_log_path
-from pa_console.session.session_index import (
+from pa_console.cli.doctor.checks import check_sessions
+from pa_console.session.log.session_index import (
     INDEX_NAME,
+    IndexReport,
     SessionIndex,
     anchor_path,
+    check_index,
     entry_line,
     parse_entry,
 )
+from pa_console.session.log.signed_head import head_path, sign_head, write_head
+from pa_console.session.log.writer import LogWriter, new_log_path
 from pa_console.signing import KEY_VARIABLE, Signer, load_signer
 from tests.cli.inside import Call, caller
 from tests.session.story import story

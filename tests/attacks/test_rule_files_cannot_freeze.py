@@ -10,13 +10,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.orchestrator import safeguards
-from pa_console.orchestrator.compose import load_site
-from pa_console.policy.allowance import DeadlineError, deadline, going_on, together
-from pa_console.policy.expression import PLAN_VARIABLES, Expression, make_context
-from pa_console.policy.expression_source import MAX_TOKENS, Source
-from pa_console.policy.monitor import Monitor
-from pa_console.policy.patterns import pattern
+from pa_console.orchestrator.planning import safeguards
+from pa_console.orchestrator.station.assembly import load_site
+from pa_console.policy.expressions.deadlines import (
+    DeadlineError,
+    deadline,
+    going_on,
+    shared_deadline,
+)
+from pa_console.policy.expressions.expression import PLAN_VARIABLES, Expression, make_context
+from pa_console.policy.expressions.patterns import pattern
+from pa_console.policy.expressions.source_limits import MAX_TOKENS, Source
+from pa_console.policy.ordering.monitor import Monitor
 from pa_console.policy.rulebook import Compiler, Rulebook, load_rules
 from pa_console.schema.document import DocumentError
 from pa_console.schema.plan import Plan
@@ -135,7 +140,7 @@ def test_a_pattern_that_looks_ahead_is_broken_off_when_time_is_up(
 def test_many_slow_checks_have_a_time_together() -> None:
     expression = Expression(ENDLESS.replace("l.", "gates."))
     context = make_context(LONG)
-    with together(0.015):
+    with shared_deadline(0.015):
         for problem in ("longer than", "longer than", "no time is left"):
             with pytest.raises(DeadlineError, match=problem):
                 expression.evaluate(context)

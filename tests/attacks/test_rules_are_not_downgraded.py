@@ -10,31 +10,28 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pa_console.cli import mission as mission_verb
-from pa_console.llm.catalog import LocalModel
-from pa_console.orchestrator.clock import SteppedClock
-from pa_console.orchestrator.compose import load_site, open_station
-from pa_console.orchestrator.rules_watch import RulesWatch
-from pa_console.orchestrator.station import Station
-from pa_console.policy.checks import check_mission, check_plan
-from pa_console.policy.content import content_sha256
-from pa_console.policy.core import with_core
-from pa_console.policy.example_state import WORLD
-from pa_console.policy.examples import (
+from pa_console.llm.models.catalogue import LocalModel
+from pa_console.orchestrator.station.assembly import load_site, open_station
+from pa_console.orchestrator.station.rules_in_force import RulesWatch
+from pa_console.orchestrator.station.station import Station
+from pa_console.orchestrator.station.ticking import SteppedClock
+from pa_console.policy.authoring.example_situation import WORLD
+from pa_console.policy.authoring.examples import (
     MISSION_TEXT,
     example_plan,
     example_rehearsal,
     example_sightings,
 )
-from pa_console.policy.monitor import Monitor
+from pa_console.policy.checks.rule_checks import check_mission, check_plan
+from pa_console.policy.ordering.monitor import Monitor
 from pa_console.policy.rulebook import Rulebook, load_rules, read_rule_set
-from pa_console.policy.rules_pin import RefusedRulesError, RulesPins, pin_of
-from pa_console.policy.seal import seal_of, sign_rules, signature_path
-from pa_console.policy.shipped_rules import CONTENT_SHA256, CORE
-from pa_console.policy.shipped_source import CORE_IDS, shipped_source
-from pa_console.schema import event as ev
+from pa_console.policy.trust.core_rules import CORE_IDS, shipped_source, with_core
+from pa_console.policy.trust.pinned_rules import RefusedRulesError, RulesPins, pin_of
+from pa_console.policy.trust.rule_seal import content_sha256, seal_of, sign_rules, signature_path
+from pa_console.policy.trust.shipped_rules import CONTENT_SHA256, CORE
+from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Mission
-from pa_console.schema.rule import PRIORITIES, Rule, RuleExample
-from pa_console.schema.rules_seal import RulesSeal
+from pa_console.schema.rule import PRIORITIES, Rule, RuleExample, RulesSeal
 from pa_console.signing import KEY_VARIABLE, Signer, load_signer
 from tests.cli.inside import Call, caller
 from tests.policy.book import RULES
@@ -320,7 +317,7 @@ def test_the_package_pins_the_shipped_file_and_its_core() -> None:
 
 
 def pin_module() -> str:
-    from pa_console.policy import shipped_rules  # noqa: PLC0415
+    from pa_console.policy.trust import shipped_rules  # noqa: PLC0415
 
     return shipped_rules.__file__
 

@@ -10,19 +10,19 @@ from pathlib import Path
 import pytest
 
 import pa_console.orchestrator
-from pa_console.orchestrator.clock import SteppedClock
-from pa_console.orchestrator.compose import Site, open_station
-from pa_console.orchestrator.execution import Execution
-from pa_console.orchestrator.headless import exit_code, run_missions, standing_approver
-from pa_console.orchestrator.rehearsal import device_commands
-from pa_console.schema import event as ev
+from pa_console.orchestrator.execution.execution import Execution
+from pa_console.orchestrator.planning.rehearsal import device_commands
+from pa_console.orchestrator.station.assembly import Site, open_station
+from pa_console.orchestrator.station.headless import exit_code, run_missions, standing_approver
+from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.schema.command import DeviceCommand
+from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset, SetRadio
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
-from pa_console.session.fold import SessionState
-from pa_console.session.log import LogWriter
-from pa_console.session.replay import Player
+from pa_console.session.log.writer import LogWriter
+from pa_console.session.replay.player import Player
+from pa_console.session.state.fold import SessionState
 from tests.attacks.stop_trial import RELIEF, LiveClock, Tapped, checkpoint, stops
 from tests.scripted import ScriptedEngine, plan
 

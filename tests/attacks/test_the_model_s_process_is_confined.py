@@ -15,14 +15,13 @@ import pytest_asyncio
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.llm import seccomp
-from pa_console.llm.cache import hash_file
-from pa_console.llm.catalog import LocalModel
-from pa_console.llm.confinement import Restriction, clean_environment, try_out
-from pa_console.llm.engine import Engine
-from pa_console.llm.process import Worker
-from pa_console.llm.protocol import Load, PinnedFile
-from pa_console.llm.request import Completed, Request
+from pa_console.llm.engine.engine import Engine
+from pa_console.llm.engine.protocol import Completed, Load, PinnedFile, Request
+from pa_console.llm.engine.worker_process import Worker
+from pa_console.llm.models.cache import hash_file
+from pa_console.llm.models.catalogue import LocalModel
+from pa_console.llm.worker import seccomp
+from pa_console.llm.worker.confinement import Restriction, clean_environment, try_out
 from tests.training.lora.tiny import write_tiny
 
 LINUX = sys.platform == "linux" and os.uname().machine in seccomp.MACHINES
@@ -99,7 +98,7 @@ def test_all_that_is_promised_is_tried() -> None:
 
 
 def test_a_confinement_that_does_not_hold_is_named_by_doctor() -> None:
-    from pa_console.cli.doctor_model import confinement_words  # noqa: PLC0415
+    from pa_console.cli.doctor.checks import confinement_words  # noqa: PLC0415
 
     all_well = confinement_words((Restriction(what="no network"),))
     assert (all_well.state, all_well.remedy) == ("ok", "")
@@ -139,7 +138,7 @@ ATTEMPTS = {
 }
 SCRIPT = """\
 import ctypes, os, platform, resource, socket, subprocess, sys
-from pa_console.llm.confinement import confine
+from pa_console.llm.worker.confinement import confine
 assert not any(item.missing for item in confine(0, 1))
 libc = ctypes.CDLL(None, use_errno=True)
 def call_or_raise(x86, arm, *arguments):
@@ -175,7 +174,7 @@ def test_what_a_process_that_was_taken_over_would_do_is_refused(tmp_path: Path) 
 def test_what_the_model_needs_is_not_refused() -> None:
     script = (
         "import threading, numpy\n"
-        "from pa_console.llm.confinement import confine\n"
+        "from pa_console.llm.worker.confinement import confine\n"
         "confine(0, 1)\n"
         "said = []\n"
         "thread = threading.Thread(target=said.append, args=(1,)); thread.start(); thread.join()\n"
@@ -281,7 +280,7 @@ while True:
 async def test_a_process_that_says_more_than_it_was_asked_for_is_ended(
     script: str, tiny: LocalModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pa_console.llm.process.COMMAND", ("-c", script))
+    monkeypatch.setattr("pa_console.llm.engine.worker_process.COMMAND", ("-c", script))
     ended: list[str] = []
 
     def never_ready(_n_ctx: int, _description: str) -> None:

@@ -12,13 +12,13 @@ from typing import Any
 
 import pytest
 
-from pa_console.cli.doctor_places import check_model
-from pa_console.llm.adapters import LocalAdapter
-from pa_console.llm.cache import CACHE_VARIABLE, hash_file
-from pa_console.llm.catalog import Catalog, LocalModel
-from pa_console.llm.engine import Engine
+from pa_console.cli.doctor.checks import check_model
+from pa_console.llm.engine.engine import Engine
+from pa_console.llm.engine.protocol import Completed, Request
 from pa_console.llm.errors import ModelError, ModelUnavailableError
-from pa_console.llm.request import Completed, Request
+from pa_console.llm.models.adapters import LocalAdapter
+from pa_console.llm.models.cache import CACHE_VARIABLE, hash_file
+from pa_console.llm.models.catalogue import Catalog, LocalModel
 from pa_console.signing import KEY_VARIABLE, load_signer
 from tests.training.lora.tiny import write_tiny
 
@@ -83,7 +83,7 @@ def unsigned(path: Path, tmp: Path) -> dict[str, Any]:
 
 def signed_by_another(path: Path, tmp: Path) -> dict[str, Any]:
     """Return a record that is sound, but of somebody else's key."""
-    from pa_console.llm.prepare import Origin  # noqa: PLC0415 - has no signatures without them
+    from pa_console.llm.models.preparing import Origin  # noqa: PLC0415 - has no signatures without them
 
     with pytest.MonkeyPatch.context() as other:
         other.setenv(KEY_VARIABLE, str(tmp / "other" / "key.pem"))
@@ -118,7 +118,7 @@ def test_doctor_says_what_was_compared_with_what(
     def installed(_path: Path | None = None) -> Catalog:
         return known
 
-    monkeypatch.setattr("pa_console.cli.doctor_places.Catalog.load", installed)
+    monkeypatch.setattr("pa_console.cli.doctor.checks.Catalog.load", installed)
     assert "made at the first start" in next(check_model(NAME)).found
     whole = known.locate(NAME)
     if pinned:
@@ -226,7 +226,7 @@ def test_a_new_file_under_the_name_of_one_in_use_changes_nothing(
 
 
 def test_what_was_hashed_is_what_is_opened_whatever_its_name_leads_to(tmp_path: Path) -> None:
-    from pa_console.llm.checked_file import DESCRIPTORS, CheckedFile  # noqa: PLC0415
+    from pa_console.llm.models.cache import DESCRIPTORS, CheckedFile  # noqa: PLC0415
 
     path, other = tmp_path / "weights", tmp_path / "other"
     path.write_bytes(b"checked")

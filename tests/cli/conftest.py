@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from pa_console.cli import console, mission
-from pa_console.llm.catalog import LocalModel
+from pa_console.llm.models.catalogue import LocalModel
 from pa_console.signing import KEY_VARIABLE
 from tests.cli.inside import Call, caller
 from tests.scripted import ScriptedEngine, plan

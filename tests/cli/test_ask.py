@@ -4,10 +4,10 @@ import io
 
 import pytest
 
-from pa_console.cli.ask import ask
-from pa_console.schema import event as ev
+from pa_console.cli.terminal_approval import ask_decision
+from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
-from pa_console.session.fold import SessionState
+from pa_console.session.state.fold import SessionState
 from tests.tui import story
 
 
@@ -18,7 +18,7 @@ def decided(monkeypatch: pytest.MonkeyPatch, typed: str, **options: object) -> D
         state.apply(event)
     monkeypatch.setattr("sys.stdin", io.StringIO(typed))
     request = next(e.data for e in events if isinstance(e.data, ev.ApprovalRequested))
-    return ask(request, state.current)
+    return ask_decision(request, state.current)
 
 
 def test_rules_plan_and_verdict_are_shown_before_the_question(

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.cli import bench_judge
+from pa_console.cli.bench import judge
 from pa_console.cli.output import out
-from pa_console.evaluation.memo_engine import MemoEngine
-from pa_console.evaluation.results import Results
-from pa_console.evaluation.runner import Runner
-from pa_console.llm.catalog import LocalModel
-from pa_console.llm.engine import Engine, OnState
-from pa_console.orchestrator.compose import load_site
+from pa_console.evaluation.runs.memo_engine import MemoEngine
+from pa_console.evaluation.runs.run_record import EvaluationFolder
+from pa_console.evaluation.runs.runner import Runner
+from pa_console.llm.engine.engine import Engine, OnState
+from pa_console.llm.models.catalogue import LocalModel
+from pa_console.orchestrator.station.assembly import load_site
 from tests.cli.inside import Call
 from tests.evaluation.test_runner import SEND, SPARE, jobs
 from tests.scripted import FAILURE, ScriptedEngine
@@ -24,7 +24,7 @@ def evaluation(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Make an evaluation of one mission by a scripted planner and return its folder."""
     folder = tmp_path_factory.mktemp("evaluation")
     engine = MemoEngine(ScriptedEngine([SPARE]).engine(), reuse=False)
-    runner = Runner(Results(folder), lambda _model, _lane: engine)
+    runner = Runner(EvaluationFolder(folder), lambda _model, _lane: engine)
 
     async def make() -> None:
         async for _ in runner.run(jobs(load_site("checkpoint", "checkpoint"), SEND)):
@@ -50,8 +50,8 @@ def strict_judge(monkeypatch: pytest.MonkeyPatch) -> None:
     def engine(_model: LocalModel, _on_state: OnState) -> Engine:
         return ScriptedEngine([], [FAILURE]).engine()
 
-    monkeypatch.setattr(bench_judge, "find_model", find_model)
-    monkeypatch.setattr(bench_judge, "Engine", engine)
+    monkeypatch.setattr(judge, "find_model", find_model)
+    monkeypatch.setattr(judge, "Engine", engine)
 
 
 @pytest.mark.usefixtures("strict_judge")

@@ -7,16 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.cli import bench_degradation, bench_twins
-from pa_console.evaluation.bench.compare import Bench, Comparison
-from pa_console.evaluation.bench.parts import Part
-from pa_console.evaluation.bench.simulation import measure_simulation
-from pa_console.evaluation.degradation import Condition, RunFile
-from pa_console.evaluation.memo_engine import MemoEngine
-from pa_console.evaluation.true_outcome import RunResult
-from pa_console.llm.cache import CACHE_VARIABLE
-from pa_console.llm.catalog import LocalModel
-from pa_console.orchestrator.compose import Site, open_world
+from pa_console.benchmarks.degradation import Disturbance, RunFile
+from pa_console.benchmarks.speed.compare import Bench, Comparison
+from pa_console.benchmarks.speed.parts import Part
+from pa_console.benchmarks.speed.simulation import measure_simulation
+from pa_console.cli.bench import degradation, twins
+from pa_console.evaluation.runs.memo_engine import MemoEngine
+from pa_console.evaluation.runs.true_outcome import RunResult
+from pa_console.llm.models.cache import CACHE_VARIABLE
+from pa_console.llm.models.catalogue import LocalModel
+from pa_console.orchestrator.station.assembly import Site, open_world
 from pa_console.schema.scenario import Scenario
 from pa_console.schema.world import World
 from tests.cli.inside import Call
@@ -59,7 +59,7 @@ def test_twins_that_differ_end_with_1(
     def repeated_hashes(_world: World, _scenario: Scenario, _seed: int) -> tuple[str, str]:
         return next(hashes)
 
-    monkeypatch.setattr(bench_twins, "repeated_hashes", repeated_hashes)
+    monkeypatch.setattr(twins, "repeated_hashes", repeated_hashes)
     done = call("bench", "twins", "--world", str(few(tmp_path)), "--seeds", "1")
     assert done.code == 1
     rows = [line.split() for line in done.out.splitlines() if any(n in line for n in SHORT)]
@@ -134,7 +134,7 @@ def test_an_interrupted_bench_has_shown_what_was_measured(
 
     parts = [Part("simulation", "Simulation against bare physics", measure_simulation),
              Part("rehearsal", "Rehearsal, fork and forecast", interrupted)]  # fmt: skip
-    monkeypatch.setattr("pa_console.evaluation.bench.parts.PARTS", tuple(parts))
+    monkeypatch.setattr("pa_console.benchmarks.speed.parts.PARTS", tuple(parts))
     done = call("bench", "--runs", "1")
     assert done.code == 130
     assert "interrupted" in done.err
@@ -148,7 +148,7 @@ def no_model(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     def find_model(_: str | None) -> LocalModel:
         return ScriptedEngine([]).model
 
-    monkeypatch.setattr(bench_degradation, "find_model", find_model)
+    monkeypatch.setattr(degradation, "find_model", find_model)
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
 
 
@@ -159,13 +159,13 @@ def test_degradation_runs_only_what_its_file_lacks(
     ran: list[int] = []
 
     async def run_condition(
-        _site: Site, _engine: MemoEngine, _condition: Condition, seeds: Sequence[int]
+        _site: Site, _engine: MemoEngine, _condition: Disturbance, seeds: Sequence[int]
     ) -> AsyncGenerator[tuple[int, RunResult]]:
         for seed in seeds:
             ran.append(seed)
             yield seed, RUN
 
-    monkeypatch.setattr(bench_degradation, "run_condition", run_condition)
+    monkeypatch.setattr(degradation, "run_condition", run_condition)
     path, row = tmp_path / "runs.jsonl", "link loss 0%"
     RunFile(path).add(row, 1, RUN)
     RunFile(path).add("link loss 10%", 0, RUN)

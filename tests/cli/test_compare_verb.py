@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.schema import event as ev
-from pa_console.session.log import LogWriter
+from pa_console.schema.events import event as ev
+from pa_console.session.log.writer import LogWriter
 from tests.cli.inside import Call
 from tests.session.story import PLAN, story
 

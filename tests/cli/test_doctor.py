@@ -4,9 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.cli import doctor, doctor_checks, doctor_places
-from pa_console.cli.doctor_checks import Check, check_build_tools
-from pa_console.cli.doctor_places import (
+from pa_console.cli.doctor import checks as doctor_checks
+from pa_console.cli.doctor import checks as doctor_places
+from pa_console.cli.doctor import doctor
+from pa_console.cli.doctor.checks import (
+    Check,
+    check_build_tools,
     check_colours,
     check_folder,
     check_memory,

@@ -12,12 +12,12 @@ import pytest
 from markdown_it import MarkdownIt
 from mcap.reader import make_reader
 
-from pa_console.export.film import Film, film
-from pa_console.export.whole import whole_file, whole_folder
-from pa_console.orchestrator.compose import load_site
+from pa_console.export.replayed_screen import ReplayedScreen, film_replay
+from pa_console.export.source_log import whole_file, whole_folder
+from pa_console.orchestrator.station.assembly import load_site
 from pa_console.schema.document import Document
 from pa_console.schema.scenario import Scenario
-from pa_console.session.replay import Player
+from pa_console.session.replay.player import Player
 from tests.cli.inside import Call
 from tests.cli.terminal import painted, screen
 from tests.cli.test_replay_verb import SCENARIO
@@ -169,7 +169,7 @@ async def test_a_shot_tells_only_what_has_changed_and_the_screen_is_whole(log: P
     site, recording = load_site("checkpoint", "checkpoint"), Player.open(log).recording
     told: list[str] = []
 
-    async def shoot(made: Film, *indices: int) -> None:
+    async def shoot(made: ReplayedScreen, *indices: int) -> None:
         for index in indices:
             made.player.to_event(index)
             await made.show()
@@ -177,26 +177,28 @@ async def test_a_shot_tells_only_what_has_changed_and_the_screen_is_whole(log: P
 
     end = len(recording)
     shots = (*range(0, end - QUIET, 4), *range(end - QUIET, end))
-    await film(site, Player.open(log), (120, 36), lambda made: shoot(made, *shots))
+    await film_replay(site, Player.open(log), (120, 36), lambda made: shoot(made, *shots))
     assert min(map(painted, told[-QUIET:])) < 120 * 36 / 4
     for number in (9, len(shots) // 2, len(shots) - 1):
         whole = screen("".join(told[: number + 1]))
         at_once = len(told)
-        await film(site, Player.open(log), (120, 36), lambda made, n=number: shoot(made, shots[n]))
+        await film_replay(
+            site, Player.open(log), (120, 36), lambda made, n=number: shoot(made, shots[n])
+        )
         assert whole == screen("".join(told[at_once:]))
 
 
 async def test_an_interrupted_film_ends(log: Path) -> None:
     shown: list[int] = []
 
-    async def direct(made: Film) -> None:
+    async def direct(made: ReplayedScreen) -> None:
         task.cancel()
         while True:
             await made.show()
             shown.append(1)
 
     site = load_site("checkpoint", "checkpoint")
-    task = asyncio.create_task(film(site, Player.open(log), (80, 24), direct))
+    task = asyncio.create_task(film_replay(site, Player.open(log), (80, 24), direct))
     with pytest.raises(asyncio.CancelledError):
         await task
     assert len(shown) < 3

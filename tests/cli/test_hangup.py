@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from pa_console.orchestrator.compose import load_site
+from pa_console.orchestrator.station.assembly import load_site
 from tests.cli.test_replay_verb import record
 
 ENDS_WITHIN_S = 30

@@ -4,7 +4,7 @@ import pytest
 
 from pa_console.cli import manual
 from pa_console.manual_pages import load_manual
-from pa_console.tui.plain_console import PlainConsole
+from pa_console.tui.plain_output import PlainConsole
 from tests.cli.inside import Call
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.session.verify import verify
+from pa_console.session.log.verification import verify
 from tests.cli.inside import Call
 from tests.scripted import ScriptedEngine
 

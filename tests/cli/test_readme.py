@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from pa_console.evaluation.mission_set import load_with_worlds
-from pa_console.sim.world_file import load_world
+from pa_console.evaluation.runs.jobs import load_with_worlds
+from pa_console.sim.worlds.world_file import load_world
 from tests.cli.conftest import Call
 
 ROOT = Path(__file__).parents[2]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.orchestrator.compose import Site, load_site
+from pa_console.orchestrator.station.assembly import Site, load_site
 from pa_console.resources import find_data
 from pa_console.schema.document import Document
 from pa_console.schema.scenario import Scenario

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.session.log import LogWriter
+from pa_console.session.log.writer import LogWriter
 from tests.cli.inside import Call
 from tests.evaluation.sessions import RECON
 from tests.orchestrator.test_effect import recorded

@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 
 from pa_console.cli import mission
-from pa_console.llm.catalog import LocalModel
-from pa_console.policy.lint_states import example_states
+from pa_console.llm.models.catalogue import LocalModel
+from pa_console.policy.authoring.lint_states import example_states
 from pa_console.policy.rulebook import load_rules
-from pa_console.schema.event import SessionStarted
-from pa_console.session.reader import read_log
+from pa_console.schema.events.event import SessionStarted
+from pa_console.session.log.reader import read_log
 from tests.cli.inside import Call
 from tests.policy.book import RULES, write_rules
 from tests.scripted import ScriptedEngine

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.orchestrator.station import Station
-from pa_console.schema.event import SessionStarted
-from pa_console.session.reader import read_log
-from pa_console.session.verify import verify
+from pa_console.orchestrator.station.station import Station
+from pa_console.schema.events.event import SessionStarted
+from pa_console.session.log.reader import read_log
+from pa_console.session.log.verification import verify
 from pa_console.settings.sources import Loaded
 from tests.cli.inside import Call, Done
 from tests.scripted import ScriptedEngine

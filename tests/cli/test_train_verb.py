@@ -9,13 +9,14 @@ from pathlib import Path
 import pytest
 
 from pa_console import resources
-from pa_console.cli import train_data, train_run
-from pa_console.evaluation.mission_set import load_with_worlds
+from pa_console.cli.train import data as train_data
+from pa_console.cli.train import run as train_run
+from pa_console.evaluation.runs.jobs import load_with_worlds
 from pa_console.resources import data_folder
 from pa_console.training.lora.config import TrainConfig, shipped_config
-from pa_console.training.run_summary import ADAPTER, read_summary
-from pa_console.training.samples import read_samples
-from pa_console.training.worlds import shipped_world
+from pa_console.training.results.lineage import ADAPTER, read_summary
+from pa_console.training.samples.sample import read_samples
+from pa_console.training.situations.worlds import shipped_world
 from tests.cli.inside import Call
 from tests.training.finished_run import data_set, finished_run
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.session.head import head_path
-from pa_console.session.log import LogWriter
+from pa_console.session.log.signed_head import head_path
+from pa_console.session.log.writer import LogWriter
 from pa_console.signing import load_signer
 from tests.cli.inside import Call
 from tests.session.tamper import OTHER, edited, long_story, rehashed, relinked, write_signed

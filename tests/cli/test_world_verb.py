@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.orchestrator.compose import open_world
+from pa_console.orchestrator.station.assembly import open_world
 from pa_console.sim.checkpoint import Checkpoint
 from tests.cli.inside import Call
 

@@ -5,10 +5,10 @@ from typing import Any, get_args
 
 from hypothesis import strategies as st
 
-from pa_console.evaluation.record import Breach, Opinion, RunRecord
+from pa_console.evaluation.runs.run_record import Breach, Opinion, RunRecord
+from pa_console.schema.evaluation import Expectation
 from pa_console.schema.finding import Usage
 from pa_console.schema.mission import Metrics, MissionStatus, Outcome
-from pa_console.schema.mission_set import Expectation
 
 CONDITIONS = (
     "run.tracks.exists(t, t.gate == 'WestGate' && t.observed_s >= 0.0)",

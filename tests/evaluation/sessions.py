@@ -3,15 +3,15 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from pa_console.orchestrator.clock import SteppedClock
-from pa_console.orchestrator.compose import LoadedScenario, Site, open_station
-from pa_console.orchestrator.headless import run_missions, standing_approver
-from pa_console.orchestrator.station import Station
-from pa_console.schema.event import Event
+from pa_console.orchestrator.station.assembly import LoadedScenario, Site, open_station
+from pa_console.orchestrator.station.headless import run_missions, standing_approver
+from pa_console.orchestrator.station.station import Station
+from pa_console.orchestrator.station.ticking import SteppedClock
+from pa_console.schema.events.event import Event
 from pa_console.schema.incident import Incident
 from pa_console.schema.scenario import Scenario, ScriptedEvent
-from pa_console.session.fold import SessionState
-from pa_console.session.log import LogWriter
+from pa_console.session.log.writer import LogWriter
+from pa_console.session.state.fold import SessionState
 from tests.scripted import ScriptedEngine, plan
 
 RECON = plan(("Drone_T04", "observe WestGate"))

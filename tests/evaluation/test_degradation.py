@@ -6,19 +6,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.evaluation.degradation import (
+from pa_console.benchmarks.degradation import (
     CONDITIONS,
-    Condition,
+    Disturbance,
     RunFile,
     run_condition,
     situation,
     summarise,
     worsened,
 )
-from pa_console.evaluation.memo_engine import MemoEngine
-from pa_console.evaluation.true_outcome import RunResult
-from pa_console.orchestrator.compose import Site, load_site
-from pa_console.sim.scenario_file import scenario_problems
+from pa_console.evaluation.runs.memo_engine import MemoEngine
+from pa_console.evaluation.runs.true_outcome import RunResult
+from pa_console.orchestrator.station.assembly import Site, load_site
+from pa_console.sim.worlds.scenario_file import scenario_problems
 from tests.scripted import ScriptedEngine, plan
 
 WORLD = load_site("checkpoint", "checkpoint").world
@@ -41,8 +41,8 @@ def test_the_rows_are_those_that_are_to_be_shown() -> None:
 
 
 def test_a_condition_worsens_what_it_names_and_nothing_else() -> None:
-    assert worsened(WORLD, Condition(name="as it is", loss=WORLD.radio.loss)) == WORLD
-    noisy = worsened(WORLD, Condition(name="noisy", noise_m=10.0, loss=0.6))
+    assert worsened(WORLD, Disturbance(name="as it is", loss=WORLD.radio.loss)) == WORLD
+    noisy = worsened(WORLD, Disturbance(name="noisy", noise_m=10.0, loss=0.6))
     assert noisy.radio.loss == 0.6
     sensors = (*noisy.platforms.values(), *noisy.cameras.values())
     assert {sensor.position_noise_m for sensor in sensors} == {10.0}
@@ -52,7 +52,7 @@ def test_a_condition_worsens_what_it_names_and_nothing_else() -> None:
 
 @given(st.integers(0, 10_000), st.sampled_from(CONDITIONS))
 def test_every_seed_gives_a_situation_that_the_world_can_play(
-    seed: int, condition: Condition
+    seed: int, condition: Disturbance
 ) -> None:
     drawn = situation(WORLD, condition, seed)
     assert drawn == situation(WORLD, condition, seed)
@@ -89,7 +89,7 @@ def test_a_line_that_is_no_result_is_told_by_file_and_number(tmp_path: Path, lin
 def test_a_row_sums_the_runs_up_and_shows_what_was_wrong_once() -> None:
     lie, breach = "Drone_T01 is not at WestGate", "ROE-06 Drone_T01"
     row = summarise(
-        Condition(name="calm"),
+        Disturbance(name="calm"),
         [
             result(longest_gap_s=3.0, halts=1, resent=4),
             result(longest_gap_s=50.0, covered=False, passes=0, unknowns=2),
@@ -101,11 +101,11 @@ def test_a_row_sums_the_runs_up_and_shows_what_was_wrong_once() -> None:
     assert (row.passes, row.fails, row.unknowns, row.halts, row.resent) == (3, 3, 2, 1, 4)
     assert (row.false_passes, row.rules_broken, row.examples) == (3, 1, (lie, breach))
     with pytest.raises(ValueError, match="no run"):
-        summarise(Condition(name="calm"), [])
+        summarise(Disturbance(name="calm"), [])
 
 
 async def test_a_seed_gives_the_same_result_again_and_no_lie(site: Site) -> None:
-    condition = Condition(name="two failed", failures=2, loss=0.1)
+    condition = Disturbance(name="two failed", failures=2, loss=0.1)
 
     async def runs() -> list[tuple[int, RunResult]]:
         engine = MemoEngine(ScriptedEngine([plan(("Drone_T04", "report"))]).engine())

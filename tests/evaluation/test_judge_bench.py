@@ -8,17 +8,26 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.evaluation.judge_bench import Answer, JudgedRun, judge_cases
-from pa_console.evaluation.judge_cases import CaseReader, JudgedCase, LeftOutError, choose_runs
-from pa_console.evaluation.judge_quality import errors_of, qualities
-from pa_console.evaluation.memo_engine import MemoEngine
-from pa_console.evaluation.record import Opinion, RunRecord
-from pa_console.evaluation.results import Results, read_runs
-from pa_console.evaluation.runner import Runner
+from pa_console.benchmarks.judge.judge_bench import (
+    JudgeAnswer,
+    JudgedRun,
+    errors_of,
+    judge_cases,
+    qualities,
+)
+from pa_console.benchmarks.judge.judge_cases import (
+    CaseReader,
+    JudgedCase,
+    LeftOutError,
+    choose_runs,
+)
+from pa_console.evaluation.runs.memo_engine import MemoEngine
+from pa_console.evaluation.runs.run_record import EvaluationFolder, Opinion, RunRecord, read_runs
+from pa_console.evaluation.runs.runner import Runner
+from pa_console.llm.engine.protocol import Request
 from pa_console.llm.errors import ModelUnavailableError
-from pa_console.llm.judge import Judge
-from pa_console.llm.request import Request
-from pa_console.orchestrator.compose import Site
+from pa_console.llm.roles.judge import Judge
+from pa_console.orchestrator.station.assembly import Site
 from pa_console.schema.mission import Metrics
 from tests.evaluation.records import made_record
 from tests.evaluation.test_runner import SEND, SPARE, STRIP, jobs
@@ -31,7 +40,9 @@ HOLD = SEND.model_copy(update={"id": "C2", "category": "other", "watch_s": 5.0})
 async def evaluate(folder: Path, site: Site, plans: list[str], variant: str) -> list[Request]:
     """Run SEND and HOLD, the n-th with the n-th plan; return all that was asked."""
     engine = ScriptedEngine(plans)
-    runner = Runner(Results(folder), lambda _model, _lane: MemoEngine(engine.engine(), reuse=False))
+    runner = Runner(
+        EvaluationFolder(folder), lambda _model, _lane: MemoEngine(engine.engine(), reuse=False)
+    )
     async for _ in runner.run(jobs(site, SEND, HOLD, variants=[variant])):
         pass
     return engine.requests
@@ -180,7 +191,7 @@ def said(number: int, verdict: Opinion | None, *, strict: bool) -> JudgedRun:
         variant="v",
         category=f"c{number % 3}",
         strict=strict,
-        plan=Answer(verdict=verdict, seconds=float(number)),
+        plan=JudgeAnswer(verdict=verdict, seconds=float(number)),
     )
 
 

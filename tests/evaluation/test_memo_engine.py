@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.evaluation.memo_engine import MemoEngine
+from pa_console.evaluation.runs.memo_engine import MemoEngine
+from pa_console.llm.engine.protocol import Completed, Request
 from pa_console.llm.errors import EngineDiedError
-from pa_console.llm.request import Completed, Request
 from tests.scripted import ScriptedEngine
 
 USER = "Track_01 is {} m from WestGate, seen 2 s ago. Drone_T01 has 80 %."

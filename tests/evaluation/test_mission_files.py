@@ -6,16 +6,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.evaluation.mission_set import load_missions
-from pa_console.evaluation.one_run import enforced_rules
-from pa_console.evaluation.scoring.idle import begin, idle_run
+from pa_console.evaluation.runs.jobs import load_missions
+from pa_console.evaluation.runs.one_run import enforced_rules
+from pa_console.evaluation.scoring.idle_run import begin, idle_run
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import data_folder
-from pa_console.schema.mission_set import GeneratedWorld, MissionCase
+from pa_console.schema.evaluation import GeneratedWorld, MissionCase
 from pa_console.schema.world import World
-from pa_console.sim.world_file import load_world
-from pa_console.sim.world_generator import generate_world
-from pa_console.training.playing import play, safeguards, words_findings
+from pa_console.sim.worlds.world_file import load_world
+from pa_console.sim.worlds.world_generator import generate_world
+from pa_console.training.proof.playing import play, safeguards, words_findings
 from tests.evaluation.witness_play import plans, written
 
 FOLDER = data_folder() / "worlds" / "checkpoint"

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.evaluation.mission_set import load_missions
+from pa_console.evaluation.runs.jobs import load_missions
 from pa_console.resources import data_folder
 from pa_console.schema.document import DocumentError
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.sim.world_file import load_world
+from pa_console.sim.worlds.world_file import load_world
 
 FOLDER = data_folder() / "worlds" / "checkpoint"
 WORLD = load_world(FOLDER / "world.yaml")

@@ -5,17 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.evaluation.jobs import Job, LoadedSet, plan_jobs
-from pa_console.evaluation.memo_engine import MemoEngine
-from pa_console.evaluation.record import RunRecord
-from pa_console.evaluation.results import Results, read_runs
-from pa_console.evaluation.runner import CHUNK, Runner, chunks
-from pa_console.evaluation.scoring.idle import SETTLE_S
-from pa_console.evaluation.variants import ABOUT, VARIANTS, find_variant
-from pa_console.orchestrator.compose import Site
-from pa_console.orchestrator.headless import SETUP_SETTLE_S
-from pa_console.schema.mission_set import MissionCase, MissionSet
-from pa_console.session.recording import Recording
+from pa_console.evaluation.runs.jobs import ABOUT, VARIANTS, Job, LoadedSet, find_variant, plan_jobs
+from pa_console.evaluation.runs.memo_engine import MemoEngine
+from pa_console.evaluation.runs.run_record import EvaluationFolder, RunRecord, read_runs
+from pa_console.evaluation.runs.runner import CHUNK, Runner, chunks
+from pa_console.evaluation.scoring.idle_run import SETTLE_S
+from pa_console.orchestrator.station.assembly import Site
+from pa_console.orchestrator.station.headless import SETUP_SETTLE_S
+from pa_console.schema.evaluation import MissionCase, MissionSet
+from pa_console.session.replay.recording import Recording
 from tests.scripted import FAILURE, SUCCESS, ScriptedEngine, plan
 
 SPARE = plan(("Drone_T04", "move_to EastGate"))
@@ -40,7 +38,7 @@ async def made(
     def engine_for(_model: str, _lane: int) -> MemoEngine:
         return MemoEngine(ScriptedEngine(plans, [verdict]).engine(), reuse=False)
 
-    runner = Runner(Results(folder), engine_for, lanes=lanes)
+    runner = Runner(EvaluationFolder(folder), engine_for, lanes=lanes)
     return [record async for record in runner.run(planned)]
 
 
@@ -71,7 +69,7 @@ async def test_a_run_says_whether_the_picture_was_read_before_the_command(
     def engine_for(_model: str, _lane: int) -> MemoEngine:
         return MemoEngine(scripted.engine(), reuse=reuse)
 
-    runner = Runner(Results(tmp_path), engine_for)
+    runner = Runner(EvaluationFolder(tmp_path), engine_for)
     short = SEND.model_copy(update={"watch_s": 2.0})
     [record] = [record async for record in runner.run(jobs(site, short))]
     assert record.read_ahead == bool(scripted.warmed) == (not reuse)

@@ -4,18 +4,18 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.evaluation.scale import count_tokens, measure
-from pa_console.llm.catalog import LocalModel
+from pa_console.benchmarks.scale import count_tokens, measure
+from pa_console.llm.engine.protocol import Completed
 from pa_console.llm.errors import EngineDiedError
-from pa_console.llm.prompts import Prompt
-from pa_console.llm.request import Completed
-from pa_console.orchestrator.compose import Site
+from pa_console.llm.models.catalogue import LocalModel
+from pa_console.llm.roles.prompts import Prompt
+from pa_console.orchestrator.station.assembly import Site
 from pa_console.schema.finding import Usage
 from tests.llm.scripted import ScriptedEngine
 
 
 def test_a_size_is_measured_whole(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pa_console.evaluation.scale.SIMULATED_S", 2.0)
+    monkeypatch.setattr("pa_console.benchmarks.scale.SIMULATED_S", 2.0)
     found = measure(3, 6, site.rulebook, seed=1)
     assert (found.row.gates, found.row.assets) == (3, 6)
     assert len(found.world.assets) == len(found.picture.assets) == 6

@@ -7,11 +7,11 @@ from typing import cast
 import pytest
 from shapely import Polygon
 
-from pa_console.evaluation.true_outcome import RunResult, TruthWatch
-from pa_console.orchestrator.compose import Site
-from pa_console.schema import event as ev
+from pa_console.evaluation.runs.true_outcome import RunResult, TruthWatch
+from pa_console.orchestrator.station.assembly import Site
 from pa_console.schema.base import Point
 from pa_console.schema.command import DeviceCommand
+from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import ActionOutcome, Decision, Metrics, Outcome, Verification
 from pa_console.schema.plan import Verb

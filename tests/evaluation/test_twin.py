@@ -5,10 +5,10 @@ from functools import partial
 
 import pytest
 
-from pa_console.evaluation.twin import repeated_hashes, resimulate
-from pa_console.orchestrator.compose import Site
-from pa_console.orchestrator.station import Station
-from pa_console.schema import event as ev
+from pa_console.evaluation.runs.twin import repeated_hashes, resimulate
+from pa_console.orchestrator.station.assembly import Site
+from pa_console.orchestrator.station.station import Station
+from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset, Incident, SetBattery, SetRadio, SpawnTrack
 from pa_console.schema.scenario import RandomEvents
 from tests.evaluation.sessions import IDENTIFY, RECON, WARN, play, scenario

@@ -1,7 +1,7 @@
 """An attempt as Markdown tells what the operator could read before deciding."""
 
-from pa_console.export.markdown_attempt import attempt_parts
-from pa_console.session.fold import SessionState
+from pa_console.export.markdown import attempt_parts
+from pa_console.session.state.fold import SessionState
 from tests.tui import story
 
 

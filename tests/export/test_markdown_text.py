@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
 
-from pa_console.export.markdown_text import fenced, folded, inline, table
+from pa_console.export.markdown import fenced, folded, inline, table
 
 READER = MarkdownIt("gfm-like")
 NASTY = st.text(alphabet=st.sampled_from("a1 |\\`*_[]()<>#~&;$@!-+=:.\n\r\thw/p\x00\x85é"))

@@ -7,11 +7,11 @@ from datetime import UTC, datetime
 
 from pydantic import ValidationError
 
-from pa_console.evaluation.scoring.idle import play, watch
+from pa_console.evaluation.scoring.idle_run import play, watch
 from pa_console.evaluation.scoring.oracle import find_breaches
-from pa_console.evaluation.scoring.recorder import RunRecorder
-from pa_console.orchestrator.compose import load_site
-from pa_console.orchestrator.safeguards import examine
+from pa_console.evaluation.scoring.score import RunRecorder
+from pa_console.orchestrator.planning.safeguards import examine
+from pa_console.orchestrator.station.assembly import load_site
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.mission import Mission

@@ -16,11 +16,11 @@ from typer.main import get_command
 
 from pa_console.cli import mission
 from pa_console.cli.main import app, main
-from pa_console.evaluation.memo_engine import MemoEngine
-from pa_console.evaluation.results import Results
-from pa_console.evaluation.runner import Runner
-from pa_console.llm.catalog import LocalModel
-from pa_console.orchestrator.compose import load_site
+from pa_console.evaluation.runs.memo_engine import MemoEngine
+from pa_console.evaluation.runs.run_record import EvaluationFolder
+from pa_console.evaluation.runs.runner import Runner
+from pa_console.llm.models.catalogue import LocalModel
+from pa_console.orchestrator.station.assembly import load_site
 from tests.evaluation.test_runner import SEND, jobs
 from tests.scripted import ScriptedEngine, plan
 
@@ -237,7 +237,7 @@ class Caller:
         strict = rules.read_text(encoding="utf-8").replace("\nworkflows:", STRICT, 1)
         (self._folder / "strict.yaml").write_text(strict, encoding="utf-8")
         engine = MemoEngine(ScriptedEngine([FILL]).engine(), reuse=False)
-        runner = Runner(Results(self._folder / "evaluation"), lambda _model, _lane: engine)
+        runner = Runner(EvaluationFolder(self._folder / "evaluation"), lambda _model, _lane: engine)
 
         async def make() -> None:
             async for _ in runner.run(jobs(load_site("checkpoint", "checkpoint"), SEND)):

@@ -13,33 +13,37 @@ from functools import cache
 from itertools import islice
 from typing import NamedTuple
 
-from pa_console.evaluation.mission_set import load_with_worlds
-from pa_console.llm.clauses import asked_pattern
-from pa_console.llm.dialect import DIALECTS, Dialect, DialectName
-from pa_console.llm.grammar import PLANNED, plan_grammar, reason_grammar
-from pa_console.llm.paper_prompt import paper_prompt
-from pa_console.llm.prompts import Prompt
-from pa_console.llm.reading import asked_words, read_asked
-from pa_console.llm.request import Completed, Request
-from pa_console.llm.slot_grammar import Slot, slot_grammar
-from pa_console.orchestrator.clock import SteppedClock
-from pa_console.orchestrator.compose import Site, load_site, open_station
-from pa_console.orchestrator.digest import digest_picture
-from pa_console.orchestrator.headless import run_missions, standing_approver
-from pa_console.orchestrator.selection import select
-from pa_console.orchestrator.serving import servings
-from pa_console.policy.retriever import Retriever
+from pa_console.evaluation.runs.jobs import load_with_worlds
+from pa_console.llm.engine.protocol import Completed, Request
+from pa_console.llm.roles.dialect import DIALECTS, Dialect, DialectName
+from pa_console.llm.roles.grammar import (
+    PLANNED,
+    CommandSlot,
+    plan_grammar,
+    reason_grammar,
+    slot_grammar,
+)
+from pa_console.llm.roles.prompts import Prompt, paper_prompt
+from pa_console.orchestrator.planning.digest import digest_picture
+from pa_console.orchestrator.planning.picture_selection import select
+from pa_console.orchestrator.station.assembly import Site, load_site, open_station
+from pa_console.orchestrator.station.headless import run_missions, standing_approver
+from pa_console.orchestrator.station.ticking import SteppedClock
+from pa_console.orchestrator.tasking.command_choices import commands_serving
+from pa_console.orders.canonical_words import canonical_meaning, canonical_order
+from pa_console.orders.clause_grammar import asked_pattern
+from pa_console.orders.reading import asked_words, read_asked
+from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.resources import data_folder
-from pa_console.schema.event import Role
+from pa_console.schema.events.event import Role
 from pa_console.schema.mission import ActionOutcome, Mission, Verification
 from pa_console.schema.plan import Plan
-from pa_console.sim.world_generator import generate_world
-from pa_console.training.asked import asked, meant
-from pa_console.training.order_sampler import sample_order
-from pa_console.training.phrasing import phrase
-from pa_console.training.situations import Situation, random_situation, settled
-from pa_console.training.teacher import teach
-from pa_console.training.worlds import random_world
+from pa_console.sim.worlds.world_generator import generate_world
+from pa_console.training.order_generator.sampler import sample_order
+from pa_console.training.phrasing.phrasing import phrase
+from pa_console.training.situations.situations import Situation, random_situation, settled
+from pa_console.training.situations.worlds import random_world
+from pa_console.training.teacher.teacher import teach
 from tests.scripted import ScriptedEngine, plan
 
 PAPER: dict[str, tuple[str, tuple[tuple[str, str], ...]]] = {
@@ -135,7 +139,10 @@ def _drawn(name: str, rng: random.Random, there: Situation, text: str = "") -> C
             made = teach(order, world, picture, digest).plan
         except ValueError:
             continue
-        canonical = (asked(order, world, picture, digest), meant(order, world))
+        canonical = (
+            canonical_order(order, world, picture, digest),
+            canonical_meaning(order, world),
+        )
         return Case(name, words, there, f"asked: {canonical[0]}", made, canonical)
 
 
@@ -208,10 +215,10 @@ def _judged(case: Case, name: str, dialect: Dialect) -> Iterator[tuple[str, str]
     yield f"grammar {name} outcome opening", dialect.outcome_opening or ""
 
 
-def _slots(case: Case) -> Iterator[Sequence[Slot]]:
+def _slots(case: Case) -> Iterator[Sequence[CommandSlot]]:
     reading = read_asked(case.asked)
     assert reading is not None
-    yield from islice(servings(reading, case.situation.world, case.situation.picture), 2)
+    yield from islice(commands_serving(reading, case.situation.world, case.situation.picture), 2)
 
 
 def _of(name: str, prompt: Prompt) -> Iterator[tuple[str, str]]:

@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 from pa_console.resources import data_folder
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.sim.scenario_file import load_scenario
-from pa_console.sim.world_file import load_world
-from pa_console.sim.world_generator import generate_world
+from pa_console.sim.worlds.scenario_file import load_scenario
+from pa_console.sim.worlds.world_file import load_world
+from pa_console.sim.worlds.world_generator import generate_world
 from tests.golden.stored import compare, read, write
 
 STEPS = (0, 1, 100, 2000)

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.llm.cache import CACHE_VARIABLE
-from pa_console.llm.catalog import Catalog, LocalModel
-from pa_console.llm.fetch import pull
+from pa_console.llm.models.cache import CACHE_VARIABLE
+from pa_console.llm.models.catalogue import Catalog, LocalModel
+from pa_console.llm.models.fetching import pull
 from pa_console.signing import KEY_VARIABLE
 
 SMALLEST = "smollm2-135m"

@@ -11,13 +11,12 @@ import pytest
 import pytest_asyncio
 from pydantic import ValidationError
 
-from pa_console.llm.adapters import AdapterFile, LocalAdapter, check_adapters
-from pa_console.llm.cache import hash_file
-from pa_console.llm.catalog import LocalModel, ModelEntry, find_model
-from pa_console.llm.engine import Engine
+from pa_console.llm.engine.engine import Engine
+from pa_console.llm.engine.protocol import Completed, Request
 from pa_console.llm.errors import ModelError, ModelUnavailableError
-from pa_console.llm.request import Completed, Request
-from pa_console.llm.sources import PathSource
+from pa_console.llm.models.adapters import AdapterFile, LocalAdapter, check_adapters
+from pa_console.llm.models.cache import hash_file
+from pa_console.llm.models.catalogue import LocalModel, ModelEntry, PathSource, find_model
 
 TALK = Request(
     role="planner",

@@ -2,14 +2,14 @@
 
 import pytest
 
-from pa_console.llm.asking import Answer, ask
+from pa_console.llm.engine.protocol import Completed, Request
 from pa_console.llm.errors import (
     EngineDiedError,
     EngineError,
     ModelUnavailableError,
     PromptRefusedError,
 )
-from pa_console.llm.request import Completed, Request
+from pa_console.llm.roles.engine_call import ModelAnswer, ask_model
 from pa_console.schema.finding import Usage
 from tests.scripted import ScriptedEngine
 
@@ -17,10 +17,10 @@ REQUEST = Request("planner", "system", "user", "start: x", 100, 10.0)
 DIED = EngineDiedError("the model's process died")
 
 
-async def asked(engine: ScriptedEngine) -> tuple[str, Answer]:
+async def asked(engine: ScriptedEngine) -> tuple[str, ModelAnswer]:
     """Return the pieces joined, and the one Answer that must come last."""
-    items = [item async for item in ask(engine.engine(), REQUEST)]
-    answers = [item for item in items if isinstance(item, Answer)]
+    items = [item async for item in ask_model(engine.engine(), REQUEST)]
+    answers = [item for item in items if isinstance(item, ModelAnswer)]
     assert answers == items[-1:]
     return "".join(item for item in items if isinstance(item, str)), answers[0]
 

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from llguidance import LLMatcher
 
-from pa_console.llm.branches import branches
+from pa_console.llm.worker.candidates import branch_points
 from tests.llm.test_grammar import BYTES
 
 GRAMMAR = 'start: "go " ("north" | "south" | "norm" | "base") (" now" | " soon")'
@@ -18,7 +18,7 @@ WAYS = [f"go {place} {time}" for place in PLACES for time in TIMES]
 def test_every_branch_is_another_way_to_begin(text: str, seed: int, begun: int, count: int) -> None:
     answer = BYTES.tokenize_str(text)
     rows = np.random.default_rng(seed).normal(size=(len(answer), BYTES.vocab_size))
-    found = branches(
+    found = branch_points(
         LLMatcher(BYTES, GRAMMAR), BYTES, answer, rows.astype(np.float32), begun, count
     )
     assert len(found) <= count
@@ -38,7 +38,7 @@ def test_the_likeliest_way_comes_first() -> None:
     for row, token in zip(rows, answer, strict=True):
         row[token] = 9.0
     rows[3, south], rows[6, norm] = 4.0, 6.0
-    found = branches(LLMatcher(BYTES, GRAMMAR), BYTES, answer, rows, 0, 2)
+    found = branch_points(LLMatcher(BYTES, GRAMMAR), BYTES, answer, rows, 0, 2)
     assert [(branch.kept, branch.token) for branch in found] == [(6, norm), (3, south)]
-    later = branches(LLMatcher(BYTES, GRAMMAR), BYTES, answer, rows, 4, 2)
+    later = branch_points(LLMatcher(BYTES, GRAMMAR), BYTES, answer, rows, 4, 2)
     assert [(branch.kept, branch.token) for branch in later][:1] == [(6, norm)]

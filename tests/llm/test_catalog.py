@@ -5,9 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.llm.catalog import Catalog, ModelEntry
 from pa_console.llm.errors import ModelError
-from pa_console.llm.sources import PathSource
+from pa_console.llm.models.catalogue import Catalog, ModelEntry, PathSource
 from pa_console.schema.document import DocumentError
 
 INSTALLABLE = {

@@ -2,9 +2,9 @@
 
 import pytest
 
-from pa_console.llm.catalog import ChatFormat, LocalModel
-from pa_console.llm.chat import ChatPrompt
-from pa_console.llm.runtime import Runtime
+from pa_console.llm.models.catalogue import ChatFormat, LocalModel
+from pa_console.llm.worker.chat import ChatPrompt
+from pa_console.llm.worker.runtime import Runtime
 
 
 @pytest.fixture(scope="module")

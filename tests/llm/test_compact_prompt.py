@@ -5,15 +5,15 @@ import json
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from pa_console.llm.compact_prompt import (
-    ahead,
+from pa_console.llm.roles.compact_prompt import (
     compact_judge_prompt,
     compact_outcome_prompt,
     compact_planner_prompt,
+    picture_prefix,
 )
-from pa_console.llm.dialect import DIALECTS
-from pa_console.llm.linking import link_names
-from pa_console.llm.prompts import Prompt
+from pa_console.llm.roles.dialect import DIALECTS
+from pa_console.llm.roles.prompts import Prompt
+from pa_console.orders.name_linking import link_names
 from pa_console.schema.mission import Verification
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import GateTimeline, Rehearsal, Timeline
@@ -42,8 +42,8 @@ def test_whatever_is_typed_the_prompt_begins_with_what_was_read_ahead(text: str)
     task = mission(text)
     planner = compact_planner_prompt(WORLD, DIGEST, [RULE], task)
     judge = compact_judge_prompt(WORLD, DIGEST, [RULE], task, PLAN, REHEARSAL)
-    assert starts_with(planner, ahead("planner", WORLD, DIGEST))
-    assert starts_with(judge, ahead("judge", WORLD, DIGEST))
+    assert starts_with(planner, picture_prefix("planner", WORLD, DIGEST))
+    assert starts_with(judge, picture_prefix("judge", WORLD, DIGEST))
     line = json.dumps(" ".join(link_names(WORLD, text).split()), ensure_ascii=False)
     assert f"\nMission: {line}" in planner.user
 
@@ -58,7 +58,7 @@ def test_a_repair_only_adds_to_the_prompt():
 
 
 def test_every_place_and_every_free_asset_is_told_once_a_line():
-    lines = ahead("planner", WORLD, DIGEST).user.splitlines()
+    lines = picture_prefix("planner", WORLD, DIGEST).user.splitlines()
     told = {line.partition(":")[0]: line for line in lines}
     assert len(told) == len(lines)
     for gate, count in DIGEST.covered.items():

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.llm.confidence import Chance, confidence
-from pa_console.llm.planner import Planner, Proposal
-from pa_console.llm.prompts import Prompt
+from pa_console.llm.engine.protocol import Chance, confidence
+from pa_console.llm.roles.planner import Planner, Proposal
+from pa_console.llm.roles.prompts import Prompt
 from tests.scripted import ScriptedEngine, plan
 
 CHANCES = st.lists(st.tuples(st.integers(0, 40), st.floats(-9.0, 0.0)), min_size=1, max_size=12)

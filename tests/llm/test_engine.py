@@ -14,19 +14,19 @@ from pathlib import Path
 import pytest
 import pytest_asyncio
 
-from pa_console.llm.cache import hash_file
-from pa_console.llm.catalog import Catalog, LocalModel
-from pa_console.llm.engine import Engine
+from pa_console.llm.engine.engine import Engine
+from pa_console.llm.engine.protocol import Completed, Request
 from pa_console.llm.errors import (
     EngineDiedError,
     ModelError,
     ModelUnavailableError,
     PromptRefusedError,
 )
-from pa_console.llm.grammar import judge_grammar, plan_grammar
-from pa_console.llm.planner import Planner, Proposal
-from pa_console.llm.prompts import planner_prompt
-from pa_console.llm.request import Completed, Request
+from pa_console.llm.models.cache import hash_file
+from pa_console.llm.models.catalogue import Catalog, LocalModel
+from pa_console.llm.roles.grammar import judge_grammar, plan_grammar
+from pa_console.llm.roles.planner import Planner, Proposal
+from pa_console.llm.roles.prompts import planner_prompt
 from pa_console.schema.plan import Plan
 from tests.llm.site import DIGEST, RULE, WORLD, mission, picture
 
@@ -315,8 +315,8 @@ async def test_a_file_that_is_no_model_makes_the_engine_unavailable(
 
 PARENT = """\
 import asyncio, sys
-from pa_console.llm.catalog import LocalModel
-from pa_console.llm.engine import Engine
+from pa_console.llm.models.catalogue import LocalModel
+from pa_console.llm.engine.engine import Engine
 from pathlib import Path
 async def main():
     engine = Engine(LocalModel("m", Path(sys.argv[1]), sys.argv[2]))

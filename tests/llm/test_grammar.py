@@ -8,13 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from llguidance import LLMatcher, LLTokenizer
 
-from pa_console.llm.grammar import (
+from pa_console.llm.roles.grammar import (
     REASON_CHARS,
     compact_judge_grammar,
     judge_grammar,
     plan_grammar,
 )
-from pa_console.llm.judge import read_verdict
+from pa_console.llm.roles.judge import read_verdict
 from pa_console.schema.plan import COMMANDS, Plan, Verb
 from tests.llm.site import KINDS, WORLD, picture
 

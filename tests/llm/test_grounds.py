@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from llguidance import LLMatcher, LLTokenizer
 
-from pa_console.llm.condition import Condition, conditions, evidence, holds, in_words
-from pa_console.llm.contact import contacts
-from pa_console.llm.grammar import compact_opening_grammar, plan_grammar
-from pa_console.llm.grounds import ASKED_ONCE, asked_now, grounded_asked, grounded_reason
+from pa_console.llm.roles.grammar import compact_opening_grammar, plan_grammar
+from pa_console.orders.clause_grammar import ASKED_ONCE, asked_now, grounded_asked, grounded_reason
+from pa_console.orders.condition import Condition, conditions, evidence, holds, in_words
+from pa_console.orders.digest_tracks import tracks_of_digest
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Digest, Selection
 from tests.llm.site import WORLD, picture
@@ -258,7 +258,7 @@ def test_a_verdict_on_an_outcome_begins_with_what_was_asked() -> None:
 
 
 def test_tracks_are_read_back_from_the_digest() -> None:
-    hostile, stranger = contacts(DIGEST.tracks)
+    hostile, stranger = tracks_of_digest(DIGEST.tracks)
     assert (hostile.id, hostile.gate, hostile.here) == ("Track_02", "HillGate", False)
     assert (hostile.identity, hostile.intent) == ("unauthorized", "hostile")
     assert hostile.known == "unauthorized, intent hostile"

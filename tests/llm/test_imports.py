@@ -5,7 +5,7 @@ import sys
 
 SCRIPT = """\
 import sys
-import pa_console.llm.planner, pa_console.llm.judge, pa_console.llm.fetch
+import pa_console.llm.roles.planner, pa_console.llm.roles.judge, pa_console.llm.models.fetching
 print([name for name in ("llama_cpp", "llguidance", "huggingface_hub") if name in sys.modules])
 """
 

@@ -6,8 +6,8 @@ import math
 import pytest
 
 from pa_console.llm.errors import EngineError
-from pa_console.llm.judge import Judge, Judgement
-from pa_console.llm.prompts import Prompt
+from pa_console.llm.roles.judge import Judge, Judgement
+from pa_console.llm.roles.prompts import Prompt
 from tests.scripted import Answer, ScriptedEngine
 
 OPENING = '{"feedback": "asked: 1 drone home; planned: '

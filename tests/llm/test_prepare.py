@@ -5,17 +5,21 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.llm import prepare as module
-from pa_console.llm import room
-from pa_console.llm.cache import hash_file
-from pa_console.llm.catalog import Catalog, ModelEntry
 from pa_console.llm.errors import ModelError, PullError
-from pa_console.llm.prepare import How, Prepared, find_recorded, prepare, prepared_path
-from pa_console.llm.sources import PathSource
-from pa_console.llm.weight_type import fastest_type
+from pa_console.llm.models import large_files
+from pa_console.llm.models import preparing as module
+from pa_console.llm.models.cache import hash_file
+from pa_console.llm.models.catalogue import Catalog, ModelEntry, PathSource, fastest_type
+from pa_console.llm.models.preparing import (
+    Preparation,
+    Prepared,
+    find_recorded,
+    prepare,
+    prepared_path,
+)
 from tests.training.lora.tiny import write_tiny
 
-Q8 = How("q8_0")
+Q8 = Preparation("q8_0")
 NEVER = (sys.executable, "-c", "raise SystemExit('must not be made again')")
 
 
@@ -96,7 +100,7 @@ def test_a_full_disk_is_named_before_anything_is_written(
     def full(_path: Path) -> object:
         return type("Usage", (), {"free": 7})
 
-    monkeypatch.setattr(room.shutil, "disk_usage", full)
+    monkeypatch.setattr(large_files.shutil, "disk_usage", full)
     with pytest.raises(PullError, match="free some space"):
         made(source)
     assert left_over(empty_cache) == []
@@ -146,9 +150,9 @@ def test_the_fastest_type_is_that_of_the_machine(source: Path, monkeypatch: pyte
     catalog = catalog_of(source)
     entry = catalog.get("tiny").model_copy(update=chosen)
     for kind in ("f16", "bf16"):
-        monkeypatch.setattr("pa_console.llm.catalog.fastest_type", lambda kind=kind: kind)
+        monkeypatch.setattr("pa_console.llm.models.catalogue.fastest_type", lambda kind=kind: kind)
         path, digest = entry.ready_file(source)
-        assert path == prepared_path("tiny", How(kind)) == entry.prepared_file
+        assert path == prepared_path("tiny", Preparation(kind)) == entry.prepared_file
         assert digest == hash_file(path)
 
 

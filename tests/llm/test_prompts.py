@@ -7,7 +7,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.llm.prompts import judge_prompt, outcome_prompt, planner_prompt
+from pa_console.llm.roles.prompts import judge_prompt, outcome_prompt, planner_prompt
 from pa_console.resources import data_folder
 from pa_console.schema.mission import Verification
 from pa_console.schema.plan import Action, Plan

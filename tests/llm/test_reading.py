@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.llm.grammar import READ, begun_reason
-from pa_console.llm.reading import Reading, Team, Wish, asked_words, read_asked, read_reason
-from pa_console.training.asked import asked
-from pa_console.training.conditions import due_asks
-from pa_console.training.order import Ask
-from pa_console.training.order_sampler import sample_order
-from pa_console.training.situations import settled
-from pa_console.training.worlds import shipped_world
+from pa_console.llm.roles.grammar import READ, begun_reason
+from pa_console.orders.canonical_words import canonical_order
+from pa_console.orders.condition_in_picture import due_asks
+from pa_console.orders.order import Ask
+from pa_console.orders.reading import Reading, Team, Wish, asked_words, read_asked, read_reason
+from pa_console.training.order_generator.sampler import sample_order
+from pa_console.training.situations.situations import settled
+from pa_console.training.situations.worlds import shipped_world
 
 NOW = settled(shipped_world())
 
@@ -30,7 +30,7 @@ def team_of(ask: Ask) -> Team:
 @given(st.integers(0, 10_000))
 def test_what_was_asked_is_read_as_it_was_meant(seed: int) -> None:
     order, _ = sample_order(random.Random(seed), NOW.world, NOW.picture, NOW.digest)
-    words = f"asked: {asked(order, NOW.world, NOW.picture, NOW.digest)}"
+    words = f"asked: {canonical_order(order, NOW.world, NOW.picture, NOW.digest)}"
     reading = read_asked(words)
     assert reading is not None
     assert reading.readable, words
@@ -49,7 +49,7 @@ def test_what_was_asked_is_read_as_it_was_meant(seed: int) -> None:
 @given(st.integers(0, 10_000), st.sampled_from(["", "Free drone: Drone_T04, guards stay"]))
 def test_what_was_asked_is_told_apart_from_the_facts_that_decide(seed: int, facts: str) -> None:
     order, _ = sample_order(random.Random(seed), NOW.world, NOW.picture, NOW.digest)
-    words = f"asked: {asked(order, NOW.world, NOW.picture, NOW.digest)}"
+    words = f"asked: {canonical_order(order, NOW.world, NOW.picture, NOW.digest)}"
     reason = f"{words}; {facts}" if facts else f"{words}; hold"
     begun = asked_words(reason)
     assert begun == f"{words}; "

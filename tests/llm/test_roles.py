@@ -5,13 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.llm.catalog import LocalModel
+from pa_console.llm.engine.protocol import Completed, Finish
 from pa_console.llm.errors import EngineDiedError, EngineError
-from pa_console.llm.judge import Judge, Judgement, read_verdict
-from pa_console.llm.planner import Planner, Proposal, read_plan
-from pa_console.llm.prompts import Prompt
-from pa_console.llm.protocol import Finish
-from pa_console.llm.request import Completed
+from pa_console.llm.models.catalogue import LocalModel
+from pa_console.llm.roles.judge import Judge, Judgement, read_verdict
+from pa_console.llm.roles.planner import Planner, Proposal, read_plan
+from pa_console.llm.roles.prompts import Prompt
 from pa_console.schema.finding import Usage
 from tests.llm.scripted import ScriptedEngine
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from llama_cpp import Llama
 
-from pa_console.llm.vocabulary import cut_vocabulary
+from pa_console.llm.models.gguf_conversion import cut_vocabulary
 from tests.training.lora.tiny import write_tiny
 
 CONTROL = ["<pad>", "<eos>", "<bos>", "<unk>"]

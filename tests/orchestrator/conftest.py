@@ -4,15 +4,15 @@ from collections.abc import Callable, Sequence
 
 import pytest
 
-from pa_console.orchestrator.clock import SteppedClock
-from pa_console.orchestrator.compose import LoadedScenario, Site, load_site, open_station
-from pa_console.orchestrator.headless import Approver, run_missions, standing_approver
-from pa_console.orchestrator.station import Station
-from pa_console.schema.event import Event
+from pa_console.orchestrator.station.assembly import LoadedScenario, Site, load_site, open_station
+from pa_console.orchestrator.station.headless import Approver, run_missions, standing_approver
+from pa_console.orchestrator.station.station import Station
+from pa_console.orchestrator.station.ticking import SteppedClock
+from pa_console.schema.evaluation import Variant
+from pa_console.schema.events.event import Event
 from pa_console.schema.incident import Incident
 from pa_console.schema.scenario import Scenario
-from pa_console.schema.variant import Variant
-from pa_console.session.fold import MissionTrace, SessionState
+from pa_console.session.state.fold import MissionTrace, SessionState
 from tests.scripted import ScriptedEngine
 
 MISSION = "Watch the checkpoint and say what you see."

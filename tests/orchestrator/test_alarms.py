@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.orchestrator.alarms import MOST_MINOR, AlarmBook, Change
+from pa_console.orchestrator.intake.alarms import MOST_MINOR, AlarmBook, Change
 from pa_console.resources import find_data
 from pa_console.schema.alarm import ALARM_PRIORITIES, Alarm
-from pa_console.schema.event import AlarmCleared, AlarmRaised
+from pa_console.schema.events.event import AlarmCleared, AlarmRaised
 from pa_console.schema.telemetry import AssetTelemetry, CameraReport, GateCover, Picture, Track
-from pa_console.sim.world_file import load_world
+from pa_console.sim.worlds.world_file import load_world
 from tests.orchestrator.pictures import GATES, asset, track
 
 WORLD = load_world(find_data("worlds", "checkpoint", "world.yaml"))

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.orchestrator.approval import inadmissible, request_approval
+from pa_console.orchestrator.planning.approval import inadmissible, request_approval
 from pa_console.schema.finding import Finding, Verdict
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Plan

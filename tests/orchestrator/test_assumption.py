@@ -1,11 +1,11 @@
 """What is taken to come of a plan that is not rehearsed."""
 
-from pa_console.orchestrator.assumption import assume_done
+from pa_console.orchestrator.planning.safeguards import assume_done
 from pa_console.resources import find_data
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.world import Zone
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.sim.world_file import load_world
+from pa_console.sim.worlds.world_file import load_world
 
 WORLD = load_world(find_data("worlds", "checkpoint", "world.yaml"))
 

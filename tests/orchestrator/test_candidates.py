@@ -5,13 +5,13 @@ import math
 
 import pytest
 
-from pa_console.orchestrator.candidate import Candidate
-from pa_console.orchestrator.headless import standing_approver
-from pa_console.orchestrator.planning import MOST_SERVED
-from pa_console.orchestrator.safeguards import Examination
+from pa_console.orchestrator.planning.candidate import Candidate
+from pa_console.orchestrator.planning.planning import MOST_SERVED
+from pa_console.orchestrator.planning.safeguards import Examination
+from pa_console.orchestrator.station.headless import standing_approver
+from pa_console.schema.evaluation import Variant
 from pa_console.schema.finding import Verdict
 from pa_console.schema.plan import Action, Plan
-from pa_console.schema.variant import Variant
 from tests.orchestrator.conftest import Rig
 from tests.scripted import FAILURE, SUCCESS, ScriptedEngine, plan
 

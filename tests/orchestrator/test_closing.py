@@ -5,11 +5,11 @@ from contextlib import aclosing
 
 import pytest
 
-from pa_console.llm.catalog import Catalog
-from pa_console.llm.engine import Engine
-from pa_console.llm.fetch import pull
-from pa_console.orchestrator.clock import SteppedClock
-from pa_console.orchestrator.compose import Site, open_station
+from pa_console.llm.engine.engine import Engine
+from pa_console.llm.models.catalogue import Catalog
+from pa_console.llm.models.fetching import pull
+from pa_console.orchestrator.station.assembly import Site, open_station
+from pa_console.orchestrator.station.ticking import SteppedClock
 
 
 @pytest.mark.parametrize("events", [1, 2, 3])

@@ -6,16 +6,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.orchestrator.command_gate import STILL, CommandGate
-from pa_console.orchestrator.journal import Journal
-from pa_console.orchestrator.rehearsal import device_commands
+from pa_console.orchestrator.execution.command_gate import STILL, CommandGate
+from pa_console.orchestrator.planning.rehearsal import device_commands
+from pa_console.orchestrator.station.journal import Journal
 from pa_console.resources import data_folder
-from pa_console.schema import event as ev
 from pa_console.schema.command import DeviceCommand
+from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.sim.world_file import load_world
+from pa_console.sim.worlds.world_file import load_world
 
 WORLD = load_world(data_folder() / "worlds" / "checkpoint" / "world.yaml")
 APPROVE = Decision(kind="approve")

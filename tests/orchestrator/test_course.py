@@ -3,7 +3,7 @@
 from datetime import UTC, datetime
 from typing import Any
 
-from pa_console.orchestrator.course import Course
+from pa_console.orchestrator.mission.workflow_progress import WorkflowProgress
 from pa_console.schema.mission import Mission
 from pa_console.schema.moment import Moment, TrackMoment
 from pa_console.schema.plan import Action, Plan
@@ -22,9 +22,9 @@ def now(seconds: float, **tracks: dict[str, Any]) -> Moment:
     return Moment(time_s=seconds, tracks=found)
 
 
-def course(subject: str | None = None) -> Course:
+def course(subject: str | None = None) -> WorkflowProgress:
     mission = Mission(id="M1", text="look", created=datetime.now(UTC), subject=subject)
-    return Course(checkpoint_rules(), mission)
+    return WorkflowProgress(checkpoint_rules(), mission)
 
 
 def plan(command: str) -> Plan:

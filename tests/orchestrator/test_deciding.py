@@ -2,13 +2,13 @@
 
 import pytest
 
-from pa_console.orchestrator.clock import SteppedClock
-from pa_console.orchestrator.compose import open_station
-from pa_console.orchestrator.headless import run_missions, standing_approver
-from pa_console.schema import event as ev
+from pa_console.orchestrator.station.assembly import open_station
+from pa_console.orchestrator.station.headless import run_missions, standing_approver
+from pa_console.orchestrator.station.ticking import SteppedClock
+from pa_console.schema.evaluation import Variant
+from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
-from pa_console.schema.variant import Variant
-from pa_console.session.fold import SessionState
+from pa_console.session.state.fold import SessionState
 from tests.orchestrator.conftest import MISSION, Rig
 from tests.scripted import FAILURE, ScriptedEngine, plan
 

@@ -6,22 +6,22 @@ from datetime import UTC, datetime
 import pytest
 import pytest_asyncio
 
-from pa_console.llm.catalog import Catalog, find_model
-from pa_console.llm.dialect import DIALECTS
-from pa_console.llm.engine import Engine
-from pa_console.llm.fetch import pull
-from pa_console.llm.judge import Judge
-from pa_console.llm.planner import Planner, Proposal
-from pa_console.llm.reading import asked_words, read_asked
-from pa_console.orchestrator.clock import SteppedClock
-from pa_console.orchestrator.compose import Site, open_station
-from pa_console.orchestrator.headless import run_missions, standing_approver
-from pa_console.orchestrator.question import ask_for_plan
-from pa_console.orchestrator.services import Services
-from pa_console.policy.retriever import Retriever
-from pa_console.schema.event import Event
+from pa_console.llm.engine.engine import Engine
+from pa_console.llm.models.catalogue import Catalog, find_model
+from pa_console.llm.models.fetching import pull
+from pa_console.llm.roles.dialect import DIALECTS
+from pa_console.llm.roles.judge import Judge
+from pa_console.llm.roles.planner import Planner, Proposal
+from pa_console.orchestrator.mission.services import Services
+from pa_console.orchestrator.planning.planner_question import ask_for_plan
+from pa_console.orchestrator.station.assembly import Site, open_station
+from pa_console.orchestrator.station.headless import run_missions, standing_approver
+from pa_console.orchestrator.station.ticking import SteppedClock
+from pa_console.orders.reading import asked_words, read_asked
+from pa_console.policy.retrieval.retriever import Retriever
+from pa_console.schema.events.event import Event
 from pa_console.schema.mission import Mission
-from pa_console.session.fold import MissionTrace, SessionState
+from pa_console.session.state.fold import MissionTrace, SessionState
 from pa_console.sim.checkpoint import Checkpoint
 
 

@@ -3,11 +3,11 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.llm.prompts import planner_prompt
-from pa_console.orchestrator.digest import digest_picture
+from pa_console.llm.roles.prompts import planner_prompt
+from pa_console.orchestrator.planning.digest import digest_picture
 from pa_console.resources import find_data
 from pa_console.schema.telemetry import GateCover
-from pa_console.sim.world_file import load_world
+from pa_console.sim.worlds.world_file import load_world
 from tests.llm.site import mission
 from tests.orchestrator.pictures import GATES, asset, picture, track
 

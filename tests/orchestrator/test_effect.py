@@ -7,18 +7,17 @@ from typing import Any
 
 import pytest
 
-from pa_console.orchestrator.clock import SteppedClock
-from pa_console.orchestrator.compose import Site, load_site, open_station
-from pa_console.orchestrator.effect import decided_again, effect_on_session
-from pa_console.orchestrator.flips import Flip, SessionEffect, rules_turned
-from pa_console.orchestrator.headless import run_missions, standing_approver
-from pa_console.orchestrator.session_site import SessionSites
+from pa_console.orchestrator.station.assembly import Site, load_site, open_station
+from pa_console.orchestrator.station.headless import run_missions, standing_approver
+from pa_console.orchestrator.station.session_site import SessionSites
+from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.policy.rulebook import CompiledRule, Rulebook, compile_rule, load_rules
-from pa_console.schema import event as ev
+from pa_console.rule_analysis.changed_decisions import ChangedDecision, SessionEffect, rules_turned
+from pa_console.rule_analysis.recorded_effect import decided_again, effect_on_session
+from pa_console.schema.evaluation import Variant
+from pa_console.schema.events import event as ev
 from pa_console.schema.incident import SpawnTrack
-from pa_console.schema.rule import Ordering, Rule, RuleSet
-from pa_console.schema.rules_seal import RulesSeal
-from pa_console.schema.variant import Variant
+from pa_console.schema.rule import Ordering, Rule, RuleSet, RulesSeal
 from pa_console.schema.world import Zone
 from tests.evaluation.sessions import IDENTIFY, RECON, WARN, play, scenario
 from tests.orchestrator.conftest import MISSION
@@ -178,7 +177,7 @@ def test_a_plan_that_nothing_blocks_any_more_is_named(blocked: Events) -> None:
 
 def test_a_mission_that_would_be_refused_is_named(observed: Events) -> None:
     found = effect(observed, with_rule(check="!mission.words.contains('watch')"))
-    first: Flip = found.flips[0]
+    first: ChangedDecision = found.flips[0]
     assert (first.kind, first.was, first.now, first.attempt) == ("intake", "taken", "refused", 0)
     refused = recorded(RECON, "Shoot the driver.")
     lax = effect(refused, changed("ROE-01", check="true"))

@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import pytest
 
-from pa_console.orchestrator.station import Station
-from pa_console.schema import event as ev
+from pa_console.orchestrator.station.station import Station
+from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset, WorkerFault
 from tests.orchestrator.conftest import Rig
 from tests.orchestrator.test_living import of_kind, scenario

@@ -8,22 +8,26 @@ from functools import cache
 
 import pytest
 
-from pa_console.llm.dialect import DIALECTS
-from pa_console.llm.reading import read_asked
-from pa_console.orchestrator.comparing import compare, compared_grammar
-from pa_console.orchestrator.fulfilment import gaps
-from pa_console.orchestrator.judging import OutcomeCase, ask_about_outcome
-from pa_console.orchestrator.plan_moves import PlanMoves
+from pa_console.llm.roles.dialect import DIALECTS
+from pa_console.orchestrator.planning.judging import (
+    OutcomeCase,
+    ask_about_outcome,
+    compare_with_order,
+    compared_grammar,
+)
+from pa_console.orchestrator.planning.plan_moves import PlanMoves
+from pa_console.orchestrator.tasking.fulfilment import gaps
+from pa_console.orders.canonical_words import canonical_order
+from pa_console.orders.reading import read_asked
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import data_folder
 from pa_console.schema.incident import FailAsset, Incident, PlaceAsset, SetBattery, SpawnTrack
 from pa_console.schema.mission import Mission, Verification
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Picture
-from pa_console.training.asked import asked
-from pa_console.training.planner_data import Recipe, make_group
-from pa_console.training.situations import settled
-from pa_console.training.worlds import shipped_world
+from pa_console.training.samples.planner_samples import Recipe, make_group
+from pa_console.training.situations.situations import settled
+from pa_console.training.situations.worlds import shipped_world
 from tests.llm.test_grammar import accepts
 
 WORLD = shipped_world()
@@ -268,8 +272,10 @@ def test_proven_plans_have_few_gaps(number: int) -> None:
     now = group.situation
     open_ = 0
     for proven in group.proven:
-        words = asked(proven.order, now.world, now.picture, now.digest)
-        compared = compare(f"asked: {words}", PlanMoves(now.world, now.picture, proven.plan))
+        words = canonical_order(proven.order, now.world, now.picture, now.digest)
+        compared = compare_with_order(
+            f"asked: {words}", PlanMoves(now.world, now.picture, proven.plan)
+        )
         assert compared.gaps is not None
         open_ += bool(compared.gaps)
     assert open_ <= 1
@@ -340,6 +346,6 @@ def test_a_plan_of_any_length_leaves_a_readable_verdict() -> None:
     names = sorted(WORLD.assets)
     orders = [f"{name} move_to {rng.choice(WORLD.gates)}" for name in names]
     grammar = compared_grammar(OPENING, moves(*orders))
-    compared = compare("asked: 1 drone to EastGate", moves(*orders))
+    compared = compare_with_order("asked: 1 drone to EastGate", moves(*orders))
     said = f"asked: 1 drone to EastGate; planned: {compared.told}"
     assert accepts(grammar, answer(said, "Failure"))

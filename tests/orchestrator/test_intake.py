@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 import pytest
 
-from pa_console.orchestrator.intake import Arrivals, Intake
+from pa_console.orchestrator.intake.intake import Arrivals, Intake
 from pa_console.resources import data_folder
-from pa_console.schema import event as ev
+from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Mission
 from pa_console.schema.telemetry import Picture, Track
-from pa_console.sim.world_file import load_world
+from pa_console.sim.worlds.world_file import load_world
 from tests.orchestrator.pictures import asset, picture, track
 
 WORLD = load_world(data_folder() / "worlds" / "checkpoint" / "world.yaml")

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from pa_console.orchestrator.station import Station
-from pa_console.schema import event as ev
+from pa_console.orchestrator.station.station import Station
+from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset, Incident, SetBattery, SetRadio, SpawnTrack
 from pa_console.schema.scenario import Condition, Scenario, ScriptedEvent, TrackIs
 from tests.orchestrator.conftest import Rig

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.orchestrator.mission_queue import MissionQueue
+from pa_console.orchestrator.intake.mission_queue import MissionQueue
 from pa_console.schema.alarm import ALARM_PRIORITIES, Alarm, AlarmKind, AlarmPriority
 from pa_console.schema.mission import Mission
 

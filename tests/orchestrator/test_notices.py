@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.orchestrator.notices import GONE_S, Noticer
-from pa_console.schema.event import Noticed
+from pa_console.orchestrator.intake.notices import GONE_S, Noticer
+from pa_console.schema.events.event import Noticed
 from pa_console.schema.telemetry import CameraReport, GateCover, Picture
 from tests.orchestrator.pictures import asset, picture, track
 

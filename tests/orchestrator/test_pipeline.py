@@ -3,9 +3,9 @@
 import pytest
 
 from pa_console.llm.errors import EngineDiedError
-from pa_console.orchestrator.headless import standing_approver
-from pa_console.orchestrator.station import Station
-from pa_console.schema.event import ApprovalRequested, Event
+from pa_console.orchestrator.station.headless import standing_approver
+from pa_console.orchestrator.station.station import Station
+from pa_console.schema.events.event import ApprovalRequested, Event
 from pa_console.schema.incident import FailAsset, SpawnTrack
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Plan

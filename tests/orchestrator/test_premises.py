@@ -4,12 +4,12 @@ from typing import Any
 
 import pytest
 
-from pa_console.orchestrator.premises import Premises, safe_state, way_to_safety, why_lost
+from pa_console.orchestrator.execution.premises import Premises, safe_state, way_to_safety, why_lost
 from pa_console.resources import data_folder
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import GateTimeline, Timeline
 from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Track
-from pa_console.sim.world_file import load_world
+from pa_console.sim.worlds.world_file import load_world
 from tests.orchestrator.pictures import GATES, asset, picture, track
 
 WORLD = load_world(data_folder() / "worlds" / "checkpoint" / "world.yaml")

@@ -2,20 +2,20 @@
 
 import asyncio
 
-from pa_console.llm.dialect import DIALECTS
-from pa_console.llm.judge import Judge
-from pa_console.llm.planner import Planner
-from pa_console.orchestrator.clock import SteppedClock
-from pa_console.orchestrator.compose import Site, open_station
-from pa_console.orchestrator.headless import run_missions, standing_approver
-from pa_console.orchestrator.read_ahead import ReadAhead
-from pa_console.orchestrator.services import Services
-from pa_console.policy.retriever import Retriever
-from pa_console.schema.event import Event, Role
+from pa_console.llm.roles.dialect import DIALECTS
+from pa_console.llm.roles.judge import Judge
+from pa_console.llm.roles.planner import Planner
+from pa_console.orchestrator.mission.services import Services
+from pa_console.orchestrator.planning.read_ahead import ReadAhead
+from pa_console.orchestrator.station.assembly import Site, open_station
+from pa_console.orchestrator.station.headless import run_missions, standing_approver
+from pa_console.orchestrator.station.ticking import SteppedClock
+from pa_console.policy.retrieval.retriever import Retriever
+from pa_console.schema.events.event import Event, Role
 from pa_console.schema.incident import FailAsset
-from pa_console.session.fold import SessionState
+from pa_console.session.state.fold import SessionState
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.sim.world_generator import generate_world
+from pa_console.sim.worlds.world_generator import generate_world
 from tests.orchestrator.conftest import Rig
 from tests.scripted import ScriptedEngine, plan
 

@@ -3,9 +3,9 @@
 from datetime import UTC, datetime
 from typing import Any
 
-from pa_console.orchestrator.report import ReportFacts, after_action_report
+from pa_console.orchestrator.mission.report import ReportFacts, after_action_report
 from pa_console.schema.alarm import Alarm
-from pa_console.schema.event import WorkflowMoved
+from pa_console.schema.events.event import WorkflowMoved
 from pa_console.schema.finding import Verdict
 from pa_console.schema.mission import ActionOutcome, Decision, Mission, Outcome, Verification
 from pa_console.schema.plan import Action, Plan

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.llm.catalog import LocalModel
-from pa_console.llm.grammar import exactly
-from pa_console.orchestrator.headless import Approver, standing_approver
-from pa_console.orchestrator.rereading import distinct
-from pa_console.orchestrator.station import Station
-from pa_console.schema import event as ev
+from pa_console.llm.models.catalogue import LocalModel
+from pa_console.llm.roles.grammar import exactly
+from pa_console.orchestrator.planning.decision import distinct
+from pa_console.orchestrator.station.headless import Approver, standing_approver
+from pa_console.orchestrator.station.station import Station
+from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import Decision
-from pa_console.session.event_words import event_in_words
+from pa_console.session.wording import event_in_words
 from tests.orchestrator.conftest import Rig
 from tests.scripted import ScriptedEngine, plan
 

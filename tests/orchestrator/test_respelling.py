@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.orchestrator.compose import Site
-from pa_console.orchestrator.respelling import respell
+from pa_console.orchestrator.intake.spelling_correction import respell
+from pa_console.orchestrator.station.assembly import Site
 from pa_console.resources import data_folder
-from pa_console.schema.event import MissionReceived
+from pa_console.schema.events.event import MissionReceived
 from tests.orchestrator.conftest import Rig
 from tests.scripted import ScriptedEngine, plan
 

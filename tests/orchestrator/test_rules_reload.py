@@ -5,18 +5,17 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.orchestrator import rules_reload
-from pa_console.orchestrator.clock import SteppedClock
-from pa_console.orchestrator.compose import load_site, open_station
-from pa_console.orchestrator.rules_watch import RulesWatch
-from pa_console.orchestrator.station import Station
-from pa_console.policy.content import content_sha256
+from pa_console.orchestrator.station import rules_in_force
+from pa_console.orchestrator.station.assembly import load_site, open_station
+from pa_console.orchestrator.station.rules_in_force import RulesWatch
+from pa_console.orchestrator.station.station import Station
+from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.policy.rulebook import load_rules, read_rule_set
-from pa_console.policy.seal import sign_rules
-from pa_console.schema import event as ev
+from pa_console.policy.trust.rule_seal import content_sha256, sign_rules
+from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
-from pa_console.session.fold import SessionState
+from pa_console.session.state.fold import SessionState
 from pa_console.signing import KEY_VARIABLE, load_signer
 from tests.scripted import ScriptedEngine, plan
 
@@ -140,7 +139,7 @@ async def test_a_file_that_says_the_same_is_no_change(rules: Path) -> None:
 async def test_a_change_of_the_file_is_found_by_itself(
     rules: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(rules_reload, "LOOK_S", 0.001)
+    monkeypatch.setattr(rules_in_force, "LOOK_S", 0.001)
     station, seen = watching(rules), list[str]()
     async with aclosing(station.run()) as events:
         async for event in events:

@@ -6,16 +6,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.llm.grammar import plan_grammar
-from pa_console.llm.prompts import fixed_part, planner_prompt
-from pa_console.orchestrator.digest import digest_picture
-from pa_console.orchestrator.meant import meant, named
-from pa_console.orchestrator.selection import MOST_ASSETS, MOST_GATES, MOST_TRACKS, select
+from pa_console.llm.roles.grammar import plan_grammar
+from pa_console.llm.roles.prompts import fixed_part, planner_prompt
+from pa_console.orchestrator.planning.digest import digest_picture
+from pa_console.orchestrator.planning.picture_selection import (
+    MOST_ASSETS,
+    MOST_GATES,
+    MOST_TRACKS,
+    select,
+)
+from pa_console.orders.names_in_text import named, names_meant
 from pa_console.resources import find_data
 from pa_console.schema.mission import Mission
 from pa_console.schema.rule import Rule
 from pa_console.schema.telemetry import Selection
-from pa_console.sim.world_file import load_world
+from pa_console.sim.worlds.world_file import load_world
 from tests.orchestrator.crowd import calm, large_world
 from tests.orchestrator.pictures import GATES, asset, picture, track
 
@@ -63,7 +68,7 @@ def test_a_gate_named_by_half_means_all_that_share_the_name() -> None:
 
 def test_several_gates_in_one_breath_are_all_meant() -> None:
     text = "Unknown vehicles are approaching both the north and east gates."
-    assert meant(GATES, text) == ["NorthGate", "EastGate"]
+    assert names_meant(GATES, text) == ["NorthGate", "EastGate"]
     assert named(["Drone_T01", "Drone_T02"], "drone T02 and DRONE_T01, hold") == [
         "Drone_T01",
         "Drone_T02",

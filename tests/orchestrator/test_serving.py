@@ -2,18 +2,18 @@
 
 import pytest
 
-from pa_console.llm.reading import read_asked
-from pa_console.llm.slot_grammar import Slot, slot_grammar
-from pa_console.orchestrator.serving import servings
+from pa_console.llm.roles.grammar import CommandSlot, slot_grammar
+from pa_console.orchestrator.tasking.command_choices import commands_serving
+from pa_console.orders.canonical_words import canonical_order
+from pa_console.orders.reading import read_asked
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import data_folder
 from pa_console.schema.incident import FailAsset, Incident, PlaceAsset, SetBattery, SpawnTrack
 from pa_console.schema.plan import Action, Plan
-from pa_console.training.asked import asked
-from pa_console.training.planner_data import Proven, Recipe, make_group
-from pa_console.training.situations import Situation, settled
-from pa_console.training.verify import verify
-from pa_console.training.worlds import shipped_world
+from pa_console.training.proof.verify import verify
+from pa_console.training.samples.planner_samples import Proven, Recipe, make_group
+from pa_console.training.situations.situations import Situation, settled
+from pa_console.training.situations.worlds import shipped_world
 from tests.llm.test_grammar import accepts
 from tests.orchestrator.conftest import Rig
 from tests.scripted import ScriptedEngine, plan
@@ -27,7 +27,7 @@ def every(words: str, setup: tuple[Incident, ...] = ()) -> list[list[str]]:
     """Return the commands for an order understood as `words`, each with who may have it."""
     reading = read_asked(f"asked: {words}")
     assert reading is not None
-    found = servings(reading, WORLD, settled(WORLD, setup=setup).picture)
+    found = commands_serving(reading, WORLD, settled(WORLD, setup=setup).picture)
     return [[f"{'|'.join(slot.agents)} {slot.command}" for slot in slots] for slots in found]
 
 
@@ -225,9 +225,11 @@ def test_plans_of_such_commands_are_proven_right(number: int) -> None:
 
 def _is_served(proven: Proven, now: Situation, rulebook: Rulebook) -> bool:
     """Whether the first plan that nothing blocks does what is due, whoever could be chosen."""
-    reading = read_asked(f"asked: {asked(proven.order, now.world, now.picture, now.digest)}")
+    reading = read_asked(
+        f"asked: {canonical_order(proven.order, now.world, now.picture, now.digest)}"
+    )
     assert reading is not None
-    for given in servings(reading, now.world, now.picture):
+    for given in commands_serving(reading, now.world, now.picture):
         chosen: dict[str, str] = {}
         for slot in given:
             chosen[next(name for name in slot.agents if name not in chosen)] = slot.command
@@ -241,7 +243,8 @@ def _is_served(proven: Proven, now: Situation, rulebook: Rulebook) -> bool:
 
 def test_the_grammar_gives_every_command_to_somebody_and_nobody_two() -> None:
     grammar = slot_grammar(
-        [Slot(("A", "B"), "move_to Gate"), Slot(("A", "B", "C"), "report")], ["asked: [a-z ]{0,20}"]
+        [CommandSlot(("A", "B"), "move_to Gate"), CommandSlot(("A", "B", "C"), "report")],
+        ["asked: [a-z ]{0,20}"],
     )
     going, told = ("A", "move_to Gate"), ("B", "report")
     assert accepts(grammar, plan(going, told, reason="asked: a b"))

@@ -5,12 +5,12 @@ from contextlib import aclosing
 
 import pytest
 
-from pa_console.orchestrator.clock import RealTimeClock, SteppedClock
-from pa_console.orchestrator.compose import open_station
-from pa_console.schema import event as ev
+from pa_console.orchestrator.station.assembly import open_station
+from pa_console.orchestrator.station.ticking import RealTimeClock, SteppedClock
+from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import Decision
-from pa_console.session.fold import SessionState
+from pa_console.session.state.fold import SessionState
 from tests.orchestrator.conftest import MISSION, Rig
 from tests.scripted import ScriptedEngine, plan
 

@@ -1,20 +1,20 @@
 """Stop: every asset is told to hold, and told again until its device has answered."""
 
-from pa_console.orchestrator.command_gate import CommandGate
-from pa_console.orchestrator.compose import Site
-from pa_console.orchestrator.journal import Journal
-from pa_console.orchestrator.stops import SAFETY_LIMIT_S, Stops
-from pa_console.schema import event as ev
+from pa_console.orchestrator.execution.command_gate import CommandGate
+from pa_console.orchestrator.execution.emergency_stop import SAFETY_LIMIT_S, EmergencyStop
+from pa_console.orchestrator.station.assembly import Site
+from pa_console.orchestrator.station.journal import Journal
 from pa_console.schema.command import DeviceCommand
+from pa_console.schema.events import event as ev
 from pa_console.schema.incident import SetRadio
 from pa_console.sim.checkpoint import Checkpoint
 
 
-def stops_of(sim: Checkpoint) -> Stops:
-    return Stops(sim, CommandGate(sim, Journal()))
+def stops_of(sim: Checkpoint) -> EmergencyStop:
+    return EmergencyStop(sim, CommandGate(sim, Journal()))
 
 
-def follow(sim: Checkpoint, stops: Stops, seconds: float) -> list[ev.EventPayload]:
+def follow(sim: Checkpoint, stops: EmergencyStop, seconds: float) -> list[ev.EventPayload]:
     """Let time pass; return what the stops had to tell."""
     told: list[ev.EventPayload] = []
     for _ in range(round(seconds / sim.world.dt_s)):

@@ -2,18 +2,18 @@
 
 import pytest
 
-from pa_console.llm.reading import read_asked
-from pa_console.orchestrator.plan_moves import PlanMoves
-from pa_console.orchestrator.unmet import unmet
+from pa_console.orchestrator.planning.plan_moves import PlanMoves
+from pa_console.orchestrator.tasking.obstacles import unmet_wishes
+from pa_console.orders.canonical_words import canonical_order
+from pa_console.orders.reading import read_asked
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import data_folder
-from pa_console.schema import event as ev
+from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset, Incident, SetBattery
 from pa_console.schema.plan import Action, Plan
-from pa_console.session.event_words import event_in_words
-from pa_console.session.mission_trace import Attempt
-from pa_console.training.asked import asked
-from pa_console.training.planner_data import Recipe, make_group
+from pa_console.session.state.mission_trace import Attempt
+from pa_console.session.wording import event_in_words
+from pa_console.training.samples.planner_samples import Recipe, make_group
 from pa_console.tui.trace.planning import plan as section_of
 from pa_console.tui.trace.rows import layout
 from tests.orchestrator.test_fulfilment import CAR, moves
@@ -24,7 +24,7 @@ NO_DRONE = (FailAsset(asset="Drone_T04"),)
 def told(words: str, *orders: str, setup: tuple[Incident, ...] = ()) -> tuple[str, ...]:
     reading = read_asked(f"asked: {words}")
     assert reading is not None
-    return unmet(moves(*orders, setup=setup), reading)
+    return unmet_wishes(moves(*orders, setup=setup), reading)
 
 
 @pytest.mark.parametrize(
@@ -84,11 +84,13 @@ def test_of_whole_orders_with_proven_plans_nothing_is_told(number: int) -> None:
     group = make_group(Recipe(number, 31, 6), rulebook, frozenset())
     now = group.situation
     for proven in group.proven:
-        reading = read_asked(f"asked: {asked(proven.order, now.world, now.picture, now.digest)}")
+        reading = read_asked(
+            f"asked: {canonical_order(proven.order, now.world, now.picture, now.digest)}"
+        )
         assert reading is not None
         plan = PlanMoves(now.world, now.picture, proven.plan)
         idle = all(action.verb == "hold" for action in proven.plan.actions)
-        if unmet(plan, reading):
+        if unmet_wishes(plan, reading):
             assert idle or len(reading.wishes) > 1
 
 

@@ -6,14 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.orchestrator.dispatch import TIMED_OUT
-from pa_console.orchestrator.verification import needs_more_evidence, verify_plan
+from pa_console.orchestrator.execution.dispatch import TIMED_OUT
+from pa_console.orchestrator.execution.verification import needs_more_evidence, verify_plan
 from pa_console.resources import find_data
 from pa_console.schema.command import CommandReply
 from pa_console.schema.mission import Verification
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture
-from pa_console.sim.world_file import load_world
+from pa_console.sim.worlds.world_file import load_world
 from tests.orchestrator.pictures import GATES, asset, picture, track
 
 WORLD = load_world(find_data("worlds", "checkpoint", "world.yaml"))

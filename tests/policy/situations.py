@@ -4,8 +4,8 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from pa_console.policy.example_state import WORLD
-from pa_console.policy.examples import example_rehearsal
+from pa_console.policy.authoring.example_situation import WORLD
+from pa_console.policy.authoring.examples import example_rehearsal
 from pa_console.schema.plan import COMMANDS, Action, Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.rule import RuleExample

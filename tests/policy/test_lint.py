@@ -5,11 +5,11 @@ from typing import Any
 
 import pytest
 
-from pa_console.policy.lint import LintFinding, lint_rules
+from pa_console.policy.authoring.lint import LintFinding, lint_rules
 from pa_console.policy.rulebook import read_rule_set
 from pa_console.resources import find_data
 from pa_console.schema.world import World
-from pa_console.sim.world_file import load_world
+from pa_console.sim.worlds.world_file import load_world
 from tests.policy.book import RULES, write_rules
 
 EXAMPLES = [{"name": "p", "expect": "pass"}, {"name": "f", "expect": "fail"}]

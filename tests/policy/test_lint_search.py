@@ -7,17 +7,22 @@ from typing import Any
 
 import pytest
 
-from pa_console.policy.lint import LintFinding, lint_rules, search_rules, search_steps
-from pa_console.policy.lint_conflicts import Conflicts
-from pa_console.policy.lint_paraphrases import Paraphraser
-from pa_console.policy.lint_states import draw_plan, draw_situation, drawn_states
-from pa_console.policy.lint_world import rehearsal_of, small_world
+from pa_console.policy.authoring.lint import LintFinding, lint_rules, search_rules, search_steps
+from pa_console.policy.authoring.lint_search import Conflicts
+from pa_console.policy.authoring.lint_states import (
+    draw_plan,
+    draw_situation,
+    drawn_states,
+    rehearsal_of,
+    small_world,
+)
+from pa_console.policy.authoring.lint_text import Paraphraser
 from pa_console.policy.rulebook import read_rule_set
 from pa_console.resources import find_data
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.world import World
-from pa_console.sim.world_file import load_world
-from pa_console.sim.world_generator import generate_world
+from pa_console.sim.worlds.world_file import load_world
+from pa_console.sim.worlds.world_generator import generate_world
 from tests.policy.book import checkpoint_rules, write_rules
 
 FILES = Path(__file__).parent / "rule_files"

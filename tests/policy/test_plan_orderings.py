@@ -5,11 +5,10 @@ from typing import Any
 
 import pytest
 
-from pa_console.policy.checks import check_plan
-from pa_console.policy.example_moments import example_moments
-from pa_console.policy.example_state import WORLD
-from pa_console.policy.examples import example_plan, example_rehearsal
-from pa_console.policy.monitor import Monitor
+from pa_console.policy.authoring.example_situation import WORLD
+from pa_console.policy.authoring.examples import example_moments, example_plan, example_rehearsal
+from pa_console.policy.checks.rule_checks import check_plan
+from pa_console.policy.ordering.monitor import Monitor
 from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission
 from pa_console.schema.moment import Moment

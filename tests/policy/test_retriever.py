@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.policy.retriever import DEFAULT_METHOD, METHODS, Retriever
+from pa_console.policy.retrieval.related_words import Vocabulary
+from pa_console.policy.retrieval.retriever import DEFAULT_METHOD, METHODS, Retriever
 from pa_console.schema.rule import Rule
-from pa_console.schema.vocabulary import Vocabulary
 from tests.policy.book import checkpoint_rules
 
 RULES = checkpoint_rules().rules

@@ -2,7 +2,7 @@
 
 import pytest
 
-from pa_console.policy.rule_draft import check_draft
+from pa_console.policy.authoring.rule_draft import check_draft
 
 GOOD = """\
 # Nobody drives through the depot.

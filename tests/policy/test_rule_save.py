@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.policy.rule_save import (
+from pa_console.policy.authoring.rule_save import (
     RulesChangedError,
     new_rule,
     open_rule,

@@ -6,11 +6,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.policy.spelling import Spelling
-from pa_console.policy.terms import ngrams, words_of
-from pa_console.policy.vocabulary import Groups, default_vocabulary, load_vocabulary
+from pa_console.policy.retrieval.inverted_index import ngrams, words_of
+from pa_console.policy.retrieval.related_words import (
+    Groups,
+    Spelling,
+    Vocabulary,
+    default_vocabulary,
+    load_vocabulary,
+)
 from pa_console.schema.document import DocumentError
-from pa_console.schema.vocabulary import Vocabulary
 
 WORDS = ("watch", "watches", "battery", "gate")
 LIGHTS = Vocabulary(name="lights", groups={"light": ("lamp", "torch"), "fire": ("torch",)})

@@ -9,7 +9,7 @@ from annotated_types import Ge, Gt, Le, MaxLen, MinLen
 from hypothesis import strategies as st
 from pydantic import BaseModel
 
-from pa_console.schema.event import Event, EventPayload
+from pa_console.schema.events.event import Event, EventPayload
 from pa_console.schema.plan import COMMANDS, Action
 from pa_console.schema.rule import Priority, Rule, RuleSet
 

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 
-from pa_console.schema.event import Event, Payload
+from pa_console.schema.events.event import Event, Payload
 from tests.schema.strategies import PAYLOADS, events, models
 from tests.session.story import START
 

@@ -3,9 +3,9 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from pa_console.schema.event import Event
-from pa_console.session.fold import SessionState
-from pa_console.session.log import LogWriter
+from pa_console.schema.events.event import Event
+from pa_console.session.log.writer import LogWriter
+from pa_console.session.state.fold import SessionState
 from tests.session.story import story
 
 

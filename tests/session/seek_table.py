@@ -15,14 +15,14 @@ from pathlib import Path
 from statistics import median, quantiles
 from time import perf_counter, process_time
 
-from pa_console.schema import event as ev
+from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission
-from pa_console.session.fold import SessionState
-from pa_console.session.index_file import index_path
-from pa_console.session.reader import read_log
-from pa_console.session.recording import Recording
-from pa_console.session.replay import Player
+from pa_console.session.log.reader import read_log
+from pa_console.session.replay.log_index import index_path
+from pa_console.session.replay.player import Player
+from pa_console.session.replay.recording import Recording
+from pa_console.session.state.fold import SessionState
 from tests.session.story import START, at, session_started, story
 from tests.tui.site import picture, track
 

@@ -2,8 +2,8 @@
 
 from datetime import UTC, datetime, timedelta
 
-from pa_console.schema import event as ev
 from pa_console.schema.command import CommandReply, DeviceCommand
+from pa_console.schema.events import event as ev
 from pa_console.schema.incident import SpawnTrack
 from pa_console.schema.mission import Decision, Metrics, Mission
 from pa_console.schema.plan import Action, Plan

@@ -6,13 +6,13 @@ from pathlib import Path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.schema import event as ev
+from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Usage
 from pa_console.schema.mission import Decision, Mission
-from pa_console.session.compare import ENDED, TICK, Comparison, compare
-from pa_console.session.event_words import event_in_words
-from pa_console.session.recording import Recording
-from pa_console.session.search import search
+from pa_console.session.replay.comparison import ENDED, TICK, SessionComparison, compare_sessions
+from pa_console.session.replay.recording import Recording
+from pa_console.session.replay.search import search
+from pa_console.session.wording import event_in_words
 from tests.schema.strategies import events
 from tests.session.logs import kept, write_log
 from tests.session.story import PLAN, START, session_started
@@ -38,8 +38,8 @@ def elsewhere(event: ev.Event) -> ev.Event:
     return event.model_copy(update={"t": event.t + timedelta(days=9), "data": data})
 
 
-def compared(a: list[ev.Event], b: list[ev.Event]) -> Comparison:
-    return compare(Recording(a), Recording(b))
+def compared(a: list[ev.Event], b: list[ev.Event]) -> SessionComparison:
+    return compare_sessions(Recording(a), Recording(b))
 
 
 def test_the_same_session_on_another_day_is_the_same(tmp_path: Path) -> None:
@@ -49,7 +49,7 @@ def test_the_same_session_on_another_day_is_the_same(tmp_path: Path) -> None:
     logs: list[Recording] = []
     for name, told in (("a", kept()), ("b", other)):
         logs.append(Recording.read(write_log(tmp_path / f"{name}.jsonl", told, name)))
-    assert compare(logs[0], logs[1]).same
+    assert compare_sessions(logs[0], logs[1]).same
 
 
 @given(st.lists(events(), max_size=4))

@@ -4,10 +4,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.schema import event as ev
 from pa_console.schema import incident as inc
+from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision, Mission
-from pa_console.session.event_words import event_in_words
+from pa_console.session.wording import event_in_words
 from tests.schema.strategies import events
 from tests.session.logs import folded
 from tests.session.story import PLAN, START, at, story

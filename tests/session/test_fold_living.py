@@ -3,13 +3,13 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.schema import event as ev
 from pa_console.schema.alarm import ALARM_PRIORITIES, Alarm, AlarmPriority, QueueEntry
 from pa_console.schema.command import CommandReply, DeviceCommand
+from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Verdict
 from pa_console.schema.incident import FailAsset, Incident
 from pa_console.schema.mission import Decision, Metrics, Mission, Verification
-from pa_console.session.fold import SessionState
+from pa_console.session.state.fold import SessionState
 from pa_console.session.wording import in_words
 from tests.schema.strategies import PAYLOADS, models, values
 from tests.session.story import PLAN, START, at, session_started

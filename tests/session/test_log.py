@@ -9,8 +9,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pa_console.schema import event as ev
-from pa_console.session.log import (
+from pa_console.schema.events import event as ev
+from pa_console.session.log.writer import (
     FLUSH_RECORDS,
     LogError,
     LogWriter,

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.session.head import Head, head_path, read_head, write_head
-from pa_console.session.log import SIGN_RECORDS, LogError, LogWriter, read_log, verify
-from pa_console.session.replay import Player
+from pa_console.session.log.signed_head import SignedHead, head_path, read_head, write_head
+from pa_console.session.log.writer import SIGN_RECORDS, LogError, LogWriter, read_log, verify
+from pa_console.session.replay.player import Player
 from tests.session.story import story, telemetry
 from tests.session.tamper import KNOWN, MINE, OTHER, is_signed, long_story, write_signed
 
@@ -90,12 +90,12 @@ def test_a_slow_disk_keeps_no_record_waiting(
 ) -> None:
     log, awake = tmp_path / "s.jsonl", threading.Event()
 
-    def slow(path: Path, head: Head, *, lasting: bool) -> None:
+    def slow(path: Path, head: SignedHead, *, lasting: bool) -> None:
         if not lasting:
             awake.wait()
         write_head(path, head, lasting=lasting)
 
-    monkeypatch.setattr("pa_console.session.head_keeper.write_head", slow)
+    monkeypatch.setattr("pa_console.session.log.signed_head.write_head", slow)
     with LogWriter(log, "s", signer=MINE, clock=lambda: 0.0) as writer:
         for number in range(2 * SIGN_RECORDS):
             writer.append(telemetry(number))

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.schema import event as ev
-from pa_console.session.log import LogError, LogWriter, new_log_path, read_log, verify
+from pa_console.schema.events import event as ev
+from pa_console.session.log.writer import LogError, LogWriter, new_log_path, read_log, verify
 from tests.session.logs import kept
 from tests.session.story import at
 from tests.session.tamper import KNOWN, MINE, long_story, write_signed
@@ -18,10 +18,10 @@ from tests.session.tamper import KNOWN, MINE, long_story, write_signed
 PROBE = """
 import os, resource, signal, sys
 from pathlib import Path
-from pa_console.session.log import LogError, LogWriter
+from pa_console.session.log.writer import LogError, LogWriter
 from tests.session.story import at, telemetry
 from tests.session.tamper import MINE
-from pa_console.schema.event import AllStopped
+from pa_console.schema.events.event import AllStopped
 
 def die(_):
     os.kill(os.getpid(), signal.SIGKILL)

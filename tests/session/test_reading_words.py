@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.session.reading_words import meant
-from pa_console.training.asked import asked
-from pa_console.training.asked import meant as canonical
-from pa_console.training.order_sampler import sample_order
-from pa_console.training.situations import settled
-from pa_console.training.worlds import shipped_world
+from pa_console.orders.canonical_words import canonical_meaning as canonical
+from pa_console.orders.canonical_words import canonical_order
+from pa_console.orders.plain_words import plain_reading
+from pa_console.training.order_generator.sampler import sample_order
+from pa_console.training.situations.situations import settled
+from pa_console.training.situations.worlds import shipped_world
 
 NOW = settled(shipped_world())
 NAME = re.compile(r"[A-Z][a-z]+(?:_?[A-Z][a-zA-Z]*)?[0-9]*|\b\d+\b")
@@ -45,14 +45,14 @@ TOLD = "if Drone_T01 is low on battery, send Drone_T01 home and send 2 ground ve
     ],
 )  # fmt: skip
 def test_a_reading_is_told_in_plain_words(words: str, told: str) -> None:
-    assert meant(f"asked: {words}") == told
+    assert plain_reading(f"asked: {words}") == told
 
 
 @given(st.integers(0, 10_000))
 def test_every_name_and_number_is_told_and_how_a_condition_stands_is_not(seed: int) -> None:
     order, _ = sample_order(random.Random(seed), NOW.world, NOW.picture, NOW.digest)
     words = canonical(order, NOW.world)
-    told = meant(f"asked: {asked(order, NOW.world, NOW.picture, NOW.digest)}")
+    told = plain_reading(f"asked: {canonical_order(order, NOW.world, NOW.picture, NOW.digest)}")
     assert sorted(NAME.findall(told)) == sorted(NAME.findall(words))
     assert not re.search(r"; now:|else:|^if [^,]+:|stand down|asked", told)
 
@@ -65,4 +65,4 @@ def test_readings_that_differ_are_told_apart(one: int, other: int) -> None:
         )
         for seed in (one, other)
     )
-    assert (meant(first) == meant(second)) == (first == second)
+    assert (plain_reading(first) == plain_reading(second)) == (first == second)

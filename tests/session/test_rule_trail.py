@@ -1,15 +1,14 @@
 """What a rule did is found event by event, and a decision leads back to its telemetry."""
 
-from pa_console.policy.example_state import WORLD
-from pa_console.policy.examples import example_plan, example_rehearsal
-from pa_console.schema import event as ev
+from pa_console.policy.authoring.example_situation import WORLD
+from pa_console.policy.authoring.examples import example_plan, example_rehearsal
+from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Finding, RuleOpinion, Verdict
 from pa_console.schema.mission import Decision, Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.rule import RuleExample, RuleHit
-from pa_console.session.evidence import evidence_of
-from pa_console.session.mission_trace import Attempt
-from pa_console.session.rule_trail import Did, trail_of
+from pa_console.session.state.mission_trace import Attempt
+from pa_console.session.state.rule_trail import RuleDeed, evidence_of, trail_of
 from tests.session.story import PLAN, START, at, session_started
 
 RULE = "WF-03"
@@ -27,7 +26,7 @@ def checked(attempt: int, *findings: Finding) -> ev.PlanChecked:
     return ev.PlanChecked(attempt=attempt, findings=findings, seconds=0.0)
 
 
-def did(*data: ev.EventPayload) -> list[tuple[int, Did, str]]:
+def did(*data: ev.EventPayload) -> list[tuple[int, RuleDeed, str]]:
     """Return what the rule did in a mission to which this happened."""
     begin = [
         at(0.0, session_started()),

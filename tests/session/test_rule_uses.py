@@ -1,7 +1,7 @@
 """From a rule to the missions in which it was retrieved, decided or broken."""
 
-from pa_console.session.fold import SessionState
-from pa_console.session.rule_uses import uses_of
+from pa_console.session.state.fold import SessionState
+from pa_console.session.state.rule_trail import uses_of
 from tests.tui import story
 
 

@@ -115,7 +115,7 @@ def test_a_folder_in_a_variable_is_seen_from_here_and_an_empty_one_is_none(
 def test_a_cache_chosen_in_the_file_is_where_models_are_looked_for(
     file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from pa_console.llm.cache import models_folder  # noqa: PLC0415
+    from pa_console.llm.models.cache import models_folder  # noqa: PLC0415
 
     monkeypatch.setenv("PA_CONSOLE_CACHE", "")
     file.write_text(f"cache: {file.parent / 'big disk'}\n")

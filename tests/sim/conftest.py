@@ -7,7 +7,7 @@ import pytest
 from pa_console.resources import find_data
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.sim.world_file import load_world
+from pa_console.sim.worlds.world_file import load_world
 
 
 @pytest.fixture(scope="session")

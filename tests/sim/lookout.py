@@ -7,10 +7,9 @@ from typing import Any
 from pa_console.schema.base import Point
 from pa_console.schema.incident import SpawnTrack
 from pa_console.schema.world import AssetKind, World
-from pa_console.sim import contacts
-from pa_console.sim.sensing_state import ContactState
-from pa_console.sim.state import AssetState, Scene
-from pa_console.sim.terrain import Terrain
+from pa_console.sim.contacts import contacts
+from pa_console.sim.state import AssetState, ContactState, Scene
+from pa_console.sim.worlds.terrain import Terrain
 
 RANGE_M = 50.0
 _SENSOR = {"sensor_range_m": RANGE_M, "detection_probability": 1.0, "position_noise_m": 0.0}

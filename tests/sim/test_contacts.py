@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from pa_console.resources import find_data
 from pa_console.schema.document import Document
+from pa_console.schema.evaluation import MissionSet
 from pa_console.schema.incident import (
     ClearTracks,
     FailAsset,
@@ -20,7 +21,6 @@ from pa_console.schema.incident import (
     SetWeather,
     SpawnTrack,
 )
-from pa_console.schema.mission_set import MissionSet
 from pa_console.schema.telemetry import Track
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint

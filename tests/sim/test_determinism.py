@@ -27,10 +27,10 @@ from pa_console.schema.incident import (
 )
 from pa_console.schema.plan import COMMANDS
 from pa_console.schema.world import World
-from pa_console.sim import motion
+from pa_console.sim.assets import motion
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.state import AssetState
-from pa_console.sim.terrain import Terrain
+from pa_console.sim.worlds.terrain import Terrain
 from tests.sim.running import order, run
 
 AGENTS = ["Drone_T01", "Drone_T04", "Ugv_T01", "Ugv_T02", "Robot_T01", "Robot_T02"]
@@ -164,7 +164,7 @@ def test_a_module_level_simulation_exits_cleanly() -> None:
         "from pa_console.schema.incident import JamArea, SensorFault, SetRadio\n"
         "from pa_console.schema.incident import ClearTracks, SensorFault, SpawnTrack\n"
         "from pa_console.sim.checkpoint import Checkpoint\n"
-        "from pa_console.sim.world_file import load_world\n"
+        "from pa_console.sim.worlds.world_file import load_world\n"
         "sim = Checkpoint(load_world(find_data('worlds', 'checkpoint', 'world.yaml')))\n"
         "for n, agent in enumerate(('Ugv_T02', 'Robot_T01')):\n"
         "    sim.send(DeviceCommand(command_id=str(n), agent=agent, verb='move_to',"

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from shapely import LineString, Point, Polygon
 
 from pa_console.schema.world import AssetKind, Frame, Wall, World, Zone
-from pa_console.sim.routes import Planner
+from pa_console.sim.worlds.routes import Planner
 
 KINDS: list[AssetKind] = ["uav", "ugv", "robot"]
 

@@ -8,8 +8,8 @@ import yaml
 
 from pa_console.schema.document import DocumentError
 from pa_console.schema.world import World
-from pa_console.sim.scenario_file import list_scenarios, load_scenario, scenario_path
-from pa_console.sim.world_file import load_world
+from pa_console.sim.worlds.scenario_file import list_scenarios, load_scenario, scenario_path
+from pa_console.sim.worlds.world_file import load_world
 
 SHIPPED = [
     "coverage-loss", "false-alarm", "fog", "hostile-breach", "jammed-gate", "quiet-shift",

@@ -28,7 +28,7 @@ from pa_console.schema.scenario import (
 )
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.sim.scenario_file import list_scenarios, load_scenario, scenario_path
+from pa_console.sim.worlds.scenario_file import list_scenarios, load_scenario, scenario_path
 from tests.sim.running import order, run
 
 MARK = SetBattery(asset="Robot_T02", percent=50.0)

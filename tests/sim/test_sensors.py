@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 from pa_console.schema.base import Point
 from pa_console.schema.incident import FalseContact, SensorFault, SetWeather
 from pa_console.schema.world import AssetKind, Sensing
-from pa_console.sim import incidents, sensing
-from pa_console.sim.sensors import AT_FULL_RANGE, detection_chance, scan
+from pa_console.sim import incidents
+from pa_console.sim.sensing import sensing
+from pa_console.sim.sensing.sensors import AT_FULL_RANGE, detection_chance, scan
 from pa_console.sim.state import Scene
-from pa_console.sim.terrain import Terrain
+from pa_console.sim.worlds.terrain import Terrain
 from tests.sim.lookout import RANGE_M, lookout, scene_at, stand
 
 HERE: Point = (0.0, -10.0)

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from shapely import LineString, Point
 
 from pa_console.schema.world import World
-from pa_console.sim.neighbours import Traffic
+from pa_console.sim.assets.surroundings import Traffic
 from pa_console.sim.state import AssetState, Scene
-from pa_console.sim.terrain import Terrain
-from pa_console.sim.world_generator import generate_world
+from pa_console.sim.worlds.terrain import Terrain
+from pa_console.sim.worlds.world_generator import generate_world
 
 spots = st.tuples(st.floats(-80, 80), st.floats(-80, 80))
 

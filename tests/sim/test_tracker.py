@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 from pa_console.schema.base import Point
 from pa_console.schema.incident import ClearTracks, FalseContact, RevealTrack
 from pa_console.schema.telemetry import Intent, Track
-from pa_console.sim import contacts, sensing
-from pa_console.sim.encounters import IDENTIFY_S, WARN_S, attend
-from pa_console.sim.sensing_state import ContactState, Detection
-from pa_console.sim.sensors import WATCH_S
-from pa_console.sim.state import Scene
-from pa_console.sim.terrain import Terrain
-from pa_console.sim.tracker import DROP_S
+from pa_console.sim.contacts import contacts
+from pa_console.sim.contacts.encounters import IDENTIFY_S, WARN_S, attend
+from pa_console.sim.sensing import sensing
+from pa_console.sim.sensing.sensors import WATCH_S
+from pa_console.sim.sensing.tracker import DROP_S
+from pa_console.sim.state import ContactState, Detection, Scene
+from pa_console.sim.worlds.terrain import Terrain
 from tests.sim.lookout import lookout, scene_at, stand
 
 WAITS: Point = (0.0, 9.0)

@@ -4,7 +4,7 @@ from pa_console.resources import data_folder
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.incident import SensorFault, SetWeather, SpawnTrack
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.sim.world_file import load_world
+from pa_console.sim.worlds.world_file import load_world
 
 WORLD = load_world(data_folder() / "worlds" / "checkpoint" / "world.yaml")
 

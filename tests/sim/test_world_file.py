@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pa_console.schema.document import DocumentError
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.sim.world_file import geometry_problems, load_world
+from pa_console.sim.worlds.world_file import geometry_problems, load_world
 from tests.sim.running import order, run
 
 JUNK: st.SearchStrategy[object] = st.one_of(

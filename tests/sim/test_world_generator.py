@@ -6,9 +6,9 @@ from hypothesis import strategies as st
 
 from pa_console.schema.world import AssetKind, World
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.sim.terrain import Terrain
-from pa_console.sim.world_file import load_world
-from pa_console.sim.world_generator import MOST_GATES, generate_world, world_yaml
+from pa_console.sim.worlds.terrain import Terrain
+from pa_console.sim.worlds.world_file import load_world
+from pa_console.sim.worlds.world_generator import MOST_GATES, generate_world, world_yaml
 from tests.sim.running import order, run
 
 SEEDS = st.integers(0, 10_000)

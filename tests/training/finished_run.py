@@ -3,15 +3,14 @@
 import hashlib
 from pathlib import Path
 
-from pa_console.llm.cache import hash_file
-from pa_console.training.data_folder import DataFolder
-from pa_console.training.data_report import write_report
-from pa_console.training.data_set import Made
+from pa_console.llm.models.cache import hash_file
 from pa_console.training.lora.config import TrainConfig
-from pa_console.training.near_duplicates import NearReport
-from pa_console.training.planner_data import Recipe
-from pa_console.training.run_summary import ADAPTER, RunSummary, write_summary
-from pa_console.training.samples import Sample
+from pa_console.training.results.lineage import ADAPTER, RunSummary, write_summary
+from pa_console.training.samples.data_report import write_report
+from pa_console.training.samples.data_set import DataFolder, Made
+from pa_console.training.samples.near_duplicates import NearReport
+from pa_console.training.samples.planner_samples import Recipe
+from pa_console.training.samples.sample import Sample
 
 CURVE = """\
 step,minutes,samples,train_loss,validation_loss,validation_right

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.llm.reading import Reading, read_reason
-from pa_console.training.as_said import as_said
-from pa_console.training.order import Ask, Order
-from pa_console.training.samples import Sample
+from pa_console.orders.order import Ask, Order
+from pa_console.orders.reading import Reading, read_reason
+from pa_console.training.samples.as_said import with_names_as_said
+from pa_console.training.samples.sample import Sample
 
 SYSTEM = "Plan the mission.\nGates: EastGate, WestGate\nPlaces: Depot; base: Camp\nClosed: none"
 HOLD = Order(asks=(Ask(task="hold"),))
@@ -67,13 +67,13 @@ def sample(mission: str, reason: str, key: str = "reason") -> Sample:
     ],
 )
 def test_names_stand_as_the_mission_has_them(mission: str, reason: str, wanted: str) -> None:
-    after = as_said(sample(mission, f"asked: {reason}"), HOLD)
+    after = with_names_as_said(sample(mission, f"asked: {reason}"), HOLD)
     assert json.loads(after.answer) == {"reason": f"asked: {wanted}"}
 
 
 def test_a_judge_says_what_was_asked_in_the_same_order() -> None:
     feedback = "asked: Drone_T01, Ugv_T01 home; planned: Drone_T01, Ugv_T01 home; it fits"
-    after = as_said(sample("Ugv_T01, Drone_T01: home", feedback, "feedback"), HOLD)
+    after = with_names_as_said(sample("Ugv_T01, Drone_T01: home", feedback, "feedback"), HOLD)
     wanted = "asked: Ugv_T01, Drone_T01 home; planned: Drone_T01, Ugv_T01 home; it fits"
     assert json.loads(after.answer) == {"feedback": wanted}
 
@@ -114,7 +114,7 @@ LOST = Order(
 def test_who_is_lost_is_named_where_the_mission_names_it(
     mission: str, reason: str, wanted: str
 ) -> None:
-    after = as_said(sample(mission, f"asked: {reason}"), LOST)
+    after = with_names_as_said(sample(mission, f"asked: {reason}"), LOST)
     assert json.loads(after.answer) == {"reason": f"asked: {wanted}"}
 
 
@@ -125,7 +125,7 @@ def test_who_is_lost_is_named_where_the_mission_names_it(
 )
 def test_the_same_is_asked_of_the_same(said: list[str], drawn: list[str], ends: str) -> None:
     before = sample(f"{' '.join(said)}: {ends}", f"asked: {', '.join(drawn)} {ends}; all of them")
-    after = json.loads(as_said(before, HOLD).answer)["reason"]
+    after = json.loads(with_names_as_said(before, HOLD).answer)["reason"]
     assert after == f"asked: {', '.join(said)} {ends}; all of them"
     assert _unordered(after) == _unordered(json.loads(before.answer)["reason"])
 

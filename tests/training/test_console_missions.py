@@ -1,11 +1,11 @@
 """The console's own missions: its very words, and what they mean."""
 
-from pa_console.orchestrator.alarms import AlarmBook
+from pa_console.orchestrator.intake.alarms import AlarmBook
 from pa_console.schema.incident import FailAsset, SetBattery, SpawnTrack
-from pa_console.training.console_missions import console_missions
-from pa_console.training.situations import settled
-from pa_console.training.teacher import teach
-from pa_console.training.worlds import shipped_world
+from pa_console.training.order_generator.console_missions import console_missions
+from pa_console.training.situations.situations import settled
+from pa_console.training.situations.worlds import shipped_world
+from pa_console.training.teacher.teacher import teach
 
 HOME = shipped_world()
 SETUP = (

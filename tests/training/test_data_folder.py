@@ -8,19 +8,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.schema.event import Role
-from pa_console.training.data_folder import (
+from pa_console.schema.events.event import Role
+from pa_console.training.samples.data_report import read_report, write_report
+from pa_console.training.samples.data_set import (
     FILES,
     JOURNAL,
     DataFolder,
+    Made,
+    Part,
     for_validation,
     read_journal,
 )
-from pa_console.training.data_report import read_report, write_report
-from pa_console.training.data_set import Made, Part
-from pa_console.training.near_duplicates import NearReport
-from pa_console.training.planner_data import Recipe
-from pa_console.training.samples import Sample, read_samples
+from pa_console.training.samples.near_duplicates import NearReport
+from pa_console.training.samples.planner_samples import Recipe
+from pa_console.training.samples.sample import Sample, read_samples
 
 BOTH: tuple[Part, ...] = ("planner", "judge")
 RECIPES = [Recipe(number, seed=1, missions=2) for number in range(5, 10)]

@@ -8,25 +8,25 @@ from itertools import groupby
 
 import pytest
 
-from pa_console.llm.judge import read_verdict
-from pa_console.policy.retriever import Retriever
+from pa_console.llm.roles.judge import read_verdict
+from pa_console.orders.canonical_words import canonical_order
+from pa_console.orders.order import Ask, Order, Who
+from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import data_folder
 from pa_console.schema.incident import FailAsset
 from pa_console.schema.plan import Action, Plan
-from pa_console.training.asked import asked
-from pa_console.training.corruptions import right_variants, wrong_variants
-from pa_console.training.corruptions_words import swayed
-from pa_console.training.judge_data import judge_samples
-from pa_console.training.judge_labels import Label, Unclear, label_plan
-from pa_console.training.order import Ask, Order, Who
-from pa_console.training.outcome_data import label_outcome, outcome_samples
-from pa_console.training.planner_data import Group, Proven
-from pa_console.training.samples import Sample
-from pa_console.training.situations import Situation, settled
-from pa_console.training.teacher import teach
-from pa_console.training.verify import verify
-from pa_console.training.worlds import shipped_world
+from pa_console.training.proof.verify import verify
+from pa_console.training.samples.corrupted_orders import swayed
+from pa_console.training.samples.corrupted_plans import right_variants, wrong_variants
+from pa_console.training.samples.judge_labels import Label, Unclear, label_plan
+from pa_console.training.samples.judge_samples import judge_samples
+from pa_console.training.samples.outcome_samples import label_outcome, outcome_samples
+from pa_console.training.samples.planner_samples import Group, Proven
+from pa_console.training.samples.sample import Sample
+from pa_console.training.situations.situations import Situation, settled
+from pa_console.training.situations.worlds import shipped_world
+from pa_console.training.teacher.teacher import teach
 
 ORDERS = {
     "A drone to WestGate.": Order(asks=(Ask(task="go", who=Who(kind="uav"), place="WestGate"),)),
@@ -110,7 +110,9 @@ def test_what_the_console_writes_is_not_learnt() -> None:
 
 def test_feedback_begins_with_what_was_asked() -> None:
     now = situation()
-    words = {asked(order, now.world, now.picture, now.digest) for order in ORDERS.values()}
+    words = {
+        canonical_order(order, now.world, now.picture, now.digest) for order in ORDERS.values()
+    }
     for sample in samples():
         told = json.loads(sample.answer)["feedback"]
         assert told.removeprefix("asked: ").partition("; planned: ")[0] in words

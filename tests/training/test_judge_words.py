@@ -5,10 +5,10 @@ import random
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.llm.plan_words import planned
+from pa_console.orders.plan_words import planned
 from pa_console.schema.plan import COMMANDS, Action
-from pa_console.training.judge_words import difference
-from pa_console.training.worlds import shipped_world
+from pa_console.training.samples.judge_labels import difference
+from pa_console.training.situations.worlds import shipped_world
 
 WORLD = shipped_world()
 

@@ -6,14 +6,14 @@ from typing import Any
 
 import pytest
 
-from pa_console.evaluation.mission_set import load_with_worlds
+from pa_console.evaluation.runs.jobs import load_with_worlds
 from pa_console.resources import find_data
-from pa_console.schema.mission_set import MissionCase
-from pa_console.training import mission_export
-from pa_console.training.mission_export import Found, generated_missions, write_mission_set
-from pa_console.training.near_duplicates import NearDuplicates
-from pa_console.training.situations import Situation, settled
-from pa_console.training.worlds import shipped_missions, shipped_world
+from pa_console.schema.evaluation import MissionCase
+from pa_console.training.results import mission_export
+from pa_console.training.results.mission_export import Found, generated_missions, write_mission_set
+from pa_console.training.samples.near_duplicates import NearDuplicates
+from pa_console.training.situations.situations import Situation, settled
+from pa_console.training.situations.worlds import shipped_missions, shipped_world
 
 RULES = find_data("rules", "checkpoint", "rules.yaml")
 WANTED = 2

@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 import pytest
 
-from pa_console.evaluation.results import Results
+from pa_console.evaluation.runs.run_record import EvaluationFolder
 from pa_console.training.lora.config import TrainConfig
-from pa_console.training.model_card import model_card
-from pa_console.training.run_summary import ADAPTER
+from pa_console.training.results.lineage import ADAPTER
+from pa_console.training.results.model_card import model_card
 from tests.evaluation.records import made_evaluation
 from tests.training.finished_run import CURVE, data_set, finished_run
 
@@ -55,7 +55,7 @@ def test_the_card_names_no_folder_of_the_machine(folders: Folders, tmp_path: Pat
 
 
 def test_figures_come_from_the_runs_of_an_evaluation(folders: Folders, tmp_path: Path) -> None:
-    results = Results(tmp_path / "eval")
+    results = EvaluationFolder(tmp_path / "eval")
     records = made_evaluation()
     for record in records:
         results.add(record)

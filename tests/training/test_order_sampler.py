@@ -6,15 +6,15 @@ from collections import Counter
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.llm.condition import Condition, Fact
-from pa_console.orchestrator.digest import digest_picture
+from pa_console.orchestrator.planning.digest import digest_picture
+from pa_console.orders.canonical_words import canonical_order
+from pa_console.orders.condition import Condition, Fact
+from pa_console.orders.condition_in_picture import due_asks, holds
+from pa_console.orders.order import Ask, Order, Who
 from pa_console.schema.telemetry import Identity, Intent, Track
-from pa_console.training.asked import asked
-from pa_console.training.conditions import due_asks, holds
-from pa_console.training.order import Ask, Order, Who
-from pa_console.training.order_sampler import TASKS, sample_order
-from pa_console.training.situations import Situation, random_situation, settled
-from pa_console.training.worlds import random_world, shipped_world
+from pa_console.training.order_generator.sampler import TASKS, sample_order
+from pa_console.training.situations.situations import Situation, random_situation, settled
+from pa_console.training.situations.worlds import random_world, shipped_world
 
 IDENTITIES: tuple[tuple[Identity, Intent, str], ...] = (
     ("unknown", "unknown", "not identified"),
@@ -91,7 +91,7 @@ def test_every_task_and_every_kind_of_order_is_drawn() -> None:
 def test_what_is_asked_is_said_in_canonical_words() -> None:
     def said(*asks: Ask, **order: object) -> str:
         made = Order.model_validate({"asks": asks, **order})
-        return asked(made, QUIET.world, QUIET.picture, QUIET.digest)
+        return canonical_order(made, QUIET.world, QUIET.picture, QUIET.digest)
 
     look = Ask(task="look", place="WestGate")
     home = Ask(task="home", who=Who(names=("Robot_T01",)))
@@ -116,7 +116,7 @@ def test_what_the_picture_says_of_a_condition_stands_before_whether_it_is_so() -
 
     def now(**condition: str) -> str:
         made = Order(asks=(look,), condition=Condition.model_validate(condition))
-        return asked(made, QUIET.world, picture, digest).partition("now: ")[2]
+        return canonical_order(made, QUIET.world, picture, digest).partition("now: ")[2]
 
     guard = picture.gates["NorthGate"].by[0]
     assert now(fact="covered", subject="NorthGate") == f"NorthGate: {guard}, so"
@@ -150,7 +150,7 @@ def test_what_is_known_of_a_track_decides_a_condition(
     assert holds(condition, picture) == (fact in (identity, intent))
     order = Order(asks=(Ask(task="look", place="WestGate"),), condition=condition)
     digest = digest_picture(picture, QUIET.world)
-    told = asked(order, QUIET.world, picture, digest).partition("now: ")[2]
+    told = canonical_order(order, QUIET.world, picture, digest).partition("now: ")[2]
     assert told.startswith(f"At EastGate: Track_01 vehicle, {words}, ")
     elsewhere = condition.model_copy(update={"subject": "WestGate"})
     assert not holds(elsewhere, picture)

@@ -5,9 +5,8 @@ import random
 import pytest
 
 from pa_console.schema.document import DocumentError
-from pa_console.training.phrase_bank import phrase_bank, read_bank
-from pa_console.training.phrase_keys import KEYS
-from pa_console.training.phrase_template import Template
+from pa_console.training.phrasing.phrase_bank import KEYS, phrase_bank, read_bank
+from pa_console.training.phrasing.phrase_template import Template
 
 
 def test_every_key_is_worded_for_training_and_keys_with_much_wording_hold_some_back() -> None:

@@ -6,16 +6,16 @@ import re
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.llm.condition import Condition
+from pa_console.orders.condition import Condition
+from pa_console.orders.order import Ask, Order, Who
 from pa_console.schema.mission import MAX_MISSION_TEXT
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
-from pa_console.training.misspelling import misspell
-from pa_console.training.order import Ask, Order, Who
-from pa_console.training.phrase_bank import Split, phrase_bank
-from pa_console.training.phrasing import Phrasing, phrase
-from pa_console.training.phrasing_names import Names, key_of
-from pa_console.training.worlds import random_world, shipped_world
+from pa_console.training.phrasing.misspelling import misspell
+from pa_console.training.phrasing.names import NameForms, key_of
+from pa_console.training.phrasing.phrase_bank import Split, phrase_bank
+from pa_console.training.phrasing.phrasing import Phrasing, phrase
+from pa_console.training.situations.worlds import random_world, shipped_world
 
 EMPTY = Picture(tick=0, time_s=0.0, assets={}, gates={})
 WORLDS = tuple(random_world(random.Random(seed)) for seed in range(30))
@@ -129,7 +129,7 @@ def test_every_order_becomes_a_mission_without_marks(
 @given(seed=st.integers(0, 10**6))
 def test_every_form_of_a_name_means_nothing_else_in_its_world(seed: int) -> None:
     world = WORLDS[seed % len(WORLDS)]
-    names = Names(world, phrase_bank().vocabulary)
+    names = NameForms(world, phrase_bank().vocabulary)
     every = (*world.assets, *world.frames)
     said = {key_of(f.text): name for name in every for f in names.forms(name)}
     for name in every:
@@ -141,7 +141,7 @@ def test_every_form_of_a_name_means_nothing_else_in_its_world(seed: int) -> None
 
 
 def _forms(world: World, name: str) -> set[str]:
-    return {form.text for form in Names(world, phrase_bank().vocabulary).forms(name)}
+    return {form.text for form in NameForms(world, phrase_bank().vocabulary).forms(name)}
 
 
 def test_assets_and_places_are_called_as_people_call_them() -> None:
@@ -158,7 +158,7 @@ def test_assets_and_places_are_called_as_people_call_them() -> None:
 def test_named_assets_and_places_are_in_the_words() -> None:
     world, rng = shipped_world(), random.Random(5)
     order = Order(asks=(Ask(task="go", who=Who(names=("Drone_T04",)), place="EastGate"),))
-    names = Names(world, phrase_bank().vocabulary)
+    names = NameForms(world, phrase_bank().vocabulary)
     for _ in range(200):
         said = phrase(order, world, EMPTY, rng)
         if "misspelt" in said.noise or "slip" in said.noise:
@@ -204,7 +204,7 @@ def test_a_track_is_never_called_what_an_asset_is_called() -> None:
 def test_the_same_for_two_places_is_often_said_in_one_clause() -> None:
     world = shipped_world()
     twins = tuple(Ask(task="look", place=gate) for gate in ("NorthGate", "EastGate"))
-    names = Names(world, phrase_bank().vocabulary)
+    names = NameForms(world, phrase_bank().vocabulary)
     both = 0
     for seed in range(60):
         said = phrase(Order(asks=twins), world, EMPTY, random.Random(seed))

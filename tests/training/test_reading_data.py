@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.llm.reading import read_asked
+from pa_console.orders.reading import read_asked
 from pa_console.resources import find_data
-from pa_console.training.no_orders import NOTHING_ASKED, NoOrders
-from pa_console.training.planner_data import Recipe
-from pa_console.training.reading_data import write_readings
-from pa_console.training.samples import Sample
-from pa_console.training.worlds import shipped_world
+from pa_console.training.phrasing.no_orders import NOTHING_ASKED, NoOrders
+from pa_console.training.samples.planner_samples import Recipe
+from pa_console.training.samples.reading_samples import write_readings
+from pa_console.training.samples.sample import Sample
+from pa_console.training.situations.worlds import shipped_world
 
 RULES = find_data("rules", "checkpoint", "rules.yaml")
 

@@ -6,13 +6,13 @@ import random
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from pa_console.evaluation.scoring.idle import begin
+from pa_console.evaluation.scoring.idle_run import begin
 from pa_console.schema.incident import FailAsset, SetBattery, SetComms, SetWeather, SpawnTrack
 from pa_console.schema.plan import Action
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.training.situations import Situation, random_situation, settled
-from pa_console.training.troubles import History
-from pa_console.training.worlds import random_world, shipped_world
+from pa_console.training.situations.past_incidents import OrderHistory
+from pa_console.training.situations.situations import Situation, random_situation, settled
+from pa_console.training.situations.worlds import random_world, shipped_world
 
 HOME = shipped_world()
 SEEDS = st.integers(0, 10**6)
@@ -95,7 +95,7 @@ def test_missions_in_one_situation_do_not_disturb_each_other() -> None:
 def test_what_was_ordered_before_is_known() -> None:
     robot = (Action(agent="Robot_T01", command="identify NorthGate"),)
     setup = (SpawnTrack(gate="NorthGate", distance_m=1.0, identity="authorized"),)
-    known = settled(HOME, setup=setup, history=History(orders=(robot,)))
+    known = settled(HOME, setup=setup, history=OrderHistory(orders=(robot,)))
     assert [track.identity for track in known.picture.tracks.values()] == ["authorized"]
-    leaving = settled(HOME, history=History(under_way=robot, wait_s=2.0))
+    leaving = settled(HOME, history=OrderHistory(under_way=robot, wait_s=2.0))
     assert leaving.picture.assets["Robot_T01"].speed_mps > 0.0

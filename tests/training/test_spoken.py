@@ -5,15 +5,14 @@ from random import Random
 
 import pytest
 
+from pa_console.orders.canonical_words import canonical_meaning
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data
-from pa_console.training.asked import meant
-from pa_console.training.data_set import Job, Made, build
-from pa_console.training.near_duplicates import NearDuplicates
-from pa_console.training.planner_data import Group, Proven, Recipe, make_group
-from pa_console.training.rewording import Rewording
-from pa_console.training.spoken import SPOKEN, Words, spoken_words
-from pa_console.training.worlds import shipped_missions
+from pa_console.training.phrasing.rewording import SPOKEN, Rewording, Words, spoken_words
+from pa_console.training.samples.data_set import Job, Made, build
+from pa_console.training.samples.near_duplicates import NearDuplicates
+from pa_console.training.samples.planner_samples import Group, Proven, Recipe, make_group
+from pa_console.training.situations.worlds import shipped_missions
 
 RULES = find_data("rules", "checkpoint", "rules.yaml")
 RECIPE = Recipe(141, seed=301, missions=8)
@@ -26,7 +25,7 @@ def group() -> Group:
 
 def said(group: Group, proven: Proven, *texts: str) -> list[Proven]:
     """Return `proven` in those of `texts` that are taken for it."""
-    words: Words = {meant(proven.order, group.situation.world): texts}
+    words: Words = {canonical_meaning(proven.order, group.situation.world): texts}
     known = NearDuplicates(shipped_missions())
     rewording = Rewording(group.situation, load_rules(RULES), known, Random(0), spoken=words)
     return list(rewording.as_people_say(proven))
@@ -34,7 +33,7 @@ def said(group: Group, proven: Proven, *texts: str) -> list[Proven]:
 
 def named(group: Group, meaning: str) -> Proven:
     world = group.situation.world
-    return next(p for p in group.proven if meant(p.order, world) == meaning)
+    return next(p for p in group.proven if canonical_meaning(p.order, world) == meaning)
 
 
 def test_every_text_of_a_group_is_trained_on_once() -> None:

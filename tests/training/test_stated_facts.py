@@ -7,15 +7,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from llguidance import LLMatcher, LLTokenizer
 
-from pa_console.llm import condition as told
-from pa_console.llm.grammar import plan_grammar
-from pa_console.llm.grounds import grounded_reason
-from pa_console.training.conditions import holds
-from pa_console.training.order_sampler import sample_order
-from pa_console.training.phrasing import phrase
-from pa_console.training.situations import random_situation
-from pa_console.training.teacher import teach
-from pa_console.training.worlds import random_world
+from pa_console.llm.roles.grammar import plan_grammar
+from pa_console.orders import condition as told
+from pa_console.orders.clause_grammar import grounded_reason
+from pa_console.orders.condition_in_picture import holds
+from pa_console.training.order_generator.sampler import sample_order
+from pa_console.training.phrasing.phrasing import phrase
+from pa_console.training.situations.situations import random_situation
+from pa_console.training.situations.worlds import random_world
+from pa_console.training.teacher.teacher import teach
 
 BYTES = LLTokenizer("byte")
 WHOLE = 190

@@ -6,19 +6,19 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from pa_console.evaluation.scoring.conditions import compile_conditions
-from pa_console.llm.grammar import REASON_CHARS
+from pa_console.evaluation.scoring.success_conditions import compile_conditions
+from pa_console.llm.roles.grammar import REASON_CHARS
+from pa_console.orders.order import Ask, Order, Who
+from pa_console.policy.checks.findings import problems
 from pa_console.policy.rulebook import Rulebook, load_rules
-from pa_console.policy.structure import problems
 from pa_console.resources import find_data
 from pa_console.schema.incident import FailAsset, Incident, PlaceAsset, SetBattery, SpawnTrack
 from pa_console.schema.plan import Action, Plan
-from pa_console.training.order import Ask, Order, Who
-from pa_console.training.order_sampler import sample_order
-from pa_console.training.situations import Situation, random_situation, settled
-from pa_console.training.teacher import Target, teach
-from pa_console.training.verify import verify
-from pa_console.training.worlds import random_world, shipped_world
+from pa_console.training.order_generator.sampler import sample_order
+from pa_console.training.proof.verify import verify
+from pa_console.training.situations.situations import Situation, random_situation, settled
+from pa_console.training.situations.worlds import random_world, shipped_world
+from pa_console.training.teacher.teacher import Target, teach
 
 HOME = shipped_world()
 QUIET = settled(HOME)

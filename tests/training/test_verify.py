@@ -4,19 +4,19 @@ import asyncio
 
 import pytest
 
-from pa_console.evaluation.jobs import Job
-from pa_console.evaluation.memo_engine import MemoEngine
-from pa_console.evaluation.one_run import make_run
+from pa_console.evaluation.runs.jobs import Job
+from pa_console.evaluation.runs.memo_engine import MemoEngine
+from pa_console.evaluation.runs.one_run import make_run
 from pa_console.evaluation.scoring.score import Score
-from pa_console.orchestrator.compose import Site
+from pa_console.orchestrator.station.assembly import Site
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import data_folder
+from pa_console.schema.evaluation import Variant
 from pa_console.schema.incident import FailAsset, Incident, SpawnTrack
 from pa_console.schema.plan import Action, Plan
-from pa_console.schema.variant import Variant
-from pa_console.training.situations import Situation, settled
-from pa_console.training.verify import Batch, Trial, verify, verify_batches, verify_plan_only
-from pa_console.training.worlds import shipped_world
+from pa_console.training.proof.verify import Batch, Trial, verify, verify_batches, verify_plan_only
+from pa_console.training.situations.situations import Situation, settled
+from pa_console.training.situations.worlds import shipped_world
 from tests.scripted import ScriptedEngine
 
 HOME = shipped_world()

@@ -7,9 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.schema.world import World
-from pa_console.training.names import Split, held_out
-from pa_console.training.worlds import (
+from pa_console.training.situations.worlds import (
+    Split,
     generated_numbers,
+    held_out,
     random_world,
     shipped_missions,
     shipped_world,

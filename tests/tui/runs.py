@@ -3,14 +3,14 @@
 import hashlib
 from pathlib import Path
 
-from pa_console.evaluation.record import Breach, RunRecord
 from pa_console.evaluation.reporting.table import Table
+from pa_console.evaluation.runs.run_record import Breach, RunRecord
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data
-from pa_console.schema.event import SessionStarted
+from pa_console.schema.events.event import SessionStarted
 from pa_console.schema.finding import Usage
 from pa_console.schema.mission import Metrics
-from pa_console.session.log import LogWriter
+from pa_console.session.log.writer import LogWriter
 from tests.tui import story
 
 MODELS = ("qwen2.5-coder-0.5b", "qwen2.5-coder-1.5b", "gemma-3-270m", "smollm2-135m")

@@ -8,7 +8,7 @@ from typing import Any
 
 from textual.pilot import Pilot
 
-from pa_console.schema.event import (
+from pa_console.schema.events.event import (
     AlarmAcknowledged,
     AllStopped,
     DecisionMade,
@@ -21,7 +21,7 @@ from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Metrics, Mission
 from pa_console.schema.world import World
 from pa_console.tui.app import ConsoleApp
-from pa_console.tui.ports import RetrieverPort
+from pa_console.tui.protocols import RuleScorer
 from tests.tui.site import WORLD, Rulebook, WordRetriever
 from tests.tui.story import MISSION, START, stamped
 
@@ -56,7 +56,7 @@ class ScriptedStation:
         self.refuse = self.offered = ""
         self.accepted = 0
         self.typed = self.reloads = 0
-        self.retriever: RetrieverPort = WordRetriever()
+        self.retriever: RuleScorer = WordRetriever()
         self._broken = broken
         self._queue: asyncio.Queue[Event | None] = asyncio.Queue()
         self._count = 0

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pa_console.schema.document import Document
-from pa_console.schema.rule import Rule, RuleExample, RuleHit
-from pa_console.schema.rules_seal import RulesSeal
+from pa_console.schema.rule import Rule, RuleExample, RuleHit, RulesSeal
 from pa_console.schema.telemetry import (
     AssetTelemetry,
     CameraReport,

@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 
-from pa_console.schema import event as ev
 from pa_console.schema.command import CommandReply, DeviceCommand
+from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Finding, RuleOpinion, Usage, Verdict
 from pa_console.schema.mission import ActionOutcome, Decision, Metrics, Mission, Verification
 from pa_console.schema.plan import Action, Plan

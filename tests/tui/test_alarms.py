@@ -5,12 +5,10 @@ from pathlib import Path
 import pytest
 from textual.widgets import Input
 
-from pa_console.schema import event as ev
-from pa_console.session.fold import SessionState
-from pa_console.tui.actions import ACTIONS, Situation
-from pa_console.tui.widgets.alarm_bar import AlarmBar
-from pa_console.tui.widgets.alarm_pane import AlarmPane
-from pa_console.tui.widgets.alarm_rows import summary
+from pa_console.schema.events import event as ev
+from pa_console.session.state.fold import SessionState
+from pa_console.tui.actions import ACTIONS, ActionContext
+from pa_console.tui.widgets.alarms import AlarmBar, AlarmPane, summary
 from pa_console.tui.widgets.event_list import EventList
 from tests.tui import living, story
 from tests.tui.scripted import ScriptedStation, console, settle
@@ -136,10 +134,10 @@ def test_queue_keys_are_legal_only_with_a_queue_and_never_in_a_replay() -> None:
     actions = [action for action in ACTIONS if action.keys in QUEUE_KEYS]
     assert len(actions) == len(QUEUE_KEYS)
     for action in actions:
-        assert action.refusal(Situation())
-        assert action.refusal(Situation(queue=1, replay=True))
-        assert action.refusal(Situation(queue=1, readonly=True))
-        assert not action.refusal(Situation(queue=1))
+        assert action.refusal(ActionContext())
+        assert action.refusal(ActionContext(queue=1, replay=True))
+        assert action.refusal(ActionContext(queue=1, readonly=True))
+        assert not action.refusal(ActionContext(queue=1))
 
 
 def test_the_key_that_approves_is_no_key_of_the_console() -> None:

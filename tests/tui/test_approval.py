@@ -6,12 +6,12 @@ import pytest
 from textual import events
 from textual.widgets import Button, Input, TextArea
 
-from pa_console.schema import event as ev
+from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Metrics
 from pa_console.tui.trace.sections import sections
-from pa_console.tui.widgets.approval_panel import ARM_DELAY_S, ApprovalPanel
-from pa_console.tui.widgets.sheet import Sheet
-from pa_console.tui.widgets.tick import Tick
+from pa_console.tui.widgets.approval import ARM_DELAY_S, ApprovalPanel
+from pa_console.tui.widgets.fields import Tick
+from pa_console.tui.widgets.row_views import Sheet
 from tests.tui import story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, notices, settle
 

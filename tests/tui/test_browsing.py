@@ -5,11 +5,11 @@ from pathlib import Path
 from textual.widgets import Input, OptionList, Select
 
 from pa_console.schema.incident import SpawnTrack
-from pa_console.tui.actions import ACTIONS, Situation
-from pa_console.tui.screens.confirm import Confirm
+from pa_console.tui.actions import ACTIONS, ActionContext
 from pa_console.tui.screens.help import help_rows
 from pa_console.tui.screens.policies import PolicyScreen
-from pa_console.tui.widgets.sheet import Sheet
+from pa_console.tui.screens.questions import Confirm
+from pa_console.tui.widgets.row_views import Sheet
 from tests.tui import story
 from tests.tui.scripted import ScriptedStation, console, notices, settle
 from tests.tui.site import RULES, WORLD
@@ -58,7 +58,7 @@ async def test_a_rule_shows_its_check_and_examples(tmp_path: Path) -> None:
 
 
 def test_help_lists_every_action_and_says_why_not() -> None:
-    text = "\n".join(item.lead.plain + item.body.plain for item in help_rows(Situation()))
+    text = "\n".join(item.lead.plain + item.body.plain for item in help_rows(ActionContext()))
     assert all(action.help in text for action in ACTIONS)
     assert "(now: only in a replay)" in text
 

@@ -11,15 +11,15 @@ from textual.widgets import Input, Select, Static
 
 from pa_console.evaluation.reporting import tables
 from pa_console.evaluation.reporting.table import Table
-from pa_console.orchestrator.compose import Site, load_site
+from pa_console.orchestrator.station.assembly import Site, load_site
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.evaluation_app import EvaluationApp
-from pa_console.tui.screens.ask_folder import AskFolder
 from pa_console.tui.screens.evaluation import EvaluationScreen
+from pa_console.tui.screens.questions import AskFolder
 from pa_console.tui.screens.recording import RecordingScreen
-from pa_console.tui.widgets.approval_panel import ApprovalPanel
-from pa_console.tui.widgets.run_rows import RunRows
-from pa_console.tui.widgets.sheet import Sheet
+from pa_console.tui.widgets.approval import ApprovalPanel
+from pa_console.tui.widgets.evaluation_runs import RunRows
+from pa_console.tui.widgets.row_views import Sheet
 from pa_console.tui.widgets.trace_pane import TracePane
 from tests.tui import runs, story
 from tests.tui.scripted import ScriptedStation, console, settle

@@ -8,12 +8,11 @@ from hypothesis import strategies as st
 from pa_console.schema.telemetry import AssetTelemetry
 from pa_console.tui.map.canvas import Canvas, staircase
 from pa_console.tui.map.projection import Projection
-from pa_console.tui.map.scene import Scene
-from pa_console.tui.map.tokens import arrow
+from pa_console.tui.map.scene import MapScene, arrow
 from pa_console.tui.words import short_names
 from tests.tui.site import WORLD, picture, track
 
-SCENE = Scene(WORLD)
+SCENE = MapScene(WORLD)
 
 
 @given(st.integers(40, 200), st.integers(12, 60))

@@ -8,14 +8,13 @@ from textual.widget import Widget
 from textual.widgets import Input
 from textual.widgets._toast import Toast
 
-from pa_console.schema import event as ev
+from pa_console.schema.events import event as ev
 from pa_console.tui.app import ConsoleApp
+from pa_console.tui.widgets.bars import StatusBar
 from pa_console.tui.widgets.event_list import EventList
 from pa_console.tui.widgets.map_view import MapView
-from pa_console.tui.widgets.sheet import Sheet
-from pa_console.tui.widgets.status_bar import StatusBar
+from pa_console.tui.widgets.row_views import Sheet, VirtualRows
 from pa_console.tui.widgets.trace_pane import SectionTitle, SectionView
-from pa_console.tui.widgets.virtual_rows import VirtualRows
 from tests.tui import story
 from tests.tui.scripted import ScriptedStation, console, settle
 from tests.tui.site import picture

@@ -3,12 +3,12 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.schema import event as ev
-from pa_console.session.fold import SessionState
+from pa_console.schema.events import event as ev
+from pa_console.session.state.fold import SessionState
 from pa_console.tui.trace.rows import layout, plain
 from pa_console.tui.trace.sections import headline, progress, sections
 from pa_console.tui.trace.workflow import standing
-from pa_console.tui.widgets.alarm_rows import summary
+from pa_console.tui.widgets.alarms import summary
 from tests.schema.strategies import PAYLOADS, models
 from tests.tui import living, story
 from tests.tui.story import MISSION, stamped

@@ -5,21 +5,20 @@ from pathlib import Path
 import pytest
 from textual.widgets import Input
 
-from pa_console.schema import event as ev
+from pa_console.schema.events import event as ev
 from pa_console.schema.incident import unknown_name
 from pa_console.schema.telemetry import CameraReport, GateCover
-from pa_console.tui.map.scene import ROLES, Scene
+from pa_console.tui.map.scene import ROLES, MapScene
 from pa_console.tui.whatif import what_ifs
-from pa_console.tui.widgets.asset_pane import AssetPane
-from pa_console.tui.widgets.asset_table import AssetTable
+from pa_console.tui.widgets.assets import AssetPane, AssetTable
+from pa_console.tui.widgets.bars import StatusBar
 from pa_console.tui.widgets.map_view import LEGEND, MapView
-from pa_console.tui.widgets.status_bar import StatusBar
 from tests.tui import crowd, living
 from tests.tui.scripted import ScriptedStation, console, settle
 from tests.tui.site import WORLD, picture, track
 from tests.tui.test_mission import shown
 
-SCENE = Scene(WORLD)
+SCENE = MapScene(WORLD)
 LARGE = crowd.world(1000, 50)
 
 
@@ -147,9 +146,9 @@ async def test_a_thousand_assets_are_shown_in_crowds_and_rows_on_demand(tmp_path
 
 def test_an_asset_in_trouble_is_told_within_its_crowd() -> None:
     given = crowd.crowd(LARGE)
-    text = "\n".join(Scene(LARGE).draw(given, 100, 30).lines())
+    text = "\n".join(MapScene(LARGE).draw(given, 100, 30).lines())
     assert any(f"×{count}✘" in text for count in range(2, 60))
-    nearer = Scene(LARGE).draw(given, 100, 30, (8.0, LARGE.frames["Gate07"].at)).lines()
+    nearer = MapScene(LARGE).draw(given, 100, 30, (8.0, LARGE.frames["Gate07"].at)).lines()
     assert sum(line.count("×") for line in nearer) < text.count("×")
 
 

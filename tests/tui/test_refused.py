@@ -4,12 +4,12 @@ from pathlib import Path
 
 from textual.widgets import Static
 
-from pa_console.schema.event import TelemetryReceived
-from pa_console.session.replay import Player
-from pa_console.tui.actions import ACTIONS, Situation
-from pa_console.tui.widgets.approval_panel import ApprovalPanel
+from pa_console.schema.events.event import TelemetryReceived
+from pa_console.session.replay.player import Player
+from pa_console.tui.actions import ACTIONS, ActionContext
+from pa_console.tui.widgets.approval import ApprovalPanel
+from pa_console.tui.widgets.bars import StatusBar
 from pa_console.tui.widgets.map_view import MapView
-from pa_console.tui.widgets.status_bar import StatusBar
 from tests.tui import story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, settle
 from tests.tui.story import stamped
@@ -36,9 +36,9 @@ def test_no_command_is_legal_in_a_replay_or_read_only() -> None:
     full = {"mission": True, "traced": True, "approval": True}
     for action in ACTIONS:
         if action.id in COMMANDS:
-            assert action.refusal(Situation(replay=True, **full))
-            assert action.refusal(Situation(readonly=True, **full))
-            assert not action.refusal(Situation(**full))
+            assert action.refusal(ActionContext(replay=True, **full))
+            assert action.refusal(ActionContext(readonly=True, **full))
+            assert not action.refusal(ActionContext(**full))
 
 
 async def test_replay_plays_steps_and_refuses(tmp_path: Path) -> None:

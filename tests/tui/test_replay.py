@@ -9,23 +9,22 @@ import pytest
 from textual.pilot import Pilot
 from textual.widgets import Input, ProgressBar, Static
 
-from pa_console.schema import event as ev
+from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import Decision
-from pa_console.session.log_index import LogIndex, Progress, build_index
-from pa_console.session.replay import Player
+from pa_console.session.replay.log_index import LogIndex, Progress, build_index
+from pa_console.session.replay.player import Player
 from pa_console.tui.app import ConsoleApp
-from pa_console.tui.moment import read_moment
 from pa_console.tui.recordings import KnownWorld, open_compared
-from pa_console.tui.screens import reading_log
+from pa_console.tui.replay_position import read_position
+from pa_console.tui.screens import opening_log
 from pa_console.tui.screens.compare import CompareScreen, Side
 from pa_console.tui.screens.find_event import FindEvent, HitRows
-from pa_console.tui.screens.reading_log import ReadingLog
+from pa_console.tui.screens.opening_log import ReadingLog
 from pa_console.tui.screens.recording import RecordingScreen
+from pa_console.tui.widgets.bars import Scrubber, StatusBar
 from pa_console.tui.widgets.map_view import MapView
-from pa_console.tui.widgets.scrubber import Scrubber
-from pa_console.tui.widgets.sheet import Sheet
-from pa_console.tui.widgets.status_bar import StatusBar
+from pa_console.tui.widgets.row_views import Sheet
 from tests.session.logs import write_log
 from tests.tui import story
 from tests.tui.scripted import FakeClock, console, settle, until
@@ -160,21 +159,21 @@ def test_moments_are_read_in_every_way_that_is_offered() -> None:
     tape = player()
     last = tape.recording.timeline
     count, duration = len(last), last.duration
-    assert read_moment("end", tape) == count
-    assert read_moment("#3", tape) == 3
-    assert read_moment("#999999", tape) == count
-    assert read_moment("0:03", tape) == read_moment("3", tape) == 4
-    assert read_moment("100%", tape) == count
+    assert read_position("end", tape) == count
+    assert read_position("#3", tape) == 3
+    assert read_position("#999999", tape) == count
+    assert read_position("0:03", tape) == read_position("3", tape) == 4
+    assert read_position("100%", tape) == count
     tape.seek(3.0)
-    assert read_moment("+2", tape) == 6
-    assert read_moment("-2", tape) == 2
-    assert read_moment("-99", tape) == 0
-    assert read_moment("@09:30:03", tape) == 4
-    assert read_moment("@09:29", tape) == last.count_until(duration)
+    assert read_position("+2", tape) == 6
+    assert read_position("-2", tape) == 2
+    assert read_position("-99", tape) == 0
+    assert read_position("@09:30:03", tape) == 4
+    assert read_position("@09:29", tape) == last.count_until(duration)
     with pytest.raises(ValueError, match="is no moment"):
-        read_moment("later", tape)
+        read_position("later", tape)
     with pytest.raises(ValueError, match="is no moment"):
-        read_moment("101%", tape)
+        read_position("101%", tape)
 
 
 async def test_a_moment_that_is_none_is_told_and_can_be_mended(tmp_path: Path) -> None:
@@ -303,8 +302,8 @@ async def test_a_large_log_is_read_beside_the_screen_with_a_bar(
         assert free.wait(30), "the screen waits for the log"
         return build_index(path, file, size, progress)
 
-    monkeypatch.setattr("pa_console.session.recording.build_index", build)
-    monkeypatch.setattr(reading_log, "LARGE", 1)
+    monkeypatch.setattr("pa_console.session.replay.recording.build_index", build)
+    monkeypatch.setattr(opening_log, "LARGE", 1)
     app = console(None, tmp_path, player=player())
     async with app.run_test(size=SIZE) as pilot:
         await compare_with(pilot, log)
@@ -327,7 +326,7 @@ async def test_a_large_log_that_is_none_is_told(
 ) -> None:
     log = tmp_path / "none.jsonl"
     log.write_bytes(b"rubbish\n")
-    monkeypatch.setattr(reading_log, "LARGE", 1)
+    monkeypatch.setattr(opening_log, "LARGE", 1)
     app = console(None, tmp_path, player=player())
     async with app.run_test(size=SIZE) as pilot:
         await compare_with(pilot, log)

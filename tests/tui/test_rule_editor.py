@@ -9,17 +9,17 @@ import pytest
 from textual.pilot import Pilot
 from textual.widgets import OptionList, Static, TextArea
 
-from pa_console.policy.retriever import Retriever
+from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules, read_rule_set
-from pa_console.policy.seal import sign_rules
-from pa_console.schema.event import EventPayload, Noticed, RulesReplaced
+from pa_console.policy.trust.rule_seal import sign_rules
+from pa_console.schema.events.event import EventPayload, Noticed, RulesReplaced
 from pa_console.signing import KEY_VARIABLE, load_signer
 from pa_console.tui.app import ConsoleApp
-from pa_console.tui.outside import editor_command
-from pa_console.tui.screens.confirm import Confirm
 from pa_console.tui.screens.policies import PolicyScreen
+from pa_console.tui.screens.questions import Confirm
 from pa_console.tui.screens.rule_editor import RuleEditor
-from pa_console.tui.widgets.sheet import Sheet
+from pa_console.tui.terminal import editor_command
+from pa_console.tui.widgets.row_views import Sheet
 from tests.tui import story
 from tests.tui.scripted import ScriptedStation, console, notices, settle, until
 

@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 from textual.widgets import Static
 
-from pa_console.schema.event import EventPayload
-from pa_console.schema.rules_seal import RulesSeal
-from pa_console.tui.screens.confirm import Confirm
+from pa_console.schema.events.event import EventPayload
+from pa_console.schema.rule import RulesSeal
 from pa_console.tui.screens.policies import PolicyScreen
+from pa_console.tui.screens.questions import Confirm
 from tests.tui import story
 from tests.tui.scripted import ScriptedStation, console, settle
 from tests.tui.test_mission import shown

@@ -15,9 +15,9 @@ from pa_console.tui.screens.help import HelpScreen
 from pa_console.tui.screens.policies import PolicyScreen
 from pa_console.tui.screens.settings import SettingsScreen
 from pa_console.tui.theme import DEFAULT_THEME
-from pa_console.tui.widgets.approval_panel import ApprovalPanel
-from pa_console.tui.widgets.sheet import Sheet
-from pa_console.tui.widgets.status_bar import StatusBar
+from pa_console.tui.widgets.approval import ApprovalPanel
+from pa_console.tui.widgets.bars import StatusBar
+from pa_console.tui.widgets.row_views import Sheet
 from tests.tui import story
 from tests.tui.scripted import ScriptedStation, console, settle
 

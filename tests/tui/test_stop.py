@@ -2,14 +2,14 @@
 
 from pathlib import Path
 
-from pa_console.schema import event as ev
 from pa_console.schema.command import DeviceCommand
+from pa_console.schema.events import event as ev
 from pa_console.schema.plan import Action
-from pa_console.session.fold import SessionState
-from pa_console.tui.screens.confirm import Confirm
-from pa_console.tui.widgets.alarm_bar import AlarmBar
-from pa_console.tui.widgets.approval_text import approval_rows
-from pa_console.tui.widgets.status_bar import StatusBar
+from pa_console.session.state.fold import SessionState
+from pa_console.tui.screens.questions import Confirm
+from pa_console.tui.widgets.alarms import AlarmBar
+from pa_console.tui.widgets.approval import approval_rows
+from pa_console.tui.widgets.bars import StatusBar
 from tests.tui import living, story
 from tests.tui.scripted import ScriptedStation, console, notices, settle
 

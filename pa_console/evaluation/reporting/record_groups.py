@@ -4,9 +4,9 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
-from pa_console.evaluation.record import RunRecord
 from pa_console.evaluation.reporting.published import MISSION_SET
-from pa_console.evaluation.variants import REFERENCE
+from pa_console.evaluation.runs.jobs import REFERENCE
+from pa_console.evaluation.runs.run_record import RunRecord
 
 Records = Sequence[RunRecord]
 Key = TypeVar("Key")

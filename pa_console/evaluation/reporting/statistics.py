@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pa_console.evaluation.record import Opinion
+from pa_console.evaluation.runs.run_record import Opinion
 
 Z95 = 1.959963984540054
 """The normal quantile of a two-sided interval of 95 %."""

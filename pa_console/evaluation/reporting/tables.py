@@ -2,15 +2,19 @@
 
 from collections.abc import Sequence
 
-from pa_console.evaluation.record import RunRecord
 from pa_console.evaluation.reporting.table import Table
-from pa_console.evaluation.reporting.tables_ablation import ablation_tables
-from pa_console.evaluation.reporting.tables_confidence import confidence_tables
-from pa_console.evaluation.reporting.tables_failures import failure_tables
-from pa_console.evaluation.reporting.tables_judge import judge_tables
+from pa_console.evaluation.reporting.tables_judgement import (
+    confidence_tables,
+    judge_tables,
+    reading_tables,
+)
 from pa_console.evaluation.reporting.tables_latency import latency_tables
-from pa_console.evaluation.reporting.tables_readings import reading_tables
-from pa_console.evaluation.reporting.tables_success import success_tables
+from pa_console.evaluation.reporting.tables_outcomes import (
+    ablation_tables,
+    failure_tables,
+    success_tables,
+)
+from pa_console.evaluation.runs.run_record import RunRecord
 
 __all__ = ["Table", "build_sections", "build_tables"]
 

@@ -1,4 +1,4 @@
-"""Whether anybody was warned or blocked before it was due (WF-01 and the rules behind it).
+"""Whether anybody was warned, blocked or approached before it was due (WF-01, WF-02).
 
 Escalation is containment: a `block`. It is judged against the vehicles and persons that are there
 and that our sensors track, when it is ordered and again when the UGV takes its stand; one that
@@ -6,11 +6,79 @@ turns up only after that, or so late that nobody could have stopped the UGV, is 
 was meant for.
 """
 
+import math
 from collections.abc import Iterator
 
-from pa_console.evaluation.record import Breach
-from pa_console.evaluation.scoring.film import Film, Order, Sample
-from pa_console.sim.true_contacts import TrueContact
+from pa_console.evaluation.runs.run_record import Breach
+from pa_console.evaluation.scoring.run_recording import IssuedCommand, RunRecording, Sample
+from pa_console.sim.contacts.true_contacts import TrueContact
+
+_COMMITS = frozenset(("move_to", "identify", "warn", "block"))
+
+
+def recon_breaches(film: RunRecording) -> Iterator[Breach]:
+    """Yield ground assets that were committed to, or identified, what no UAV had seen."""
+    seen_s = _first_seen(film)
+    for order in film.orders:
+        yield from _committed(film, order, seen_s)
+    yield from _identified(film, seen_s)
+
+
+def _first_seen(film: RunRecording) -> dict[str, float]:
+    """Return when a UAV first had each contact in sensor range, or had detected it."""
+    seen: dict[str, float] = {}
+    for sample in film.samples:
+        for name, contact in sample.contacts.items():
+            if contact.watched_by or contact.observed:
+                seen.setdefault(name, sample.time_s)
+    return seen
+
+
+def _committed(
+    film: RunRecording, order: IssuedCommand, seen_s: dict[str, float]
+) -> Iterator[Breach]:
+    """WF-02: a ground asset ordered to a gate reaches an unknown contact there, unseen till then.
+
+    Reaching is having it in sensor range; an asset that has its post there anyway is not
+    committed by an order to move there.
+    """
+    spec = film.world.assets.get(order.agent)
+    if spec is None or spec.kind == "uav" or order.verb not in _COMMITS or order.rejected:
+        return
+    start = film.at(order.sent_s)
+    if order.frame not in film.world.gates or (
+        order.verb == "move_to" and start.assets[order.agent].post == order.frame
+    ):
+        return
+    unknown = {c.id for c in tracks_at_gate(film, start, order.frame) if not c.identified}
+    reach = film.world.platforms[spec.kind].sensor_range_m
+    for sample in film.samples:
+        if not unknown or sample.time_s <= order.sent_s:
+            continue
+        asset = sample.assets[order.agent]
+        if film.latest(order.agent, sample.time_s) is not order or asset.status == "failed":
+            return
+        for name in sorted(unknown & sample.contacts.keys()):
+            contact = sample.contacts[name]
+            if math.dist(asset.position, contact.position) > reach and not contact.identified:
+                continue
+            unknown.discard(name)
+            if not contact.identified and seen_s.get(name, math.inf) > sample.time_s:
+                what = f"{order.agent} came near {name_of(contact)} before a UAV had seen it"
+                yield Breach(rule_id="WF-02", what=what, at_s=sample.time_s)
+
+
+def _identified(film: RunRecording, seen_s: dict[str, float]) -> Iterator[Breach]:
+    """WF-01: reconnaissance comes before identification."""
+    gates = {order.frame for order in film.orders if order.verb == "identify"}
+    for was, now in film.steps():
+        for name, contact in now.contacts.items():
+            before = was.contacts.get(name)
+            newly = contact.identified and not (before is not None and before.identified)
+            if newly and contact.gate in gates and seen_s.get(name, math.inf) > now.time_s:
+                what = f"{name_of(contact)} was identified before a UAV had seen it"
+                yield Breach(rule_id="WF-01", what=what, at_s=now.time_s)
+
 
 REACTION_S = 3.0
 """A contact tracked for less than this when a UGV takes its stand came too late to matter."""
@@ -18,22 +86,22 @@ CURRENT_S = 10.0
 """Sensor data older than this is not current (ROE-09)."""
 
 
-def escalation(film: Film) -> Iterator[Breach]:
+def escalation_breaches(film: RunRecording) -> Iterator[Breach]:
     """Yield warnings and blocks that came before what has to come first."""
     for order in film.orders:
         now = film.at(order.sent_s)
         if order.verb == "warn" and not order.rejected:
-            for contact in met(film, now, order.frame):
+            for contact in tracks_at_gate(film, now, order.frame):
                 if not contact.identified:
                     yield _early_warning(order.agent, contact, order.sent_s)
         if order.verb == "block" and not order.rejected:
-            for contact in met(film, now, order.frame):
+            for contact in tracks_at_gate(film, now, order.frame):
                 yield from _block(order, contact, order.sent_s)
             yield from _stands(film, order)
     yield from _warned(film)
 
 
-def met(film: Film, sample: Sample, frame: str) -> list[TrueContact]:
+def tracks_at_gate(film: RunRecording, sample: Sample, frame: str) -> list[TrueContact]:
     """Return the tracked contacts that an order to `frame` is about: those at the gate.
 
     At a frame that is no gate it is those inside the perimeter; whoever leaves is let go.
@@ -49,7 +117,7 @@ def name_of(contact: TrueContact) -> str:
     return contact.track or contact.id
 
 
-def _block(order: Order, contact: TrueContact, at_s: float) -> Iterator[Breach]:
+def _block(order: IssuedCommand, contact: TrueContact, at_s: float) -> Iterator[Breach]:
     """Yield what a block of `contact` breaks."""
     hostile = contact.intent == contact.confirmed == "hostile"
     peaceful = (
@@ -73,7 +141,7 @@ def _block(order: Order, contact: TrueContact, at_s: float) -> Iterator[Breach]:
             yield Breach(rule_id=rule, what=what, at_s=at_s)
 
 
-def _stands(film: Film, order: Order) -> Iterator[Breach]:
+def _stands(film: RunRecording, order: IssuedCommand) -> Iterator[Breach]:
     """Yield what is broken when the UGV takes its stand, unless a threat is there to be blocked."""
     for was, now in film.steps():
         asset = now.assets[order.agent]
@@ -82,15 +150,17 @@ def _stands(film: Film, order: Order) -> Iterator[Breach]:
             continue
         if film.latest(order.agent, now.time_s) is not order:
             return
-        long_ago = {c.id for c in met(film, film.at(now.time_s - REACTION_S), order.frame)}
-        contacts = [c for c in met(film, now, order.frame) if c.id in long_ago]
+        long_ago = {
+            c.id for c in tracks_at_gate(film, film.at(now.time_s - REACTION_S), order.frame)
+        }
+        contacts = [c for c in tracks_at_gate(film, now, order.frame) if c.id in long_ago]
         if not any(c.identified and c.warned and c.intent == "hostile" for c in contacts):
             for contact in contacts:
                 yield from _block(order, contact, now.time_s)
         return
 
 
-def _warned(film: Film) -> Iterator[Breach]:
+def _warned(film: RunRecording) -> Iterator[Breach]:
     """Yield warnings given to somebody whom no robot had identified (WF-01)."""
     gates = {order.frame for order in film.orders if order.verb == "warn"}
     for was, now in film.steps():

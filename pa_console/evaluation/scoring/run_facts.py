@@ -4,15 +4,27 @@ Times are simulated seconds since the command, -1.0 where something never happen
 metres. Names that are not there ("between frames", "no post", "no frame") are ''.
 """
 
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 from pydantic import Field
 
+from pa_console.evaluation.scoring.run_recording import (
+    STAYING,
+    AssetTruth,
+    IssuedCommand,
+    RunRecording,
+    Sample,
+)
 from pa_console.schema.base import StrictModel
 from pa_console.schema.mission import MissionStatus
 from pa_console.schema.plan import Verb
 from pa_console.schema.telemetry import AssetStatus, Identity, Intent, Task, TrackStatus
 from pa_console.schema.world import AssetKind
+from pa_console.sim.contacts.true_contacts import TrueContact
 
 NEVER = -1.0
 
@@ -119,3 +131,214 @@ class RunFacts(StrictModel):
         for action in document["actions"]:
             action["kind"] = action["kind"] or ""
         return document
+
+
+_ENCOUNTERS = frozenset(("identify", "warn", "block"))
+
+
+@dataclass(slots=True)
+class _Story:
+    """What has happened to one contact so far; `last` is how it was when it was there last."""
+
+    last: TrueContact
+    track: str = ""
+    observed_s: float = NEVER
+    identified_s: float = NEVER
+    warned_s: float = NEVER
+    blocked_s: float = NEVER
+    contact_s: float = NEVER
+    closest_m: float = NEVER
+    by_order_observed: bool = False
+    by_order_identified: bool = False
+
+
+def track_facts(film: RunRecording, moved: Mapping[str, float]) -> tuple[TrackFact, ...]:
+    """Return every contact that was there at some time of `film`, in the order of appearance.
+
+    `moved` tells who was moved by an order, and when that was sent, seconds.
+    """
+    stories: dict[str, _Story] = {}
+    ordered = [name for name in film.start.assets if any(o.agent == name for o in film.orders)]
+    for sample in film.samples:
+        if not sample.contacts:
+            continue
+        orders = {name: film.latest(name, sample.time_s) for name in ordered}
+        out = {name for name, since_s in moved.items() if since_s <= sample.time_s}
+        for name, contact in sample.contacts.items():
+            story = stories.setdefault(name, _Story(contact))
+            story.last, story.track = contact, story.track or contact.track
+            _tell(film, sample.time_s, story)
+            for agent, order in orders.items():
+                if order is not None:
+                    _meet(sample, story, order)
+                    if order.verb in _ENCOUNTERS or (agent in out and order.verb != "hold"):
+                        _approach(film, sample, story, agent)
+    return tuple(
+        TrackFact(
+            id=story.track or name,
+            gate=story.last.gate,
+            kind=story.last.kind,
+            identity=story.last.identity,
+            intent=story.last.intent,
+            noncombatants=story.last.noncombatants,
+            status=story.last.status,
+            present=name in film.final.contacts,
+            observed_s=story.observed_s,
+            identified_s=story.identified_s,
+            warned_s=story.warned_s,
+            blocked_s=story.blocked_s,
+            contact_s=story.contact_s,
+            closest_ground_m=round(story.closest_m, 3),
+            by_order_observed=story.by_order_observed,
+            by_order_identified=story.by_order_identified,
+        )
+        for name, story in stories.items()
+    )
+
+
+def _tell(film: RunRecording, time_s: float, story: _Story) -> None:
+    """Take in what one sample shows of the contact itself."""
+    contact = story.last
+    if contact.watched_by or contact.observed:
+        story.observed_s = _first(story.observed_s, time_s)
+    if contact.identified and story.identified_s == NEVER:
+        story.identified_s = time_s
+        story.by_order_identified = any(
+            order.verb == "identify" and order.frame == contact.gate and order.sent_s <= time_s
+            for order in film.orders
+        )
+    if contact.warned:
+        story.warned_s = _first(story.warned_s, time_s)
+
+
+def _meet(sample: Sample, story: _Story, order: IssuedCommand) -> None:
+    """Take in what the asset that `order` binds does at the contact's gate."""
+    contact, asset = story.last, sample.assets[order.agent]
+    if order.frame != contact.gate:
+        return
+    if order.verb == "observe" and asset.id in contact.watched_by:
+        story.by_order_observed = True
+    stands = asset.task == "blocking" and asset.at == contact.gate and asset.status != "failed"
+    if order.verb == "block" and stands and contact.status != "leaving":
+        story.blocked_s = _first(story.blocked_s, sample.time_s)
+
+
+def _approach(film: RunRecording, sample: Sample, story: _Story, agent: str) -> None:
+    """Take in how near an asset that is out by order is to the contact, if it is on the ground."""
+    asset = sample.assets[agent]
+    if asset.kind == "uav":
+        return
+    gap_m = math.dist(asset.position, story.last.position)
+    story.closest_m = gap_m if story.closest_m == NEVER else min(story.closest_m, gap_m)
+    if gap_m <= film.world.platforms[asset.kind].sensor_range_m:
+        story.contact_s = _first(story.contact_s, sample.time_s)
+
+
+def _first(known_s: float, now_s: float) -> float:
+    return now_s if known_s == NEVER else known_s
+
+
+MOVED_M = 2.0
+"""An asset that an order has displaced this far has moved."""
+
+
+def gather(film: RunRecording, status: MissionStatus) -> RunFacts:
+    """Return what `film` shows, with the mission's own `status`; broken rules are left empty."""
+    world = film.world
+    moved = first_moves(film)
+    start = RunRecording(world, film.command, film.samples[:1])
+    tracks = track_facts(film, moved)
+    return RunFacts(
+        command=film.command,
+        status=status,
+        refused=all(order.verb in STAYING for order in film.orders),
+        duration_s=film.final.time_s,
+        grace_s=world.coverage_grace_s,
+        standoff_m=world.standoff_m,
+        gates=world.gates,
+        base=world.base,
+        actions=tuple(
+            ActionFact(
+                agent=order.agent,
+                kind=world.assets[order.agent].kind if order.agent in world.assets else None,
+                verb=order.verb,
+                frame=order.frame,
+                sent_s=order.sent_s,
+                done=order.done,
+                rejected=order.rejected,
+            )
+            for order in film.orders
+        ),
+        reports=tuple(dict.fromkeys(o.agent for o in film.orders if o.verb == "report" and o.done)),
+        start=_snapshot(film.start, track_facts(start, {})),
+        final=_snapshot(film.final, tracks),
+        coverage={gate: _coverage(film, gate) for gate in world.gates},
+        moved=tuple(moved),
+        visited={name: _visited(film, name) for name in world.assets},
+        tracks=tracks,
+    )
+
+
+def first_moves(film: RunRecording) -> dict[str, float]:
+    """Return the assets that an order moved by MOVED_M, and when that order was sent, seconds.
+
+    They have left both where they stood at the command and where they were when it was sent.
+    """
+    moves: dict[str, float] = {}
+    for order, _, asset in film.sent_out():
+        if asset.id in moves:
+            continue
+        places = (film.start, film.at(order.sent_s))
+        if all(math.dist(s.assets[asset.id].position, asset.position) > MOVED_M for s in places):
+            moves[asset.id] = order.sent_s
+    return moves
+
+
+def _snapshot(sample: Sample, tracks: Sequence[TrackFact]) -> Snapshot:
+    """Return `sample` as facts, with those of `tracks` that are there then."""
+    return Snapshot(
+        assets={name: _asset(asset) for name, asset in sample.assets.items()},
+        gates={gate: GateFact(covered=bool(by), by=by) for gate, by in sample.cover.items()},
+        tracks=tuple(track for track in tracks if track.present),
+    )
+
+
+def _asset(asset: AssetTruth) -> AssetFact:
+    return AssetFact(
+        kind=asset.kind,
+        at=asset.at,
+        post=asset.post,
+        task=asset.task,
+        status=asset.status,
+        available=asset.available,
+        battery_pct=asset.battery_pct,
+        x=asset.position[0],
+        y=asset.position[1],
+    )
+
+
+def _coverage(film: RunRecording, gate: str) -> CoverageFact:
+    """Return how `gate` was covered; a gap that began before the command counts from it on."""
+    longest = gap = total = 0.0
+    for was, now in film.steps():
+        step = now.time_s - was.time_s
+        gap = 0.0 if now.cover[gate] else gap + step
+        total += 0.0 if now.cover[gate] else step
+        longest = max(longest, gap)
+    return CoverageFact(
+        at_start=bool(film.start.cover[gate]),
+        at_end=bool(film.final.cover[gate]),
+        longest_gap_s=round(longest, 3),
+        uncovered_s=round(total, 3),
+    )
+
+
+def _visited(film: RunRecording, name: str) -> tuple[str, ...]:
+    """Return the frames that were `name`'s own while it was there; flying over one is no visit."""
+    places = [_place(sample, name) for sample in film.samples]
+    return tuple(now for was, now in pairwise(places) if now and now != was)
+
+
+def _place(sample: Sample, name: str) -> str:
+    asset = sample.assets[name]
+    return asset.at if asset.at == asset.post else ""

@@ -1,15 +1,111 @@
-"""The strict score of a run: its success conditions on the true state, and broken rules."""
+"""Follows the truth of a run from its command on, and scores it strictly (paper, Section V)."""
 
 from collections.abc import Collection, Sequence
 
-from pa_console.evaluation.record import Breach
-from pa_console.evaluation.scoring.conditions import compile_conditions, evaluate
+from pa_console.evaluation.runs.run_record import Breach
 from pa_console.evaluation.scoring.oracle import find_breaches
-from pa_console.evaluation.scoring.recorder import RunRecorder
-from pa_console.evaluation.scoring.run_facts import RunFacts
+from pa_console.evaluation.scoring.run_facts import RunFacts, gather
+from pa_console.evaluation.scoring.run_recording import (
+    AssetTruth,
+    IssuedCommand,
+    RunRecording,
+    Sample,
+)
+from pa_console.evaluation.scoring.success_conditions import compile_conditions, evaluate
 from pa_console.schema.base import StrictModel
+from pa_console.schema.command import CommandReply, DeviceCommand
+from pa_console.schema.evaluation import MissionCase
+from pa_console.schema.events import event as ev
 from pa_console.schema.mission import MissionStatus
-from pa_console.schema.mission_set import MissionCase
+from pa_console.sim.checkpoint import Checkpoint
+
+
+class RunRecorder:
+    """Records `film`, the truth of a run, from the session's events or without a station.
+
+    It is created when the command is given: the truth of that moment is the run's start.
+    """
+
+    def __init__(self, sim: Checkpoint, command: str) -> None:
+        self._sim, self._start_tick, self._start_s = sim, sim.tick, sim.time_s
+        self._orders: dict[str, IssuedCommand] = {}
+        self.film = RunRecording(sim.world, command)
+        self.sample()
+
+    def see(self, event: ev.Event) -> None:
+        """Take in one event of the session; telemetry is when the truth is looked at again."""
+        match event.data:
+            case ev.TelemetryReceived():
+                self.sample()
+            case ev.CommandSent(command=command) if event.tick >= self._start_tick:
+                self._take(command, event.tick * self._sim.world.dt_s)
+            case ev.CommandReplied(reply=reply):
+                self.replied(reply)
+            case _:
+                pass
+
+    def sample(self) -> None:
+        """Take the truth as it is now; a second look at the same moment adds nothing."""
+        time_s = round(self._sim.time_s - self._start_s, 6)
+        if self.film.samples and time_s <= self.film.final.time_s:
+            return
+        self.film.samples.append(_sample(self._sim, time_s))
+
+    def sent(self, command: DeviceCommand) -> None:
+        """Note that `command` goes out now."""
+        self._take(command, self._sim.time_s)
+
+    def replied(self, reply: CommandReply) -> None:
+        """Note a device's answer; one to an order from before the run is none of its business."""
+        order = self._orders.get(reply.command_id)
+        if order is not None:
+            order.done = order.done or reply.status == "done"
+            order.rejected = order.rejected or reply.status == "refused"
+
+    def finish(self, status: MissionStatus) -> RunFacts:
+        """Return the run's facts with the mission's `status`; breaches are not yet among them."""
+        self.sample()
+        return gather(self.film, status)
+
+    def _take(self, command: DeviceCommand, time_s: float) -> None:
+        """Keep an order once, however often it is sent again."""
+        self.sample()
+        if command.command_id in self._orders:
+            return
+        order = IssuedCommand(
+            command_id=command.command_id,
+            agent=command.agent,
+            verb=command.verb,
+            frame=command.target or "",
+            sent_s=max(0.0, round(time_s - self._start_s, 6)),
+        )
+        self._orders[command.command_id] = order
+        self.film.orders.append(order)
+
+
+def _sample(sim: Checkpoint, time_s: float) -> Sample:
+    truth = sim.truth()
+    assets = {
+        name: AssetTruth(
+            id=name,
+            kind=asset.kind,
+            position=asset.position,
+            at=asset.at or "",
+            post=asset.post or "",
+            task=asset.task,
+            status=asset.status,
+            available=asset.available,
+            battery_pct=asset.battery_pct,
+            command_id=asset.command_id or "",
+        )
+        for name, asset in truth.assets.items()
+    }
+    return Sample(
+        time_s=time_s,
+        assets=assets,
+        contacts={contact.id: contact for contact in sim.true_contacts()},
+        cover={gate: cover.by for gate, cover in truth.gates.items()},
+    )
 
 
 class Score(StrictModel):

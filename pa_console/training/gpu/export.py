@@ -12,9 +12,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from pa_console.llm.cache import hash_file
-from pa_console.training.lora.adapter import Adapter
-from pa_console.training.lora.adapter_file import BASE, BASE_SHA256, PREFIX
+from pa_console.llm.models.cache import hash_file
+from pa_console.training.lora.adapter import BASE, BASE_SHA256, PREFIX, Adapter
 from pa_console.training.lora.config import TrainConfig, find_base
 from pa_console.training.lora.export import write_adapter
 from pa_console.training.lora.shape import open_gguf

@@ -5,8 +5,8 @@ from typing import Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from pa_console.llm.catalog import Catalog, ChatFormat
 from pa_console.llm.errors import ModelError
+from pa_console.llm.models.catalogue import Catalog, ChatFormat
 from pa_console.resources import training_data
 from pa_console.schema.base import StrictModel
 from pa_console.schema.document import Document

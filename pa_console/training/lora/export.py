@@ -10,20 +10,20 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pa_console.training.lineage import kept_earlier, run_row, to_json
-from pa_console.training.lora.adapter import Adapter
-from pa_console.training.lora.adapter_file import (
+from pa_console.training.lora.adapter import (
     BASE,
     BASE_SHA256,
     CONFIG,
     EARLIER,
     PREFIX,
     SAMPLES,
+    Adapter,
 )
 from pa_console.training.lora.base import to_pairs
 from pa_console.training.lora.checkpoint import RunFolder
 from pa_console.training.lora.config import TrainConfig, find_base
 from pa_console.training.lora.shape import Shape, open_gguf
+from pa_console.training.results.lineage import kept_earlier, run_row, to_json
 
 
 def export_adapter(run: Path, target: Path) -> str:

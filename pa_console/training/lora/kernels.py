@@ -9,8 +9,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from pa_console.training.lora.frozen import Frozen
-from pa_console.training.lora.fusion import fused
+from pa_console.training.lora.frozen import Frozen, fused
 from pa_console.training.lora.shape import Activation
 
 ROWS, GPU_ROWS = 128, 4096

@@ -1,27 +1,97 @@
 """The training loop: AdamW on packs, validated and saved as it goes, stopped and resumed."""
 
+import math
+import random
+import signal
+import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import monotonic
+from types import FrameType, TracebackType
+from typing import Any, Self
 
 import torch
 from torch import Tensor
 
-from pa_console.llm.cache import hash_file
+from pa_console.llm.models.cache import hash_file
 from pa_console.training.lora.adapter import Adapter
 from pa_console.training.lora.base import Base, read_base
-from pa_console.training.lora.batch import Score, gradients, score
-from pa_console.training.lora.checkpoint import RunFolder, State
+from pa_console.training.lora.checkpoint import RunFolder, State, first_weights
 from pa_console.training.lora.config import TrainConfig, find_base
 from pa_console.training.lora.eight_bits import in_eight_bits
-from pa_console.training.lora.material import packs_held_out, packs_to_learn
-from pa_console.training.lora.precision import FORMATS, fastest_precision
-from pa_console.training.lora.schedule import Order, learning_rate
-from pa_console.training.lora.start import first_weights
-from pa_console.training.lora.stopping import StopRequest
-from pa_console.training.lora.tokens import Pack, Tokeniser
+from pa_console.training.lora.frozen import FORMATS, fastest_precision
+from pa_console.training.lora.material import Pack, Tokeniser, packs_held_out, packs_to_learn
+from pa_console.training.lora.model import Score, gradients, score
 from pa_console.training.lora.workers import Workers
+
+
+class StopRequest:
+    """A context in which the first Ctrl-C or SIGTERM only sets `asked`."""
+
+    def __init__(self) -> None:
+        self.asked = False
+        self._previous: dict[signal.Signals, Any] = {}
+
+    def __enter__(self) -> Self:
+        if threading.current_thread() is threading.main_thread():
+            for number in (signal.SIGINT, signal.SIGTERM):
+                self._previous[number] = signal.signal(number, self._ask)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._restore()
+
+    def _ask(self, _number: int, _frame: FrameType | None) -> None:
+        self.asked = True
+        self._restore()
+
+    def _restore(self) -> None:
+        for number, handler in self._previous.items():
+            signal.signal(number, handler)
+        self._previous = {}
+
+
+class PackOrder:
+    """Every pack once an epoch, shuffled anew each time."""
+
+    def __init__(self, packs: Sequence[Pack], config: TrainConfig) -> None:
+        self._packs, self._seed = packs, config.seed
+        self._each = min(config.packs_per_step, len(packs))
+        epochs = math.ceil(config.epochs * len(packs) / self._each)
+        self.steps = config.steps or epochs
+        self._epoch = -1
+        self._shuffled: list[int] = []
+
+    def step(self, number: int) -> list[Pack]:
+        """Return the packs of step `number` (from 0), the largest first: cores end together."""
+        first = number * self._each
+        chosen = [self._at(place) for place in range(first, first + self._each)]
+        return sorted(chosen, key=lambda pack: -pack.size)
+
+    def _at(self, place: int) -> Pack:
+        epoch, index = divmod(place, len(self._packs))
+        if epoch != self._epoch:
+            self._shuffled = list(range(len(self._packs)))
+            random.Random(f"{self._seed}/{epoch}").shuffle(self._shuffled)
+            self._epoch = epoch
+        return self._packs[self._shuffled[index]]
+
+
+def learning_rate(config: TrainConfig, step: int, done: float) -> float:
+    """Return the rate of `step` (from 0) when `done` of the run (0 to 1) lies behind.
+
+    Linear warm-up, then a cosine down to `final_rate`.
+    """
+    warm = min(1.0, (step + 1) / (config.warmup_steps + 1))
+    fall = 0.5 * (1.0 + math.cos(math.pi * min(1.0, done)))
+    return config.learning_rate * warm * (config.final_rate + (1.0 - config.final_rate) * fall)
+
 
 BETAS = (0.9, 0.99)
 
@@ -74,7 +144,7 @@ def train(
     with Workers(config.device, config.workers) as workers, StopRequest() as stop:
         if precision == "int8":
             base = in_eight_bits(base, packs)
-        run = _Run(config, base, adapter, Order(packs, config), held_out, workers, folder)
+        run = _Run(config, base, adapter, PackOrder(packs, config), held_out, workers, folder)
         run.start(resume, hashes)
         while not run.finished and not stop.asked:
             run.step()
@@ -91,7 +161,7 @@ class _Run:
         config: TrainConfig,
         base: Base,
         adapter: Adapter,
-        order: Order,
+        order: PackOrder,
         held_out: Sequence[Pack],
         workers: Workers,
         folder: RunFolder,

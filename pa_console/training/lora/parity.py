@@ -16,8 +16,8 @@ import torch
 from numpy.typing import NDArray
 
 from pa_console.training.lora.adapter import Adapter
+from pa_console.training.lora.attention import Layout
 from pa_console.training.lora.base import read_base
-from pa_console.training.lora.layout import Layout
 from pa_console.training.lora.model import hidden
 
 _api: Any = llama_cpp

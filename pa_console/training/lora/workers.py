@@ -13,7 +13,7 @@ from typing import Self, TypeVar
 
 import torch
 
-from pa_console.llm.threads import physical_cores
+from pa_console.llm.worker.threads import physical_cores
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

@@ -1,20 +1,127 @@
 """Draws the picture over the ground: cover of gates, routes, cameras, assets and tracks."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from itertools import pairwise
 
 from pa_console.schema.base import Point
-from pa_console.schema.telemetry import AssetTelemetry, Picture
+from pa_console.schema.telemetry import AssetTelemetry, CameraReport, Picture, Track
 from pa_console.schema.world import World
-from pa_console.tui.condition import Reliance, cover_state
 from pa_console.tui.map.canvas import Canvas, Cell, straight
 from pa_console.tui.map.ground import draw_ground, place_label
-from pa_console.tui.map.placing import FREE, Placer
 from pa_console.tui.map.projection import Projection
-from pa_console.tui.map.tokens import asset_token, camera_token, crowd_token, track_token
-from pa_console.tui.vocabulary import term
+from pa_console.tui.report_condition import Reliance, cover_state
+from pa_console.tui.status_words import term
 from pa_console.tui.words import short_names, track_names
+
+_ARROWS = "→↗↑↖←↙↓↘"
+_TRACK_GLYPHS = {"vehicle": "■", "person": "▪"}
+WIDE_UNCERTAINTY_M = 5.0
+"""From here on the position's uncertainty is written beside a track, in metres."""
+
+Token = tuple[str, str]
+"""(text, role)"""
+
+
+def arrow(heading_deg: float) -> str:
+    """Return the arrow nearest to a heading (0 east, 90 north)."""
+    return _ARROWS[round(heading_deg / 45.0) % 8]
+
+
+def asset_token(asset: AssetTelemetry, short: Mapping[str, str], look: Reliance) -> Token:
+    """Return e.g. `D1→`, or `D1?7s` when the last report is 7 s old and proves nothing any more."""
+    name = short.get(asset.id, asset.id[:2])
+    state = look.report(asset)
+    if asset.status == "failed" or (state == "fresh" and not asset.available):
+        return f"{name}{term('asset', 'failed').glyph}", "down"
+    if state == "suspect":
+        return f"{name}{term('report', state).glyph}", "suspect"
+    if state != "fresh":
+        return f"{name}?{look.age(asset):.0f}s", "stale"
+    return f"{name}{arrow(asset.heading_deg)}", asset.kind
+
+
+def track_token(track: Track, number: str, look: Reliance) -> Token:
+    """Return e.g. `■?1` (an unknown vehicle) or `■‼2` (a hostile one); unseen ones have an age."""
+    hostile = track.intent == "hostile"
+    sign = term("intent", "hostile") if hostile else term("identity", track.identity)
+    text = f"{_TRACK_GLYPHS[track.kind]}{sign.glyph}{number}"
+    if look.lost(track):
+        return f"{text}?{look.age(track):.0f}s", "track-stale"
+    if track.uncertainty_m >= WIDE_UNCERTAINTY_M:
+        text += f"±{track.uncertainty_m:.0f}"
+    return text, "track-hostile" if hostile else f"track-{track.identity}"
+
+
+def camera_token(camera: CameraReport, look: Reliance) -> Token:
+    """Return the sign of a gate camera."""
+    state = look.camera(camera)
+    glyph = term("camera", state).glyph
+    return (glyph, "camera") if state == "works" else (f"▿{glyph}", f"camera-{state}")
+
+
+def crowd_token(assets: Sequence[AssetTelemetry], look: Reliance) -> Token:
+    """Return e.g. `×12`, or `×12✘2` when two of the twelve cannot be counted on."""
+    down = [a for a in assets if not a.available or look.report(a) != "fresh"]
+    if not down:
+        return f"×{len(assets)}", "crowd"
+    doubtful = all(a.status != "failed" and look.report(a) != "fresh" for a in down)
+    sign = "?" if doubtful else term("asset", "failed").glyph
+    return f"×{len(assets)}{sign}{len(down)}", "stale" if doubtful else "crowd-down"
+
+
+FREE = frozenset(("", "lane", "zone", "route"))
+_SPARED = frozenset(("wall", "frame", "gate-covered", "gate-uncovered", "gate-unknown"))
+_TAKEN_COST = 50.0
+
+
+class Placer:
+    """Writes tokens on one canvas, each as near to its true cell as room allows."""
+
+    def __init__(self, canvas: Canvas) -> None:
+        self._canvas = canvas
+        self._taken: set[Cell] = set()
+
+    def place(self, at: Cell, token: Token, *, over_walls: bool = False) -> None:
+        """Write a token; names give way to it, other tokens do not."""
+        canvas, (text, role) = self._canvas, token
+        width = len(text)
+        column = min(max(at[0], 1), canvas.width - width + 1)
+        row = min(max(at[1], 0), canvas.height - 1)
+        best, least = (column - 1, row), 1e9
+        for distance, dx, dy in _near():
+            if distance >= least:
+                break
+            start, line = column - 1 + dx, row + dy
+            if start < 0 or start + width > canvas.width or not 0 <= line < canvas.height:
+                continue
+            cells = [(start + offset, line) for offset in range(width)]
+            cost = distance + sum(self._cost(cell, over_walls) for cell in cells)
+            if cost < least:
+                best, least = cells[0], cost
+        canvas.write(best, text, role)
+        self._taken.update((best[0] + offset, best[1]) for offset in range(-1, width + 1))
+
+    def _cost(self, cell: Cell, over_walls: bool) -> float:
+        if cell in self._taken:
+            return _TAKEN_COST
+        role = self._canvas.role(cell)
+        if role in FREE or (over_walls and role == "wall"):
+            return 0.0
+        return 2.5 if role in _SPARED else 0.8
+
+
+@lru_cache(maxsize=1)
+def _near() -> tuple[tuple[float, int, int], ...]:
+    """Offsets around a cell, nearest first; a row counts as two columns."""
+    return tuple(sorted(_offsets()))
+
+
+def _offsets() -> Iterator[tuple[float, int, int]]:
+    for dy in range(-2, 3):
+        for dx in range(-7, 8):
+            yield (abs(dx) / 2 + abs(dy)) * 1.2, dx, dy
+
 
 ROLES = (
     "lane", "zone", "zone-label", "wall", "frame", "label", "gate-covered", "gate-uncovered",
@@ -34,7 +141,7 @@ Window = tuple[float, Point | None]
 """How far the map is zoomed in, and around which point."""
 
 
-class Scene:
+class MapScene:
     """Draws one world; the ground is drawn once for each size and window."""
 
     def __init__(self, world: World) -> None:

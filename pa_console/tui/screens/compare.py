@@ -13,16 +13,16 @@ from textual.widgets import Footer, Label, Static
 
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
-from pa_console.session.chain import LogError
-from pa_console.session.compare import Comparison, Difference, compare
-from pa_console.session.recording import Recording
-from pa_console.session.replay import Player
+from pa_console.session.log.chain import LogError
+from pa_console.session.replay.comparison import Difference, SessionComparison, compare_sessions
+from pa_console.session.replay.player import Player
+from pa_console.session.replay.recording import Recording
 from pa_console.tui.compare_rows import around, change_rows, heading
-from pa_console.tui.ports import Clock
+from pa_console.tui.protocols import Clock
 from pa_console.tui.recordings import ComparedLog
 from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.widgets.map_view import MapView
-from pa_console.tui.widgets.sheet import Sheet
+from pa_console.tui.widgets.row_views import Sheet
 
 TALL = 30
 """Rows from which on there is room for the maps."""
@@ -62,7 +62,7 @@ class CompareScreen(ModalScreen[None]):
     def __init__(self, a: Side, b: Side, clock: Clock) -> None:
         super().__init__()
         self._sides, self._clock = (a, b), clock
-        self._found: Comparison | None = None
+        self._found: SessionComparison | None = None
         self._beyond = False
         self._problem = ""
 
@@ -91,7 +91,7 @@ class CompareScreen(ModalScreen[None]):
 
     def _compare(self) -> None:
         try:
-            self._found = compare(self._sides[0].recording, self._sides[1].recording)
+            self._found = compare_sessions(self._sides[0].recording, self._sides[1].recording)
         except LogError as error:
             self._problem = str(error)
         self.app.call_from_thread(self._show)

@@ -12,21 +12,27 @@ from textual.content import Content
 from textual.screen import Screen
 from textual.widgets import Footer, Input, Select, Static
 
-from pa_console.evaluation.record import RunRecord
 from pa_console.evaluation.reporting.table import Table
-from pa_console.evaluation.results import RUNS, read_runs
-from pa_console.tui.evaluation_text import nothing_rows, title_text, totals_text
-from pa_console.tui.ports import Clock
-from pa_console.tui.run_detail import run_rows
-from pa_console.tui.run_filter import KINDS, LABELS, Kind, RunFilter, Totals
-from pa_console.tui.run_trace import show_trace
-from pa_console.tui.screens.ask_folder import AskFolder
+from pa_console.evaluation.runs.run_record import RUNS, RunRecord, read_runs
+from pa_console.tui.evaluation_view.run_trace import show_trace
+from pa_console.tui.evaluation_view.runs import (
+    KINDS,
+    LABELS,
+    Kind,
+    RunFilter,
+    Totals,
+    nothing_rows,
+    run_rows,
+    title_text,
+    totals_text,
+)
+from pa_console.tui.protocols import Clock
+from pa_console.tui.screens.questions import AskFolder
+from pa_console.tui.status_words import WARN
 from pa_console.tui.trace.rows import layout, row
-from pa_console.tui.vocabulary import WARN
+from pa_console.tui.widgets.evaluation_runs import ReportTables, RunRows
 from pa_console.tui.widgets.fields import LineField
-from pa_console.tui.widgets.report_tables import ReportTables
-from pa_console.tui.widgets.run_rows import RunRows
-from pa_console.tui.widgets.sheet import Sheet
+from pa_console.tui.widgets.row_views import Sheet
 
 LOOK_S = 1.0
 """How often the folder is looked at for runs that were added, in wall seconds."""

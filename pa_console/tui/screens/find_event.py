@@ -10,14 +10,14 @@ from textual.content import Content
 from textual.screen import ModalScreen
 from textual.widgets import Input, Static
 
-from pa_console.session.chain import LogError
-from pa_console.session.event_words import kind_in_words
-from pa_console.session.recording import Recording
-from pa_console.session.search import Hit, search
+from pa_console.session.log.chain import LogError
+from pa_console.session.replay.recording import Recording
+from pa_console.session.replay.search import Hit, search
+from pa_console.session.wording import kind_in_words
+from pa_console.tui.status_words import NOTE, QUIET
 from pa_console.tui.trace.rows import column
-from pa_console.tui.vocabulary import NOTE, QUIET
 from pa_console.tui.widgets.fields import LineField
-from pa_console.tui.widgets.virtual_rows import VirtualRows
+from pa_console.tui.widgets.row_views import VirtualRows
 from pa_console.tui.words import clock_text
 
 MOST = 500

@@ -8,11 +8,11 @@ from textual.binding import Binding
 from textual.containers import VerticalScroll
 from textual.screen import ModalScreen
 
-from pa_console.tui.actions import ACTIONS, GROUPS, Situation
+from pa_console.tui.actions import ACTIONS, GROUPS, ActionContext
 from pa_console.tui.keymap import shown_keys
+from pa_console.tui.status_words import NOTE, QUIET, TERMS
 from pa_console.tui.trace.rows import Row, column, row
-from pa_console.tui.vocabulary import NOTE, QUIET, TERMS
-from pa_console.tui.widgets.sheet import Sheet
+from pa_console.tui.widgets.row_views import Sheet
 
 _APPROVAL = (
     ("r", "Reject the plan"), ("m", "Modify the plan"),
@@ -27,7 +27,7 @@ _PROMPT = (
 )
 
 
-def help_rows(now: Situation, keymap: Mapping[str, str] | None = None) -> list[Row]:
+def help_rows(now: ActionContext, keymap: Mapping[str, str] | None = None) -> list[Row]:
     """Return the help page with the user's keys; an action that is not legal now says why."""
     rows: list[Row] = []
     for group in GROUPS:
@@ -64,7 +64,7 @@ class HelpScreen(ModalScreen[None]):
         Binding("m,M", "app.manual", "Manual"),
     ]
 
-    def __init__(self, now: Situation, keymap: Mapping[str, str] | None = None) -> None:
+    def __init__(self, now: ActionContext, keymap: Mapping[str, str] | None = None) -> None:
         super().__init__()
         self._now, self._keymap = now, keymap
 

@@ -10,19 +10,17 @@ from textual.widgets import Button, Footer, Static
 
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
-from pa_console.session.fold import MissionTrace, SessionState
-from pa_console.tui.history import History
-from pa_console.tui.ports import Clock
-from pa_console.tui.widgets.alarm_bar import AlarmBar
-from pa_console.tui.widgets.alarm_pane import AlarmPane
-from pa_console.tui.widgets.approval_panel import ApprovalPanel
-from pa_console.tui.widgets.asset_pane import AssetPane
+from pa_console.session.state.fold import MissionTrace, SessionState
+from pa_console.tui.kept_input import History
+from pa_console.tui.protocols import Clock
+from pa_console.tui.widgets.alarms import AlarmBar, AlarmPane
+from pa_console.tui.widgets.approval import ApprovalPanel
+from pa_console.tui.widgets.assets import AssetPane
+from pa_console.tui.widgets.bars import VIEWS, StatusBar, ViewBar
 from pa_console.tui.widgets.event_list import EventList
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
-from pa_console.tui.widgets.status_bar import StatusBar
 from pa_console.tui.widgets.trace_pane import NO_MISSION, TracePane
-from pa_console.tui.widgets.view_bar import VIEWS, ViewBar
 
 LEAST_SIZE = (60, 18)
 WIDE_SIZE = (100, 30)

@@ -12,7 +12,7 @@ from textual.widgets import Footer, Input, Markdown, OptionList, Static
 from textual.widgets.option_list import Option
 
 from pa_console.manual_pages import Manual, Page
-from pa_console.tui.vocabulary import NOTE, QUIET
+from pa_console.tui.status_words import NOTE, QUIET
 from pa_console.tui.widgets.fields import LineField
 
 FOUND = "-found"

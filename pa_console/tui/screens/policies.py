@@ -13,20 +13,19 @@ from textual.screen import Screen
 from textual.widgets import Footer, Input, OptionList, Select, Static
 from textual.widgets.option_list import Option
 
-from pa_console.policy import rule_save
-from pa_console.policy.rule_save import OpenRule, RulesChangedError
+from pa_console.policy.authoring import rule_save
+from pa_console.policy.authoring.rule_save import OpenRule, RulesChangedError
 from pa_console.schema.document import DocumentError
 from pa_console.schema.rule import PRIORITIES, Rule, RuleHit
-from pa_console.session.rule_uses import uses_of
-from pa_console.tui.ports import RetrieverPort, RulebookPort
-from pa_console.tui.rule_rows import rule_line, rule_rows, standing_style, use_rows
-from pa_console.tui.screens.confirm import Confirm
+from pa_console.session.state.rule_trail import uses_of
+from pa_console.tui.protocols import RuleScorer, ShownRules
+from pa_console.tui.rule_rows import Workbench, rule_line, rule_rows, standing_style, use_rows
+from pa_console.tui.screens.questions import Confirm
 from pa_console.tui.screens.rule_editor import RuleEditor
+from pa_console.tui.status_words import QUIET
 from pa_console.tui.trace.rows import row
-from pa_console.tui.vocabulary import QUIET
 from pa_console.tui.widgets.fields import LineField
-from pa_console.tui.widgets.sheet import Sheet
-from pa_console.tui.workbench import Workbench
+from pa_console.tui.widgets.row_views import Sheet
 
 _DOMAINS = (("ROE  rules of engagement", "ROE"), ("WF  workflow", "WF"), ("CAP  capability", "CAP"))
 _MODES = (("checked by code", "checked"), ("judged by the LLM only", "judged"))
@@ -50,7 +49,7 @@ class PolicyScreen(Screen[str]):
 
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (100, "-wide")]
 
-    def __init__(self, rulebook: RulebookPort, retriever: RetrieverPort, bench: Workbench) -> None:
+    def __init__(self, rulebook: ShownRules, retriever: RuleScorer, bench: Workbench) -> None:
         super().__init__()
         self._rules, self._set, self._seal = rulebook.rules, rulebook.name, rulebook.seal
         self._retriever, self._bench = retriever, bench
@@ -87,7 +86,7 @@ class PolicyScreen(Screen[str]):
         self._list()
         self.query_one("#policy-search").focus()
 
-    def use(self, rulebook: RulebookPort, retriever: RetrieverPort) -> None:
+    def use(self, rulebook: ShownRules, retriever: RuleScorer) -> None:
         """Show another set, which is in force now; the pointer stays on its rule."""
         self._rules, self._set, self._seal = rulebook.rules, rulebook.name, rulebook.seal
         self._retriever = retriever

@@ -10,18 +10,18 @@ from textual.widgets import Static
 
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
-from pa_console.session.chain import LogError
-from pa_console.session.fold import SessionState
-from pa_console.session.marks import MarkKind
-from pa_console.session.replay import Player
-from pa_console.tui.actions import Situation
-from pa_console.tui.history import History
-from pa_console.tui.ports import Clock
+from pa_console.session.log.chain import LogError
+from pa_console.session.replay.player import Player
+from pa_console.session.replay.timeline import MarkKind
+from pa_console.session.state.fold import SessionState
+from pa_console.tui.actions import ActionContext
+from pa_console.tui.kept_input import History
+from pa_console.tui.keymap import KeysHost, refused_command
+from pa_console.tui.protocols import Clock
 from pa_console.tui.refresh import ALL_VIEWS, FRAME_S
-from pa_console.tui.refused_key import KeysHost, refused_command
-from pa_console.tui.replay import ReplayDeck
+from pa_console.tui.replay_driver import ReplayDeck
 from pa_console.tui.screens.main import MainScreen
-from pa_console.tui.widgets.scrubber import Scrubber
+from pa_console.tui.widgets.bars import Scrubber
 
 CLOSED = "REPLAY: this is a recording, every command is refused"
 
@@ -30,7 +30,7 @@ class _Host(KeysHost, Protocol):
     """What is needed of the app."""
 
     @property
-    def situation(self) -> Situation:
+    def situation(self) -> ActionContext:
         """What decides which actions are legal now."""
         ...
 
@@ -56,7 +56,7 @@ class RecordingScreen(MainScreen):
         self._deck = ReplayDeck(player, clock)
         self._over, self._view = over, view
         self._dirty: frozenset[str] = ALL_VIEWS
-        self._situation: Situation | None = None
+        self._situation: ActionContext | None = None
 
     @property
     def state(self) -> SessionState:

@@ -11,21 +11,20 @@ from textual.screen import Screen
 from textual.timer import Timer
 from textual.widgets import Footer, Static, TextArea
 
-from pa_console.orchestrator.rule_trials import Trial, try_rule
-from pa_console.policy.rule_draft import RuleDraft, check_draft
-from pa_console.policy.rule_save import OpenRule, RulesChangedError, save_rule
+from pa_console.policy.authoring.rule_draft import RuleDraft, check_draft
+from pa_console.policy.authoring.rule_save import OpenRule, RulesChangedError, save_rule
 from pa_console.policy.rulebook import read_rule_set
-from pa_console.policy.seal import sign_rules
+from pa_console.policy.trust.rule_seal import sign_rules
+from pa_console.rule_analysis.rule_trials import Trial, try_rule
 from pa_console.schema.document import DocumentError
 from pa_console.signing import load_signer
-from pa_console.tui.outside import edit_outside, editor_command
-from pa_console.tui.rule_rows import draft_line, draft_rows
-from pa_console.tui.screens.confirm import Confirm
+from pa_console.tui.rule_rows import Workbench, draft_line, draft_rows
+from pa_console.tui.screens.questions import Confirm
+from pa_console.tui.status_words import NOTE, QUIET
+from pa_console.tui.terminal import edit_outside, editor_command
 from pa_console.tui.trace.rows import row
-from pa_console.tui.vocabulary import NOTE, QUIET
 from pa_console.tui.widgets.fields import TextField
-from pa_console.tui.widgets.sheet import Sheet
-from pa_console.tui.workbench import Workbench
+from pa_console.tui.widgets.row_views import Sheet
 
 SETTLE_S = 0.25
 """How long nothing must be typed before the rule is checked, in wall seconds."""

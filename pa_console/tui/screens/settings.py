@@ -18,10 +18,10 @@ from pa_console.schema.document import DocumentError
 from pa_console.settings.file import save_setting
 from pa_console.settings.sources import Loaded
 from pa_console.tui.settings_rows import Choice, choices, is_chosen, to_write, value_of
+from pa_console.tui.status_words import NOTE, QUIET
 from pa_console.tui.trace.rows import Row, column, row
-from pa_console.tui.vocabulary import NOTE, QUIET
 from pa_console.tui.widgets.fields import LineField
-from pa_console.tui.widgets.sheet import Sheet
+from pa_console.tui.widgets.row_views import Sheet
 
 HINT = "Enter changes it, Del goes back to the default"
 

@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 
-from pa_console.schema.event import DecisionMade, PlanHalted
+from pa_console.orders.plain_words import plain_reading
+from pa_console.schema.events.event import DecisionMade, PlanHalted
 from pa_console.schema.finding import Verdict
-from pa_console.session.mission_trace import CommandTrace, MissionTrace, Verified
-from pa_console.session.reading_words import meant
+from pa_console.session.state.mission_trace import CommandTrace, MissionTrace, VerifiedPlan
+from pa_console.tui.status_words import BAD, QUIET, WARN, Term, term
 from pa_console.tui.trace.planning import title
 from pa_console.tui.trace.rows import Row, Section, column, row, text_rows
-from pa_console.tui.vocabulary import BAD, QUIET, WARN, Term, term
 from pa_console.tui.words import clock_text, duration_text
 
 _DECISIONS = {
@@ -35,7 +35,7 @@ def decisions(made: Sequence[DecisionMade], voided: str = "") -> Section:
         if given.acknowledged:
             rows.append(row("    ", (f"acknowledged: {', '.join(given.acknowledged)}", WARN)))
         if given.asked:
-            rows.append(row("    meant: ", meant(given.asked)))
+            rows.append(row("    meant: ", plain_reading(given.asked)))
         if given.reason:
             rows.append(row("    reason: ", given.reason))
         if not item.accepted:
@@ -91,7 +91,7 @@ def _halt(given: PlanHalted, number: int) -> Section:
     return Section(key, head, tuple(rows))
 
 
-def verification(given: Verified, number: int) -> Section:
+def verification(given: VerifiedPlan, number: int) -> Section:
     """Step 7: what telemetry showed, as of when, and beside it the judge's verdict on it."""
     rows: list[Row] = []
     told = given.verification

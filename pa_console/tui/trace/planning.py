@@ -6,12 +6,11 @@ from textual.content import Content
 
 from pa_console.schema.finding import Finding
 from pa_console.schema.rehearsal import GateTimeline, Rehearsal
-from pa_console.schema.rule import PRIORITIES, Rule
-from pa_console.schema.rules_seal import SHORT
+from pa_console.schema.rule import PRIORITIES, SHORT, Rule
 from pa_console.schema.telemetry import Digest, Selection
-from pa_console.session.mission_trace import Attempt, MissionTrace
+from pa_console.session.state.mission_trace import Attempt, MissionTrace
+from pa_console.tui.status_words import BAD, NOTE, QUIET, Term, term
 from pa_console.tui.trace.rows import Row, Section, column, row, text_rows
-from pa_console.tui.vocabulary import BAD, NOTE, QUIET, Term, term
 from pa_console.tui.words import count, duration_text
 
 Rules = Mapping[str, Rule]

@@ -4,9 +4,9 @@ from dataclasses import dataclass, field
 
 from textual.content import Content
 
-from pa_console.schema.event import DecisionMade, PlanHalted
-from pa_console.session.mission_trace import Attempt, CommandTrace, MissionTrace, Verified
-from pa_console.tui.vocabulary import BAD, NOTE, QUIET, Term, term
+from pa_console.schema.events.event import DecisionMade, PlanHalted
+from pa_console.session.state.mission_trace import Attempt, CommandTrace, MissionTrace, VerifiedPlan
+from pa_console.tui.status_words import BAD, NOTE, QUIET, Term, term
 from pa_console.tui.words import count
 
 
@@ -19,7 +19,7 @@ class Round:
     decisions: list[DecisionMade] = field(default_factory=list[DecisionMade])
     commands: list[CommandTrace] = field(default_factory=list[CommandTrace])
     halts: list[PlanHalted] = field(default_factory=list[PlanHalted])
-    verified: list[Verified] = field(default_factory=list[Verified])
+    verified: list[VerifiedPlan] = field(default_factory=list[VerifiedPlan])
     voided: str = ""
 
     @property

@@ -2,12 +2,12 @@
 
 from textual.content import Content
 
-from pa_console.session.mission_trace import Attempt, MissionTrace
+from pa_console.session.state.mission_trace import Attempt, MissionTrace
+from pa_console.tui.status_words import BAD, NOTE, QUIET, WARN, term
 from pa_console.tui.trace import execution, planning, workflow
 from pa_console.tui.trace.planning import Rules
 from pa_console.tui.trace.rounds import Round, earlier, latest
 from pa_console.tui.trace.rows import Row, Section, row
-from pa_console.tui.vocabulary import BAD, NOTE, QUIET, WARN, term
 
 STEPS = (
     "queued", "retrieve", "picture", "prompt", "plan", "safeguards", "judge", "decide",

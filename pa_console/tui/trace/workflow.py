@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 from textual.content import Content
 
-from pa_console.schema.event import WorkflowMoved
-from pa_console.session.mission_trace import MissionTrace
+from pa_console.schema.events.event import WorkflowMoved
+from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.tui.status_words import NOTE, QUIET, Term, term
 from pa_console.tui.trace.planning import title
 from pa_console.tui.trace.rows import Row, Section, row
-from pa_console.tui.vocabulary import NOTE, QUIET, Term, term
 
 
 def phase_mark(moves: Sequence[WorkflowMoved], number: int) -> Term:

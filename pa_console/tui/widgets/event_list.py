@@ -10,9 +10,9 @@ from textual.scroll_view import ScrollView
 from textual.strip import Strip
 from textual.visual import Visual
 
-from pa_console.session.fold import NOTICES_KEPT, Notice
+from pa_console.session.state.fold import NOTICES_KEPT, Notice
+from pa_console.tui.status_words import QUIET, term
 from pa_console.tui.trace.rows import Row, layout, row
-from pa_console.tui.vocabulary import QUIET, term
 
 
 class EventList(ScrollView):

@@ -1,4 +1,4 @@
-"""Fields to type in: their keys act in the order in which they were pressed.
+"""Fields to type in and boxes to tick.
 
 The library puts a letter into a field at once, but lets the field's other keys (a deletion, a
 movement) go round by the application first, which may be busy. What was typed after such a key
@@ -7,8 +7,42 @@ would then come before it, and be deleted with the rest.
 
 from textual import events
 from textual.binding import Binding
+from textual.content import Content
+from textual.message import Message
 from textual.widget import Widget
-from textual.widgets import Input, TextArea
+from textual.widgets import Input, Static, TextArea
+
+
+class Tick(Static, can_focus=True):
+    """Ticked by Space, Enter or a click; `name` says what is accepted."""
+
+    BINDINGS = [Binding("enter,space", "tick", "Tick", show=False)]
+
+    class Changed(Message):
+        """The box was ticked or unticked."""
+
+    def __init__(self, label: str, name: str) -> None:
+        super().__init__(name=name)
+        self._text = label
+        self.ticked = False
+
+    def on_mount(self) -> None:
+        """Show the empty box."""
+        self._paint()
+
+    def action_tick(self) -> None:
+        """Tick or untick."""
+        self.ticked = not self.ticked
+        self._paint()
+        self.post_message(self.Changed())
+
+    def on_click(self) -> None:
+        """Tick or untick."""
+        self.action_tick()
+
+    def _paint(self) -> None:
+        box = ("[✔]", "bold $text-success") if self.ticked else ("[ ]", "bold $text-warning")
+        self.update(Content.assemble(box, f" {self._text}"))
 
 
 class LineField(Input):

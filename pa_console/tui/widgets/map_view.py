@@ -11,7 +11,7 @@ from pa_console.schema.base import Point
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.tui.map.projection import Projection
-from pa_console.tui.map.scene import ROLES, Scene, Window
+from pa_console.tui.map.scene import ROLES, MapScene, Window
 from pa_console.tui.refresh import retitle
 
 LEGEND = (
@@ -46,7 +46,7 @@ class MapView(Widget):
     def __init__(self, world: World, **kwargs: str) -> None:
         super().__init__(id=kwargs.get("id"))
         self._world = world
-        self._scene = Scene(world)
+        self._scene = MapScene(world)
         self._picture: Picture | None = None
         self._rows: list[list[tuple[str, str]]] = []
         self._styles: dict[str, Style] = {}

@@ -8,7 +8,7 @@ from textual.message import Message
 from textual.widgets import Input, Static
 
 from pa_console.schema.mission import MAX_MISSION_TEXT
-from pa_console.tui.history import History
+from pa_console.tui.kept_input import History
 from pa_console.tui.widgets.fields import LineField
 
 _ELSEWHERE = "Say in plain words what is to be done; i brings you here"

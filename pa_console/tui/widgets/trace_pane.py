@@ -7,11 +7,11 @@ from textual.content import Content
 from textual.message import Message
 from textual.widgets import Static
 
-from pa_console.session.mission_trace import MissionTrace
+from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.tui.trace.planning import Rules
 from pa_console.tui.trace.rows import Section, row
 from pa_console.tui.trace.sections import headline, progress, sections
-from pa_console.tui.widgets.sheet import Sheet
+from pa_console.tui.widgets.row_views import Sheet
 
 NO_MISSION = "No mission yet. Type one below, for example what should be watched or moved where."
 

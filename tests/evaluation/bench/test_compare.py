@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.evaluation.bench.compare import alternate, compare
-from pa_console.evaluation.bench.memory import process_memory
-from pa_console.evaluation.machine import describe_machine
+from pa_console.benchmarks.machine import describe_machine, process_memory
+from pa_console.benchmarks.speed.compare import alternate, compare
 
 FIGURES = st.lists(st.floats(min_value=1e-6, max_value=1e6), min_size=1, max_size=9)
 

@@ -9,29 +9,29 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.evaluation.bench.child import Child, LoadWeights
-from pa_console.evaluation.bench.compare import Bench, Comparison
-from pa_console.evaluation.bench.decoding import RAW_MODULE, Pass, comparisons, measure_decoding
-from pa_console.evaluation.bench.memory import Memory
-from pa_console.evaluation.bench.missions import OurWay, bench_missions
-from pa_console.evaluation.bench.plain_messages import (
+from pa_console.benchmarks.machine import Memory
+from pa_console.benchmarks.speed.child import Child, LoadWeights
+from pa_console.benchmarks.speed.compare import Bench, Comparison
+from pa_console.benchmarks.speed.decoding import RAW_MODULE, Pass, comparisons, measure_decoding
+from pa_console.benchmarks.speed.measured_missions import OurWay, bench_missions
+from pa_console.benchmarks.speed.plain_messages import (
     PlainAnswer,
     PlainAsk,
     plan_schema,
     verdict_schema,
 )
-from pa_console.evaluation.bench.plain_way import PLAIN_MODULE, PlainWay
-from pa_console.evaluation.bench.planner import Measured, Round, measure_missions
-from pa_console.evaluation.bench.planner import comparisons as mission_comparisons
-from pa_console.evaluation.bench.raw_messages import MeasureSpeed, Speed
-from pa_console.llm.catalog import Catalog, LocalModel, find_model
+from pa_console.benchmarks.speed.plain_way import PLAIN_MODULE, PlainWay
+from pa_console.benchmarks.speed.planner import Measured, Round, measure_missions
+from pa_console.benchmarks.speed.planner import comparisons as mission_comparisons
+from pa_console.benchmarks.speed.raw_messages import MeasureSpeed, Speed
 from pa_console.llm.errors import EngineError
-from pa_console.llm.fetch import pull
-from pa_console.llm.judge import read_verdict
-from pa_console.llm.planner import read_plan
-from pa_console.orchestrator.compose import Site
+from pa_console.llm.models.catalogue import Catalog, LocalModel, find_model
+from pa_console.llm.models.fetching import pull
+from pa_console.llm.roles.judge import read_verdict
+from pa_console.llm.roles.planner import read_plan
+from pa_console.orchestrator.station.assembly import Site
 from pa_console.schema.base import StrictModel
-from pa_console.schema.event import Role
+from pa_console.schema.events.event import Role
 from tests.scripted import ScriptedEngine, plan
 
 N_CTX = 512

@@ -4,8 +4,10 @@ from datetime import UTC, datetime
 
 import pytest
 
-from pa_console.evaluation.bench.check_twins import TWINS, Case, Twin
-from pa_console.evaluation.bench.checks import (
+from pa_console.benchmarks.speed.checks import (
+    TWINS,
+    RehearsedPlan,
+    Twin,
     compare_findings,
     in_cel,
     in_python,
@@ -13,25 +15,17 @@ from pa_console.evaluation.bench.checks import (
     measure_checks,
     shipped_rules,
 )
-from pa_console.evaluation.bench.compare import Bench
-from pa_console.evaluation.bench.missions import OurWay, bench_missions
-from pa_console.evaluation.bench.parts import PARTS, choose_parts
-from pa_console.evaluation.bench.retrieval_loop import (
-    more_rules,
-    score_plainly,
-    similarity,
-)
-from pa_console.evaluation.bench.simulation import (
-    bare_space,
-    measure_rehearsal,
-    measure_simulation,
-)
-from pa_console.orchestrator.compose import Site
-from pa_console.policy.example_state import WORLD
-from pa_console.policy.examples import example_plan, example_rehearsal
-from pa_console.policy.retriever import Retriever
+from pa_console.benchmarks.speed.compare import Bench
+from pa_console.benchmarks.speed.measured_missions import OurWay, bench_missions
+from pa_console.benchmarks.speed.parts import PARTS, choose_parts
+from pa_console.benchmarks.speed.retrieval_loop import more_rules, score_plainly, similarity
+from pa_console.benchmarks.speed.simulation import bare_space, measure_rehearsal, measure_simulation
+from pa_console.orchestrator.station.assembly import Site
+from pa_console.policy.authoring.example_situation import WORLD
+from pa_console.policy.authoring.examples import example_plan, example_rehearsal
+from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.schema.mission import Mission
-from pa_console.sim.world_generator import generate_world
+from pa_console.sim.worlds.world_generator import generate_world
 from tests.scripted import ScriptedEngine
 
 MISSION = Mission(id="x", text="Secure the checkpoint.", created=datetime(2000, 1, 1, tzinfo=UTC))
@@ -52,7 +46,7 @@ def test_twins_find_what_the_shipped_checks_find_in_every_example() -> None:
             if example.moments:
                 continue
             plan = example_plan(example)
-            case = Case(plan, example_rehearsal(example, plan), MISSION, WORLD)
+            case = RehearsedPlan(plan, example_rehearsal(example, plan), MISSION, WORLD)
             assert in_python(book, case) == in_cel(book, case), f"{rule.id}: {example.name}"
             found = {finding.rule_id: finding.status for finding in in_python(book, case)}
             seen[rule.id].add(found[rule.id])
@@ -72,7 +66,7 @@ def test_a_twin_that_says_something_else_is_an_error(
     site: Site, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     wrong: dict[str, Twin] = {**TWINS, "CAP-07": lambda _case: ["nobody"]}
-    monkeypatch.setattr("pa_console.evaluation.bench.checks.TWINS", wrong)
+    monkeypatch.setattr("pa_console.benchmarks.speed.checks.TWINS", wrong)
     with pytest.raises(ValueError, match=r"CAP-07.*--only"):
         measure_checks(bench(site))
 

@@ -10,7 +10,7 @@ from pa_console.evaluation.reporting.published import (
 )
 from pa_console.resources import data_folder
 from pa_console.schema.document import Document
-from pa_console.schema.mission_set import MissionSet
+from pa_console.schema.evaluation import MissionSet
 
 
 def test_table_one_comes_to_the_totals_of_figure_three() -> None:

@@ -9,10 +9,15 @@ from xml.etree import ElementTree
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from pa_console.evaluation.record import RunRecord
-from pa_console.evaluation.reporting.report import markdown_cell, write_report
-from pa_console.evaluation.reporting.report_text import duration, facts, notes
+from pa_console.evaluation.reporting.report import (
+    duration,
+    facts,
+    markdown_cell,
+    notes,
+    write_report,
+)
 from pa_console.evaluation.reporting.tables import build_tables
+from pa_console.evaluation.runs.run_record import RunRecord
 from tests.evaluation.records import made_evaluation, made_record, many_records
 
 ABOUT: dict[str, Any] = {"version": "1.2.3", "machine": ["a CPU", "a system"], "seconds": 5400.0}

@@ -6,13 +6,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.evaluation.retrieval.distractors import MOST, distractors
-from pa_console.evaluation.retrieval.labels import load_queries
-from pa_console.evaluation.retrieval.measures import Estimate, Quality, estimates, quality
-from pa_console.evaluation.retrieval.retrieval_bench import bench_retrieval
-from pa_console.policy.retriever import METHODS
+from pa_console.benchmarks.retrieval.distractors import MOST, distractors
+from pa_console.benchmarks.retrieval.quality import (
+    Estimate,
+    Quality,
+    estimates,
+    load_queries,
+    quality,
+)
+from pa_console.benchmarks.retrieval.retrieval_bench import bench_retrieval
+from pa_console.policy.retrieval.retriever import METHODS
 from pa_console.resources import find_data
-from pa_console.schema.retrieval import RetrievalQuery
+from pa_console.schema.evaluation import RetrievalQuery
 from tests.policy.book import checkpoint_rules
 
 RULES = checkpoint_rules().rules

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from pa_console.evaluation.retrieval.labels import load_queries
+from pa_console.benchmarks.retrieval.quality import load_queries
 from pa_console.resources import find_data
 from pa_console.schema.document import DocumentError
 from tests.policy.book import checkpoint_rules

@@ -2,20 +2,20 @@
 
 from collections.abc import Sequence
 
-from pa_console.evaluation.record import Breach
-from pa_console.evaluation.scoring.film import Film, Order
-from pa_console.evaluation.scoring.idle import begin, play, watch
+from pa_console.evaluation.runs.run_record import Breach
+from pa_console.evaluation.scoring.idle_run import begin, play, watch
 from pa_console.evaluation.scoring.oracle import find_breaches
-from pa_console.evaluation.scoring.recorder import RunRecorder
+from pa_console.evaluation.scoring.run_recording import IssuedCommand, RunRecording
+from pa_console.evaluation.scoring.score import RunRecorder
 from pa_console.resources import data_folder
 from pa_console.schema.base import Point
 from pa_console.schema.command import DeviceCommand
+from pa_console.schema.evaluation import MissionCase
 from pa_console.schema.incident import Incident, SpawnTrack
-from pa_console.schema.mission_set import MissionCase
 from pa_console.schema.plan import Verb
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.sim.true_contacts import TrueContact
-from pa_console.sim.world_file import load_world
+from pa_console.sim.contacts.true_contacts import TrueContact
+from pa_console.sim.worlds.world_file import load_world
 
 WORLD = load_world(data_folder() / "worlds" / "checkpoint" / "world.yaml")
 ALL_RULES = frozenset(
@@ -95,7 +95,7 @@ def posed(
     """Return what is broken when `agent`, ordered to go, is shown along `path` twice a second."""
     recorder = RunRecorder(begin(case(), WORLD, 0), "do it")
     first = recorder.film.start
-    film = Film(WORLD, "do it", [], [Order("o1", agent, verb, "WestGate", 0.0)])
+    film = RunRecording(WORLD, "do it", [], [IssuedCommand("o1", agent, verb, "WestGate", 0.0)])
     for number, at in enumerate(path):
         asset = first.assets[agent]._replace(position=at, command_id="o1")
         there = {contact.id: contact} if contact is not None else {}

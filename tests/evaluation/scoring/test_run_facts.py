@@ -5,9 +5,9 @@ from datetime import UTC, datetime
 
 import pytest
 
-from pa_console.evaluation.scoring.recorder import RunRecorder
-from pa_console.schema import event as ev
+from pa_console.evaluation.scoring.score import RunRecorder
 from pa_console.schema.command import CommandReply
+from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset, SetComms
 from tests.evaluation.scoring.filming import UNKNOWN, WORLD, Take, order
 

@@ -8,8 +8,8 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.evaluation.scoring.idle import idle_run, rehearsed_run
-from pa_console.orchestrator.safeguards import examine
+from pa_console.evaluation.scoring.idle_run import idle_run, rehearsed_run
+from pa_console.orchestrator.planning.safeguards import examine
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import data_folder
 from pa_console.schema.incident import Incident

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.training.samples import Sample, write_samples
+from pa_console.training.samples.sample import Sample, write_samples
 from tests.training.lora.tiny import write_tiny
 
 

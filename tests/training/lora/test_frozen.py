@@ -10,11 +10,11 @@ from torch import Tensor
 
 from pa_console.training.lora.adapter import Adapter
 from pa_console.training.lora.base import read_base
-from pa_console.training.lora.batch import gradients
 from pa_console.training.lora.eight_bits import in_eight_bits
 from pa_console.training.lora.frozen import EightBits, Exact, Measured
-from pa_console.training.lora.tokens import Tokeniser, make_packs
-from pa_console.training.samples import read_samples
+from pa_console.training.lora.material import Tokeniser, make_packs
+from pa_console.training.lora.model import gradients
+from pa_console.training.samples.sample import read_samples
 
 
 def random(seed: int, *shape: int) -> Tensor:

@@ -5,14 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.training import lineage
-from pa_console.training.lineage import EarlierRun, earlier_runs, kept_earlier, last_row
-from pa_console.training.lora.adapter import Adapter
-from pa_console.training.lora.adapter_file import EARLIER, SAMPLES, AdapterFile
+from pa_console.training.lora.adapter import EARLIER, SAMPLES, Adapter, AdapterFile
 from pa_console.training.lora.checkpoint import CURVE
 from pa_console.training.lora.export import export_adapter, write_adapter
 from pa_console.training.lora.loop import train
 from pa_console.training.lora.shape import open_gguf
+from pa_console.training.results import lineage
+from pa_console.training.results.lineage import EarlierRun, earlier_runs, kept_earlier, last_row
 from tests.training.lora.small_run import config, ignore
 
 

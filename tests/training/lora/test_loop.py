@@ -12,8 +12,7 @@ import torch
 from pa_console.training.lora.checkpoint import CHECKPOINT, CURVE, LOG, RunFolder
 from pa_console.training.lora.config import TrainConfig, shipped_config
 from pa_console.training.lora.export import export_adapter
-from pa_console.training.lora.loop import Progress, train
-from pa_console.training.lora.schedule import learning_rate
+from pa_console.training.lora.loop import Progress, learning_rate, train
 from tests.training.lora.small_run import config, ignore
 
 
@@ -119,7 +118,7 @@ def test_an_exported_run_says_where_it_comes_from(tiny: Path, data: Path, tmp_pa
     assert fields["general.type"] == "adapter"
     assert fields["adapter.type"] == "lora"
     assert fields["adapter.lora.alpha"] == 32.0
-    assert fields["pa_console.training.samples"] == "16"
+    assert fields["pa_console.training.samples.sample"] == "16"
     written = json.loads(fields["pa_console.training.config"])
     assert (written["rank"], written["data"]) == (4, data.name)
     assert {tensor.tensor_type.name for tensor in reader.tensors} == {"F16"}

@@ -4,11 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.llm.catalog import LocalModel
+from pa_console.llm.models.catalogue import LocalModel
 from pa_console.training.lora.config import TrainConfig
-from pa_console.training.lora.material import packs_held_out, packs_to_learn
-from pa_console.training.lora.tokens import Pack, Tokeniser
-from pa_console.training.samples import Sample, write_samples
+from pa_console.training.lora.material import Pack, Tokeniser, packs_held_out, packs_to_learn
+from pa_console.training.samples.sample import Sample, write_samples
 from tests.llm.conftest import smallest_model
 
 __all__ = ["smallest_model"]

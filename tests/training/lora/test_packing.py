@@ -9,15 +9,14 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from pa_console.training.lora.adapter import Adapter
-from pa_console.training.lora.attention import Rotation, attend
+from pa_console.training.lora.attention import Layout, Rotation, attend
 from pa_console.training.lora.base import read_base
-from pa_console.training.lora.batch import gradients, score
 from pa_console.training.lora.frozen import Exact
 from pa_console.training.lora.kernels import adapted, answer_loss, gated, normed
-from pa_console.training.lora.layout import Layout
+from pa_console.training.lora.material import Pack, Tokeniser, make_packs
+from pa_console.training.lora.model import gradients, score
 from pa_console.training.lora.shape import Shape
-from pa_console.training.lora.tokens import Pack, Tokeniser, make_packs
-from pa_console.training.samples import read_samples
+from pa_console.training.samples.sample import read_samples
 
 SMALL = Shape("qwen2", 1, 24, 16, 6, 2, 4, 64, 10000.0, 1e-6)
 

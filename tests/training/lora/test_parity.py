@@ -5,9 +5,8 @@ from pathlib import Path
 import pytest
 import torch
 
-from pa_console.llm.catalog import LocalModel
-from pa_console.training.lora.adapter import Adapter
-from pa_console.training.lora.adapter_file import BASE_SHA256
+from pa_console.llm.models.catalogue import LocalModel
+from pa_console.training.lora.adapter import BASE_SHA256, Adapter
 from pa_console.training.lora.config import TrainConfig
 from pa_console.training.lora.export import write_adapter
 from pa_console.training.lora.parity import compare

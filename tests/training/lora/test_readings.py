@@ -2,11 +2,16 @@
 
 import pytest
 
-from pa_console.llm.catalog import LocalModel
-from pa_console.llm.reading import read_asked, read_reason
-from pa_console.training.lora.readings import judge_readings, reading_of, readings
-from pa_console.training.lora.tokens import Tokeniser, make_packs
-from pa_console.training.samples import Sample
+from pa_console.llm.models.catalogue import LocalModel
+from pa_console.orders.reading import read_asked, read_reason
+from pa_console.training.lora.material import (
+    Tokeniser,
+    judge_readings,
+    make_packs,
+    reading_of,
+    readings,
+)
+from pa_console.training.samples.sample import Sample
 from tests.llm.conftest import smallest_model
 
 __all__ = ["smallest_model"]

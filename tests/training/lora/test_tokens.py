@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from llguidance import LLMatcher
 from llguidance.llamacpp import lltokenizer_from_vocab
 
-from pa_console.llm.catalog import LocalModel
-from pa_console.llm.grammar import compact_judge_grammar, plan_grammar
-from pa_console.llm.runtime import Runtime
+from pa_console.llm.models.catalogue import LocalModel
+from pa_console.llm.roles.grammar import compact_judge_grammar, plan_grammar
+from pa_console.llm.worker.runtime import Runtime
 from pa_console.schema.plan import COMMANDS
-from pa_console.training.lora.tokens import Tokeniser, make_packs
-from pa_console.training.samples import Sample
+from pa_console.training.lora.material import Tokeniser, make_packs
+from pa_console.training.samples.sample import Sample
 from tests.llm.conftest import smallest_model
 from tests.llm.site import KINDS, WORLD, picture
 

@@ -13,11 +13,10 @@ import torch
 from pa_console.training.gpu.attention import attend
 from pa_console.training.gpu.batches import in_batches, make_batch
 from pa_console.training.gpu.corpus import Branch, Pack, read_corpus, write_corpus
-from pa_console.training.lora import tokens as lora_tokens
+from pa_console.training.lora import material as lora_tokens
 from pa_console.training.lora.base import Base, read_base
-from pa_console.training.lora.batch import gradients
 from pa_console.training.lora.kernels import answer_loss
-from pa_console.training.lora.model import hidden
+from pa_console.training.lora.model import gradients, hidden
 from tests.training.lora.test_parity import busy_adapter
 from tests.training.lora.tiny import write_tiny
 

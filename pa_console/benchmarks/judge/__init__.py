@@ -1,0 +1,1 @@
+"""How good a judge's verdicts are on the plans of an evaluation."""

@@ -1,0 +1,1 @@
+"""`pa-console bench` and the benches below it."""

@@ -1,0 +1,68 @@
+"""`pa-console doctor`: says what is missing on this machine, and how to mend it."""
+
+from collections.abc import Iterator
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from pa_console.cli.doctor.checks import (
+    Check,
+    check_build_tools,
+    check_confinement,
+    check_folders,
+    check_libraries,
+    check_model,
+    check_python,
+    check_sessions,
+    check_terminal,
+    load_or_default,
+)
+from pa_console.cli.output import FAILED, JsonOption, errors, out, print_json
+from pa_console.session.log.writer import default_folder
+from pa_console.tui.words import count
+
+STYLES = {"ok": "green", "warning": "yellow", "missing": "bold red"}
+
+
+def doctor(json: JsonOption = False) -> None:
+    """Look for everything that the console needs; exit code 0 when nothing is missing."""
+    with errors.status("looking") as status:
+        checks: list[Check] = []
+        for check in _checks():
+            checks.append(check)
+            status.update(f"looked at {check.name}")
+    missing = [check.name for check in checks if check.state == "missing"]
+    if json:
+        print_json({"ok": not missing, "checks": checks})
+    else:
+        _print(checks, missing)
+    raise typer.Exit(FAILED if missing else 0)
+
+
+def _checks() -> Iterator[Check]:
+    """Look at one thing after the other, each when it is asked for."""
+    yield check_python()
+    yield from check_build_tools()
+    yield from check_libraries()
+    loaded, settings = load_or_default()
+    loaded.export()
+    yield settings
+    yield from check_model(loaded.values.model)
+    yield check_confinement()
+    yield from check_folders(loaded)
+    yield check_sessions(loaded.values.logs or default_folder())
+    yield from check_terminal()
+
+
+def _print(checks: list[Check], missing: list[str]) -> None:
+    table = Table(box=None, pad_edge=False, show_header=False)
+    for check in checks:
+        said = f"{check.found}\n→ {check.remedy}" if check.remedy else check.found
+        table.add_row(
+            Text(check.name), Text(check.state, STYLES[check.state]), Text(said, overflow="fold")
+        )
+    out.print(table)
+    warnings = sum(check.state == "warning" for check in checks)
+    end = f"missing: {', '.join(missing)}" if missing else "nothing is missing"
+    out.print(f"\n{end}; {count(warnings, 'warning')}", markup=False, soft_wrap=True)

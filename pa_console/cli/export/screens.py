@@ -1,0 +1,179 @@
+"""`pa-console export svg | cast`: the console's own screens of a recorded session."""
+
+import asyncio
+import re
+from datetime import timedelta
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pa_console.cli.export.source import (
+    ExportBar,
+    LogArgument,
+    SessionRules,
+    SessionWorld,
+    opened,
+    written,
+)
+from pa_console.export.source_log import (
+    OpenedSession,
+    choose_mission,
+    site_of,
+    whole_file,
+    whole_folder,
+)
+from pa_console.schema.events.event import MissionReceived
+from pa_console.tui.words import count
+
+DEFAULT_KINDS = ("approval_requested", "decision_made", "plan_halted", "mission_finished")
+LEAST, MOST = (40, 10), (400, 200)
+
+SizeOption = Annotated[
+    str, typer.Option("--size", metavar="COLUMNSxROWS", help="Size of the screen.")
+]
+MissionOption = Annotated[
+    str | None, typer.Option(help="Only the time from this mission's arrival to its end.")
+]
+FromOption = Annotated[
+    float, typer.Option("--from", min=0.0, help="Begin at this second of the session.")
+]
+UntilOption = Annotated[
+    float | None, typer.Option("--until", min=0.0, help="End at this second of the session.")
+]
+
+
+def svg(
+    log: LogArgument,
+    target: Annotated[Path, typer.Option("--out", "-o", help="The folder to make.")],
+    at: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A kind of event after which a picture is taken; repeatable. Without it: "
+            + ", ".join(DEFAULT_KINDS)
+        ),
+    ] = None,
+    every: Annotated[
+        float | None, typer.Option(min=0.1, help="A picture every so many seconds instead.")
+    ] = None,
+    mission: MissionOption = None,
+    first: FromOption = 0.0,
+    until: UntilOption = None,
+    size: SizeOption = "120x36",
+    world: SessionWorld = None,
+    rules: SessionRules = None,
+) -> None:
+    """Write numbered SVG pictures of the replayed console: 0001-approval_requested.svg, ..."""
+    from pa_console.export.replayed_screen import ReplayedScreen, film_replay  # noqa: PLC0415 - the screens load slowly
+    from pa_console.export.screen_files import KINDS, shots_at, shots_every, take  # noqa: PLC0415
+    from pa_console.session.replay.player import Player  # noqa: PLC0415
+
+    known = [kind for kind in KINDS if kind != "telemetry"]
+    for kind in at or ():
+        if kind not in known:
+            raise ValueError(f"--at {kind}: no such kind of event; known: {', '.join(known)}")
+    if at and every is not None:
+        raise ValueError("--at and --every exclude each other")
+    screen = size_of(size)
+    session = opened(log)
+    span = span_of(session, mission, first, until)
+    shots = (
+        shots_every(every, *span)
+        if every is not None
+        else shots_at(session.recording, at or DEFAULT_KINDS, *span)
+    )
+    if not shots:
+        raise ValueError(f"{log}: no event of these kinds; try --at another, or --every")
+    site = site_of(session.started, world, rules)
+    player = Player(session.recording)
+    with ExportBar("filming", len(shots)) as bar, whole_folder(target) as folder:
+
+        async def direct(made: ReplayedScreen) -> None:
+            await take(made, shots, folder, session.started.session, bar.advance)
+
+        asyncio.run(film_replay(site, player, screen, direct))
+    written(target, f"{count(len(shots), 'picture')} of {screen[0]}x{screen[1]}")
+
+
+def cast(
+    log: LogArgument,
+    target: Annotated[Path, typer.Option("--out", "-o", help="The file to write.")],
+    speed: Annotated[
+        float, typer.Option(min=0.01, max=1000.0, help="Recorded seconds in one second.")
+    ] = 4.0,
+    fps: Annotated[
+        float, typer.Option(min=0.1, max=30.0, help="Most pictures in one second.")
+    ] = 4.0,
+    mission: MissionOption = None,
+    first: FromOption = 0.0,
+    until: UntilOption = None,
+    size: SizeOption = "120x36",
+    world: SessionWorld = None,
+    rules: SessionRules = None,
+) -> None:
+    """Write the replay as an asciinema cast (asciicast v2), with a marker for every mission.
+
+    Play it with: asciinema play FILE
+    """
+    from pa_console.export.replayed_screen import ReplayedScreen, film_replay  # noqa: PLC0415
+    from pa_console.export.screen_files import CastWriter, positions  # noqa: PLC0415 - loads the screens
+    from pa_console.session.replay.player import Player  # noqa: PLC0415
+
+    screen = size_of(size)
+    session = opened(log)
+    span = span_of(session, mission, first, until)
+    shown = positions(session.recording, *span, speed / fps)
+    site = site_of(session.started, world, rules)
+    player = Player(session.recording)
+    with ExportBar("filming", len(shown)) as bar, whole_file(target, log) as file:
+        writer = CastWriter(file, screen, speed, bar.advance)
+        start = session.recording[0].t + timedelta(seconds=shown[0])
+        writer.begin(start, f"PA Console, session {session.started.session}")
+
+        async def direct(made: ReplayedScreen) -> None:
+            await writer.shoot(made, shown)
+
+        asyncio.run(film_replay(site, player, screen, direct))
+    seconds = (shown[-1] - shown[0]) / speed
+    written(target, f"{count(len(shown), 'frame')} of {screen[0]}x{screen[1]}, {seconds:.0f} s")
+
+
+def size_of(text: str) -> tuple[int, int]:
+    """Return (columns, rows); raises ValueError for what is no size or none of a terminal."""
+    found = re.fullmatch(r"(\d{1,4})[xX×](\d{1,4})", text.strip())
+    size = (int(found[1]), int(found[2])) if found else (0, 0)
+    if not all(low <= n <= high for low, n, high in zip(LEAST, size, MOST, strict=True)):
+        raise ValueError(
+            f"--size {text}: a size is COLUMNSxROWS, e.g. 120x36, from {LEAST[0]}x{LEAST[1]} to "
+            f"{MOST[0]}x{MOST[1]}"
+        )
+    return size
+
+
+def span_of(
+    session: OpenedSession, mission: str | None, first: float, until: float | None
+) -> tuple[float, float]:
+    """Return from when to when is filmed, in seconds; raises ValueError when that is nothing."""
+    recording = session.recording
+    last = min(recording.duration if until is None else until, recording.duration)
+    if mission is not None:
+        wanted = choose_mission(session.final_state().missions, mission).mission.id
+        of_it = [
+            index
+            for index in range(len(recording))
+            if recording.of_mission(index) and _mission_at(session, index) == wanted
+        ]
+        first = max(first, recording.offset(of_it[0]))
+        last = min(last, recording.offset(of_it[-1]))
+    if last < first:
+        raise ValueError(
+            f"nothing to film from {first:g} s to {last:g} s; the session lasts "
+            f"{recording.duration:.1f} s"
+        )
+    return first, last
+
+
+def _mission_at(session: OpenedSession, index: int) -> str | None:
+    event = session.recording[index]
+    data = event.data
+    return data.mission.id if isinstance(data, MissionReceived) else event.mission

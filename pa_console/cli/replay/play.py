@@ -1,0 +1,83 @@
+"""Opens the console on a recording."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pa_console.cli.output import errors, require_keys
+from pa_console.cli.progress_bars import read_recording
+from pa_console.orchestrator.station.assembly import Site, load_site
+from pa_console.orchestrator.station.session_site import SessionSites
+from pa_console.resources import find_data
+from pa_console.schema.events.event import SessionStarted
+from pa_console.session.log.chain import LogError
+from pa_console.session.replay.recording import Recording
+from pa_console.settings.sources import Loaded
+
+if TYPE_CHECKING:  # the screen's library is slow to import
+    from pa_console.tui.app import ConsoleApp
+
+
+def play(log: Path, world: str | None, settings: Loaded) -> None:
+    """Show the recording, with the world and the rules that it names."""
+    from pa_console.tui.app import ConsoleApp  # noqa: PLC0415 - only when it is shown
+
+    recording = read_recording(log)
+    run_console(ConsoleApp, site_of(recording, log, world), recording, settings)
+
+
+def run_console(
+    make: Callable[..., "ConsoleApp"], site: Site, recording: Recording, settings: Loaded
+) -> None:
+    """Run the console that `make` makes over the recording, until it is left."""
+    from pa_console.policy.retrieval.retriever import Retriever  # noqa: PLC0415 - only when it is shown
+    from pa_console.session.replay.player import Player  # noqa: PLC0415
+
+    require_keys("use --verify or --compare in scripts")
+    app = make(
+        site.world,
+        None,
+        site.rulebook,
+        Retriever(site.rulebook.rules),
+        player=Player(recording),
+        settings=settings,
+    )
+    app.run(mouse=settings.values.mouse)
+
+
+def site_of(recording: Recording, log: Path, world: str | None) -> Site:
+    """Return the world and the rules of a session, and say when they have changed since.
+
+    Raises LogError for what is no session, ValueError when its world is not installed here.
+    """
+    started = started_of(recording, log)
+    site = load_site(world_of(started, world, log), started.rules, unsigned=True)
+    if (site.world_sha256, site.rulebook.sha256) != (started.world_sha256, started.rules_sha256):
+        errors.print("note: the world or the rules have changed since this session", style="yellow")
+    return site
+
+
+def started_of(recording: Recording, log: Path) -> SessionStarted:
+    """Return how the session was started; raises LogError when the log does not begin with that."""
+    if not len(recording):
+        raise LogError(str(log), 1, "the log is empty")
+    started = recording[0].data
+    if not isinstance(started, SessionStarted):
+        raise LogError(str(log), 1, "the log does not begin with the start of a session")
+    return started
+
+
+def world_of(started: SessionStarted, given: str | None, log: Path) -> str:
+    """Return where the session's world is: given, installed, or in the evaluation of its log.
+
+    Raises ValueError when it is nowhere.
+    """
+    name = given or started.world
+    if find_data("worlds", name, "world.yaml").is_file():
+        return name
+    beside = None if given else SessionSites().world_file(started, log)
+    if beside is None:
+        raise ValueError(
+            f"the world {name!r} of this session is not installed here; give its file with --world"
+        )
+    return str(beside)

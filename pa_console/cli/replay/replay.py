@@ -1,0 +1,116 @@
+"""`pa-console replay`: verify a session log, or play it back."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pa_console.cli.output import JsonOption
+from pa_console.cli.settings_defaults import settings_of
+from pa_console.settings.sources import Loaded
+
+
+def replay(
+    context: typer.Context,
+    log: Annotated[Path, typer.Argument(help="A session log (JSONL).")],
+    check: Annotated[
+        bool,
+        typer.Option(
+            "--verify",
+            help="Check the hash chain, the signatures and the signed head, name the first bad "
+            "line and what was done to it; then run the session again.",
+        ),
+    ] = False,
+    chain_only: Annotated[
+        bool,
+        typer.Option("--chain-only", help="With --verify: do not run the session again."),
+    ] = False,
+    key: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="With --verify: the fingerprint of a key that may have signed, besides this "
+            "machine's; repeatable."
+        ),
+    ] = None,
+    unsigned: Annotated[
+        bool, typer.Option("--unsigned", help="With --verify: accept a log without signatures.")
+    ] = False,
+    witness: Annotated[
+        Path | None,
+        typer.Option(
+            help="With --verify: the file of a witness; names the first head that it has seen and "
+            "the log no longer has."
+        ),
+    ] = None,
+    again: Annotated[
+        bool,
+        typer.Option(
+            "--resimulate",
+            help="Only run the session again: its telemetry, the rehearsals of its plans and what "
+            "the rules say of them must come out equal; name what does not.",
+        ),
+    ] = False,
+    world: Annotated[
+        str | None, typer.Option("--world", help="The session's world, when it is a file.")
+    ] = None,
+    scenario: Annotated[
+        str | None, typer.Option("--scenario", help="The session's situation, when it is a file.")
+    ] = None,
+    rules: Annotated[
+        str | None, typer.Option("--rules", help="The session's rules, when they are a file.")
+    ] = None,
+    other: Annotated[
+        Path | None,
+        typer.Option(
+            "--compare",
+            metavar="LOG",
+            help="Find the first event in which LOG tells something else, and what differs; leaves "
+            "with 0 when both tell the same and with 1 when not.",
+        ),
+    ] = None,
+    screen: Annotated[
+        bool, typer.Option("--screen", help="With --compare: show both at that point, on a screen.")
+    ] = False,
+    mouse: Annotated[
+        bool,
+        typer.Option("--mouse/--no-mouse", help="Take the mouse, or leave it to the terminal."),
+    ] = True,
+    json: JsonOption = False,
+) -> None:
+    """Play LOG back in the console, verify it, run it again, or compare it with another one.
+
+    --verify leaves with 0 only when every line is vouched for by a known key and the session came
+    out equal, with 2 when the log or its head was damaged, and with 1 when it is sound but not all
+    signed, or could not be run again to the same end.
+    """
+    for given in (log, other):
+        if given is not None and not given.is_file():
+            raise ValueError(f"{given}: there is no such log")
+    if check or again:
+        from pa_console.cli.replay.run_again import Place, show_again  # noqa: PLC0415 - only when asked
+        from pa_console.cli.replay.verify import Trust, show_verified  # noqa: PLC0415
+
+        place = Place(world, scenario, rules)
+        if check:
+            trust = Trust(frozenset(key or ()), unsigned, witness)
+            show_verified(log, trust, None if chain_only else place, json)
+        else:
+            show_again(log, place, json)
+    printed = other is not None and not screen
+    if other is not None and printed:
+        from pa_console.cli.replay.verify import compare_logs  # noqa: PLC0415 - only when asked
+
+        compare_logs(log, other, json)
+    if not (check or again or printed):
+        _show(log, other, world, settings_of(context, mouse=mouse))
+
+
+def _show(log: Path, other: Path | None, world: str | None, settings: Loaded) -> None:
+    """Open the console on a recording, or on two at the point where they differ."""
+    from pa_console.cli.replay.play import play  # noqa: PLC0415
+    from pa_console.cli.replay.verify import show_compared  # noqa: PLC0415 - only when shown
+
+    if other is not None:
+        show_compared(log, other, world, settings)
+    else:
+        play(log, world, settings)

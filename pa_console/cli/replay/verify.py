@@ -1,0 +1,209 @@
+"""Verifies a session log, and finds the first point where two sessions differ."""
+
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+
+import typer
+from rich.text import Text
+
+from pa_console.cli.output import BAD_INPUT, FAILED, errors, out, print_json
+from pa_console.cli.progress_bars import read_recording
+from pa_console.cli.replay.play import run_console, site_of
+from pa_console.cli.replay.run_again import Again, Place, print_again, run_again
+from pa_console.session.log.session_index import check_index, index_path
+from pa_console.session.log.signed_head import head_path
+from pa_console.session.log.verification import VerifyResult, verify
+from pa_console.session.log.witness import Statement, check_witness
+from pa_console.session.replay.comparison import Difference, SessionComparison, compare_sessions
+from pa_console.session.replay.recording import Recording
+from pa_console.session.wording import event_in_words, kind_in_words
+from pa_console.settings.sources import Loaded
+from pa_console.signing import is_fingerprint, known_keys
+from pa_console.tui.words import count
+
+CHANGES = 12
+"""So many values that differ are printed; --json has all."""
+
+
+def compare_logs(first: Path, second: Path, json: bool) -> None:
+    """Print where the logs differ, if they do; leaves with FAILED then.
+
+    Logs that are equal up to where one of them cannot be read raise its LogError.
+    """
+    a, b = read_recording(first), read_recording(second)
+    with errors.status("comparing") as status:
+
+        def going_on(done: int, total: int) -> None:
+            status.update(f"comparing, {done} of {count(total, 'event')}")
+
+        found = compare_sessions(a, b, going_on)
+    problem = a.problem or b.problem
+    if json:
+        print_json({"same": found.same and not problem, **asdict(found)})
+    elif found.same and not problem:
+        out.print(f"the same: {count(len(a), 'event')}", markup=False)
+    else:
+        _print(found, (a, b), (first, second))
+    if problem is not None:
+        errors.print(f"note: {problem}", style="yellow", markup=False, soft_wrap=True)
+    if not found.same:
+        raise typer.Exit(FAILED)
+    if problem is not None:
+        raise problem
+
+
+def show_compared(first: Path, second: Path, world: str | None, settings: Loaded) -> None:
+    """Open the console on the first log, with both at the point of difference over it."""
+    from pa_console.tui.comparing_app import ComparingApp  # noqa: PLC0415 - only when it is shown
+    from pa_console.tui.recordings import KnownWorld, open_compared  # noqa: PLC0415
+    from pa_console.tui.screens.compare import Side  # noqa: PLC0415
+
+    recording = read_recording(first)
+    site = site_of(recording, first, world)
+    rules = {rule.id: rule for rule in site.rulebook.rules}
+    known = KnownWorld(site.world, site.world_sha256)
+    sides = (
+        Side(first.name, recording, site.world, rules),
+        Side.of(second.name, open_compared(second, known)),
+    )
+    run_console(partial(ComparingApp, sides), site, recording, settings)
+
+
+def _print(
+    found: SessionComparison, both: tuple[Recording, Recording], names: tuple[Path, Path]
+) -> None:
+    for letter, name, recording in zip("AB", names, both, strict=True):
+        out.print(
+            f"{letter}  {name}: {count(len(recording), 'event')}", markup=False, soft_wrap=True
+        )
+    if found.started:
+        out.print("\nstarted differently", style="bold")
+        for change in found.started:
+            out.print(f"  {change.path}: {change.a} | {change.b}", markup=False, soft_wrap=True)
+    if found.first is None:
+        out.print("\nevery event means the same in both")
+    else:
+        _print_difference("first difference", found.first, both)
+    if found.beyond is not None:
+        _print_difference("first difference beyond telemetry and ticks", found.beyond, both)
+
+
+def _print_difference(title: str, found: Difference, both: tuple[Recording, Recording]) -> None:
+    out.print(f"\n{title}", style="bold")
+    for letter, recording, at in zip("AB", both, (found.a, found.b), strict=True):
+        if at >= len(recording):
+            out.print(f"  {letter}  ends after {count(len(recording), 'event')}")
+            continue
+        event = recording[at]
+        words = f"{event.mission or ''} {kind_in_words(event.data.kind)}".strip()
+        said = event_in_words(event.data)
+        line = Text(
+            f"  {letter}  event {at + 1}, {recording.offset(at):.1f} s, tick {event.tick}: "
+        )
+        line.append(words, "bold").append(f" {said[:160]}")
+        out.print(line, soft_wrap=True)
+    for change in found.changes[:CHANGES]:
+        out.print(f"     {change.path}: {_short(change.a)} | {_short(change.b)}", markup=False,
+                  soft_wrap=True)  # fmt: skip
+    if len(found.changes) > CHANGES:
+        out.print(f"     and {count(len(found.changes) - CHANGES, 'more value')}; --json has all")
+
+
+def _short(text: str) -> str:
+    flat = " ".join(text.split())
+    return flat if len(flat) <= 160 else f"{flat[:160]}…"
+
+
+@dataclass(frozen=True)
+class Trust:
+    """Fingerprints of keys that may have signed besides this machine's, or none at all.
+
+    `witness` is the file with the heads that a witness has seen.
+    """
+
+    keys: frozenset[str] = frozenset()
+    unsigned: bool = False
+    witness: Path | None = None
+
+    def accepts(self, result: VerifyResult) -> bool:
+        """Return whether a log is vouched for as far as it has to be."""
+        unsigned = self.unsigned and result.ok and result.standing == "not signed"
+        return result.intact or unsigned
+
+
+def show_verified(log: Path, trust: Trust, place: Place | None, json: bool) -> None:
+    """Say how sound a log is; a sound one is run again at `place`, unless that is None.
+
+    Leaves with BAD_INPUT for damage, also to what the index of sessions or the witness tells of;
+    with FAILED for a log that is sound but not vouched for, or that did not come out equal. Raises
+    ValueError for what is no fingerprint.
+    """
+    for given in trust.keys:
+        if not is_fingerprint(given):
+            raise ValueError(f"--key {given}: a fingerprint is SHA256: and 43 characters")
+    own = known_keys()
+    known = own | trust.keys
+    result, index = verify(log, known), check_index(log.parent, known)
+    seen = check_witness(log, result.session, trust.witness, known) if trust.witness else None
+    lost = index.of(log)
+    again, problem = _again(log, place) if place is not None and result.ok else (None, "")
+    if json:
+        run = {"problem": problem} if again is None else again.document()
+        found = {"intact": result.intact and not lost, **asdict(result), "again": run}
+        print_json({**found, "index": index.told, "witness": seen})
+    else:
+        _print_result(log, result, own)
+        if again is not None:
+            print_again(log, again)
+        if problem:
+            _object(f"{log}: not run again: {problem}; or verify with --chain-only")
+        for told in index.told:
+            _object(f"{index_path(log.parent)}: {told}")
+        if seen is not None:
+            _print_statement(log, trust.witness, seen)
+    if lost or (seen is not None and seen.line is not None):
+        raise typer.Exit(BAD_INPUT)
+    if seen is not None and not seen.ok:
+        raise typer.Exit(FAILED if result.ok else BAD_INPUT)
+    if not trust.accepts(result) or problem or (again is not None and not again.equal):
+        raise typer.Exit(FAILED if result.ok else BAD_INPUT)
+
+
+def _again(log: Path, place: Place) -> tuple[Again | None, str]:
+    """Return what came of the session, or why it could not be run again."""
+    try:
+        return run_again(log, place), ""
+    except ValueError as error:
+        return None, str(error)
+
+
+def _print_result(log: Path, result: VerifyResult, own: frozenset[str]) -> None:
+    if not result.ok:
+        place = f"{log}:{result.first_bad_line}" if result.first_bad_line else str(head_path(log))
+        place += f"-{result.last_bad_line}" if result.last_bad_line else ""
+        _object(f"{place}: {result.damage}: {result.problem}")
+        return
+    by = f"signed by {result.key}{' (the key of this machine)' * (result.key in own)}"
+    standing = {
+        "signed": f"{by}.",
+        "open": f"{by} up to line {result.vouched} only." if result.key else "not signed yet.",
+        "not signed": "not signed: nothing shows that it was not written anew.",
+    }[result.standing]
+    told = f"{log}: {count(result.lines, 'line')}, chain intact, {standing}"
+    told += f" {result.note[:1].upper()}{result.note[1:]}." if result.note else ""
+    out.print(told, markup=False, soft_wrap=True)
+
+
+def _print_statement(log: Path, witness: Path | None, seen: Statement) -> None:
+    """Say whether the log has what its witness has seen."""
+    if not seen.ok:
+        place = f"{witness}:{seen.line}" if seen.line is not None else f"{witness}"
+        _object(f"{place}: {seen.problem}")
+        return
+    told = f"{log}: has all {count(seen.heads, 'head')} that {witness} has seen, the last after "
+    out.print(f"{told}record {seen.records}", markup=False, soft_wrap=True)
+
+
+def _object(text: str) -> None:
+    errors.print(text, markup=False, soft_wrap=True)

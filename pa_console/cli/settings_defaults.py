@@ -1,0 +1,84 @@
+"""Brings the user's settings to the verbs: as defaults of their options, and as a whole."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+import typer
+
+from pa_console.settings.sources import Loaded, load_settings
+
+WITHOUT = ("settings", "doctor")
+"""Verbs that must work with a settings file that cannot be used: they mend it."""
+
+
+@dataclass(frozen=True)
+class _Chosen:
+    """What `--set` gives, and the settings with it where they were loaded."""
+
+    given: Mapping[str, object]
+    loaded: Loaded | None = None
+
+
+def read_assignments(words: Sequence[str]) -> dict[str, object]:
+    """Return what `--set NAME=VALUE` gives; raises ValueError for a word without `=`."""
+    given: dict[str, object] = {}
+    for word in words:
+        name, sign, value = word.partition("=")
+        if not sign:
+            raise ValueError(f"--set {word}: expected NAME=VALUE; see 'pa-console settings show'")
+        if name.startswith("keys."):
+            cast(dict[str, str], given.setdefault("keys", {}))[name.removeprefix("keys.")] = value
+        else:
+            given[name.replace("-", "_")] = value
+    return given
+
+
+def set_defaults(context: typer.Context, words: Sequence[str]) -> None:
+    """Make the settings the defaults of every verb below `context`, with `--set` before them.
+
+    Raises DocumentError for settings that are wrong.
+    """
+    given = read_assignments(words)
+    loaded = None
+    if context.invoked_subcommand not in WITHOUT:
+        loaded = load_settings(given)
+        loaded.export()
+        context.default_map = _defaults(loaded)
+    context.obj = _Chosen(given, loaded)
+
+
+def given_settings(context: typer.Context) -> Mapping[str, object]:
+    """Return what `--set` gives."""
+    return _chosen(context).given
+
+
+def settings_of(context: typer.Context, **options: object) -> Loaded:
+    """Return the settings, with those `options` of the verb that were given on its command line."""
+    typed = {
+        name: value
+        for name, value in options.items()
+        if (source := context.get_parameter_source(name)) and source.name == "COMMANDLINE"
+    }
+    chosen = _chosen(context)
+    return (chosen.loaded or load_settings(chosen.given)).with_options(typed)
+
+
+def _chosen(context: typer.Context) -> _Chosen:
+    found = context.find_root().obj
+    return found if isinstance(found, _Chosen) else _Chosen({})
+
+
+def _defaults(loaded: Loaded) -> dict[str, Any]:
+    """Return the settings as defaults of the verbs that open a world, by verb and parameter."""
+    values = loaded.values
+    site = {"world": values.world, "rules": values.rules}
+    model = {"model": values.model} if values.model else {}
+    log = {"witness": values.witness}
+    return {
+        "console": {**site, **model, **log, "alarms": values.alarms, "mouse": values.mouse},
+        "mission": {**site, **model, **log},
+        "replay": {"mouse": values.mouse},
+        "rules": {verb: {"rules": values.rules} for verb in ("list", "search")},
+        "scenarios": {verb: {"world": values.world} for verb in ("list", "show", "check")},
+    }

@@ -1,0 +1,240 @@
+"""What an evaluation has to run: missions x models x variants x seeds, and in which worlds."""
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pa_console.evaluation.scoring.success_conditions import compile_condition
+from pa_console.orchestrator.station.assembly import Site, open_world
+from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.document import Document
+from pa_console.schema.evaluation import MissionCase, MissionSet, Variant, WorldFile
+from pa_console.schema.events.event import MOST_READINGS
+from pa_console.schema.incident import unknown_name
+from pa_console.schema.world import World
+from pa_console.sim.worlds.world_file import load_world
+from pa_console.sim.worlds.world_generator import generate_world, world_yaml
+
+
+def load_missions(path: Path, world: World) -> MissionSet:
+    """Read the missions at `path` for `world`; raises DocumentError with file, line and field."""
+    return load_with_worlds(path, world)[0]
+
+
+def load_with_worlds(path: Path, world: World) -> tuple[MissionSet, dict[str, World]]:
+    """Read the missions at `path` for `world`, with every world that they name; "" is `world`.
+
+    Raises DocumentError with file, line and field.
+    Ids must be unique, the set-up may only name assets, frames and gates of the mission's own
+    world, and its success conditions only what a run in that world can have.
+    """
+    document = Document.read(path)
+    missions = document.parse(MissionSet)
+    worlds = {"": world}
+    for name, made in missions.worlds.items():
+        try:
+            if isinstance(made, WorldFile):
+                worlds[name] = load_world(path.parent / made.file)
+            else:
+                worlds[name] = generate_world(made.gates, made.assets, made.seed)
+        except ValueError as error:
+            raise document.error(("worlds", name), str(error)) from error
+    seen: set[str] = set()
+    for index, case in enumerate(missions.missions):
+        if case.id in seen:
+            raise document.error(("missions", index, "id"), f"{case.id!r} appears twice")
+        seen.add(case.id)
+        for number, incident in enumerate(case.setup):
+            field, remedy = unknown_name(incident, worlds[case.world])
+            if field:
+                raise document.error(("missions", index, "setup", number, field), remedy)
+        for number, source in enumerate(case.success):
+            try:
+                compile_condition(source, worlds[case.world])
+            except ValueError as error:
+                raise document.error(("missions", index, "success", number), str(error)) from error
+    return missions, worlds
+
+
+REFERENCE = "one-plan"
+"""What the ablations are compared with: the whole pipeline with one plan a mission."""
+
+_ONE_PLAN = Variant(name=REFERENCE, workflows=False)
+
+
+def _without(name: str, **changes: object) -> Variant:
+    return Variant.model_validate({**_ONE_PLAN.model_dump(), "name": name, **changes})
+
+
+ABOUT: dict[str, str] = {
+    "full": "the console's own pipeline; a workflow may take several plans",
+    REFERENCE: "the same with one plan a mission",
+    "no-retrieval": "one-plan with the Critical rules alone in the prompt",
+    "no-pinned": "one-plan with the three best rules alone in the prompt",
+    "no-rules": "one-plan without any rule in the prompt",
+    "no-safeguards": "one-plan without checks, premises and monitor; nothing blocks a plan",
+    "no-rehearsal": "one-plan, checked as if every order succeeded at once",
+    "no-judge": "one-plan without the JudgeLLM",
+    "no-repair": "one-plan; the first plan stands",
+    "one-candidate": "one-plan; one plan a prompt, a broken one is repaired at once",
+    "four-candidates": "one-plan; of 4 plans the best when the first is broken, as by default",
+    "eight-candidates": "one-plan; of 8 plans the best when the first is broken",
+    "unfitted": "one-plan; a plan that is not what its planner says was asked stands",
+    "one-reading": "one-plan; an idle or doubtful plan stands, whatever the judge has read",
+    "unread": "one-plan; no other readings of an unclear command are looked for",
+    "reading-1": "one-plan; the first of the other readings that are offered, if any, is chosen",
+    "reading-2": "one-plan; the second of them, if there are so many",
+    "reading-3": "one-plan; the third of them, if there are so many",
+    "ungrounded": "one-plan; the planner's reason may state what the picture denies",
+    "no-grammar": "one-plan; the planner writes whatever it likes",
+    "paper-retrieval": "one-plan with the paper's retrieval",
+    "paper": "the paper's retrieval, prompt and judge; no checks, rehearsal, repair or grammar",
+}
+"""What each variant is, in the order of the tables."""
+
+VARIANTS: dict[str, Variant] = {
+    variant.name: variant
+    for variant in (
+        Variant(),
+        _ONE_PLAN,
+        _without("no-retrieval", retrieval=False),
+        _without("no-pinned", pinned=False),
+        _without("no-rules", retrieval=False, pinned=False),
+        _without("no-safeguards", checks=False, repairs=0),
+        _without("no-rehearsal", rehearsal=False),
+        _without("no-judge", judging=False),
+        _without("no-repair", repairs=0),
+        _without("one-candidate", candidates=1),
+        _without("four-candidates", candidates=4),
+        _without("eight-candidates", candidates=8),
+        _without("unfitted", fitting=False),
+        _without("one-reading", second_reading=False),
+        _without("unread", readings=0),
+        *(_without(f"reading-{n}", reading=n) for n in range(1, MOST_READINGS + 1)),
+        _without("ungrounded", grounded=False),
+        _without("no-grammar", grammar=False),
+        _without("paper-retrieval", method="paper"),
+        _without(
+            "paper",
+            method="paper",
+            pinned=False,
+            checks=False,
+            rehearsal=False,
+            repairs=0,
+            grammar=False,
+            prompt="paper",
+        ),
+    )
+}
+
+
+def find_variant(name: str) -> Variant:
+    """Return the variant called `name`; raises ValueError with the known names."""
+    if name not in VARIANTS:
+        raise ValueError(f"unknown variant {name!r}; known: {', '.join(VARIANTS)}")
+    return VARIANTS[name]
+
+
+MISSION_SETS = Path("missions")
+
+
+@dataclass(frozen=True)
+class LoadedSet:
+    """A mission set and the site of each world that its missions name."""
+
+    missions: MissionSet
+    sites: dict[str, Site]
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run to be made."""
+
+    mission_set: str
+    case: MissionCase
+    site: Site
+    model: str
+    variant: Variant
+    seed: int
+
+    @property
+    def run(self) -> str:
+        """The id of the run: model/variant/set/mission/seed."""
+        parts = (self.model, self.variant.name, self.mission_set, self.case.id, str(self.seed))
+        return "/".join(parts)
+
+    @property
+    def stem(self) -> str:
+        """The id as a file name."""
+        return re.sub(r"[^A-Za-z0-9._-]+", "_", self.run.replace("/", "__"))
+
+
+def mission_file(name: str, world_path: Path) -> Path:
+    """Return the file of a mission set: a path, or the name of one beside the world.
+
+    Raises ValueError with the known names when there is none.
+    """
+    path = Path(name)
+    if path.is_file():
+        return path
+    folder = world_path.parent / MISSION_SETS
+    beside = folder / f"{name}.yaml"
+    if beside.is_file():
+        return beside
+    known = ", ".join(sorted(found.stem for found in folder.glob("*.yaml"))) or "none"
+    raise ValueError(
+        f"there is no mission set {name!r}: give the path of a file, or one of {known}"
+    )
+
+
+def load_set(path: Path, world: str, rulebook: Rulebook, folder: Path) -> LoadedSet:
+    """Load the missions at `path`; `keep_worlds` will write generated worlds below `folder`.
+
+    Raises DocumentError.
+    """
+    own, own_path = open_world(world)
+    missions, worlds = load_with_worlds(path, own)
+    sites = {name: Site(w, folder / name / "world.yaml", rulebook) for name, w in worlds.items()}
+    return LoadedSet(missions, {**sites, "": Site(own, own_path, rulebook)})
+
+
+def keep_worlds(loaded: LoadedSet) -> None:
+    """Write every generated world to its site's file: a run's log is replayed with it."""
+    for name, site in loaded.sites.items():
+        if name:
+            site.world_path.parent.mkdir(parents=True, exist_ok=True)
+            site.world_path.write_text(world_yaml(site.world), encoding="utf-8")
+
+
+def chosen_missions(missions: MissionSet, only: str = "", every: int = 1) -> MissionSet | None:
+    """Return the missions whose id or category contains `only`, every n-th of each category.
+
+    None when there is no such mission.
+    """
+    numbers: Counter[str] = Counter()
+    kept: list[MissionCase] = []
+    for case in missions.missions:
+        if only.lower() in case.id.lower() or only.lower() in case.category.lower():
+            if numbers[case.category] % every == 0:
+                kept.append(case)
+            numbers[case.category] += 1
+    return missions.model_copy(update={"missions": tuple(kept)}) if kept else None
+
+
+def plan_jobs(
+    sets: Sequence[LoadedSet],
+    models: Sequence[str],
+    variants: Sequence[Variant],
+    seeds: Sequence[int],
+) -> list[Job]:
+    """Return every run, one model after the other, missions innermost."""
+    return [
+        Job(loaded.missions.name, case, loaded.sites[case.world], model, variant, seed)
+        for model in models
+        for seed in seeds
+        for variant in variants
+        for loaded in sets
+        for case in loaded.missions.missions
+    ]

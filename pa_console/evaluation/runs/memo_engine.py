@@ -1,0 +1,142 @@
+"""An engine that asks the model once for every distinct prompt, for benchmarks of many runs."""
+
+import hashlib
+import re
+from collections.abc import AsyncGenerator
+from contextlib import aclosing
+from pathlib import Path
+from typing import cast
+
+from pydantic import ValidationError
+
+from pa_console.llm.engine.engine import Engine, OnState
+from pa_console.llm.engine.protocol import Chance, Completed, Request
+from pa_console.schema.base import StrictModel
+from pa_console.schema.events.event import Role
+from pa_console.schema.finding import Usage
+
+
+class _Remembered(StrictModel):
+    """One line of the memory file."""
+
+    key: str
+    text: str
+    usage: Usage
+    texts: tuple[str, ...] = ()
+    chances: tuple[Chance, ...] = ()
+
+
+_MEASURED = re.compile(r"\b\d+ (m|s|%)(?=\W|$)")
+
+
+class MemoEngine:
+    """Gives the model's own answer again when a prompt comes again.
+
+    Decoding is greedy, so an equal prompt has an equal answer. Prompts that differ only in a
+    number of metres, seconds or percent count as equal, the first answer stands for all of them,
+    unless only `exact` repetitions do.
+    """
+
+    def __init__(
+        self,
+        engine: Engine,
+        memory: Path | None = None,
+        *,
+        exact: bool = False,
+        reuse: bool = True,
+    ) -> None:
+        """Answers are kept in the file `memory` too, so that a run that was cut off goes on.
+
+        Without `reuse` the model is asked every time.
+
+        Raises ValueError for a line of the file that is no answer.
+        """
+        self._engine, self._memory, self._exact = engine, memory, exact
+        self._reuse = reuse
+        self._known = _recall(memory) if memory is not None and memory.exists() else {}
+        self.asked = 0
+        self.reused = 0
+        self.model, self.sampler = engine.model, engine.sampler
+        self.on_state: OnState | None = None
+
+    def engine(self) -> Engine:
+        """Return this where an Engine is asked for."""
+        return cast(Engine, self)
+
+    @property
+    def reads_ahead(self) -> bool:
+        """Whether reading ahead is worth while: the model is asked every time."""
+        return not self._reuse
+
+    @property
+    def busy(self) -> bool:
+        """Whether the worker was given a prompt that is not yet answered."""
+        return self._engine.busy
+
+    async def start(self) -> None:
+        """Start loading the model."""
+        await self._engine.start()
+
+    async def close(self) -> None:
+        """End the model's process."""
+        await self._engine.close()
+
+    def cancel(self) -> None:
+        """Stop the generation that is running, if any."""
+        self._engine.cancel()
+
+    def kill_worker(self) -> None:
+        """Kill the model's process (fault injection)."""
+        self._engine.kill_worker()
+
+    async def warm(self, role: Role, system: str, user: str = "") -> None:
+        """Read the beginning of prompts of `role` ahead, unless answers are reused."""
+        if self.reads_ahead:
+            await self._engine.warm(role, system, user)
+
+    async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
+        """Give the answer to `request` in pieces, then one Completed; raises EngineError."""
+        user = request.user if self._exact else _MEASURED.sub(r"# \1", request.user)
+        count = str(request.count)
+        words = "\x00".join((request.role, request.system, user, request.grammar, count))
+        key = hashlib.sha256(words.encode()).hexdigest()
+        known = self._known.get(key) if self._reuse else None
+        if known is not None:
+            self.reused += 1
+            yield known.text
+            yield known
+            return
+        self.asked += 1
+        async with aclosing(self._engine.generate(request)) as items:
+            async for item in items:
+                if isinstance(item, Completed) and item.finish == "stop":
+                    self._remember(key, item)
+                yield item
+
+    def _remember(self, key: str, answer: Completed) -> None:
+        self._known[key] = answer
+        if self._memory is not None:
+            known = _Remembered(
+                key=key,
+                text=answer.text,
+                usage=answer.usage,
+                texts=answer.texts,
+                chances=answer.chances,
+            )
+            line = known.model_dump_json()
+            with self._memory.open("a", encoding="utf-8") as file:
+                file.write(line + "\n")
+
+
+def _recall(memory: Path) -> dict[str, Completed]:
+    """Return the answers in `memory` by key; raises ValueError for a line that is none."""
+    known: dict[str, Completed] = {}
+    for number, line in enumerate(memory.read_text(encoding="utf-8").splitlines(), start=1):
+        try:
+            entry = _Remembered.model_validate_json(line)
+        except ValidationError as error:
+            raise ValueError(
+                f"{memory}:{number}: this line is no answer of a model; remove it, or the file"
+            ) from error
+        known[entry.key] = Completed(entry.text, entry.usage, "stop", entry.texts, entry.chances)
+    return known

@@ -1,0 +1,171 @@
+"""One evaluated run as a line of `runs.jsonl`, and the output folder of an evaluation."""
+
+import json
+import os
+from pathlib import Path
+from typing import Any, Literal
+
+import platformdirs
+from pydantic import Field, TypeAdapter, ValidationError
+
+from pa_console.schema.base import NonNegative, Share, StrictModel
+from pa_console.schema.evaluation import Expectation
+from pa_console.schema.finding import Usage
+from pa_console.schema.mission import Metrics, MissionStatus, Outcome
+
+Opinion = Literal["Success", "Failure"]
+
+
+class Breach(StrictModel):
+    """An enforced rule that the true state shows to be broken."""
+
+    rule_id: str
+    what: str
+    at_s: NonNegative = Field(description="simulated seconds after the command")
+
+
+class RunRecord(StrictModel):
+    """One run of one mission by one model under one variant with one simulation seed.
+
+    `strict` is the paper's strict success on the true state (Section V-B): every condition of the
+    mission holds and no enforced rule was broken. `hybrid` is the JudgeLLM's outcome verdict; a
+    run that executed nothing has none and counts as a success only where `expect` allows that.
+    Without a JudgeLLM in the variant there is no hybrid success either way.
+    `obeyed` is what `strict` would be if a judge's Failure before execution had been obeyed.
+    """
+
+    run: str = Field(description="model/variant/set/mission/seed")
+    model: str
+    variant: str
+    mission_set: str
+    mission: str
+    seed: int
+    world: str
+    category: str
+    tags: tuple[str, ...] = ()
+    expect: Expectation
+    command: str
+    session: str = ""
+    log: str = Field(default="", description="the run's event log, relative to runs.jsonl")
+    status: MissionStatus
+    reason: str = ""
+    refused: bool = Field(description="nothing but hold and report was ordered")
+    strict: bool
+    obeyed: bool
+    hybrid: bool | None
+    failed: tuple[str, ...] = Field(default=(), description="success conditions that do not hold")
+    broken: tuple[Breach, ...] = ()
+    judge_plan: Opinion | None = Field(default=None, description="verdict on the executed plan")
+    judge_outcome: Opinion | None = None
+    confidence: Share | None = Field(
+        default=None, description="of planner and judge in what was asked, the lower of the two"
+    )
+    offered: int = Field(
+        default=0, ge=0, description="other readings of the command that the operator was offered"
+    )
+    verification: Outcome | None = Field(default=None, description="telemetry's own answer")
+    valid_json: bool = Field(description="the first answer could be read as a plan")
+    first_sound: bool = Field(description="the first plan broke no Critical or High rule")
+    attempts: int
+    plan: tuple[str, ...] = Field(default=(), description="'agent command' of the last plan")
+    metrics: Metrics
+    planner: Usage = Field(default_factory=Usage, description="of the first answer")
+    judge: Usage = Field(default_factory=Usage)
+    reused: int = Field(default=0, ge=0, description="answers taken from earlier equal prompts")
+    read_ahead: bool = Field(
+        default=False, description="the picture was read before the command, as while typing"
+    )
+
+
+RUNS, ABOUT, LOGS = "runs.jsonl", "run.json", "logs"
+_ABOUT = TypeAdapter(dict[str, Any])
+
+
+def read_runs(folder: Path) -> list[RunRecord]:
+    """Return every run of `folder`, oldest first; an empty list when there is none yet.
+
+    A last line that was cut off in the middle is left out: the run comes again. Raises
+    ValueError naming file and line for any other line that is no run.
+    """
+    path = folder / RUNS
+    if not path.exists():
+        return []
+    data = path.read_bytes()
+    lines = data.split(b"\n")
+    records: list[RunRecord] = []
+    for number, line in enumerate(lines, start=1):
+        if not line.strip() or (number == len(lines) and not data.endswith(b"\n")):
+            continue
+        try:
+            records.append(RunRecord.model_validate_json(line))
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            field = ".".join(map(str, first["loc"]))
+            problem = f"{field}: {first['msg']}" if field else first["msg"]
+            raise ValueError(
+                f"{path}:{number}: this line is no run of an evaluation ({problem}); "
+                "remove it, or give another folder"
+            ) from error
+    return records
+
+
+def read_about(folder: Path) -> dict[str, Any]:
+    """Return what the evaluation in `folder` was asked for, {} when nothing says so."""
+    path = folder / ABOUT
+    try:
+        return _ABOUT.validate_json(path.read_bytes())
+    except FileNotFoundError:
+        return {}
+    except ValidationError as error:
+        raise ValueError(f"{path}: this is no JSON object; remove the file") from error
+
+
+class EvaluationFolder:
+    """Adds runs to a folder; those that it holds already are known by their id."""
+
+    def __init__(self, folder: Path) -> None:
+        """Open `folder`, made when it is missing; raises ValueError for a line that is no run."""
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / LOGS).mkdir(exist_ok=True)
+        self.folder = folder
+        self.records = read_runs(folder)
+        self._mend()
+
+    @property
+    def done(self) -> frozenset[str]:
+        """Ids of the runs that need not be made again."""
+        return frozenset(record.run for record in self.records)
+
+    def add(self, record: RunRecord) -> None:
+        """Write one more run, on the disk before this returns."""
+        self.records.append(record)
+        with (self.folder / RUNS).open("ab") as file:
+            file.write(record.model_dump_json().encode() + b"\n")
+            file.flush()
+            os.fsync(file.fileno())
+
+    def describe(self, about: dict[str, Any]) -> None:
+        """Write what was asked for, replacing what stood there."""
+        partial = self.folder / f".{ABOUT}"
+        partial.write_text(json.dumps(about, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        partial.replace(self.folder / ABOUT)
+
+    def _mend(self) -> None:
+        """Cut a last line off that was not written to its end."""
+        path = self.folder / RUNS
+        if path.exists():
+            data = path.read_bytes()
+            if data and not data.endswith(b"\n"):
+                path.write_bytes(data[: data.rfind(b"\n") + 1])
+
+
+def evaluations_folder() -> Path:
+    """Return where evaluations are kept that were given no folder of their own."""
+    return platformdirs.user_state_path("pa-console") / "evaluations"
+
+
+def newest_evaluation(below: Path | None = None) -> Path | None:
+    """Return the folder in `below`, else evaluations_folder(), whose runs changed last, or None."""
+    found = (below or evaluations_folder()).glob(f"*/{RUNS}")
+    newest = max(found, key=lambda path: path.stat().st_mtime, default=None)
+    return newest.parent if newest is not None else None

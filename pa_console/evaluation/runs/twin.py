@@ -1,0 +1,206 @@
+"""Runs a recorded session again in a fresh simulation: equal inputs must give equal telemetry."""
+
+import hashlib
+from collections.abc import Coroutine, Iterable
+from dataclasses import dataclass
+from typing import Any, cast
+
+from pydantic import BaseModel
+
+from pa_console.orchestrator.planning.rehearsal import rehearse
+from pa_console.schema.command import DeviceCommand
+from pa_console.schema.events import event as ev
+from pa_console.schema.plan import Plan
+from pa_console.schema.rehearsal import Rehearsal
+from pa_console.schema.scenario import Scenario
+from pa_console.schema.telemetry import Picture
+from pa_console.schema.world import World
+from pa_console.sim.checkpoint import Checkpoint
+
+
+@dataclass
+class Resimulation:
+    """How a re-simulation compares with what was recorded; `first_event` counts from 1."""
+
+    pictures: int = 0
+    different: int = 0
+    rehearsals: int = 0
+    different_rehearsals: int = 0
+    first_difference: str = ""
+    first_event: int | None = None
+    recorded_sha256: str = ""
+    repeated_sha256: str = ""
+
+    @property
+    def equal(self) -> bool:
+        """Whether every recorded picture and rehearsal came up again, and there was a picture."""
+        return self.pictures > 0 and not self.different and not self.different_rehearsals
+
+    def differs(self, number: int, what: str) -> None:
+        """Note `what` of event `number` does not come up again, if it is the first."""
+        if self.first_event is None:
+            self.first_event, self.first_difference = number, what
+
+
+class TelemetryHash:
+    """SHA-256 over a sequence of pictures."""
+
+    def __init__(self) -> None:
+        self._hash = hashlib.sha256()
+
+    def add(self, picture: Picture) -> None:
+        """Take in the next picture."""
+        self._hash.update(picture.model_dump_json().encode())
+
+    def hexdigest(self) -> str:
+        """Return the hash of all pictures so far."""
+        return self._hash.hexdigest()
+
+
+def resimulate(
+    events: Iterable[ev.Event], world: World, scenario: Scenario | None = None
+) -> Resimulation:
+    """Send what the session sent at the ticks at which it did, and compare every picture.
+
+    The simulation gets the seed of the session's first event, the operator's incidents and
+    commands; a scenario brings its own incidents about. Every plan is rehearsed again from the
+    tick at which it was. Raises ValueError when the events do not begin with the start of a
+    session.
+    """
+    twin = Resimulation()
+    recorded, repeated = TelemetryHash(), TelemetryHash()
+    sim: Checkpoint | None = None
+    sent: dict[str, DeviceCommand] = {}
+    rehearsing = _Rehearsing()
+    for number, event in enumerate(events, start=1):
+        data = event.data
+        if isinstance(data, ev.SessionStarted):
+            sim = Checkpoint(world, data.seed, scenario)
+        if sim is None:
+            raise ValueError("the events do not begin with the start of a session")
+        while sim.tick < event.tick:
+            rehearsing.keep(sim)
+            sim.step()
+        rehearsing.see(event)
+        match data:
+            case ev.IncidentHappened(source="operator", incident=incident):
+                sim.inject(incident)
+            case ev.CommandSent(command=command):
+                sent[command.command_id] = command
+                sim.send(command)
+            case ev.CommandResent(command_id=command_id):
+                sim.send(sent[command_id])
+            case ev.PlanRehearsed(attempt=attempt, rehearsal=rehearsal):
+                again = rehearsing.repeat(event.mission, attempt, rehearsal, sim)
+                twin.rehearsals += again is not None
+                if again is not None and again != rehearsal:
+                    twin.different_rehearsals += 1
+                    place = f"tick {rehearsal.before.tick}: rehearsal of plan {attempt}"
+                    twin.differs(number, f"{place}: {_difference(rehearsal, again)}")
+            case ev.TelemetryReceived(picture=picture):
+                twin.pictures += 1
+                recorded.add(picture)
+                repeated.add(sim.picture())
+                if sim.picture() != picture:
+                    twin.different += 1
+                    found = _difference(picture, sim.picture())
+                    twin.differs(number, f"tick {picture.tick}: {found}")
+            case _:
+                pass
+    twin.recorded_sha256, twin.repeated_sha256 = recorded.hexdigest(), repeated.hexdigest()
+    return twin
+
+
+class _Rehearsing:
+    """The plans that were proposed, and the simulation at the ticks at which one was rehearsed.
+
+    A rehearsal takes a moment, in which a session in real time goes on: it is told of later than
+    it began, by a few ticks.
+    """
+
+    def __init__(self) -> None:
+        self._plans: dict[tuple[str | None, int], Plan] = {}
+        self._kept: list[Checkpoint] = []
+        self._waiting = False
+
+    def keep(self, sim: Checkpoint) -> None:
+        """Keep `sim` as it is at the end of a tick, while a rehearsal may begin."""
+        if self._waiting:
+            self._kept.append(sim.fork())
+
+    def see(self, event: ev.Event) -> None:
+        """Take in the next event."""
+        match event.data:
+            case ev.PlanProposed(attempt=attempt, plan=plan) if plan is not None:
+                self._plans[event.mission, attempt] = plan
+                self._waiting = True
+            case ev.PlanJudged():
+                self._waiting = True
+            case ev.PromptBuilt() | ev.ApprovalRequested() | ev.MissionFinished():
+                self._waiting = False
+                self._kept.clear()
+            case _:
+                pass
+
+    def repeat(
+        self, mission: str | None, attempt: int, recorded: Rehearsal, sim: Checkpoint
+    ) -> Rehearsal | None:
+        """Rehearse a plan again as it was `recorded`, from every tick at which that may have begun.
+
+        Return the one that is equal, else the last; None when its beginning was not kept.
+        """
+        plan, again = self._plans.get((mission, attempt)), None
+        for begun in (*self._kept, sim):
+            picture = begun.picture()
+            if plan is None or not set(plan.agents) <= picture.assets.keys():
+                continue
+            if picture.tick == recorded.before.tick:
+                again = _done(rehearse(begun, plan))
+                if again == recorded:
+                    break
+        return again
+
+
+def _done(work: Coroutine[Any, Any, Rehearsal]) -> Rehearsal:
+    """Return what `work` comes to, which waits for nothing but its next turn."""
+    while True:
+        try:
+            work.send(None)
+        except StopIteration as ended:
+            return ended.value
+
+
+def repeated_hashes(world: World, scenario: Scenario, seed: int) -> tuple[str, str]:
+    """Return the telemetry hashes of a scenario that nobody interferes with, played twice.
+
+    The second time every picture comes from a fork of the simulation that was made at the one
+    before, so that equal hashes also show that a fork goes on exactly as its original.
+    """
+    every = max(1, round(world.telemetry_period_s / world.dt_s))
+    hashes: list[str] = []
+    for forked in (False, True):
+        sim, telemetry = Checkpoint(world, seed, scenario), TelemetryHash()
+        telemetry.add(sim.picture())
+        while sim.time_s < scenario.duration_s:
+            sim = sim.fork() if forked else sim
+            for _ in range(every):
+                sim.step()
+            telemetry.add(sim.picture())
+        hashes.append(telemetry.hexdigest())
+    return hashes[0], hashes[1]
+
+
+def _difference(recorded: BaseModel, repeated: BaseModel) -> str:
+    """Return where two values differ first: a field, and the names in it if it has any."""
+    for field in type(recorded).model_fields:
+        left, right = getattr(recorded, field), getattr(repeated, field)
+        if left == right:
+            continue
+        if isinstance(left, dict):
+            mine, other = cast(dict[str, object], left), cast(dict[str, object], right)
+            names = sorted(k for k in mine.keys() | other.keys() if mine.get(k) != other.get(k))
+            return f"{field} of {', '.join(names)}"
+        if isinstance(left, BaseModel):
+            return f"{field}: {_difference(left, cast(BaseModel, right))}"
+        return field
+    return "nothing"

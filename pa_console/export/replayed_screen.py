@@ -1,0 +1,160 @@
+"""Films a recorded session: the console itself, played without a terminal, shot by shot."""
+
+import asyncio
+import io
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, cast
+
+from rich.console import Console
+from textual.driver import Driver
+from textual.drivers.headless_driver import HeadlessDriver
+from textual.pilot import Pilot
+
+import pa_console.tui
+from pa_console.orchestrator.station.assembly import Site
+from pa_console.policy.retrieval.retriever import Retriever
+from pa_console.schema.visible_text import visible_line
+from pa_console.session.replay.player import Player
+from pa_console.tui.app import ConsoleApp
+from pa_console.tui.refresh import ALL_VIEWS, views_of
+from pa_console.tui.screens.recording import RecordingScreen
+
+Size = tuple[int, int]
+"""Columns and rows."""
+
+DRAWN_LIMIT_S = 10.0
+"""A screen that takes longer to be drawn once is not waited for."""
+
+
+class TapeDriver(HeadlessDriver):
+    """A terminal that keeps what is written to it, and otherwise is none."""
+
+    @property
+    def is_headless(self) -> bool:
+        """Claim to be a terminal, or nothing would be written."""
+        return False
+
+    def write(self, data: str) -> None:
+        """Keep `data` for the next shot."""
+        cast(FilmApp, self._app).tape.append(data)
+
+
+class FilmScreen(RecordingScreen):
+    """A recording that is moved by whoever films it."""
+
+    shown: int | None = None
+    """How many events had been played when it was painted last."""
+
+    def show_now(self) -> None:
+        """Paint what has changed since, as the player's state has it."""
+        self._moved()
+        first, now = self.shown, self.player.index
+        if first is None or now < first:
+            self._dirty = ALL_VIEWS
+        else:
+            kinds = self.player.recording.timeline.kinds_between(first, now)
+            self._dirty = frozenset(view for kind in kinds for view in views_of(kind))
+        self.shown = now
+        self.repaint()
+
+
+class FilmApp(ConsoleApp):
+    """The replaying console on a tape; time stands still, so that nothing moves by itself."""
+
+    CSS_PATH = Path(pa_console.tui.__path__[0]) / "console.tcss"
+
+    def __init__(self, site: Site, player: Player) -> None:
+        """Show `player` in the world and under the rules of `site`."""
+        retriever = Retriever(site.rulebook.rules)
+        super().__init__(
+            site.world, None, site.rulebook, retriever, player=player, clock=lambda: 0.0
+        )
+        self.console = Console(
+            file=io.StringIO(), force_terminal=True, color_system="truecolor", legacy_windows=False
+        )
+        self.animation_level = "none"
+        self.tape: list[str] = []
+        self.film_screen: FilmScreen | None = None
+
+    def get_driver_class(self) -> type[Driver]:
+        """Write to the tape instead of a terminal."""
+        return TapeDriver
+
+    def show_first(self) -> None:
+        """Show the recording in the screen that can be moved from here."""
+        assert self.player is not None
+        rules = {rule.id: rule for rule in self.rulebook.rules}
+        self.main = self.film_screen = FilmScreen(self.world, rules, self.player, self.clock)
+        self.push_screen(self.main)
+
+
+class ReplayedScreen:
+    """What a director of the film can do between two shots."""
+
+    def __init__(self, app: FilmApp, pilot: Pilot[object], player: Player) -> None:
+        self._app, self._pilot = app, pilot
+        self.player = player
+
+    async def show(self) -> None:
+        """Paint the state that the player was moved to."""
+        if self._app.film_screen is not None:
+            self._app.film_screen.show_now()
+        await self._pilot.pause()
+        await self._drawn()
+
+    async def _drawn(self) -> None:
+        """Wait until nothing more is painted, which a busy machine may be late with.
+
+        A console that breaks down paints no more: it is not waited for.
+        """
+        sent = -1
+        while sent != len(self._app.tape):
+            sent, drawn = len(self._app.tape), asyncio.Event()
+            if not self._app.screen.call_after_refresh(drawn.set):
+                return
+            with suppress(TimeoutError):
+                await asyncio.wait_for(drawn.wait(), DRAWN_LIMIT_S)
+
+    def written(self) -> str:
+        """Return what a terminal would have been sent since the last call."""
+        text = "".join(self._app.tape)
+        self._app.tape.clear()
+        return text
+
+    def svg(self, title: str) -> str:
+        """Return the screen as an SVG picture, in which every space counts in every viewer."""
+        picture = self._app.export_screenshot(title=visible_line(title))
+        return picture.replace("<svg ", '<svg xml:space="preserve" ', 1)
+
+
+async def film_replay(
+    site: Site, player: Player, size: Size, direct: Callable[[ReplayedScreen], Awaitable[None]]
+) -> None:
+    """Show `player` on a screen of `size` while `direct` takes shots; what it raises is raised.
+
+    Raises RuntimeError when the console itself breaks down.
+    """
+    app = FilmApp(site, player)
+    directing: list[asyncio.Task[Any]] = []
+
+    async def ready(pilot: Pilot[object]) -> None:
+        task = asyncio.current_task()
+        assert task is not None
+        directing.append(task)
+        await pilot.pause()
+        await direct(ReplayedScreen(app, pilot, player))
+        app.exit()
+
+    running = asyncio.create_task(app.run_async(mouse=False, size=size, auto_pilot=ready))
+    try:
+        await asyncio.shield(running)
+    except asyncio.CancelledError:
+        for task in directing:
+            task.cancel()
+        app.exit()
+        await asyncio.gather(running, return_exceptions=True)
+        raise
+    if app.return_code:
+        raise RuntimeError("the console broke down while it was filmed")

@@ -1,0 +1,150 @@
+"""Writes a replay as numbered SVG pictures or as an asciicast, version 2."""
+
+import json
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import BinaryIO, get_args
+
+from pa_console.export.replayed_screen import ReplayedScreen, Size
+from pa_console.schema.events.base import Payload
+from pa_console.schema.events.event import EventPayload, MissionReceived
+from pa_console.schema.visible_text import visible_json, visible_line
+from pa_console.session.replay.recording import Recording
+from pa_console.tui.words import clock_text
+
+JUST_BEFORE_S = 5e-7
+"""Half of the microsecond that time stamps are exact to."""
+
+KINDS = tuple(
+    sorted(
+        payload.model_fields["kind"].default
+        for payload in get_args(get_args(EventPayload)[0])
+        if issubclass(payload, Payload) and not payload.transient
+    )
+)
+"""The kinds of events that a log tells of."""
+
+
+@dataclass(frozen=True)
+class Shot:
+    """When a picture is taken, why, and after which event, None for all up to `seconds`."""
+
+    seconds: float
+    name: str
+    index: int | None = None
+
+
+def shots_at(recording: Recording, kinds: Iterable[str], first: float, last: float) -> list[Shot]:
+    """Return a shot after every event of one of `kinds`, of which telemetry is none."""
+    wanted = frozenset(kinds)
+    span = range(recording.count_until(first - JUST_BEFORE_S), recording.count_until(last))
+    told = (index for index in span if not recording.is_telemetry(index))
+    found = [(index, recording[index].data.kind) for index in told]
+    return [Shot(recording.offset(index), kind, index) for index, kind in found if kind in wanted]
+
+
+def shots_every(step: float, first: float, last: float) -> list[Shot]:
+    """Return a shot every `step` seconds, beginning with `first`."""
+    count = int((last - first) / step) + 1
+    return [Shot(first + n * step, f"{first + n * step:.0f}s") for n in range(count)]
+
+
+async def take(
+    film: ReplayedScreen,
+    shots: list[Shot],
+    folder: Path,
+    session: str,
+    advance: Callable[[int], None],
+) -> None:
+    """Write `folder`/0001-NAME.svg and so on; `shots` are in the order of time."""
+    digits = max(4, len(str(len(shots))))
+    for number, shot in enumerate(shots, start=1):
+        if shot.index is None:
+            film.player.seek(shot.seconds)
+        else:
+            film.player.seek(shot.seconds - JUST_BEFORE_S)
+            while film.player.index <= shot.index:
+                film.player.step()
+        await film.show()
+        picture = film.svg(f"{session}  {shot.name}  {clock_text(shot.seconds)}")
+        path = folder / f"{number:0{digits}}-{shot.name}.svg"
+        path.write_text(picture, encoding="utf-8")
+        advance(1)
+
+
+BEGIN = "\x1b[?25l\x1b[0m\x1b[2J"
+END = "\x1b[0m\x1b[?25h\r\n"
+
+
+def positions(recording: Recording, first: float, last: float, step: float) -> list[float]:
+    """Return the seconds to be shown, `step` apart, leaving out those at which nothing is new."""
+    shown = [first]
+    known = recording.count_until(first)
+    for number in range(1, int((last - first) / step) + 1):
+        at = first + number * step
+        count = recording.count_until(at)
+        if count > known:
+            shown.append(at)
+            known = count
+    if recording.count_until(last) > known:
+        shown.append(last)
+    return shown
+
+
+class CastWriter:
+    """Shoots the positions of a replay and writes what the terminal was sent at each."""
+
+    def __init__(
+        self, target: BinaryIO, size: Size, speed: float, advance: Callable[[int], None]
+    ) -> None:
+        """`speed` is recorded seconds a second; `advance` is told of every shot."""
+        self._target, self._size = target, size
+        self._speed, self._advance = speed, advance
+
+    def begin(self, start: datetime, title: str) -> None:
+        """Write the header; `start` is when the session was recorded."""
+        width, height = self._size
+        header = {
+            "version": 2,
+            "width": width,
+            "height": height,
+            "timestamp": int(start.timestamp()),
+            "title": visible_line(title),
+            "env": {"TERM": "xterm-256color"},
+        }
+        self._write(header)
+
+    async def shoot(self, film: ReplayedScreen, shown: list[float]) -> None:
+        """Write a frame for each of the positions, and a marker for each mission that arrives."""
+        film.player.rate = self._speed
+        done = film.player.recording.count_until(shown[0])
+        film.player.seek(shown[0])
+        film.player.playing = True
+        await film.show()
+        self._write((0.0, "o", BEGIN + film.written()))
+        self._advance(1)
+        for position in shown[1:]:
+            film.player.seek(position)
+            film.player.playing = True
+            await film.show()
+            when = round((position - shown[0]) / self._speed, 3)
+            for text in _arrivals(film.player.recording, range(done, film.player.index)):
+                self._write((when, "m", text))
+            done = film.player.index
+            self._write((when, "o", film.written()))
+            self._advance(1)
+        self._write((round((shown[-1] - shown[0]) / self._speed + 2.0, 3), "o", END))
+
+    def _write(self, line: object) -> None:
+        self._target.write(visible_json(json.dumps(line, ensure_ascii=False)).encode() + b"\n")
+
+
+def _arrivals(recording: Recording, span: range) -> Iterator[str]:
+    """Yield id and text of every mission that arrives with the events of `span`."""
+    for index in span:
+        if recording.of_mission(index):
+            data = recording[index].data
+            if isinstance(data, MissionReceived):
+                yield visible_line(f"{data.mission.id} {data.mission.text}")

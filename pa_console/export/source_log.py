@@ -1,0 +1,151 @@
+"""Opens a session log for an export, and writes its result wholly or not at all."""
+
+import os
+import shutil
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from pa_console.orchestrator.station.assembly import Site, load_site, open_world
+from pa_console.policy.rulebook import load_rules
+from pa_console.resources import find_data
+from pa_console.schema.events.event import SessionStarted
+from pa_console.schema.rule import Rule
+from pa_console.schema.world import World
+from pa_console.session.log.chain import LogError
+from pa_console.session.log.log_file import refuse_audit_file
+from pa_console.session.replay.player import Player
+from pa_console.session.replay.recording import Recording
+from pa_console.session.state.fold import SessionState
+from pa_console.session.state.mission_trace import MissionTrace
+
+
+@contextmanager
+def whole_file(path: Path, log: Path) -> Generator[BinaryIO]:
+    """Yield a file that replaces `path` when the block ends well, and vanishes otherwise.
+
+    Raises ValueError when `path` is a folder, the `log` itself or any other file of an audit.
+    """
+    if path.is_dir():
+        raise ValueError(f"{path}: this is a folder; give the name of a file")
+    if path.exists() and path.samefile(log):
+        raise ValueError(f"{path}: this is the log itself; give another name")
+    refuse_audit_file(path)
+    part = _beside(path)
+    try:
+        with part.open("xb") as file:
+            yield file
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+@contextmanager
+def whole_folder(path: Path) -> Generator[Path]:
+    """Yield a folder that gets the name `path` when the block ends well, and vanishes otherwise.
+
+    Raises ValueError when something is there already that is not an empty folder.
+    """
+    if path.exists() and not (path.is_dir() and not any(path.iterdir())):
+        raise ValueError(f"{path}: exists already; name a new or an empty folder")
+    part = _beside(path)
+    part.mkdir()
+    try:
+        yield part
+        if path.exists():
+            path.rmdir()
+        part.rename(path)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def _beside(path: Path) -> Path:
+    """Return a hidden name in the folder of `path`, which no other process uses."""
+    if not path.parent.is_dir():
+        raise ValueError(f"{path}: the folder {path.parent} does not exist")
+    return path.with_name(f".{path.name}.{os.getpid()}.part")
+
+
+@dataclass(frozen=True)
+class OpenedSession:
+    """A recording with the event that opens it."""
+
+    path: Path
+    recording: Recording
+    started: SessionStarted
+
+    def final_state(self) -> SessionState:
+        """Return the session after its last event, by the fold that the screens show."""
+        player = Player(self.recording)
+        player.seek(player.duration)
+        return player.state
+
+
+def open_session(log: Path) -> OpenedSession:
+    """Read `log` up to its first bad line; raises ValueError or LogError without a beginning."""
+    if not log.is_file():
+        raise ValueError(f"{log}: there is no such log")
+    recording = Recording.read(log)
+    if not len(recording):
+        raise LogError(str(log), 1, "the log is empty")
+    started = recording[0].data
+    if not isinstance(started, SessionStarted):
+        raise LogError(str(log), 1, "the log does not begin with the start of a session")
+    return OpenedSession(log, recording, started)
+
+
+def rules_of(started: SessionStarted, given: str | None) -> tuple[dict[str, Rule], str]:
+    """Return the session's rules by id, and what is not as it was then, empty if nothing.
+
+    Rules that are not installed here leave an empty mapping; raises DocumentError for a file that
+    was `given` or found and cannot be read.
+    """
+    name = given or started.rules
+    path = find_data("rules", name, "rules.yaml")
+    if given is None and not path.is_file():
+        return {}, f"the rules {name!r} of this session are not here: ids without texts"
+    book = load_rules(path)
+    changed = book.sha256 != started.rules_sha256
+    note = "the rules have changed since this session" if changed else ""
+    return {rule.id: rule for rule in book.rules}, note
+
+
+def world_of(started: SessionStarted, given: str | None) -> World | None:
+    """Return the session's world, None when it is not installed here and none was `given`."""
+    name = given or started.world
+    if given is None and not find_data("worlds", name, "world.yaml").is_file():
+        return None
+    return open_world(name)[0]
+
+
+def site_of(started: SessionStarted, world: str | None, rules: str | None) -> Site:
+    """Return the world and rules to film a session in, the session's own unless given.
+
+    Raises ValueError when they are not installed here, DocumentError when they cannot be read.
+    """
+    for kind, file, name, given in (
+        ("worlds", "world.yaml", started.world, world),
+        ("rules", "rules.yaml", started.rules, rules),
+    ):
+        if given is None and not find_data(kind, name, file).is_file():
+            raise ValueError(
+                f"{name!r}, the {file} of this session, is not installed here; give the file "
+                f"with --{file.removesuffix('.yaml')}"
+            )
+    return load_site(world or started.world, rules or started.rules, unsigned=True)
+
+
+def choose_mission(missions: Mapping[str, MissionTrace], wanted: str | None) -> MissionTrace:
+    """Return the mission `wanted`, or the only one; raises ValueError that lists those known."""
+    if not missions:
+        raise ValueError("the session has no mission")
+    known = ", ".join(missions)
+    if wanted is None:
+        if len(missions) > 1:
+            raise ValueError(f"which mission? Name one with --mission: {known}")
+        return next(iter(missions.values()))
+    if wanted not in missions:
+        raise ValueError(f"--mission {wanted}: there is no such mission; known: {known}")
+    return missions[wanted]

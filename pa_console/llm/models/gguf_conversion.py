@@ -1,0 +1,151 @@
+"""Makes of one GGUF file another: a smaller vocabulary, weights of another type.
+
+A vocabulary for every script of the world is most of a small model: of the 270 million weights of
+Gemma 3 270M, 168 million are its 262,144 rows. What is left out is written in smaller pieces or
+bytes, as a name in another script is.
+
+`python -m pa_console.llm.models.gguf_conversion SOURCE TARGET TYPE PIECES` ends with 0 when TARGET
+is complete; it is a process of its own that can be stopped. A TYPE of `stored` leaves the weights as they are, 0
+PIECES the vocabulary.
+"""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import gguf
+import llama_cpp
+import numpy as np
+
+from pa_console.llm.models.preparing import AS_STORED, Quantisation
+
+TOKENS, SCORES, TYPES = (f"tokenizer.ggml.{name}" for name in ("tokens", "scores", "token_type"))
+VOCABULARY_SIZE, TOKEN_ID = ".vocab_size", "_token_id"
+ROWS = frozenset({"token_embd.weight", "output.weight"})
+"""The tensors that have a row for every piece."""
+SCORED_MODEL = "llama"
+"""The kind of tokeniser that merges two neighbours whenever the whole is a piece of its own."""
+SPACE = "\u2581"
+ALWAYS = frozenset({gguf.TokenType.BYTE, gguf.TokenType.USER_DEFINED})
+SPARE = 256
+"""The first control piece that nothing uses."""
+PLAIN_CHARACTERS = (range(0x250), range(0x2000, 0x2300))
+"""Latin letters, punctuation, currencies, arrows and operators: kept where they are pieces."""
+
+
+def cut_vocabulary(source: Path, target: Path, pieces: int) -> int:
+    """Write the model of `source` to `target` with a smaller vocabulary, and return its size.
+
+    Kept are bytes, characters, the control pieces that are in use, and of the first `pieces` those
+    in ASCII. Pieces are in the order in which they were found, the commonest first, and the two
+    parts of a piece were found before it: what remains is the vocabulary of a tokeniser that
+    stopped looking earlier, and text in pieces that remain is read as before. Raises ValueError
+    for a file that is not of that kind.
+    """
+    reader = gguf.GGUFReader(source)
+    if SCORES not in reader.fields or _content(reader, "tokenizer.ggml.model") != SCORED_MODEL:
+        raise ValueError(f"{source}: only a vocabulary of scored pieces can be cut")
+    kept = kept_pieces(_content(reader, TOKENS), _content(reader, TYPES), pieces)
+    architecture = _content(reader, gguf.Keys.General.ARCHITECTURE)
+    writer = gguf.GGUFWriter(target, architecture)
+    for field in reader.fields.values():
+        if field.name.startswith("GGUF.") or field.name == gguf.Keys.General.ARCHITECTURE:
+            continue
+        kinds = field.types
+        array = kinds[0] == gguf.GGUFValueType.ARRAY
+        value = _cut(field.name, field.contents(), kept)
+        writer.add_key_value(field.name, value, kinds[0], sub_type=kinds[-1] if array else None)
+    rows = np.array(kept)
+    for tensor in reader.tensors:
+        data = tensor.data[rows] if tensor.name in ROWS else tensor.data
+        writer.add_tensor(tensor.name, data, raw_dtype=tensor.tensor_type)
+    writer.write_header_to_file()
+    writer.write_kv_data_to_file()
+    writer.write_tensors_to_file()
+    writer.close()
+    return len(kept)
+
+
+def kept_pieces(words: Sequence[str], types: Sequence[int], pieces: int) -> list[int]:
+    """Return the numbers of the pieces that are kept, in order."""
+    return [
+        number
+        for number, (word, kind) in enumerate(zip(words, types, strict=True))
+        if _kept(number, word, gguf.TokenType(kind), pieces)
+    ]
+
+
+def _kept(number: int, word: str, kind: gguf.TokenType, pieces: int) -> bool:
+    if kind in ALWAYS:
+        return True
+    if kind != gguf.TokenType.NORMAL:
+        return number < SPARE
+    if len(word) == 1:
+        return word == SPACE or any(ord(word) in block for block in PLAIN_CHARACTERS)
+    return number < pieces and word.replace(SPACE, " ").isascii()
+
+
+def _cut(name: str, value: Any, kept: Sequence[int]) -> Any:
+    """Return what the field called `name` says of the pieces that are `kept`."""
+    if name in {TOKENS, SCORES, TYPES}:
+        return [value[number] for number in kept]
+    if name.endswith(VOCABULARY_SIZE):
+        return len(kept)
+    return kept.index(value) if name.endswith(TOKEN_ID) else value
+
+
+def _content(reader: gguf.GGUFReader, name: str) -> Any:
+    field = reader.get_field(name)
+    if field is None:
+        raise ValueError(f"{name} is missing")
+    return field.contents()
+
+
+_api: Any = llama_cpp
+FILE_TYPES: dict[Quantisation, int] = {
+    "f16": _api.LLAMA_FTYPE_MOSTLY_F16,
+    "bf16": _api.LLAMA_FTYPE_MOSTLY_BF16,
+    "q8_0": _api.LLAMA_FTYPE_MOSTLY_Q8_0,
+    "q4_0": _api.LLAMA_FTYPE_MOSTLY_Q4_0,
+}
+
+
+def quantise(source: str, target: str, quantisation: Quantisation) -> None:
+    """Write the weights of `source` to `target`; raises ValueError when llama.cpp cannot.
+
+    Embeddings and output layer become Q8_0 whatever the type: they are read one row or one token
+    at a time, so a wider type would only cost memory.
+    """
+    parameters = _api.llama_model_quantize_default_params()
+    parameters.ftype = FILE_TYPES[quantisation]
+    parameters.allow_requantize = True
+    parameters.token_embedding_type = parameters.output_tensor_type = _api.GGML_TYPE_Q8_0
+    if _api.llama_model_quantize(source.encode(), target.encode(), parameters) != 0:
+        raise ValueError(f"llama.cpp could not write {target} from {source}")
+
+
+def convert(source: str, target: str, kind: str, pieces: int) -> None:
+    """Write to `target` what `kind` and `pieces` make of `source`; raises ValueError or OSError."""
+    if pieces and kind == AS_STORED:
+        cut_vocabulary(Path(source), Path(target), pieces)
+    elif pieces:
+        smaller = f"{target}.cut"
+        cut_vocabulary(Path(source), Path(smaller), pieces)
+        quantise(smaller, target, kind)  # type: ignore[arg-type]
+        Path(smaller).unlink()
+    else:
+        quantise(source, target, kind)  # type: ignore[arg-type]
+
+
+@_api.llama_log_callback
+def _no_log(_level: int, _text: bytes, _data: object) -> None:
+    """Swallow what llama.cpp has to say: a line for every tensor."""
+
+
+if __name__ == "__main__":
+    _api.llama_log_set(_no_log, None)
+    try:
+        convert(sys.argv[1], sys.argv[2], sys.argv[3], int(sys.argv[4]))
+    except (ValueError, OSError) as error:
+        sys.exit(str(error))

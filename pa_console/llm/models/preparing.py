@@ -1,0 +1,244 @@
+"""Keeps a model's weights as they are to run, made once from the file that was fetched.
+
+That is in the type that is fastest here, and with no more vocabulary than is needed. The same
+source gives the same bytes on every machine, whatever its CPU and however many threads: the
+catalogue pins the SHA-256 of what it asks for. Where it has no pin, a JSON file beside
+`<name>-<how>.gguf` says what it was made from and its hash, signed with this machine's key, which
+is in another folder. A prepared file that does not fit the pin or the record is made again.
+"""
+
+import errno
+import shutil
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Literal
+
+from filelock import FileLock
+from pydantic import Field, ValidationError
+
+from pa_console.llm.errors import PullError
+from pa_console.llm.models.cache import CACHE_VARIABLE, hash_file, models_folder, partial_folder
+from pa_console.llm.models.large_files import require_room, run_watched
+from pa_console.schema.base import StrictModel
+from pa_console.signing import SigningError, fingerprint, is_signature, known_keys, load_signer
+
+Quantisation = Literal["f16", "bf16", "q8_0", "q4_0"]
+Progress = Callable[[int, int, str], None]
+"""Called with bytes done, bytes in all (estimated) and what is being done; may raise to stop."""
+
+COMMAND = (sys.executable, "-P", "-m", "pa_console.llm.models.gguf_conversion")
+LLAMA_CPP = "llama-cpp-python"
+PURPOSE = b"pa-console prepared weights\n"
+AS_STORED = "stored"
+BYTES_A_WEIGHT: dict[Quantisation, float] = {"f16": 2, "bf16": 2, "q8_0": 1.07, "q4_0": 0.57}
+SOURCE_BYTES_A_WEIGHT = 0.5
+"""The least that a weight takes in a source: what is needed is never guessed too low."""
+
+Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+
+
+@dataclass(frozen=True)
+class Preparation:
+    """What is done to a file: its weights in a type (None: as stored), its vocabulary cut."""
+
+    quantisation: Quantisation | None = None
+    vocabulary: int | None = None
+    """Of the first so many pieces those in ASCII are kept, None: all there are."""
+
+    def __str__(self) -> str:
+        parts = [f"{self.vocabulary} pieces"] if self.vocabulary else []
+        return ", ".join([*parts, *([self.quantisation] if self.quantisation else [])])
+
+    @property
+    def weight_bytes(self) -> float:
+        """The most that a weight takes afterwards."""
+        return BYTES_A_WEIGHT[self.quantisation or "q8_0"]
+
+
+class Origin(StrictModel):
+    """What a prepared file was made from, and the SHA-256 it has since; who says so.
+
+    `signer` is a public key in hexadecimal, `signature` is over PURPOSE and the other fields.
+    """
+
+    source_sha256: Sha256
+    quantisation: Quantisation | None
+    vocabulary: int | None = None
+    llama_cpp: str
+    sha256: Sha256
+    signer: str = ""
+    signature: str = ""
+
+    def of(self, how: Preparation, source_sha256: str) -> bool:
+        """Return whether the file is what would be made now."""
+        wanted = (source_sha256, how.quantisation, how.vocabulary, version(LLAMA_CPP))
+        return wanted == (self.source_sha256, self.quantisation, self.vocabulary, self.llama_cpp)
+
+    def signed(self) -> "Origin":
+        """Return the record signed with this machine's key; raises SigningError."""
+        signer = load_signer()
+        unsigned = self.model_copy(update={"signer": signer.public, "signature": ""})
+        signature = signer.sign(unsigned._signed_part())
+        return unsigned.model_copy(update={"signature": signature})
+
+    def is_ours(self) -> bool:
+        """Whether this machine's key signed the record as it is; raises SigningError."""
+        if not is_signature(self.signature, self._signed_part(), self.signer):
+            return False
+        return fingerprint(self.signer) in known_keys()
+
+    def _signed_part(self) -> bytes:
+        return PURPOSE + self.model_dump_json(exclude={"signature"}).encode()
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A prepared file that was checked."""
+
+    path: Path
+    sha256: str
+
+
+def silent(_done: int, _total: int, _text: str) -> None:
+    """Report nothing."""
+
+
+def prepared_path(name: str, how: Preparation) -> Path:
+    """Return where the prepared weights of model `name` are kept; they may not be there."""
+    return models_folder() / f"{_prepared_name(name, how)}.gguf"
+
+
+def find_pinned(name: str, how: Preparation, pin: Sha256) -> Prepared | None:
+    """Return the prepared weights when their SHA-256 is the pinned one, else None."""
+    path = prepared_path(name, how)
+    try:
+        return Prepared(path, pin) if hash_file(path) == pin else None
+    except OSError:
+        return None
+
+
+def find_recorded(name: str, how: Preparation, source_sha256: str) -> Prepared | None:
+    """Return the prepared weights when this machine's signed record vouches for them, else None.
+
+    That is for weights that nobody pinned: the record must be of that source, and the hash in it
+    that of the file.
+    """
+    path = prepared_path(name, how)
+    try:
+        origin = Origin.model_validate_json(_origin_path(path).read_bytes())
+        if not (origin.of(how, source_sha256) and origin.is_ours()):
+            return None
+        return Prepared(path, origin.sha256) if hash_file(path) == origin.sha256 else None
+    except (OSError, ValidationError, SigningError):
+        return None
+
+
+def prepare(
+    name: str,
+    how: Preparation,
+    source: Path,
+    source_sha256: str,
+    progress: Progress = silent,
+    *,
+    pin: Sha256 | None = None,
+) -> Prepared:
+    """Return the prepared weights of `source`, made now unless they are there.
+
+    The file appears only when it is complete and, where there is a `pin`, has that SHA-256; another
+    process that makes it is waited for. Raises PullError, naming the remedy, when there is no room,
+    it cannot be made, or what was made is not what is pinned.
+    """
+    path, folder = prepared_path(name, how), partial_folder(_prepared_name(name, how))
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with FileLock(folder.with_suffix(f"{folder.suffix}.lock")):
+            found = find_pinned(name, how, pin) if pin else find_recorded(name, how, source_sha256)
+            if found is None:
+                path.unlink(missing_ok=True)
+                found = _make(path, folder, how, source, source_sha256, progress, pin)
+            return found
+    except OSError as error:
+        raise PullError(_explain(error, folder)) from error
+
+
+def _make(  # noqa: PLR0917
+    path: Path,
+    folder: Path,
+    how: Preparation,
+    source: Path,
+    source_sha256: str,
+    progress: Progress,
+    pin: Sha256 | None,
+) -> Prepared:
+    total = int(source.stat().st_size / SOURCE_BYTES_A_WEIGHT * how.weight_bytes)
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        require_room(folder, total)
+        partial = folder / path.name
+        run_watched(
+            [
+                *COMMAND,
+                str(source),
+                str(partial),
+                how.quantisation or AS_STORED,
+                str(how.vocabulary or 0),
+            ],
+            environment={},
+            folder=folder,
+            report=lambda done: progress(min(done, total), total, f"preparing {how} weights"),
+        )
+        digest = hash_file(partial)
+        if pin is None:
+            _record(path, folder, how, source_sha256, digest)
+        elif digest != pin:
+            raise PullError(_not_as_pinned(how, source, digest, pin))
+        partial.replace(path)
+        progress(total, total, f"{how} weights are ready")
+        return Prepared(path, digest)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _record(path: Path, folder: Path, how: Preparation, source_sha256: str, digest: str) -> None:
+    """Note beside `path` what it will be; without a key to sign with, it is made at every start."""
+    origin = Origin(
+        source_sha256=source_sha256,
+        quantisation=how.quantisation,
+        vocabulary=how.vocabulary,
+        llama_cpp=version(LLAMA_CPP),
+        sha256=digest,
+    )
+    noted = folder / _origin_path(path).name
+    try:
+        noted.write_text(origin.signed().model_dump_json() + "\n", encoding="utf-8")
+    except SigningError:
+        _origin_path(path).unlink(missing_ok=True)
+        return
+    noted.replace(_origin_path(path))
+
+
+def _not_as_pinned(how: Preparation, source: Path, digest: str, pin: str) -> str:
+    return (
+        f"{source}: the {how} weights made of it by {LLAMA_CPP} {version(LLAMA_CPP)} have the "
+        f"SHA-256 {digest}, the catalogue pins {pin}; they were deleted: install PA Console again, "
+        "or take `prepare` and `vocabulary` out of the model's entry in models/catalog.yaml to run "
+        "the fetched file as it is"
+    )
+
+
+def _prepared_name(name: str, how: Preparation) -> str:
+    return "-".join(map(str, filter(None, (name, how.vocabulary, how.quantisation))))
+
+
+def _origin_path(path: Path) -> Path:
+    return path.with_suffix(".json")
+
+
+def _explain(error: OSError, folder: Path) -> str:
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return f"the disk of {folder} is full: free some space, or set {CACHE_VARIABLE}"
+    return f"{error.filename or folder}: {error.strerror or error}"

@@ -1,0 +1,116 @@
+"""How a model is spoken to and how it answers: at length with examples, or as adapters learnt it.
+
+A model without adapters needs instructions and examples in every prompt; one with adapters was
+trained on short prompts and short verdicts (`compact_prompt.py`).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from pa_console.llm.roles.compact_prompt import (
+    compact_fixed,
+    compact_judge_prompt,
+    compact_outcome_prompt,
+    compact_planner_prompt,
+    picture_prefix,
+    typed_prefix,
+)
+from pa_console.llm.roles.grammar import (
+    compact_judge_grammar,
+    compact_opening_grammar,
+    judge_grammar,
+)
+from pa_console.llm.roles.prompts import (
+    Prompt,
+    fixed_part,
+    judge_prompt,
+    outcome_prompt,
+    planner_prompt,
+)
+from pa_console.orders.clause_grammar import ASKED_ONCE, grounded_asked, grounded_reason
+from pa_console.schema.events.event import Role
+from pa_console.schema.rule import Rule
+from pa_console.schema.telemetry import Digest
+from pa_console.schema.world import World
+
+DialectName = Literal["examples", "compact"]
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """The prompts of every role, the grammar of a verdict, and what can be read ahead of both."""
+
+    name: DialectName
+    planner: Callable[..., Prompt]
+    judge: Callable[..., Prompt]
+    outcome: Callable[..., Prompt]
+    verdict: Callable[..., str]
+    reason: Callable[[World, Digest, str, str], Sequence[str]]
+    """What the reason of a plan for a mission in those words can state, as regular expressions that
+    all have to match; without any, anything. The last argument is what was asked, if the operator
+    has said so."""
+    opening: Callable[[World, Digest, str, str], str] | None
+    """The grammar of how a verdict on a plan begins: with what a mission in those words asked, so
+    that the console can compare the plan with it; None: the judge compares on its own. The last
+    argument is as in `reason`."""
+    outcome_opening: str | None
+    """The same of a verdict on an outcome where none on the plan has said it."""
+    ahead: Callable[[Role, World, Digest | None], Prompt]
+    """The beginning of a role's prompts that does not depend on a mission; without a picture, of
+    a world too large to be told whole."""
+    typed: Callable[[Role, World, Digest, Sequence[Rule], str], Prompt] | None
+    """The same with the rules and the words of a mission that is being typed; None where the
+    picture is not told first, so that nothing is gained."""
+    plan_tokens: int
+    verdict_tokens: int
+    """The longest answers; room for them is kept in the context."""
+
+
+def _fixed_only(role: Role, world: World, _digest: Digest | None) -> Prompt:
+    """Return the fixed part; with examples, the picture comes after the retrieved rules."""
+    return Prompt(fixed_part(role, world), "")
+
+
+def _compact_ahead(role: Role, world: World, digest: Digest | None) -> Prompt:
+    """Return fixed part and picture; outcomes are judged in a picture that is yet to come."""
+    if digest is None or role == "outcome":
+        return Prompt(compact_fixed(role, world), "")
+    return picture_prefix(role, world, digest)
+
+
+def _compact_opening(world: World, digest: Digest, words: str, asked: str) -> str:
+    return compact_opening_grammar(grounded_asked(world, digest, words, asked))
+
+
+DIALECTS: dict[DialectName, Dialect] = {
+    "examples": Dialect(
+        "examples",
+        planner_prompt,
+        judge_prompt,
+        outcome_prompt,
+        judge_grammar,
+        lambda _world, _digest, _words, _asked: (),
+        None,
+        None,
+        _fixed_only,
+        None,
+        700,
+        900,
+    ),
+    "compact": Dialect(
+        "compact",
+        compact_planner_prompt,
+        compact_judge_prompt,
+        compact_outcome_prompt,
+        compact_judge_grammar,
+        grounded_reason,
+        _compact_opening,
+        compact_opening_grammar((ASKED_ONCE,)),
+        _compact_ahead,
+        typed_prefix,
+        400,
+        200,
+    ),
+}
+"""The dialects by the name that a catalogue entry gives."""

@@ -1,0 +1,138 @@
+"""The planner role: a prompt in, text as it comes, then a plan or why there is none."""
+
+from collections.abc import AsyncGenerator, Sequence
+from dataclasses import dataclass, field
+from json import JSONDecoder
+
+from pydantic import ValidationError
+
+from pa_console.llm.engine.engine import Engine
+from pa_console.llm.engine.protocol import Request, confidence
+from pa_console.llm.roles.engine_call import ask_model
+from pa_console.llm.roles.grammar import READ, begun_reason, reason_grammar
+from pa_console.llm.roles.prompts import Prompt
+from pa_console.orders.reading import asked_words
+from pa_console.schema.finding import Usage
+from pa_console.schema.plan import Action, Plan
+
+MAX_TOKENS = 700
+REASON_TOKENS = 114
+"""The longest reason that is written to see what else was asked."""
+DEADLINE_S = 60.0
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """The planner's whole answer; `plan` None means hold, `error` says why.
+
+    `fatal` means that asking again would not help: cancelled, too late, or the engine failed.
+    """
+
+    text: str
+    plan: Plan | None
+    error: str = ""
+    fatal: bool = False
+    usage: Usage = field(default_factory=Usage)
+    confidence: float | None = None
+    """The chance, 0 to 1, that it gave to what it says was asked; None where it says nothing."""
+
+
+class Planner:
+    """Writes plans with the model of `engine`, each within `deadline_s` seconds."""
+
+    def __init__(
+        self, engine: Engine, *, max_tokens: int = MAX_TOKENS, deadline_s: float = DEADLINE_S
+    ) -> None:
+        self._engine, self._max_tokens, self._deadline_s = engine, max_tokens, deadline_s
+
+    async def plan(self, prompt: Prompt, grammar: str) -> AsyncGenerator[str | Proposal]:
+        """Give the answer to `prompt` in pieces, then one Proposal; never raises EngineError."""
+        request = Request(
+            "planner", prompt.system, prompt.user, grammar, self._max_tokens, self._deadline_s
+        )
+        async for item in ask_model(self._engine, request):
+            if isinstance(item, str):
+                yield item
+            elif item.error:
+                yield Proposal(item.text, None, item.error, item.fatal, item.usage)
+            else:
+                plan, error = read_plan(item.text)
+                asked = asked_words(plan.reason) if plan is not None else ""
+                sure = confidence(item.chances, item.text, asked)
+                yield Proposal(item.text, plan, error, usage=item.usage, confidence=sure)
+
+    async def several(
+        self, prompt: Prompt, grammar: str, count: int, begun: str = ""
+    ) -> tuple[list[Proposal], Usage]:
+        """Return up to `count` other plans for `prompt`, the likeliest first.
+
+        They begin as the most likely answer does, as far as `begun` says. The usage is of all of
+        them together; that of each Proposal is empty. Never raises EngineError.
+        """
+        request = Request(
+            "planner",
+            prompt.system,
+            prompt.user,
+            grammar,
+            self._max_tokens,
+            self._deadline_s,
+            count,
+            begun=begun,
+        )
+        texts: tuple[str, ...] = ()
+        usage = Usage()
+        async for item in ask_model(self._engine, request):
+            if not isinstance(item, str):
+                texts, usage = item.texts, item.usage
+        plans: dict[tuple[Action, ...], Proposal] = {}
+        for text in texts:
+            plan, _ = read_plan(text)
+            if plan is not None:
+                plans.setdefault(plan.actions, Proposal(text, plan))
+        return list(plans.values()), usage
+
+    async def readings(
+        self, prompt: Prompt, reasons: Sequence[str], count: int, within: str = ""
+    ) -> tuple[list[str], Usage]:
+        """Return what else the planner might have said of `prompt` was asked, the likeliest first.
+
+        The beginnings of `count` reasons that match `reasons` are written besides the most likely
+        one, which they leave before the end of its beginning `within`. What was asked in them is
+        given once, in the words in which it would be read. Never raises EngineError.
+        """
+        request = Request(
+            "planner",
+            prompt.system,
+            prompt.user,
+            reason_grammar(reasons),
+            min(self._max_tokens, REASON_TOKENS),
+            self._deadline_s,
+            count,
+            within=within,
+            stop=READ,
+        )
+        texts: tuple[str, ...] = ()
+        usage = Usage()
+        async for item in ask_model(self._engine, request):
+            if not isinstance(item, str):
+                texts, usage = item.texts, item.usage
+        found = (asked_words(begun_reason(text)) for text in texts)
+        return list(dict.fromkeys(asked.rstrip("; ") for asked in found if asked)), usage
+
+
+def read_plan(text: str) -> tuple[Plan | None, str]:
+    """Return the plan that `text` holds, or None and the first thing wrong with it.
+
+    Words around the JSON object, or a fence, do not matter: without a grammar models write them.
+    """
+    begin = text.find("{")
+    try:
+        _, end = JSONDecoder().raw_decode(text, max(begin, 0))
+    except ValueError:
+        end = len(text)
+    try:
+        return Plan.model_validate_json(text[max(begin, 0) : end]), ""
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(map(str, first["loc"]))
+        return None, f"the answer is not a plan: {where + ': ' if where else ''}{first['msg']}"

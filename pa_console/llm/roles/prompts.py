@@ -1,0 +1,274 @@
+"""The prompts of planner and judge (paper, Step 5): fixed text first, what changes last.
+
+The order keeps the model's KV cache useful. Mission text comes from outside: it is written as a
+JSON string, whose closing quote it cannot forge, and never reaches the fixed part.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pa_console.llm.roles.prompt_facts import (
+    command_vocabulary,
+    frames,
+    free_assets,
+    low_battery,
+    picture_facts,
+    plan_facts,
+    rehearsal_facts,
+    verification_facts,
+)
+from pa_console.schema.events.event import Role
+from pa_console.schema.mission import Mission, Verification
+from pa_console.schema.plan import Plan
+from pa_console.schema.rehearsal import Rehearsal
+from pa_console.schema.rule import Rule
+from pa_console.schema.telemetry import Digest
+from pa_console.schema.world import World
+
+
+@dataclass(frozen=True)
+class Prompt:
+    """What one role is told: `system` does not change during a session, `user` does."""
+
+    system: str
+    user: str
+
+
+PLANNER = """\
+You command the assets of a checkpoint. Answer a mission with a plan: one JSON object, a short
+reason first, then one command for each asset that has something to do.
+- Only Free assets move. Take one of the kind that is asked for; more only when more are asked for.
+- Guards stay: each is alone at its gate. A guard may hold, report or observe its own gate.
+- A gate without guard gets one Free asset. An asset with low battery returns to base.
+- Track: one drone observes and one robot identifies it; once identified, a robot warns it; a
+  vehicle blocks it only when it is hostile and was warned.
+- A question is answered with report.
+
+Examples from another checkpoint
+Mission: "Get a vehicle over to MillGate."
+Free: drone Kite_1; vehicle Mule_1, Mule_2; robot Guard_1
+{"reason": "one vehicle to MillGate: Mule_1", \
+"actions": [{"agent": "Mule_1", "command": "move_to MillGate"}]}
+
+Tracks: person at DockGate, not identified
+Mission: "Somebody is hanging around DockGate."
+Free: drone Kite_2, Kite_4; vehicle Mule_1; robot Guard_2, Guard_3
+{"reason": "unknown person at DockGate: one drone observes, Kite_2; one robot identifies, \
+Guard_2", "actions": [{"agent": "Kite_2", "command": "observe DockGate"}, \
+{"agent": "Guard_2", "command": "identify DockGate"}]}
+
+Tracks: car at MillGate, unauthorized, not warned
+Mission: "Have the car at MillGate drive off."
+Free: drone Kite_2; vehicle Mule_1; robot Guard_1, Guard_3
+{"reason": "identified car at MillGate: one robot warns, Guard_1", \
+"actions": [{"agent": "Guard_1", "command": "warn MillGate"}]}
+
+Without guard: DockGate, needs one Free asset
+Mission: "Mule_2 broke down, fill the gap."
+Free: drone none; vehicle Mule_3; robot Guard_1, Guard_2
+{"reason": "DockGate has no guard: one free asset goes, Mule_3", \
+"actions": [{"agent": "Mule_3", "command": "move_to DockGate"}]}
+
+Low battery: Kite_3, to return to base
+Guards: Kite_2 at MillGate; Kite_3 at DockGate
+Mission: "Kite_3 needs a break."
+Free: drone Kite_1, Kite_4; vehicle none; robot Guard_2
+{"reason": "Kite_3 returns; one free asset takes over DockGate: Kite_1", \
+"actions": [{"agent": "Kite_1", "command": "move_to DockGate"}, \
+{"agent": "Kite_3", "command": "return_to_base"}]}
+
+Guards: Kite_2 at MillGate; Kite_3 at DockGate
+Mission: "All units to MillGate!"
+Free: drone none; vehicle Mule_1; robot Guard_2
+{"reason": "guards stay (WF-03); all free assets go: Mule_1, Guard_2", \
+"actions": [{"agent": "Mule_1", "command": "move_to MillGate"}, \
+{"agent": "Guard_2", "command": "move_to MillGate"}]}
+Mission: "Kite_3, come in from DockGate."
+Free: drone Kite_1; vehicle Mule_1; robot Guard_2
+{"reason": "Kite_3 is not free, it guards DockGate (WF-03): it holds", \
+"actions": [{"agent": "Kite_3", "command": "hold"}]}
+Mission: "Mule_1, drive to DockGate."
+Free: drone Kite_1; vehicle Mule_4, Mule_1; robot Guard_2
+{"reason": "Mule_1 is free: it goes", \
+"actions": [{"agent": "Mule_1", "command": "move_to DockGate"}]}
+Mission: "Guard_2 and Mule_1, do not move."
+Free: drone Kite_1; vehicle Mule_1; robot Guard_2
+{"reason": "Guard_2 and Mule_1 hold", \
+"actions": [{"agent": "Guard_2", "command": "hold"}, {"agent": "Mule_1", "command": "hold"}]}
+Mission: "Anything new?"
+Free: drone Kite_1; vehicle Mule_1; robot Guard_2
+{"reason": "a question: one report, Kite_1", \
+"actions": [{"agent": "Kite_1", "command": "report"}]}
+"""
+
+JUDGE = """\
+You are the judge of a checkpoint: does the plan do what the mission asks? You did not write it.
+Answer with one JSON object: for every rule "violates" when the rehearsal shows that problem, else
+"complies"; feedback in one short sentence; then the verdict.
+Success: the plan does what is asked and the rehearsal has no problem.
+Failure: another gate, another kind of asset, another task, or a problem.
+
+Examples from another checkpoint
+Mission: "Get a vehicle over to MillGate."
+Plan: vehicle Mule move_to MillGate
+Rehearsal: no problem, so every rule complies
+{"rules": [{"id": "WF-03", "verdict": "complies"}], \
+"feedback": "asked: vehicle at MillGate; planned: vehicle at MillGate; it fits", \
+"verdict": "Success"}
+Mission: "Somebody is hanging around DockGate."
+Plan: drone Kite observe MillGate
+Rehearsal: no problem, so every rule complies
+{"rules": [{"id": "WF-03", "verdict": "complies"}], \
+"feedback": "asked: look at DockGate; planned: look at MillGate; another gate", \
+"verdict": "Failure"}
+Mission: "What do you see?"
+Plan: drone Kite report
+Rehearsal: no problem, so every rule complies
+{"rules": [{"id": "WF-03", "verdict": "complies"}], \
+"feedback": "asked: a report; planned: a report; it fits", \
+"verdict": "Success"}
+Mission: "Send a robot to DockGate."
+Plan: robot Bolt move_to DockGate
+Rehearsal: problem: MillGate is left uncovered
+{"rules": [{"id": "WF-03", "verdict": "violates"}], \
+"feedback": "asked: robot at DockGate; planned: robot at DockGate; MillGate is left uncovered", \
+"verdict": "Failure"}
+Mission: "Bolt and Mule, do not move."
+Plan: robot Bolt move_to Yard
+Rehearsal: no problem, so every rule complies
+{"rules": [{"id": "WF-03", "verdict": "complies"}], \
+"feedback": "asked: hold; planned: move; another task", \
+"verdict": "Failure"}
+Mission: "Person at DockGate."
+Plan: drone Kite observe DockGate; robot Rivet identify DockGate
+Rehearsal: no problem, so every rule complies
+{"rules": [{"id": "WF-03", "verdict": "complies"}], \
+"feedback": "asked: see who is at DockGate; planned: observe and identify at DockGate; it fits", \
+"verdict": "Success"}
+"""
+
+OUTCOME = """\
+You are the judge of a checkpoint. A plan was carried out; telemetry says what happened.
+Answer with one JSON object: no rules, feedback in one sentence, then the verdict: Success when the
+mission was served and every gate stayed covered, else Failure.
+"""
+
+
+def fixed_part(role: Role, world: World) -> str:
+    """Return what every prompt of `role` begins with; the engine can read it ahead."""
+    if role == "judge":
+        return JUDGE
+    return (PLANNER if role == "planner" else OUTCOME) + "\n" + command_vocabulary(world)
+
+
+def planner_prompt(  # noqa: PLR0917
+    world: World,
+    digest: Digest,
+    rules: Sequence[Rule],
+    mission: Mission,
+    repair: Sequence[str] = (),
+    previous: str = "",
+) -> Prompt:
+    """Return the planner's prompt; `repair` says what was wrong with the `previous` answer."""
+    user = [
+        _rules(rules),
+        *frames(world, digest),
+        picture_facts(digest),
+        mission_line(mission.text),
+    ]
+    user.append(free_assets(digest))
+    if repair:
+        faults = "\n".join(f"- {' '.join(reason.split())}" for reason in repair)
+        user.append(f"Your previous answer: {previous}\nIt cannot be carried out:\n{faults}")
+        user.append("Write a better plan.")
+    return Prompt(fixed_part("planner", world), "\n".join(user))
+
+
+def judge_prompt(  # noqa: PLR0917
+    world: World,
+    digest: Digest,
+    rules: Sequence[Rule],
+    mission: Mission,
+    plan: Plan,
+    rehearsal: Rehearsal,
+) -> Prompt:
+    """Return the judge's prompt; what the safeguards think is not in it, so it is independent.
+
+    Of the picture it holds the low batteries alone: a small model takes a line about guards or
+    assets that are down for a fault of the plan. The rehearsal says what matters of the rest.
+    """
+    user = [
+        _rules(rules),
+        *low_battery(digest),
+        "",
+        mission_line(mission.text),
+        f"Plan: {plan_facts(world, plan)}",
+        rehearsal_facts(world, rehearsal),
+    ]
+    return Prompt(fixed_part("judge", world), "\n".join(user))
+
+
+def outcome_prompt(
+    world: World, digest: Digest, mission: Mission, plan: Plan, verification: Verification
+) -> Prompt:
+    """Return the judge's prompt about an executed plan; `digest` is the picture afterwards."""
+    user = [
+        *frames(world, digest),
+        picture_facts(digest),
+        mission_line(mission.text),
+        f"Plan: {_plan(plan)}",
+        verification_facts(verification),
+    ]
+    return Prompt(fixed_part("outcome", world), "\n".join(user))
+
+
+def _rules(rules: Sequence[Rule]) -> str:
+    """Return the rules, the critical ones first and by id: they are the same every time."""
+    pinned = sorted((rule for rule in rules if rule.priority == "critical"), key=lambda r: r.id)
+    others = [rule for rule in rules if rule.priority != "critical"]
+    lines = [f"{rule.id}: {' '.join(rule.text.split())}" for rule in (*pinned, *others)]
+    return "Rules\n" + "\n".join(lines or ["none"])
+
+
+def mission_line(text: str) -> str:
+    """Return the mission's words as one line that nothing in them can end."""
+    return f"Mission: {json.dumps(' '.join(text.split()), ensure_ascii=False)}"
+
+
+def _plan(plan: Plan) -> str:
+    """Return `plan` spaced as the planner writes it."""
+    return json.dumps(plan.model_dump(mode="json"), ensure_ascii=False)
+
+
+SYSTEM = "You are the decision engine of a checkpoint's edge command center."
+
+
+def paper_prompt(world: World, digest: Digest, rules: Sequence[Rule], mission: Mission) -> Prompt:
+    """Return mission command, instruction, state, retrieved context and output format, in order.
+
+    The paper shows its prompt in simplified form only: the command templates that it speaks of
+    are ours, and a device's state is where it stands and what it does.
+    """
+    state = [f"{name}: {post}" for name, post in digest.posts.items()]
+    state += [f"{name}: unavailable" for name in digest.down]
+    context = [f"{rule.id}: {' '.join(rule.text.split())}" for rule in rules]
+    user = [
+        f"Mission Command: {' '.join(mission.text.split())}",
+        "",
+        "Instruction: Return only valid JSON; use predefined device names and command templates; "
+        "preserve command order; maintain gate coverage.",
+        "",
+        command_vocabulary(world),
+        "",
+        "Current State:",
+        *(state or ["none"]),
+        "",
+        "Retrieved Context:",
+        *(context or ["none"]),
+        "",
+        "Expected Output Format:",
+        '{"actions": [{"agent": "<agent>", "command": "<command>"}], '
+        '"reason": "<short explanation>"}',
+    ]
+    return Prompt(SYSTEM, "\n".join(user))

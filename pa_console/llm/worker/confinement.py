@@ -1,0 +1,181 @@
+"""What the model's process may not do: it reads its files, computes, and speaks to its parent.
+
+A GGUF file is parsed, and a grammar compiled, by large C and C++ libraries. Whoever finds a hole in
+them finds no network, no other program, no file to write, no key in the environment, and no more
+memory than the model needs. The model is computed on the CPU: the devices of a GPU are files that
+are opened to be written to, and stay closed too. 
+`python -m pa_console.llm.worker.confinement` tries what it says.
+"""
+
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from pa_console.llm.worker import seccomp
+from pa_console.schema.base import StrictModel
+
+KEPT_VARIABLES = frozenset(
+    (
+        "PATH",
+        "HOME",
+        "LANG",
+        "LC_ALL",
+        "LC_CTYPE",
+        "LD_LIBRARY_PATH",
+        "DYLD_LIBRARY_PATH",
+        "SYSTEMROOT",
+        "PYTHONPATH",
+        "PYTHONHOME",
+        "PYTHONUSERBASE",
+        "PYTHONNOUSERSITE",
+        "PYTHONDONTWRITEBYTECODE",
+        "PYTHONPYCACHEPREFIX",
+        "OMP_NUM_THREADS",
+        "OMP_PLACES",
+        "OMP_PROC_BIND",
+        "OMP_WAIT_POLICY",
+        "GOMP_CPU_AFFINITY",
+        "GOMP_SPINCOUNT",
+        "OPENBLAS_NUM_THREADS",
+    )
+)
+"""Where Python and its libraries are, the language, and how threads are placed: nothing secret."""
+
+OPEN_FILES = 64
+WORK_BYTES = 2 << 30
+"""For Python, its libraries and a grammar; measured: 0.3 GB with 135M weights."""
+
+WEIGHTS_TIMES = 3
+"""The caches of all roles of a 7B model with 4096 tokens each take twice its weights at most."""
+
+THREAD_BYTES = 16 << 20
+STATUS = Path("/proc/self/status")
+TRIAL_LIMIT_S = 30.0
+
+
+class Restriction(StrictModel):
+    """Something that the process cannot do; `missing` says why it can here, if it can."""
+
+    what: str
+    missing: str = ""
+
+
+def clean_environment(given: Mapping[str, str]) -> dict[str, str]:
+    """Return what of the environment `given` the model's process gets."""
+    return {name: value for name, value in given.items() if name in KEPT_VARIABLES}
+
+
+def confine(weights_bytes: int, threads: int) -> tuple[Restriction, ...]:
+    """Give up, for good, what a process does not need that loads weights of that size.
+
+    It is called once the libraries are imported and before anything of a model is parsed. Returns
+    what is given up, and what cannot be here.
+    """
+    return (
+        Restriction(what="memory within bounds", missing=_limit_memory(weights_bytes, threads)),
+        Restriction(what="few open files, none of them growing", missing=_limit_files()),
+        Restriction(
+            what="no network, no other program, no change to files", missing=seccomp.restrict()
+        ),
+    )
+
+
+def _limit_memory(weights_bytes: int, threads: int) -> str:
+    """Bound what the process writes to; the weights themselves are mapped and only read."""
+    if sys.platform != "linux":
+        return "the limit on memory is one of Linux"
+    import resource  # noqa: PLC0415 - Unix only
+
+    used = _data_bytes()
+    more = WORK_BYTES + WEIGHTS_TIMES * weights_bytes + THREAD_BYTES * threads
+    return _limit(resource.RLIMIT_DATA, used + more)
+
+
+def _limit_files() -> str:
+    """Bound open files and the size of a file that is written to, and leave no core dump."""
+    if sys.platform == "win32":
+        return "there are no limits on files on Windows"
+    import resource  # noqa: PLC0415 - Unix only
+
+    return (
+        _limit(resource.RLIMIT_CORE, 0)
+        or _limit(resource.RLIMIT_FSIZE, 0)
+        or _limit(resource.RLIMIT_NOFILE, OPEN_FILES)
+    )
+
+
+def _limit(kind: int, value: int) -> str:
+    import resource  # noqa: PLC0415 - Unix only
+
+    hard = resource.getrlimit(kind)[1]
+    least = value if hard == resource.RLIM_INFINITY else min(value, hard)
+    try:
+        resource.setrlimit(kind, (least, least))
+    except (OSError, ValueError) as error:
+        return str(error)
+    return ""
+
+
+def _data_bytes() -> int:
+    """Return how much memory of its own the process has; 0 where that cannot be told."""
+    try:
+        lines = STATUS.read_text(encoding="ascii", errors="replace").splitlines()
+    except OSError:
+        return 0
+    return next((int(line.split()[1]) * 1024 for line in lines if line.startswith("VmData:")), 0)
+
+
+class _Trial(StrictModel):
+    """What a confined process found when it tried."""
+
+    restrictions: tuple[Restriction, ...]
+    done: tuple[str, ...]
+
+
+def try_out() -> tuple[Restriction, ...]:
+    """Return how a process like the model's is confined on this machine; takes about 0.3 s.
+
+    What it was not kept from doing, although it should have been, counts as missing.
+    """
+    try:
+        ended = subprocess.run(
+            (sys.executable, "-P", "-m", "pa_console.llm.worker.confinement"),
+            capture_output=True,
+            stdin=subprocess.DEVNULL,
+            env=clean_environment(os.environ),
+            timeout=TRIAL_LIMIT_S,
+            check=True,
+        )
+        trial = _Trial.model_validate_json(ended.stdout)
+    except (OSError, ValueError, subprocess.SubprocessError) as error:
+        return (Restriction(what="anything", missing=f"it could not be tried: {error}"),)
+    worked = (Restriction(what=done, missing="tried, and not refused") for done in trial.done)
+    return (*trial.restrictions, *worked)
+
+
+def _try() -> _Trial:
+    """Confine this process, then try what it must not be able to do."""
+    restrictions = confine(0, 1)
+    if any(item.missing for item in restrictions):
+        return _Trial(restrictions=restrictions, done=())
+    attempts: dict[str, Callable[[], object]] = {
+        "a socket": socket.socket,
+        "another program": lambda: subprocess.run((sys.executable, "-V"), check=False),
+        "a file to write": lambda: open(os.devnull, "wb").close(),
+        "memory without bounds": lambda: bytearray(2 * WORK_BYTES),
+    }
+    done: list[str] = []
+    for name, attempt in attempts.items():
+        try:
+            attempt()
+        except (OSError, MemoryError):
+            continue
+        done.append(name)
+    return _Trial(restrictions=restrictions, done=tuple(done))
+
+
+if __name__ == "__main__":
+    sys.stdout.write(_try().model_dump_json())

@@ -1,0 +1,232 @@
+"""A loaded GGUF model with a context for every role, evaluated in batches that can be interrupted.
+
+Only the worker process imports this. llama.cpp is used through its C API: the high-level class
+keeps one sequence, cannot be interrupted, and hides the logits (measured: `logits_all` needs GBs).
+"""
+
+import ctypes
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import llama_cpp
+import numpy as np
+from numpy.typing import NDArray
+
+from pa_console.llm.worker.contexts import (
+    ABORTED,
+    AdapterSwitch,
+    InterruptedEvaluationError,
+    SharedContext,
+    State,
+)
+from pa_console.llm.worker.threads import batch_threads
+
+CHUNK = 64
+"""Prompt tokens evaluated at once. The cache is reused in whole chunks, so that every batch has
+the same shape as in a fresh context and an answer never depends on what was asked before."""
+
+_api: Any = llama_cpp
+
+
+@_api.llama_log_callback
+def _no_log(_level: int, _text: bytes, _data: object) -> None:
+    """Swallow what llama.cpp has to say."""
+
+
+class Runtime:
+    """One model and its sequences: each has a context of its own for `n_ctx` tokens.
+
+    Contexts are made when they are first needed. What another sequence was asked never shows in an
+    answer, and no adapter is switched: that would cost 3 ms at every change of role.
+    `stopped` is asked between operations of the compute graph, about every millisecond.
+    """
+
+    def __init__(
+        self,
+        path: str,
+        *,
+        n_ctx: int,
+        threads: int,
+        stopped: Callable[[], bool],
+        adapters: Mapping[int, str] | None = None,
+    ) -> None:
+        """Load the file at `path`; raises ValueError when llama.cpp cannot.
+
+        `adapters` has the path of the adapter with which a sequence is evaluated, if any.
+        """
+        _api.llama_log_set(_no_log, None)
+        _api.llama_backend_init()
+        model_parameters = _api.llama_model_default_params()
+        self._model = _api.llama_model_load_from_file(path.encode(), model_parameters)
+        if not self._model:
+            raise ValueError(f"{path}: not a GGUF model that this version of llama.cpp can load")
+        self._adapters = AdapterSwitch(self._model, adapters or {})
+        self.n_ctx = min(n_ctx, _api.llama_model_n_ctx_train(self._model))
+        self._stopped, self._threads = stopped, threads
+        self._abort = _api.ggml_abort_callback(self._should_abort)
+        self._contexts: dict[int, Any] = {}
+        self._context(0)
+        self.vocabulary = _api.llama_model_get_vocab(self._model)
+        self.n_vocabulary: int = _api.llama_vocab_n_tokens(self.vocabulary)
+        self._batch = _api.llama_batch_init(CHUNK, 0, 1)
+        self._cached: dict[int, list[int]] = {}
+
+    @property
+    def description(self) -> str:
+        """llama.cpp's own words for the model."""
+        buffer = ctypes.create_string_buffer(256)
+        _api.llama_model_desc(self._model, buffer, len(buffer))
+        return buffer.value.decode("utf-8", "replace")
+
+    def metadata(self, key: str) -> str | None:
+        """Return a GGUF metadata value as text, None when the file has no such key."""
+        size = _api.llama_model_meta_val_str(self._model, key.encode(), None, 0)
+        if size < 0:
+            return None
+        buffer = ctypes.create_string_buffer(size + 1)
+        _api.llama_model_meta_val_str(self._model, key.encode(), buffer, len(buffer))
+        return buffer.value.decode("utf-8", "replace")
+
+    def token_text(self, token: int) -> str:
+        """Return how the vocabulary writes `token`, empty when there is no such token."""
+        if token < 0:
+            return ""
+        return _api.llama_vocab_get_text(self.vocabulary, token).decode("utf-8", "replace")
+
+    @property
+    def end_tokens(self) -> list[int]:
+        """Every token that ends a generation."""
+        tokens = range(self.n_vocabulary)
+        return [token for token in tokens if _api.llama_vocab_is_eog(self.vocabulary, token)]
+
+    @property
+    def start_token(self) -> int:
+        """The token that a text begins with."""
+        return _api.llama_vocab_bos(self.vocabulary)
+
+    @property
+    def end_token(self) -> int:
+        """The token that a text ends with."""
+        return _api.llama_vocab_eos(self.vocabulary)
+
+    @property
+    def wants_start_token(self) -> bool:
+        """Whether the model was trained with `start_token` before every text."""
+        return bool(_api.llama_vocab_get_add_bos(self.vocabulary))
+
+    def tokenise(self, text: str, *, special: bool) -> list[int]:
+        """Return the tokens of `text`; control tokens are recognised only when `special`."""
+        data = text.encode("utf-8")
+        size = len(data) + 8
+        tokens = (_api.llama_token * size)()
+        count = _api.llama_tokenize(self.vocabulary, data, len(data), tokens, size, False, special)
+        if count < 0:
+            raise ValueError("the text could not be tokenised")
+        return list(tokens[:count])
+
+    def begin(self, sequence: int, prompt: Sequence[int]) -> tuple[NDArray[np.float32], int]:
+        """Evaluate `prompt` from the start of `sequence`.
+
+        Returns the logits after its last token, shape (n_vocabulary,), and how many tokens were
+        found in the cache. Raises InterruptedEvaluationError.
+        """
+        cached = self._cached.get(sequence, [])
+        common = 0
+        for old, new in zip(cached, prompt[:-1], strict=False):
+            if old != new:
+                break
+            common += 1
+        kept = common // CHUNK * CHUNK
+        memory = self._memory(sequence)
+        if not _api.llama_memory_seq_rm(memory, 0, kept, -1):
+            _api.llama_memory_clear(memory, False)
+            kept = 0
+        self._cached[sequence] = list(prompt[:kept])
+        for start in range(kept, len(prompt), CHUNK):
+            chunk = prompt[start : start + CHUNK]
+            self._decode(sequence, start, chunk)
+            self._cached[sequence].extend(chunk)
+        return self._logits(sequence), kept
+
+    def extend(
+        self, sequence: int, position: int, tokens: Sequence[int], rows: int = 1
+    ) -> NDArray[np.float32]:
+        """Evaluate `tokens` of an answer at `position`.
+
+        Returns the logits after the last `rows` of them, shape (rows, n_vocabulary).
+        """
+        early = max(0, len(tokens) - max(CHUNK, rows))
+        for start in range(0, early, CHUNK):
+            self._decode(sequence, position + start, tokens[start : min(start + CHUNK, early)], 0)
+        self._decode(sequence, position + early, tokens[early:], rows)
+        return np.stack([self._logits(sequence, row - rows) for row in range(rows)])
+
+    def keep(self, sequence: int, tokens: int, trim: bool) -> None:
+        """Forget what was evaluated in `sequence` after its first `tokens`, if there is more."""
+        if trim:
+            _api.llama_memory_seq_rm(self._memory(sequence), 0, tokens, -1)
+
+    def state(self, sequence: int) -> State:
+        """Return what was evaluated in `sequence`, to be taken over by another context."""
+        context = self._context(sequence)
+        size = _api.llama_state_seq_get_size(context, 0)
+        buffer = (ctypes.c_uint8 * size)()
+        _api.llama_state_seq_get_data(context, buffer, size, 0)
+        return buffer
+
+    def shared_context(self, width: int, n_ctx: int) -> SharedContext:
+        """Return a context of the same model for `width` answers at once, `n_ctx` tokens in all."""
+        return SharedContext(
+            self._model,
+            n_ctx,
+            width,
+            self.n_vocabulary,
+            self._threads,
+            self._stopped,
+            self._adapters,
+        )
+
+    def _context(self, sequence: int) -> Any:
+        """Return the context of `sequence`; raises ValueError when there is no memory for it."""
+        if sequence not in self._contexts:
+            parameters = _api.llama_context_default_params()
+            parameters.n_ctx = self.n_ctx
+            parameters.n_batch = parameters.n_ubatch = CHUNK
+            parameters.n_seq_max = 1
+            parameters.swa_full = True
+            parameters.abort_callback = self._abort
+            context = _api.llama_init_from_model(self._model, parameters)
+            if not context:
+                raise ValueError(f"no memory for a context of {self.n_ctx} tokens")
+            self._adapters.use(context, sequence)
+            self._contexts[sequence] = context
+        return self._contexts[sequence]
+
+    def _memory(self, sequence: int) -> Any:
+        return _api.llama_get_memory(self._context(sequence))
+
+    def _should_abort(self, _data: object) -> bool:
+        return self._stopped()
+
+    def _decode(self, sequence: int, position: int, tokens: Sequence[int], rows: int = 1) -> None:
+        batch = self._batch
+        batch.n_tokens = len(tokens)
+        for index, token in enumerate(tokens):
+            batch.token[index] = token
+            batch.pos[index] = position + index
+            batch.n_seq_id[index] = 1
+            batch.seq_id[index][0] = 0
+            batch.logits[index] = index >= len(tokens) - rows
+        if self._stopped():
+            raise InterruptedEvaluationError
+        context, threads = self._context(sequence), batch_threads(self._threads, len(tokens))
+        _api.llama_set_n_threads(context, threads, threads)
+        code = _api.llama_decode(context, batch)
+        if code == ABORTED:
+            raise InterruptedEvaluationError
+        if code != 0:
+            raise RuntimeError(f"llama.cpp could not evaluate {len(tokens)} tokens (code {code})")
+
+    def _logits(self, sequence: int, index: int = -1) -> NDArray[np.float32]:
+        row = _api.llama_get_logits_ith(self._context(sequence), index)
+        return np.ctypeslib.as_array(row, shape=(self.n_vocabulary,))

@@ -1,0 +1,127 @@
+"""The last gate before the link: what nobody decided does not pass, and nothing after STOP."""
+
+from pa_console.orchestrator.planning.approval import inadmissible
+from pa_console.orchestrator.planning.rehearsal import device_commands
+from pa_console.orchestrator.station.journal import Journal
+from pa_console.schema.command import DeviceCommand
+from pa_console.schema.events import event as ev
+from pa_console.schema.mission import Decision
+from pa_console.schema.plan import Action
+from pa_console.sim.checkpoint import Checkpoint
+
+STILL = frozenset(("hold", "report"))
+"""The commands that move nothing: no other leaves the station while everything is stopped."""
+
+STOPPED = "everything is stopped, and nobody has released the stop"
+UNDECIDED = "it is part of no approved plan and of no declared way to safety"
+
+
+class CommandGate:
+    """Every command to a device goes through here, and each passes on somebody's decision alone.
+
+    That is an approved plan (each of its commands once), the way to safety that was declared with
+    it (once the plan is halted), or the operator's own stop. The stop is latched: until `release`
+    nothing but its holds and what moves nothing passes, whatever was approved before. The gate
+    decides by what it was shown, the request and the decision, and not by who calls it when. While
+    the `journal` cannot be written nothing of a plan passes: nobody could tell later that it did.
+    """
+
+    def __init__(self, sim: Checkpoint, journal: Journal) -> None:
+        self._sim, self._journal = sim, journal
+        self.stopped = False
+        """Whether the stop is latched."""
+        self._stops = 0
+        self._orders: set[DeviceCommand] = set()
+        """What of the plan in force has not passed yet."""
+        self._holds: set[DeviceCommand] = set()
+        """What of the stop has not passed yet."""
+        self._plan: frozenset[DeviceCommand] = frozenset()
+        self._safety: tuple[Action, ...] = ()
+        self._halted = False
+        self._standing: dict[str, DeviceCommand] = {}
+        """By agent: the command that it got last, while that may be repeated."""
+
+    def grant(self, request: ev.ApprovalRequested, decision: Decision) -> None:
+        """Let the commands of an approved plan pass from now on, in place of the plan before.
+
+        Raises ValueError unless `decision` approves `request` and is admissible, and while
+        everything is stopped.
+        """
+        problem = STOPPED if self.stopped else inadmissible(request, decision)
+        if problem or decision.kind != "approve":
+            raise ValueError(problem or f"the plan was not approved: {decision.kind}")
+        self._plan = frozenset(device_commands(request.plan, request.request_id))
+        self._orders = set(self._plan)
+        self._safety, self._halted = request.if_halted, False
+
+    def halt(self) -> None:
+        """Let nothing more of the plan pass but its declared way to safety."""
+        standing = self._standing.items()
+        self._standing = {agent: last for agent, last in standing if last not in self._plan}
+        self._orders.clear()
+        self._halted = True
+
+    def finish(self) -> None:
+        """Let nothing more of the plan pass: it has ended."""
+        self._orders.clear()
+        self._safety = ()
+
+    def stop_all(self) -> tuple[DeviceCommand, ...]:
+        """Latch the stop and return its holds, one an asset; nothing else passes from here on."""
+        self.stopped = True
+        self._stops += 1
+        self.finish()
+        self._standing.clear()
+        holds = tuple(
+            DeviceCommand(command_id=f"stop{self._stops}.{number}", agent=name, verb="hold")
+            for number, name in enumerate(self._sim.world.assets, start=1)
+        )
+        self._holds = set(holds)
+        return holds
+
+    def release(self) -> None:
+        """Let what is decided from now on pass again; raises ValueError when nothing is stopped."""
+        if not self.stopped:
+            raise ValueError("nothing is stopped")
+        self.stopped = False
+
+    def send(self, command: DeviceCommand) -> ev.CommandSent | ev.CommandRefused:
+        """Put `command` on the link if it was decided; return what is to be told of it."""
+        why = self._refusal(command)
+        if why:
+            return ev.CommandRefused(command=command, reason=why)
+        self._orders.discard(command)
+        self._holds.discard(command)
+        self._standing[command.agent] = command
+        self._sim.send(command)
+        return ev.CommandSent(command=command)
+
+    def resend(self, command: DeviceCommand, times: int) -> ev.CommandResent | None:
+        """Put a command that was not answered on the link again, for the time number `times`.
+
+        Nothing is sent, and None returned, when it stands no more: its device got another command
+        since, its plan was halted, or everything was stopped.
+        """
+        if self._standing.get(command.agent) != command:
+            return None
+        self._sim.send(command)
+        return ev.CommandResent(command_id=command.command_id, times=times)
+
+    def _refusal(self, command: DeviceCommand) -> str:
+        """Return why `command` may not pass, empty when it may."""
+        if self.stopped and command.verb not in STILL:
+            return STOPPED
+        safety = self._halted and self._is_safety(command)
+        if command in self._holds or safety:
+            return ""
+        if command in self._orders:
+            return "" if command.verb in STILL else self._journal.problem
+        return STOPPED if self.stopped else UNDECIDED
+
+    def _is_safety(self, command: DeviceCommand) -> bool:
+        """Whether `command` is what was declared for its agent, or lets it hold instead."""
+        for action in self._safety:
+            if action.agent == command.agent:
+                declared = (action.verb, action.target)
+                return (command.verb, command.target) in (declared, ("hold", None))
+        return False

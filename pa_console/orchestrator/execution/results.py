@@ -1,0 +1,89 @@
+"""What the executed plans of a mission come to: its status, and what it still lacks (Step 7)."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from pa_console.orchestrator.mission.workflow_progress import WorkflowProgress
+from pa_console.orchestrator.tasking.fulfilment import is_to_be_warned
+from pa_console.orders.reading import read_reason
+from pa_console.policy.ordering.monitor import Monitor
+from pa_console.schema.alarm import Alarm
+from pa_console.schema.mission import Mission, MissionStatus, Verification
+from pa_console.schema.plan import Plan
+from pa_console.schema.telemetry import Picture
+
+
+@dataclass
+class Results:
+    """The verification of every plan, beside the mission's workflows, orderings and alarm."""
+
+    mission: Mission
+    course: WorkflowProgress
+    monitor: Monitor
+    open_alarms: Callable[[], Sequence[Alarm]]
+    verifications: list[Verification] = field(default_factory=list[Verification])
+
+    @property
+    def unanswered(self) -> tuple[str, ...]:
+        """The alarm that the mission answers while it is open still; a workflow is the answer."""
+        alarm = self._alarm
+        return (f"alarm {alarm.id} is still open: {alarm.text}",) if alarm is not None else ()
+
+    @property
+    def follow_up(self) -> Mission | None:
+        """What the mission's alarm asks for now, in its present words; None when it is answered.
+
+        An alarm asks for one thing after the other: first a relief, then the way home (CAP-04).
+        """
+        alarm = self._alarm
+        if alarm is None or not alarm.command:
+            return None
+        return self.mission.model_copy(update={"text": alarm.command})
+
+    def awaits(self, phase: str, task: Mission) -> bool:
+        """Whether `phase` or `task` may still come to its end without another plan."""
+        if (phase and self.course.phase == phase) or not self.course.settled:
+            return True
+        following = self.follow_up
+        return following is not None and following.text == task.text
+
+    def lacking(self, following: Mission, last: Mission) -> tuple[str, ...]:
+        """Return what the plan for `following` has to make good of the one for `last`."""
+        verification = self.verifications[-1]
+        failed = (verification.reason,) if verification.outcome == "fail" else ()
+        return (*failed, *(self.unanswered if following.text == last.text else ()))
+
+    @property
+    def _alarm(self) -> Alarm | None:
+        """The mission's alarm while it is open and no workflow answers it."""
+        if self.course.entered:
+            return None
+        return next((a for a in self.open_alarms() if a.id == self.mission.alarm), None)
+
+    def conclude(self) -> tuple[MissionStatus, str]:
+        """Return what the plans, the workflow, the orderings and the alarm come to, and why.
+
+        Verified takes all of them; what telemetry could not tell is not verified.
+        """
+        reasons = [verification.reason for verification in self.verifications]
+        if self.course.entered:
+            reasons = [self.course.summary, *reasons[-1:]]
+        open_rules = [f"{f.rule_id}: {f.message}" for f in self.monitor.finish() if f.blocking]
+        reasons += [*open_rules, *self.unanswered]
+        passed = all(verification.outcome == "pass" for verification in self.verifications)
+        passed = passed and self.course.over and self.course.settled
+        passed = passed and not open_rules and not self.unanswered
+        return "verified" if passed else "unverified", "; ".join(dict.fromkeys(reasons))
+
+
+def begun(plan: Plan, task: Mission, picture: Picture) -> Mission | None:
+    """Return `task` where what it asks for could only be begun by its executed `plan` (WF-01).
+
+    Whoever is to be warned is identified first. If he turns out to be no threat, the workflow does
+    not go on, but that he is warned was asked for.
+    """
+    reading = read_reason(plan.reason)
+    wishes = reading.wishes if reading is not None else ()
+    gates = {wish.place for wish in wishes if wish.task == "warn"}
+    due = (track for track in picture.tracks.values() if track.gate in gates)
+    return task if any(is_to_be_warned(t) and t.status != "leaving" for t in due) else None

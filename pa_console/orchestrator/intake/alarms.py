@@ -1,0 +1,203 @@
+"""The alarms of a site: raised once for one cause, kept open through noise, cleared with it."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from pa_console.orchestrator.intake.alarm_causes import Cause, Topic, almost_low, causes
+from pa_console.schema.alarm import ALARM_PRIORITIES, Alarm, AlarmKind
+from pa_console.schema.events.event import AlarmAcknowledged, AlarmCleared, AlarmRaised
+from pa_console.schema.telemetry import Picture
+from pa_console.schema.world import World
+
+Key = tuple[Topic, str]
+Change = AlarmRaised | AlarmCleared
+MOST_MINOR = 12
+"""So many medium and low alarms of one kind stay open at a time; the rest wait for room."""
+
+CLEARS_WHEN: dict[AlarmKind, str] = {
+    "hostile_track": "the threat is over",
+    "defiant_track": "the threat is over",
+    "unknown_track": "the track is gone, leaves or is known to be harmless",
+    "unauthorized_track": "the track is gone or leaves",
+    "coverage_lost": "the gate is covered",
+    "coverage_unknown": "the gate is known to be covered",
+    "asset_failed": "the asset works again",
+    "link_lost": "the asset is heard again",
+    "suspect_telemetry": "the telemetry is sound again",
+    "low_battery": "the asset charges, is on its way to the base, or was taken care of",
+    "camera_lost": "the camera works again",
+}
+"""What an alarm of each kind waits for; it clears with these words."""
+
+
+@dataclass
+class _Watched:
+    """A cause under observation: since when it shows in its present kind, when it last did.
+
+    Both are simulated seconds.
+    """
+
+    cause: Cause
+    since_s: float
+    seen_s: float
+    alarm: Alarm | None = None
+
+
+@dataclass
+class AlarmBook:
+    """Turns successive pictures into alarms (paper, Section IV-C); equal pictures, equal alarms.
+
+    An alarm keeps its id for as long as its subject exists, so one that comes back is the same
+    alarm. When it changes its kind, or grows in priority, it is raised again under its id; a track
+    that turns into a threat gets a new alarm, which supersedes the other.
+    """
+
+    world: World
+    acknowledged: set[str] = field(default_factory=set[str])
+    _watched: dict[Key, _Watched] = field(default_factory=dict[Key, _Watched])
+    _ids: dict[Key, str] = field(default_factory=dict[Key, str])
+    _guards: dict[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
+
+    @property
+    def open(self) -> tuple[Alarm, ...]:
+        """The open alarms: the worst first, then the nearest, then the oldest."""
+        alarms = [entry.alarm for entry in self._watched.values() if entry.alarm is not None]
+        return tuple(sorted(alarms, key=_open_order))
+
+    def acknowledge(self, alarm_id: str, by: str) -> AlarmAcknowledged:
+        """Note that `by` has seen an open alarm; raises ValueError when it is not open."""
+        known = [alarm.id for alarm in self.open]
+        if alarm_id not in known:
+            raise ValueError(f"no alarm {alarm_id!r} is open; open: {', '.join(known) or 'none'}")
+        self.acknowledged.add(alarm_id)
+        return AlarmAcknowledged(alarm_id=alarm_id, by=by)
+
+    def look(self, picture: Picture) -> list[Change]:
+        """Take in a new picture; return what it changed: clears, then raises, most urgent first."""
+        self._remember_guards(picture)
+        shown = {cause.key: cause for cause in causes(picture, self.world, self._guards)}
+        self._observe(shown, picture)
+        raised = self._raise(picture.time_s)
+        cleared = self._clear(picture.time_s, raised)
+        return [*cleared, *raised]
+
+    def _remember_guards(self, picture: Picture) -> None:
+        """Keep who last covered each gate for certain, and who is known to have left it since."""
+        for gate, cover in picture.gates.items():
+            if cover.covered:
+                self._guards[gate] = cover.by
+            else:
+                self._guards[gate] = tuple(
+                    name
+                    for name in self._guards.get(gate, ())
+                    if name in picture.assets
+                    and (not picture.assets[name].available or picture.assets[name].post == gate)
+                )
+
+    def _observe(self, shown: dict[Key, Cause], picture: Picture) -> None:
+        now_s = picture.time_s
+        for key, cause in shown.items():
+            entry = self._watched.get(key)
+            if entry is None:
+                if cause.raises:
+                    self._watched[key] = _Watched(cause, now_s, now_s)
+                continue
+            if entry.alarm is not None:
+                entry.alarm = entry.alarm.model_copy(
+                    update={
+                        "distance_m": cause.distance_m,
+                        "text": cause.text,
+                        "command": cause.command,
+                    }
+                )
+            if entry.alarm is not None and cause.kind != entry.cause.kind:
+                entry.since_s = now_s
+            entry.cause, entry.seen_s = cause, now_s
+        for key in almost_low(picture, self.world):
+            entry = self._watched.get(key)
+            if entry is not None and entry.alarm is not None:
+                entry.seen_s = now_s
+
+    def _raise(self, now_s: float) -> list[AlarmRaised]:
+        """Open every settled cause and raise again what changed its kind or grew worse."""
+        due = [
+            entry
+            for entry in self._watched.values()
+            if entry.seen_s == now_s
+            and entry.cause.raises
+            and _settled(entry)
+            and (entry.alarm is None or _changed(entry.alarm, entry.cause))
+            and not self._outdone(entry.cause)
+        ]
+        raised: list[AlarmRaised] = []
+        for entry in sorted(due, key=lambda entry: _cause_order(entry.cause)):
+            if entry.alarm is None and self._crowded(entry.cause):
+                continue
+            entry.alarm = self._alarm(entry, now_s)
+            raised.append(AlarmRaised(alarm=entry.alarm))
+        return raised
+
+    def _clear(self, now_s: float, raised: Iterable[AlarmRaised]) -> list[AlarmCleared]:
+        """Close what is long gone or superseded; forget passing causes that never raised."""
+        threats = {r.alarm.subject: r.alarm.id for r in raised if r.alarm.priority == "emergency"}
+        cleared: list[AlarmCleared] = []
+        for key, entry in list(self._watched.items()):
+            gone = now_s - entry.seen_s
+            if entry.alarm is None:
+                if gone > min(1.0, entry.cause.settle_s):
+                    del self._watched[key]
+                continue
+            reason = CLEARS_WHEN[entry.alarm.kind] if gone > entry.cause.linger_s else ""
+            if key[0] == "track" and key[1] in threats:
+                reason = f"superseded by {threats[key[1]]}"
+            if reason:
+                cleared.append(AlarmCleared(alarm_id=entry.alarm.id, reason=reason))
+                self.acknowledged.discard(entry.alarm.id)
+                del self._watched[key]
+        return sorted(cleared, key=lambda change: change.alarm_id)
+
+    def _alarm(self, entry: _Watched, now_s: float) -> Alarm:
+        cause = entry.cause
+        known = self._ids.setdefault(cause.key, f"A{len(self._ids) + 1:03d}")
+        return Alarm(
+            id=known,
+            kind=cause.kind,
+            priority=cause.priority,
+            subject=cause.subject,
+            gate=cause.gate,
+            text=cause.text,
+            command=cause.command,
+            raised_s=entry.alarm.raised_s if entry.alarm is not None else now_s,
+            distance_m=cause.distance_m,
+        )
+
+    def _outdone(self, cause: Cause) -> bool:
+        """Whether a threat alarm about the same track is open."""
+        threat = self._watched.get(("threat", cause.subject)) if cause.topic == "track" else None
+        return threat is not None
+
+    def _crowded(self, cause: Cause) -> bool:
+        alike = [a for a in self.open if a.kind == cause.kind and a.priority in ("medium", "low")]
+        return cause.priority in ("medium", "low") and len(alike) >= MOST_MINOR
+
+
+def _settled(entry: _Watched) -> bool:
+    return entry.seen_s - entry.since_s >= entry.cause.settle_s - 1e-6
+
+
+def _changed(alarm: Alarm, cause: Cause) -> bool:
+    """Whether the alarm is another one now; a mere return to a lower priority is none."""
+    worse = ALARM_PRIORITIES.index(cause.priority) < ALARM_PRIORITIES.index(alarm.priority)
+    return cause.kind != alarm.kind or worse
+
+
+def _cause_order(cause: Cause) -> tuple[int, float, str, str, str]:
+    distance = cause.distance_m if cause.distance_m is not None else float("inf")
+    rank = ALARM_PRIORITIES.index(cause.priority)
+    return rank, distance, cause.gate or "", cause.subject, cause.topic
+
+
+def _open_order(alarm: Alarm) -> tuple[int, float, float, str, str]:
+    distance = alarm.distance_m if alarm.distance_m is not None else float("inf")
+    rank = ALARM_PRIORITIES.index(alarm.priority)
+    return rank, distance, alarm.raised_s, alarm.gate or "", alarm.id

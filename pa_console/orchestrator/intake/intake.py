@@ -1,0 +1,190 @@
+"""Step 1: alarms become missions, missions wait in their order, and some never get a turn."""
+
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+
+from pa_console.orchestrator.intake.alarms import AlarmBook
+from pa_console.orchestrator.intake.mission_queue import MissionQueue
+from pa_console.policy.checks.plain_text import compatible_form
+from pa_console.schema.alarm import Alarm, QueueEntry
+from pa_console.schema.events import event as ev
+from pa_console.schema.mission import MAX_MISSION_TEXT, Mission
+from pa_console.schema.telemetry import Picture
+from pa_console.schema.world import World
+
+
+@dataclass
+class Arrivals:
+    """What a new picture brought: events to tell, and queued missions whose cause is gone."""
+
+    payloads: list[tuple[ev.EventPayload, str | None]] = field(
+        default_factory=list[tuple[ev.EventPayload, str | None]]
+    )
+    obsolete: list[Mission] = field(default_factory=list[Mission])
+
+
+class Intake:
+    """The alarms of the site and the missions that wait; yields events, knows no simulator."""
+
+    def __init__(self, world: World, session: str, *, respond: bool) -> None:
+        """With `respond`, an alarm that needs a response becomes a mission by itself."""
+        self._book, self._queue = AlarmBook(world), MissionQueue()
+        self._session, self._respond = session, respond
+        self._count = 0
+        self._told: tuple[tuple[str, str, bool], ...] = ()
+
+    def __len__(self) -> int:
+        return len(self._queue.entries)
+
+    def look(
+        self, picture: Picture, handled: Collection[str], *, stopped: bool = False
+    ) -> Arrivals:
+        """Take in a new picture: alarms come and go, and missions with them.
+
+        An alarm about one of `handled`, what the active mission deals with, needs no other one.
+        While everything is `stopped` no alarm becomes a mission.
+        """
+        arrivals = Arrivals()
+        for payload in self._book.look(picture):
+            arrivals.payloads.append((payload, None))
+            match payload:
+                case ev.AlarmRaised(alarm=alarm) if not stopped:
+                    arrivals.payloads += self._answers([alarm], handled)
+                case ev.AlarmCleared(alarm_id=alarm_id):
+                    gone = [e.mission for e in self._queue.entries if e.mission.alarm == alarm_id]
+                    arrivals.obsolete += gone
+                    for mission in gone:
+                        self._queue.remove(mission.id)
+                case _:
+                    pass
+        self._queue.refresh(self._book.open)
+        return arrivals
+
+    def resume(self, handled: Collection[str]) -> list[tuple[ev.EventPayload, str]]:
+        """Let every open alarm that nobody deals with become a mission: the stop was released."""
+        return self._answers(self._book.open, handled)
+
+    def submit(
+        self, text: str, active: bool, read: Callable[[str], str] = str
+    ) -> tuple[Mission, ev.MissionReceived]:
+        """Queue an operator's mission, its words as `read` has what shows of them.
+
+        Raises ValueError when it cannot be taken.
+        """
+        words, seen = " ".join(text.split()), " ".join(compatible_form(text).split())
+        if not seen:
+            raise ValueError("the mission is empty: say what is to be done")
+        if len(words) > MAX_MISSION_TEXT:
+            raise ValueError(
+                f"the mission has {len(words)} characters, at most {MAX_MISSION_TEXT} are taken"
+            )
+        right = read(seen)[:MAX_MISSION_TEXT]
+        typed = words if right != words else ""
+        mission = Mission(id=self._new_id(), text=right, typed=typed, created=datetime.now(UTC))
+        self._queue.add(mission, None)
+        return mission, ev.MissionReceived(
+            mission=mission, position=self._position(mission) + active
+        )
+
+    def next(self) -> Mission | None:
+        """Take the mission whose turn it is out of the queue."""
+        return self._queue.pop_next()
+
+    def put_back(self, mission: Mission) -> bool:
+        """Queue a mission again that had to give way; False when its alarm has gone meanwhile."""
+        alarm = self.alarm_of(mission)
+        if mission.alarm and alarm is None:
+            return False
+        self._queue.add(mission, alarm)
+        return True
+
+    def emergency(self, active: Mission) -> QueueEntry | None:
+        """Return the waiting mission that goes before `active`, if one does (WF-04)."""
+        return self._queue.preempts(active, self.alarm_of(active))
+
+    def alarm_of(self, mission: Mission) -> Alarm | None:
+        """Return the open alarm that `mission` answers."""
+        return next((a for a in self._book.open if a.id == mission.alarm), None)
+
+    @property
+    def open_alarms(self) -> tuple[Alarm, ...]:
+        """The alarms that are open, worst first."""
+        return self._book.open
+
+    def acknowledge(self, alarm_id: str, by: str) -> ev.AlarmAcknowledged:
+        """Note that somebody has seen the alarm; raises ValueError for an unknown one."""
+        return self._book.acknowledge(alarm_id, by)
+
+    def move(self, mission_id: str, by: int) -> None:
+        """Move a waiting mission by `by` places; raises ValueError when it does not wait."""
+        for _ in range(abs(by)):
+            self._queue.move(self._waiting(mission_id), "up" if by < 0 else "down")
+
+    def defer(self, mission_id: str) -> None:
+        """Let everything else go before a waiting mission; ValueError when it does not wait."""
+        self._queue.defer(self._waiting(mission_id))
+
+    def withdraw(self, mission_id: str) -> Mission:
+        """Take a waiting mission out of the queue; raises ValueError when it does not wait."""
+        waiting = self._waiting(mission_id)
+        mission = next(e.mission for e in self._queue.entries if e.mission.id == waiting)
+        self._queue.remove(waiting)
+        return mission
+
+    def clear(self) -> tuple[Mission, ...]:
+        """Empty the queue and return what waited in it."""
+        waiting = tuple(entry.mission for entry in self._queue.entries)
+        for mission in waiting:
+            self._queue.remove(mission.id)
+        return waiting
+
+    def changes(self) -> Iterable[ev.QueueChanged]:
+        """Yield the queue when its order, a priority or a deferral is not what was told last."""
+        entries = self._queue.entries
+        order = tuple((entry.mission.id, entry.priority, entry.deferred) for entry in entries)
+        if order != self._told:
+            self._told = order
+            yield ev.QueueChanged(entries=entries)
+
+    def _answers(
+        self, alarms: Iterable[Alarm], handled: Collection[str]
+    ) -> list[tuple[ev.EventPayload, str]]:
+        """Queue a mission for each alarm that asks for one and has none; return the events."""
+        return [
+            self._mission_for(alarm)
+            for alarm in alarms
+            if self._respond and alarm.command
+            if alarm.subject not in handled and not self._is_queued(alarm.id)
+        ]
+
+    def _mission_for(self, alarm: Alarm) -> tuple[ev.EventPayload, str]:
+        mission = Mission(
+            id=self._new_id(),
+            text=alarm.command,
+            source="alarm",
+            created=datetime.now(UTC),
+            alarm=alarm.id,
+            subject=alarm.subject,
+            gate=alarm.gate,
+        )
+        self._queue.add(mission, alarm)
+        received = ev.MissionReceived(mission=mission, position=self._position(mission))
+        return received, mission.id
+
+    def _is_queued(self, alarm_id: str) -> bool:
+        return any(entry.mission.alarm == alarm_id for entry in self._queue.entries)
+
+    def _waiting(self, mission_id: str) -> str:
+        waiting = [entry.mission.id for entry in self._queue.entries]
+        if mission_id not in waiting:
+            raise ValueError(f"{mission_id} does not wait; waiting: {', '.join(waiting) or 'none'}")
+        return mission_id
+
+    def _position(self, mission: Mission) -> int:
+        order = [entry.mission.id for entry in self._queue.entries]
+        return order.index(mission.id)
+
+    def _new_id(self) -> str:
+        self._count += 1
+        return f"M{self._count:03d}-{self._session[-4:]}"

@@ -1,0 +1,1 @@
+"""One mission through its eight steps, from its words to its report."""

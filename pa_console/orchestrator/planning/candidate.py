@@ -1,0 +1,86 @@
+"""A plan that may be put to the operator, and how good it is beside others for the same task."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from pa_console.llm.roles.grammar import PLANNED
+from pa_console.orchestrator.planning.plan_moves import PlanMoves
+from pa_console.orchestrator.planning.safeguards import Examination
+from pa_console.orchestrator.tasking.fulfilment import gaps
+from pa_console.orchestrator.tasking.obstacles import unmet_wishes
+from pa_console.orders.mention_check import NOTHING_SAID, MentionCheck
+from pa_console.orders.reading import Reading, read_asked, read_reason
+from pa_console.schema.events.event import UNSURE
+from pa_console.schema.finding import Verdict
+from pa_console.schema.world import World
+
+
+@dataclass
+class Candidate:
+    """A plan that went through the safeguards, and the judge's answer once there is one."""
+
+    attempt: int
+    examination: Examination
+    gaps: tuple[str, ...] = ()
+    """In which points the plan is not what the planner itself says was asked."""
+    unmet: tuple[str, ...] = ()
+    """What of that no plan can do now, and why."""
+    mentions: MentionCheck = NOTHING_SAID
+    """Whether that accounts for the words of the order."""
+    verdict: Verdict | None = None
+    judge_error: str = ""
+    judge_confidence: float | None = None
+    """The chance that the judge gave to what it says was asked."""
+
+    @property
+    def badness(self) -> tuple[int, ...]:
+        """Blocking findings, gaps, then warnings: the smaller the better."""
+        blocking, warnings = self.examination.badness
+        return blocking, len(self.gaps), warnings
+
+    def second_reading(self, sure: float | None) -> str:
+        """What the judge says was asked, where it is the likelier reading; '' otherwise.
+
+        It objects to the plan, and the planner was unsure of its own reading and less `sure` than
+        the judge, or the plan does nothing: orders are given to be carried out, so of two readings
+        the one after which nothing is left to do is the likelier mistake. Of two chances the better
+        one says nothing where the judge's reading asks for less: what is left out costs none. A
+        refusal of what no order may have done stands.
+        """
+        plan, verdict = self.examination.plan, self.verdict
+        own = read_reason(plan.reason)
+        if verdict is None or not self.objected or _refuses(own):
+            return ""
+        asked = verdict.feedback.partition(PLANNED)[0]
+        judged = read_asked(asked)
+        if judged is None:
+            return ""
+        less = own is not None and len(judged.wishes) < len(own.wishes)
+        unsure = sure is not None and sure < min(UNSURE, self.judge_confidence or 0.0)
+        idle = all(action.verb == "hold" for action in plan.actions)
+        return asked if idle or (unsure and not less) else ""
+
+    @property
+    def objected(self) -> bool:
+        """Whether the judge says that the plan is not right."""
+        return self.verdict is not None and self.verdict.verdict == "Failure"
+
+
+def _refuses(reading: Reading | None) -> bool:
+    return reading is not None and any(wish.task == "refused" for wish in reading.wishes)
+
+
+class Fulfilment(NamedTuple):
+    """How far a plan is what was asked."""
+
+    gaps: tuple[str, ...] = ()
+    unmet: tuple[str, ...] = ()
+    """What of it no plan can do now, and why."""
+
+
+def fulfilment_of(found: Examination, reading: Reading | None, world: World) -> Fulfilment:
+    """Compare a plan with what was asked, as far as `reading` tells that."""
+    if reading is None or not reading.readable or found.rehearsal is None:
+        return Fulfilment()
+    moves = PlanMoves(world, found.rehearsal.before, found.plan)
+    return Fulfilment(gaps(moves, reading), unmet_wishes(moves, reading))

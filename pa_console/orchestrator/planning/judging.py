@@ -1,0 +1,228 @@
+"""What the judge is asked of a plan and of its outcome, and how its verdict goes on.
+
+A small model reads an order far better than it compares two of them. So it says what was asked,
+without having seen the plan; the console says what is planned and whether that is the same; and the
+model ends with its verdict.
+"""
+
+import json
+from collections.abc import AsyncGenerator, Callable, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Literal, NamedTuple
+
+from pa_console.llm.roles.dialect import Dialect
+from pa_console.llm.roles.grammar import (
+    COMPARED_CHARS,
+    PLANNED,
+    compact_judge_grammar,
+    exactly,
+    hinted,
+)
+from pa_console.llm.roles.judge import Judge, Judgement
+from pa_console.llm.roles.prompts import Prompt
+from pa_console.orchestrator.mission.services import Payloads, Services, Stopwatch
+from pa_console.orchestrator.planning.candidate import Candidate
+from pa_console.orchestrator.planning.digest import digest_picture
+from pa_console.orchestrator.planning.plan_moves import PlanMoves
+from pa_console.orchestrator.tasking.fulfilment import gaps
+from pa_console.orders.clause_grammar import MOST_PLANNED, WORD
+from pa_console.orders.plan_words import planned
+from pa_console.orders.reading import read_asked
+from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.events import event as ev
+from pa_console.schema.finding import Finding
+from pa_console.schema.mission import Mission, Verification
+from pa_console.schema.plan import Plan
+from pa_console.schema.rehearsal import Rehearsal
+from pa_console.schema.rule import RuleHit
+from pa_console.schema.telemetry import Digest, Picture, Selection
+from pa_console.schema.world import World
+
+FITS = "it fits"
+
+
+class OrderComparison(NamedTuple):
+    """What the console writes after what was asked; `gaps` None where that cannot be read."""
+
+    planned: str
+    gaps: tuple[str, ...] | None
+
+    @property
+    def told(self) -> str:
+        """What is planned, and how it compares; open at the end where that is for the model."""
+        if self.gaps is None:
+            return f"{self.planned}; "
+        return f"{self.planned}; {'; '.join(self.gaps) or FITS}"
+
+
+def compare_with_order(asked: str, moves: PlanMoves) -> OrderComparison:
+    """Compare a plan with what was `asked`, in a judge's words ("asked: 1 drone home")."""
+    reading = read_asked(asked)
+    words = _planned(asked, moves)
+    if reading is None or not reading.readable:
+        return OrderComparison(words, None)
+    return OrderComparison(words, gaps(moves, reading))
+
+
+def compared_grammar(
+    opening: str, moves: PlanMoves, rule_ids: Sequence[str] = (), *, executed: bool = False
+) -> str:
+    """Return the grammar of a whole verdict that begins with `opening`.
+
+    A plan that is not what was asked cannot be called a success. What the console cannot read is
+    left to the model, as is which rules of `rule_ids` are violated, and of a plan that was
+    `executed` what came of it.
+    """
+    asked = opening.partition(': "')[2].removesuffix(PLANNED)
+    compared = compare_with_order(asked, moves)
+    said = exactly((asked + PLANNED + compared.told)[:COMPARED_CHARS])
+    if compared.gaps is None:
+        said += f"{WORD}+"
+    elif executed and not compared.gaps:
+        said += f"; {WORD}+"
+    verdicts = ("Failure",) if compared.gaps else ("Success", "Failure")
+    return compact_judge_grammar(rule_ids, said, verdicts, COMPARED_CHARS)
+
+
+def _planned(asked: str, moves: PlanMoves) -> str:
+    """Return what is planned, by name where the order names assets."""
+    actions, world = moves.plan.actions, moves.world
+    by_name = any(name in asked for name in world.assets)
+    words = planned(actions, world, by_name=by_name)
+    if len(words) > MOST_PLANNED:
+        words = planned(actions, world, by_name=False)[:MOST_PLANNED]
+    return json.dumps(words)[1:-1]
+
+
+@dataclass(frozen=True)
+class PlanCase:
+    """A plan for `task`, with the rules and the picture that its planner was given.
+
+    `asked` is what the operator says was asked; '' where the judge is to read that.
+    """
+
+    task: Mission
+    hits: Sequence[RuleHit]
+    digest: Digest
+    plan: Plan
+    findings: Sequence[Finding]
+    rehearsal: Rehearsal
+    asked: str = ""
+
+
+@dataclass(frozen=True)
+class OutcomeCase:
+    """An executed plan: pictures `before` and after it, and what telemetry says of every action.
+
+    `selection` is the part of the picture that the plan was made from; None means all of it. `said`
+    is what the judge said of the plan, if it was asked about that too: what was asked is read once.
+    """
+
+    task: Mission
+    before: Picture
+    picture: Picture
+    selection: Selection | None
+    plan: Plan
+    verification: Verification
+    said: str = ""
+
+
+@dataclass(frozen=True)
+class JudgeQuestion:
+    """A prompt for the judge and the grammar of its answer; opinions are wanted on `rule_ids`."""
+
+    role: Literal["judge", "outcome"]
+    prompt: Prompt
+    grammar: str
+    rule_ids: tuple[str, ...] = ()
+    goes_on: Callable[[str], str] | None = None
+    """Where `grammar` is of the beginning alone: the grammar of the whole, for what it begins with.
+    """
+    hint: str = ""
+    """What the answer may repeat: the planner's words for what was asked. They save time only; the
+    judge writes what it would have written without them."""
+
+    def put_to(self, judge: Judge) -> AsyncGenerator[str | Judgement]:
+        """Ask `judge`; gives the answer in pieces, then one Judgement."""
+        return judge.judge(
+            self.prompt, self.grammar, self.role, self.rule_ids, self.goes_on, self.hint
+        )
+
+
+def ask_about_plan(
+    dialect: Dialect, world: World, rulebook: Rulebook, case: PlanCase
+) -> JudgeQuestion:
+    """Step 6: return the question whether the plan serves the task within the rules.
+
+    Raises KeyError when a rule that was retrieved or found broken is not in `rulebook`.
+    """
+    rules = [rulebook.get(id_) for id_ in judged_rules(case.hits, case.findings)]
+    prompt = dialect.judge(world, case.digest, rules, case.task, case.plan, case.rehearsal)
+    ids = tuple(rule.id for rule in rules)
+    if dialect.opening is None:
+        return JudgeQuestion("judge", prompt, dialect.verdict(ids), ids)
+    moves = PlanMoves(world, case.rehearsal.before, case.plan)
+
+    def goes_on(opening: str) -> str:
+        return compared_grammar(opening, moves, ids)
+
+    opening = dialect.opening(world, case.digest, case.task.text, case.asked)
+    return JudgeQuestion("judge", prompt, opening, ids, goes_on, hint=hinted(case.plan.reason))
+
+
+async def judge_plan(
+    services: Services, watch: Stopwatch, case: PlanCase, candidate: Candidate
+) -> Payloads:
+    """Step 6: ask the judge about the plan of `candidate`, which takes the verdict."""
+    started = perf_counter()
+    asked = ask_about_plan(services.dialect, services.sim.world, services.rulebook, case)
+    yield ev.PromptBuilt(
+        role="judge",
+        attempt=candidate.attempt,
+        system=asked.prompt.system,
+        user=asked.prompt.user,
+        seconds=perf_counter() - started,
+    )
+    with watch.time("judging_s"):
+        async for piece in asked.put_to(services.judge):
+            if isinstance(piece, str):
+                yield ev.TextStreamed(role="judge", attempt=candidate.attempt, text=piece)
+            else:
+                candidate.verdict, candidate.judge_error = piece.verdict, piece.error
+                candidate.judge_confidence = None if case.asked else piece.confidence
+                yield ev.PlanJudged(
+                    attempt=candidate.attempt,
+                    verdict=piece.verdict,
+                    error=piece.error,
+                    usage=piece.usage,
+                    confidence=candidate.judge_confidence,
+                )
+
+
+def ask_about_outcome(dialect: Dialect, world: World, case: OutcomeCase) -> JudgeQuestion:
+    """Step 7: return the question whether the task was accomplished."""
+    digest = digest_picture(case.picture, world, case.selection)
+    prompt = dialect.outcome(world, digest, case.task, case.plan, case.verification)
+    if dialect.outcome_opening is None:
+        return JudgeQuestion("outcome", prompt, dialect.verdict([]))
+    moves = PlanMoves(world, case.before, case.plan)
+
+    def goes_on(opening: str) -> str:
+        return compared_grammar(opening, moves, executed=True)
+
+    asked, compared, _ = case.said.partition(PLANNED)
+    if compared and read_asked(asked) is not None:
+        return JudgeQuestion("outcome", prompt, goes_on(f'{{"feedback": "{asked}{PLANNED}'))
+    return JudgeQuestion("outcome", prompt, dialect.outcome_opening, goes_on=goes_on)
+
+
+def judged_rules(hits: Sequence[RuleHit], findings: Sequence[Finding]) -> list[str]:
+    """Return the ids of the retrieved rules that apply to the plan, and of every broken one."""
+    found = {finding.rule_id: finding for finding in findings}
+    ids = [
+        hit.rule_id
+        for hit in hits
+        if hit.rule_id not in found or found[hit.rule_id].status != "not_applicable"
+    ]
+    return ids + [f.rule_id for f in findings if f.broken and f.rule_id not in ids]

@@ -1,0 +1,103 @@
+"""Who a plan sends where, who stays, and who else could have been sent: a plan beside its picture.
+
+What is told here follows from the picture that the plan was made from and from its commands; no
+simulation is needed.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from pa_console.orchestrator.execution.premises import ENCOUNTERS
+from pa_console.orchestrator.planning.digest import is_free
+from pa_console.policy.checks.check_context import goes_to
+from pa_console.schema.plan import Action, Plan, Verb
+from pa_console.schema.telemetry import Picture, Track
+from pa_console.schema.world import AssetKind, World
+
+
+@dataclass(frozen=True)
+class PlanMoves:
+    """`plan` in the picture `before` it; every agent of it is an asset of `world`."""
+
+    world: World
+    before: Picture
+    plan: Plan
+
+    @cached_property
+    def goals(self) -> Mapping[str, str]:
+        """Where every agent that is sent somewhere will be."""
+        sent = ((action.agent, goes_to(action, self.world)) for action in self.plan.actions)
+        return {agent: goal for agent, goal in sent if goal}
+
+    @cached_property
+    def moved(self) -> tuple[str, ...]:
+        """The agents that are sent away from their post."""
+        return tuple(name for name, goal in self.goals.items() if goal != self.post(name))
+
+    @cached_property
+    def alone(self) -> set[str]:
+        """The assets that cover a gate by themselves."""
+        return {cover.by[0] for cover in self.before.gates.values() if len(cover.by) == 1}
+
+    def kind(self, name: str) -> AssetKind:
+        """Return what kind of asset it is."""
+        return self.world.assets[name].kind
+
+    def post(self, name: str) -> str:
+        """Return where an asset is posted before the plan, '' for nowhere."""
+        return self.before.assets[name].post or ""
+
+    def ends(self, name: str) -> str:
+        """Return where an asset is posted once the plan has run, '' for nowhere."""
+        return self.goals.get(name) or self.post(name)
+
+    def free(self, kind: AssetKind | None = None) -> list[str]:
+        """Return who could be sent somewhere before the plan, of one kind if that is given."""
+        return [
+            name
+            for name, asset in self.before.assets.items()
+            if kind in (None, asset.kind) and is_free(asset, self.alone)
+        ]
+
+    def there(self, place: str, kind: AssetKind) -> list[str]:
+        """Return who of a kind stands at a place before the plan and can be commanded."""
+        return [
+            name
+            for name, asset in self.before.assets.items()
+            if asset.available and asset.kind == kind and asset.post == place
+        ]
+
+    def takes_over(self, name: str) -> bool:
+        """Whether an asset moves to a gate that one of its guards leaves (WF-03)."""
+        guards = self.guards(self.ends(name)) if name in self.moved else ()
+        return any(guard in self.moved for guard in guards if guard != name)
+
+    def sent(self, place: str, kind: AssetKind | None = None) -> list[str]:
+        """Return who moves to a place, of one kind if that is given."""
+        return [n for n in self.moved if self.ends(n) == place and kind in (None, self.kind(n))]
+
+    def guards(self, place: str) -> tuple[str, ...]:
+        """Return who covers a gate before the plan."""
+        cover = self.before.gates.get(place)
+        return cover.by if cover is not None else ()
+
+    def tracks(self, place: str) -> list[Track]:
+        """Return the tracks at a gate, also those that leave."""
+        return [track for track in self.before.tracks.values() if track.gate == place]
+
+    def commands(
+        self, place: str, verbs: Sequence[Verb] = ENCOUNTERS, names: Sequence[str] = ()
+    ) -> list[Action]:
+        """Return the commands of these kinds at a place, by `names` if there are any."""
+        return [
+            action
+            for action in self.plan.actions
+            if action.target == place and action.verb in verbs
+            if not names or action.agent in names
+        ]
+
+    def dealt_with(self, place: str) -> bool:
+        """Whether somebody looks at a place, or deals with whoever is there."""
+        drones = (a.target for a in self.plan.actions if self.kind(a.agent) == "uav")
+        return bool(self.commands(place)) or place in drones

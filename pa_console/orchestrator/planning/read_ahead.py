@@ -1,0 +1,88 @@
+"""Lets the model read what is known before a mission is given.
+
+Those are the fixed parts, the present picture, and of a mission that is being typed the rules that
+concern its words so far, and these words.
+"""
+
+import asyncio
+from contextlib import suppress
+
+from pa_console.llm.errors import EngineError
+from pa_console.orchestrator.intake.spelling_correction import prepare
+from pa_console.orchestrator.mission.services import Services
+from pa_console.orchestrator.planning.digest import digest_picture
+from pa_console.orchestrator.planning.picture_selection import is_small
+from pa_console.schema.events.event import Role
+from pa_console.schema.telemetry import Digest
+
+ROLES: tuple[Role, ...] = ("planner", "judge", "outcome")
+TYPING_ROLES: tuple[Role, ...] = ("planner", "judge")
+
+
+class ReadAhead:
+    """Reads the beginning of coming prompts while nobody waits; a real prompt interrupts it."""
+
+    def __init__(self, services: Services) -> None:
+        self._services = services
+        self._read: dict[Role, tuple[Digest | None, str]] = {}
+        self._words = ""
+        self._wanted = asyncio.Event()
+        self._turn = asyncio.Lock()
+
+    async def load(self) -> None:
+        """Load the model and the dictionary and read the beginning of every role's prompts."""
+        async with self._turn:
+            with suppress(EngineError):  # told by the engine's state, and to whoever asks it
+                await self._services.engine.start()
+                await asyncio.to_thread(prepare)
+                for role in ROLES:
+                    await self._warm(role)
+
+    async def read_now(self, text: str = "") -> None:
+        """Read the picture as it is, and all of `text` but its last word, which may not be whole.
+
+        When this returns, a mission that begins so finds it read.
+        """
+        await self._read_words(_whole_words(text))
+
+    def typing(self, text: str) -> None:
+        """Note that a mission is being typed and is `text` so far."""
+        self._words = _whole_words(text)
+        self._wanted.set()
+
+    async def serve(self) -> None:
+        """Read the picture again whenever somebody types, for ever."""
+        while True:
+            await self._wanted.wait()
+            self._wanted.clear()
+            await self._read_words(self._words)
+
+    async def _read_words(self, words: str) -> None:
+        async with self._turn:
+            read = self._services.read(words)
+            for role in TYPING_ROLES:
+                await self._warm(role, read)
+
+    async def _warm(self, role: Role, words: str = "") -> None:
+        """Let the model read what a prompt of `role` begins with at present, unless it has.
+
+        In a world too large to be told whole, what is told depends on the mission.
+        """
+        services = self._services
+        sim = services.sim
+        whole = is_small(sim.world)
+        digest = digest_picture(sim.picture(), sim.world) if whole else None
+        if services.engine.busy or self._read.get(role) == (digest, words):
+            return
+        self._read[role] = (digest, words)
+        prompt = services.dialect.ahead(role, sim.world, digest)
+        if services.dialect.typed is not None and digest is not None and words.strip():
+            hits = services.retriever.retrieve(words, services.top_k)
+            rules = [services.rulebook.get(hit.rule_id) for hit in hits]
+            prompt = services.dialect.typed(role, sim.world, digest, rules, words)
+        await services.engine.warm(role, prompt.system, prompt.user)
+
+
+def _whole_words(text: str) -> str:
+    """Return `text` without its last word, which may still be written."""
+    return text.rpartition(" ")[0]

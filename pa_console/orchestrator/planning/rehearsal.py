@@ -1,0 +1,220 @@
+"""Step 6: runs a plan in a forked simulation and records what happens on the way."""
+
+import asyncio
+from collections.abc import Collection
+from dataclasses import dataclass, field
+
+from shapely import LineString, Point, Polygon
+
+from pa_console.policy.ordering.moments import distinct, moment
+from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand
+from pa_console.schema.moment import OrderMoment
+from pa_console.schema.plan import Plan
+from pa_console.schema.rehearsal import (
+    AssetTimeline,
+    GateTimeline,
+    Rehearsal,
+    Timeline,
+    TrackTimeline,
+)
+from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
+from pa_console.schema.world import World
+from pa_console.sim.checkpoint import Checkpoint
+
+HORIZON_S = 240.0
+SETTLE_S = 2.0
+STEPS_PER_SLICE = 60
+
+
+def device_commands(plan: Plan, prefix: str) -> tuple[DeviceCommand, ...]:
+    """Return the plan's actions as device commands with ids `prefix`.1, `prefix`.2 and so on."""
+    return tuple(
+        DeviceCommand(
+            command_id=f"{prefix}.{number}",
+            agent=action.agent,
+            verb=action.verb,
+            target=action.target,
+        )
+        for number, action in enumerate(plan.actions, start=1)
+    )
+
+
+def order_moments(plan: Plan, world: World, done: Collection[str]) -> tuple[OrderMoment, ...]:
+    """Return the plan's orders as ordering rules see them; `done` names who has finished."""
+    return tuple(
+        OrderMoment(
+            agent=action.agent,
+            kind=world.assets[action.agent].kind,
+            verb=action.verb,
+            target=action.target,
+            done=action.agent in done,
+        )
+        for action in plan.actions
+    )
+
+
+async def rehearse(sim: Checkpoint, plan: Plan) -> Rehearsal:
+    """Run `plan` in a forecast of `sim` until every command has ended, at most HORIZON_S seconds.
+
+    The forecast knows what the picture shows and nothing of the truth. The event loop gets its
+    turn every STEPS_PER_SLICE steps, so a screen stays alive meanwhile.
+    """
+    before = sim.picture()
+    fork = sim.forecast()
+    recorder = _Recorder(fork.world, before, plan)
+    commands = device_commands(plan, "rehearsal")
+    for command in commands:
+        fork.send(command)
+    pending = {command.command_id for command in commands}
+    start, end = fork.time_s, None
+    every = max(1, round(fork.world.telemetry_period_s / fork.world.dt_s))
+    for step in range(1, round(HORIZON_S / fork.world.dt_s) + 1):
+        for reply in fork.step():
+            recorder.reply(reply)
+            if reply.status in FINAL_REPLIES:
+                pending.discard(reply.command_id)
+        if not pending and end is None:
+            end = fork.time_s + SETTLE_S
+        if step % every == 0:
+            recorder.sample(fork.picture(), fork.time_s - start)
+            if end is not None and fork.time_s >= end:
+                break
+        if step % STEPS_PER_SLICE == 0:
+            await asyncio.sleep(0)
+    return recorder.result(fork.time_s - start)
+
+
+@dataclass
+class _AssetLog:
+    finished: bool = False
+    detail: str = "not finished within the rehearsal"
+    left_perimeter: bool = False
+    zones: list[str] = field(default_factory=list[str])
+    least_battery: float = 100.0
+    travelled: float = 0.0
+
+
+@dataclass
+class _TrackLog:
+    observed: float | None = None
+    contact: float | None = None
+    identified: float | None = None
+    warned: float | None = None
+    blocked: float | None = None
+    least: float | None = None
+
+
+class _Recorder:
+    """Collects the timeline from successive pictures of the fork."""
+
+    def __init__(self, world: World, before: Picture, plan: Plan) -> None:
+        self._world, self._before, self._last = world, before, before
+        self._plan = plan
+        self._moments = [moment(before, world, (), plan.agents)]
+        self._agents = {action.agent: _AssetLog() for action in plan.actions}
+        self._movers = {a.agent for a in plan.actions if a.verb not in ("hold", "report")}
+        self._tracks: dict[str, _TrackLog] = {name: _TrackLog() for name in before.tracks}
+        self._gap = dict.fromkeys(world.gates, 0.0)
+        self._longest = dict.fromkeys(world.gates, 0.0)
+        self._time = 0.0
+        self._inside = Polygon(world.perimeter).buffer(1.0)
+        self._zones = {name: Polygon(zone.polygon) for name, zone in world.zones.items()}
+        for track in before.tracks.values():
+            self._look_at(track, before, 0.0)
+
+    def reply(self, reply: CommandReply) -> None:
+        log = self._agents.get(reply.agent)
+        if log is not None and reply.status in FINAL_REPLIES:
+            log.finished, log.detail = reply.status == "done", reply.detail
+
+    def sample(self, picture: Picture, time_s: float) -> None:
+        for gate, cover in picture.gates.items():
+            self._gap[gate] = 0.0 if cover.covered else self._gap[gate] + time_s - self._time
+            self._longest[gate] = max(self._longest[gate], self._gap[gate])
+        for name, log in self._agents.items():
+            self._follow(log, self._last.assets[name], picture.assets[name])
+        for track in picture.tracks.values():
+            self._look_at(track, picture, time_s)
+        self._last, self._time = picture, time_s
+        done = {name for name, log in self._agents.items() if log.finished}
+        orders = order_moments(self._plan, self._world, done)
+        self._moments.append(moment(picture, self._world, orders, self._plan.agents))
+
+    def _follow(self, log: _AssetLog, was: AssetTelemetry, now: AssetTelemetry) -> None:
+        log.least_battery = min(log.least_battery, now.battery_pct)
+        if was.position == now.position:
+            return
+        leg = LineString((was.position, now.position))
+        log.travelled += leg.length
+        if not self._inside.covers(Point(now.position)):
+            log.left_perimeter = True
+        for name, zone in self._zones.items():
+            if (
+                name not in log.zones
+                and zone.intersects(leg)
+                and not zone.contains(Point(was.position))
+            ):
+                log.zones.append(name)
+
+    def _look_at(self, track: Track, picture: Picture, time_s: float) -> None:
+        log = self._tracks.setdefault(track.id, _TrackLog())
+        ground = [
+            (asset, Point(asset.position).distance(Point(track.position)))
+            for name in self._movers
+            if (asset := picture.assets[name]).kind != "uav" and asset.available
+        ]
+        near = any(gap <= self._world.platforms[a.kind].sensor_range_m for a, gap in ground)
+        blocking = any(a.task == "blocking" and a.at == track.gate for a, _ in ground)
+        log.observed = _first(log.observed, track.observed, time_s)
+        log.contact = _first(log.contact, near, time_s)
+        log.identified = _first(log.identified, track.identity != "unknown", time_s)
+        log.warned = _first(log.warned, track.warned, time_s)
+        log.blocked = _first(log.blocked, blocking, time_s)
+        if track.identity == "unknown" and ground:
+            closest = min(gap for _, gap in ground)
+            log.least = closest if log.least is None else min(log.least, closest)
+
+    def result(self, duration_s: float) -> Rehearsal:
+        after = self._last
+        return Rehearsal(
+            before=self._before,
+            after=after,
+            moments=distinct(self._moments),
+            timeline=Timeline(
+                duration_s=duration_s,
+                gates={
+                    gate: GateTimeline(
+                        covered_before=self._before.gates[gate].covered,
+                        covered_after=after.gates[gate].covered,
+                        longest_gap_s=self._longest[gate],
+                    )
+                    for gate in self._world.gates
+                },
+                tracks={
+                    name: TrackTimeline(
+                        observed_s=log.observed,
+                        ground_contact_s=log.contact,
+                        identified_s=log.identified,
+                        warned_s=log.warned,
+                        blocked_s=log.blocked,
+                        least_distance_m=log.least,
+                    )
+                    for name, log in self._tracks.items()
+                },
+                assets={
+                    name: AssetTimeline(
+                        finished=log.finished,
+                        detail="" if log.finished else log.detail,
+                        left_perimeter=log.left_perimeter,
+                        entered_zones=tuple(log.zones),
+                        least_battery_pct=log.least_battery,
+                        travelled_m=log.travelled,
+                    )
+                    for name, log in self._agents.items()
+                },
+            ),
+        )
+
+
+def _first(known: float | None, now: bool, time_s: float) -> float | None:
+    return time_s if known is None and now else known

@@ -1,0 +1,171 @@
+"""Puts a station together from the names of a world, a rule file and a model."""
+
+import hashlib
+import secrets
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+from pa_console import __version__
+from pa_console.llm.engine.engine import Engine
+from pa_console.llm.roles.dialect import DIALECTS
+from pa_console.llm.roles.grammar import plan_grammar
+from pa_console.llm.roles.judge import Judge
+from pa_console.llm.roles.planner import Planner
+from pa_console.orchestrator.mission.services import Services
+from pa_console.orchestrator.station.rules_in_force import RulesWatch
+from pa_console.orchestrator.station.station import Station
+from pa_console.orchestrator.station.ticking import Clock
+from pa_console.policy.expressions.deadlines import DEADLINE_S
+from pa_console.policy.retrieval.retriever import DEFAULT_METHOD, Retriever
+from pa_console.policy.rulebook import Rulebook, load_rules
+from pa_console.policy.trust.core_rules import with_core
+from pa_console.policy.trust.pinned_rules import RulesPins
+from pa_console.policy.trust.rule_seal import refuse_altered
+from pa_console.resources import find_data
+from pa_console.schema.document import read_bytes
+from pa_console.schema.evaluation import Variant
+from pa_console.schema.events.event import SessionStarted
+from pa_console.schema.plan import MAX_ACTIONS
+from pa_console.schema.scenario import Scenario
+from pa_console.schema.world import World
+from pa_console.sim.checkpoint import Checkpoint
+from pa_console.sim.worlds.scenario_file import load_scenario, scenario_path
+from pa_console.sim.worlds.world_file import load_world
+
+PINNED_PACKAGES = ("llama-cpp-python", "llguidance", "pymunk", "common-expression-language")
+
+
+@dataclass(frozen=True)
+class Site:
+    """A world and the rules in force there, with their files; rules of no file have no path."""
+
+    world: World
+    world_path: Path
+    rulebook: Rulebook
+    rules_path: Path | None = None
+
+    @property
+    def world_sha256(self) -> str:
+        """SHA-256 of the world file."""
+        return hashlib.sha256(read_bytes(self.world_path)).hexdigest()
+
+
+@dataclass(frozen=True)
+class LoadedScenario:
+    """A scenario and the hash of its file."""
+
+    scenario: Scenario
+    sha256: str
+
+
+def open_scenario(world: World, world_path: Path, name: str) -> LoadedScenario:
+    """Load a scenario of `world` by name, or from a path; raises DocumentError."""
+    path = scenario_path(world_path, name)
+    scenario = load_scenario(path, world)
+    return LoadedScenario(scenario, hashlib.sha256(read_bytes(path)).hexdigest())
+
+
+def open_world(name: str) -> tuple[World, Path]:
+    """Load a world by installed name or path, with its file; raises DocumentError."""
+    path = find_data("worlds", name, "world.yaml")
+    return load_world(path), path
+
+
+def load_site(
+    world: str,
+    rules: str,
+    *,
+    unsigned: bool = False,
+    pins: RulesPins | None = None,
+    accept: bool = False,
+    deadline_s: float = DEADLINE_S,
+) -> Site:
+    """Load a world and a rule file by installed name or path; raises DocumentError.
+
+    Rules that were altered since they were signed raise AlteredRulesError, unless `unsigned`. With
+    `pins`, rules that are less than those used before raise RefusedRulesError, unless the operator
+    does `accept` them. The core is in force whatever the file says; a check may take `deadline_s`.
+    """
+    loaded, world_path = open_world(world)
+    rules_path = find_data("rules", rules, "rules.yaml")
+    rulebook = load_rules(rules_path, deadline_s)
+    if not unsigned:
+        refuse_altered(rules_path, rulebook.seal)
+    if pins is not None:
+        seal = pins.admit(rulebook.name, rulebook.seal, accept=accept or unsigned)
+        rulebook = rulebook.sealed(seal)
+    rulebook = with_core(rulebook, deadline_s)
+    return Site(loaded, world_path, rulebook, rules_path)
+
+
+def new_session_id() -> str:
+    """Return a session id that sorts by time."""
+    return f"{datetime.now(UTC):%Y%m%dT%H%M%S}-{secrets.token_hex(2)}"
+
+
+def open_station(
+    site: Site,
+    engine: Engine,
+    clock: Clock,
+    *,
+    seed: int = 0,
+    readonly: bool = False,
+    keep_engine: bool = False,
+    scenario: LoadedScenario | None = None,
+    respond: bool = False,
+    variant: Variant | None = None,
+    sim: Checkpoint | None = None,
+    watch: RulesWatch | None = None,
+) -> Station:
+    """Return a station on `site` whose planner and judge are two roles on `engine`.
+
+    The engine is closed with the session unless `keep_engine`. With `respond`, alarms become
+    missions by themselves. An evaluation may give a `variant` of the pipeline, and a `sim` of its
+    own: it can then compare with the truth. A console may `watch` its rule file.
+    """
+    if sim is None:
+        sim = Checkpoint(site.world, seed, scenario.scenario if scenario is not None else None)
+    variant = variant or Variant()
+    dialect = DIALECTS[engine.model.prompts]
+    services = Services(
+        sim=sim,
+        rulebook=site.rulebook,
+        retriever=Retriever(site.rulebook.rules, variant.method or DEFAULT_METHOD),
+        engine=engine,
+        planner=Planner(engine, max_tokens=dialect.plan_tokens),
+        judge=Judge(engine, max_tokens=dialect.verdict_tokens),
+        variant=variant,
+        dialect=dialect,
+    )
+    grammar = plan_grammar(site.world, sim.picture(), tuple(site.world.assets)[:MAX_ACTIONS])
+    started = SessionStarted(
+        session=new_session_id(),
+        version=__version__,
+        world=site.world.name,
+        world_sha256=site.world_sha256,
+        rules=site.rulebook.name,
+        rules_sha256=site.rulebook.sha256,
+        rules_seal=site.rulebook.seal,
+        model=engine.model.name,
+        model_sha256=engine.model.sha256,
+        seed=sim.seed,
+        scenario=scenario.scenario.name if scenario is not None else "",
+        scenario_sha256=scenario.sha256 if scenario is not None else "",
+        sampler=engine.sampler,
+        grammar_sha256=hashlib.sha256(grammar.encode()).hexdigest(),
+        variant=variant,
+        readonly=readonly,
+        packages={name: version(name) for name in PINNED_PACKAGES},
+        adapters={adapter.path.name: adapter.sha256 for adapter in engine.model.adapters},
+    )
+    return Station(
+        services,
+        clock,
+        started,
+        readonly=readonly,
+        keep_engine=keep_engine,
+        respond=respond,
+        watch=watch,
+    )

@@ -1,0 +1,181 @@
+"""Runs missions without a screen: one station, one mission after another, a given approver."""
+
+import asyncio
+from collections.abc import Callable, Sequence
+from typing import Literal
+
+from pa_console.orchestrator.station.station import Station
+from pa_console.schema.events import event as ev
+from pa_console.schema.incident import Incident
+from pa_console.schema.mission import Decision, MissionStatus
+from pa_console.session.state.fold import MissionTrace, SessionState
+
+Approver = Callable[[ev.ApprovalRequested], Decision]
+Sink = Callable[[ev.Event, SessionState], None]
+ApprovalMode = Literal["auto", "never"]
+SETUP_SETTLE_S = 2.0
+
+
+def standing_approver(
+    mode: ApprovalMode, override_reason: str = "", reading: int = 0, *, least: float | None = None
+) -> Approver:
+    """Return the approver that follows a standing instruction given before the mission.
+
+    Where other readings of the order are offered, it first chooses the one of that number, if
+    there are so many (evaluations only); 0 takes the order as it was read.
+
+    `auto` approves what may be approved and acknowledges warnings; a judge's Failure is only
+    overridden with `override_reason`, which stands with such a decision alone. `never` rejects
+    every plan.
+
+    Nobody watches a standing approval, so it takes no plan for an order that may have been misread
+    (`doubt`): both models have to be at least so sure, 0 to 1, as `least` says. None takes it all
+    the same, for evaluations, where the truth of every plan is wanted.
+    """
+    chosen: list[str] = []
+
+    def decide(request: ev.ApprovalRequested) -> Decision:
+        by = f"standing instruction: --approve {mode}"
+        others = request.readings[reading - 1 : reading] if reading and not chosen else ()
+        for asked in others:
+            chosen.append(asked)
+            return Decision(kind="choose", by=by, asked=asked)
+        if mode == "never":
+            return Decision(kind="reject", by=by, reason="plans are never approved in this run")
+        if request.blocked_by:
+            return Decision(kind="reject", by=by, reason="; ".join(request.blocked_by))
+        if least is not None and (why := doubt(request, least)):
+            return Decision(kind="reject", by=by, reason=why)
+        if request.needs_override and not override_reason.strip():
+            reason = "the judge said Failure and no override reason was given"
+            return Decision(kind="reject", by=by, reason=reason)
+        return Decision(
+            kind="approve",
+            by=by,
+            reason=override_reason
+            if request.needs_override
+            else "approved by standing instruction",
+            override_judge=request.needs_override,
+            acknowledged=request.acknowledge,
+        )
+
+    return decide
+
+
+def doubt(request: ev.ApprovalRequested, least: float) -> str:
+    """Return why the order may have been misread, so that only an operator may approve; or ''.
+
+    Two models that agree may be wrong alike: the order's own words have to bear them out.
+    """
+    why = list(request.gaps)
+    if request.read_apart:
+        why.append("planner and judge have read the order apart")
+    if least > 0.0 and request.confidence is None:
+        why.append("not both models have told how sure they are of what was asked")
+    if request.confidence is not None and request.confidence < least:
+        why.append(f"read with {request.confidence:.0%} confidence, {least:.0%} are needed")
+    return f"too doubtful for standing approval: {'; '.join(why)}" if why else ""
+
+
+async def run_missions(  # noqa: PLR0917
+    station: Station,
+    texts: Sequence[str],
+    approver: Approver,
+    sink: Sink,
+    setup: Sequence[Incident] = (),
+    duration_s: float = 0.0,
+    *,
+    read_ahead: bool = False,
+) -> list[MissionTrace]:
+    """Bring the set-up about, run `texts` in order and return the trace of every mission.
+
+    The session lasts until they are finished and, if longer, `duration_s` simulated seconds have
+    passed and the missions that alarms have started meanwhile are over too. `sink` is given
+    every event and the state after it, in order. After a stop no other of the `texts` is given,
+    even if whoever stopped everything releases it. With `read_ahead`, the model has read the
+    picture and all but the last word before a mission is given, as while an operator types. Raises
+    ValueError for a set-up or a mission that the station does not take.
+    """
+    state = SessionState()
+    waiting, all_given = list(texts), asyncio.Event()
+    mine: str | None = None
+    ending: asyncio.Task[None] | None = None
+    request: ev.ApprovalRequested | None = None
+    begun = False
+
+    def answer(asked: ev.ApprovalRequested) -> None:
+        """Decide about `asked` and no other plan, unless none waits any more."""
+        if station.awaits_decision:
+            named = {"request_id": asked.request_id}
+            station.decide(approver(asked).model_copy(update=named))
+
+    async def submit() -> str | None:
+        """Give the next mission, if there is one more."""
+        if waiting and read_ahead:
+            await station.read_ahead(waiting[0])
+        if station.stopped:
+            waiting.clear()
+        given = station.submit(waiting.pop(0)).id if waiting else None
+        if not waiting:
+            all_given.set()
+        return given
+
+    try:
+        async for event in station.run():
+            state.apply(event)
+            sink(event, state)
+            match event.data:
+                case ev.TelemetryReceived() if not begun:
+                    begun = True
+                    if setup:
+                        for incident in setup:
+                            station.inject(incident)
+                        await station.advance(SETUP_SETTLE_S)
+                    mine = await submit()
+                    ending = asyncio.create_task(_end(station, duration_s, all_given))
+                case ev.ApprovalRequested():
+                    request = event.data
+                    answer(request)
+                case ev.DecisionMade(accepted=False) if request is not None:
+                    answer(request)
+                case ev.AllStopped():
+                    waiting.clear()
+                    all_given.set()
+                case ev.MissionFinished() if event.mission == mine and waiting:
+                    mine = await submit()
+                case _:
+                    pass
+    finally:
+        if ending is not None:
+            ending.cancel()
+            await asyncio.gather(ending, return_exceptions=True)
+    return list(state.missions.values())
+
+
+async def _end(station: Station, duration_s: float, all_given: asyncio.Event) -> None:
+    """Close the session once its time is over and no mission is left."""
+    if duration_s > 0.0:
+        await station.advance(duration_s)
+    await all_given.wait()
+    await station.settled()
+    await station.close("every mission is finished")
+
+
+EXIT_CODES: dict[MissionStatus, int] = {
+    "verified": 0,
+    "unverified": 4,
+    "refused": 3,
+    "rejected": 3,
+    "held": 3,
+    "cancelled": 3,
+    "failed": 1,
+}
+
+
+def exit_code(statuses: Sequence[MissionStatus | None]) -> int:
+    """Return the exit code for missions that ended so: the worst one's, 0 for none.
+
+    An internal failure is worse than a plan not verified, and that than one not executed.
+    """
+    codes = [EXIT_CODES[status] if status is not None else 1 for status in statuses]
+    return next((code for code in (1, 4, 3) if code in codes), 0)

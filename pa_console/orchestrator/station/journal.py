@@ -1,0 +1,93 @@
+"""The session's log as the station keeps it: an event is in it before anybody else is told."""
+
+import asyncio
+from collections.abc import Callable
+from typing import Protocol
+
+from pa_console.schema.events import event as ev
+
+
+class Log(Protocol):
+    """What takes the events; `LogWriter` does."""
+
+    @property
+    def error(self) -> Exception | None:
+        """Why nothing can be written at present."""
+        ...
+
+    @property
+    def owes(self) -> bool:
+        """Whether `commit` has something to do."""
+        ...
+
+    def news(self) -> str | None:
+        """Return what has become of the log's witness since this was last asked; None: nothing."""
+        ...
+
+    def append(self, event: ev.Event, *, commit: bool = True) -> None:
+        """Take one more event."""
+        ...
+
+    def commit(self) -> None:
+        """Have safe and signed whatever may not wait."""
+        ...
+
+
+class Journal:
+    """Logs what the station tells; `problem` says why nothing may be dispatched at present.
+
+    All decisions and commands of one moment are signed together: when the event loop is free
+    again, and at the latest before the world moves on. So none takes effect before it is signed,
+    and no stop waits for a disk between two of its commands.
+    """
+
+    def __init__(self) -> None:
+        """Begin without a log: then there is nothing to write, and no problem."""
+        self.problem = ""
+        self._log: Log | None = None
+        self._tell: Callable[[ev.LogTroubled | ev.Noticed], None] = _nobody
+        self._due: asyncio.Handle | None = None
+
+    def open(self, log: Log, tell: Callable[[ev.LogTroubled | ev.Noticed], None]) -> None:
+        """Write to `log`, which reports its own errors.
+
+        `tell` is given every new `problem`, and what becomes of the log's witness.
+        """
+        self._log, self._tell = log, tell
+
+    def append(self, event: ev.Event) -> None:
+        """Log one event; what may not wait is signed very soon."""
+        if self._log is None:
+            return
+        self._log.append(event, commit=False)
+        if self._log.owes and self._due is None:
+            self._due = asyncio.get_running_loop().call_soon(self.commit)
+        self._look(self._log)
+
+    def commit(self) -> str:
+        """Have decisions and commands signed and on the disk now; return the `problem`, if any."""
+        if self._due is not None:
+            self._due.cancel()
+            self._due = None
+        if self._log is not None:
+            self._log.commit()
+            self._look(self._log)
+        return self.problem
+
+    def _look(self, log: Log) -> None:
+        before, self.problem = self.problem, str(log.error) if log.error is not None else ""
+        if self.problem != before:
+            self._tell(ev.LogTroubled(problem=self.problem))
+        if (news := log.news()) is not None:
+            asyncio.get_running_loop().call_soon(self._tell, _witnessed(news))
+
+
+def _witnessed(news: str) -> ev.Noticed:
+    if news:
+        text = f"does not get the log's signed heads: {news}"
+        return ev.Noticed(level="warning", subject="witness", text=text)
+    return ev.Noticed(level="info", subject="witness", text="gets the log's signed heads again")
+
+
+def _nobody(_: ev.LogTroubled | ev.Noticed) -> None:
+    pass

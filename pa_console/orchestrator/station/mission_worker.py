@@ -1,0 +1,170 @@
+"""The desk at which missions are worked on: one at a time, in the queue's order."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+
+from pa_console.orchestrator.execution.emergency_stop import EmergencyStop
+from pa_console.orchestrator.execution.step_feed import StepFeed
+from pa_console.orchestrator.intake.intake import Intake
+from pa_console.orchestrator.mission.mission_run import MissionRun
+from pa_console.orchestrator.mission.services import Services
+from pa_console.orchestrator.station.background import Background
+from pa_console.schema.events import event as ev
+from pa_console.schema.mission import Decision, Mission, MissionStatus
+from pa_console.schema.telemetry import Picture
+
+Emit = Callable[[ev.EventPayload, str | None], None]
+
+
+class MissionWorker:
+    """Takes missions out of the intake and works on them; tells everything through `emit`."""
+
+    def __init__(
+        self, services: Services, feed: StepFeed, intake: Intake, stops: EmergencyStop, emit: Emit
+    ) -> None:
+        self._services, self._feed = services, feed
+        self._intake, self._stops, self._emit = intake, stops, emit
+        self.idle = asyncio.Event()
+        """Set while no mission is worked on and none waits."""
+        self.idle.set()
+        self._arrived = asyncio.Event()
+        self._runs: dict[str, MissionRun] = {}
+        self._run: MissionRun | None = None
+        self._work: asyncio.Task[None] | None = None
+        self._gives_way = False
+        self._answer: asyncio.Future[Decision] | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a mission is being worked on."""
+        return self._run is not None
+
+    @property
+    def worked_on(self) -> str:
+        """The id of the mission that is being worked on, empty when none is."""
+        return self._run.mission.id if self._run is not None else ""
+
+    @property
+    def thinking(self) -> bool:
+        """Whether the active mission is being thought about, and no asset moves for it."""
+        return self._run is not None and not self._run.moving
+
+    @property
+    def handled(self) -> frozenset[str]:
+        """The tracks, assets and gates that the active mission deals with."""
+        return self._run.subjects if self._run is not None else frozenset()
+
+    async def serve(self, background: Background, between: Callable[[], Awaitable[None]]) -> None:
+        """Work on the missions for ever; `between` is begun whenever one is over."""
+        while True:
+            mission = self._intake.next()
+            if mission is None:
+                self._arrived.clear()
+                self.idle.set()
+                await self._arrived.wait()
+                continue
+            self._run = self._runs.setdefault(mission.id, self._new_run(mission))
+            self.queue_changed()
+            self._work = background.start(self._work_on(self._run))
+            await asyncio.wait([self._work])
+            self._leave(self._run, interrupted=self._work.cancelled())
+            self._run, self._work, self._gives_way = None, None, False
+            background.start(_run(between))
+
+    def use(self, services: Services) -> None:
+        """Work on missions with these from now on; those that were begun keep what they have."""
+        self._services = services
+
+    @property
+    def awaits_decision(self) -> bool:
+        """Whether a plan waits for a decision."""
+        return self._answer is not None and not self._answer.done()
+
+    def queue_changed(self) -> None:
+        """Tell the queue if it is not what was told last, and wake whoever waits for it."""
+        for payload in self._intake.changes():
+            self._emit(payload, None)
+        if len(self._intake):
+            self.idle.clear()
+            self._arrived.set()
+
+    def decide(self, decision: Decision) -> None:
+        """Answer the open approval request; raises ValueError when there is none."""
+        if self._answer is None or not self.awaits_decision:
+            raise ValueError("no plan waits for a decision")
+        self._answer.set_result(decision)
+
+    def cancel(self) -> None:
+        """Cancel the active mission, even one that was about to give way to an emergency.
+
+        Raises ValueError when none is active.
+        """
+        if self._work is None:
+            raise ValueError("no mission is active; one that waits is withdrawn from the queue")
+        self._gives_way = False
+        self._work.cancel()
+
+    def see(self, picture: Picture) -> None:
+        """Let the active mission take in new telemetry, or give way to an emergency (WF-04)."""
+        if self._run is None or self._work is None or self._work.done():
+            return
+        mission = self._run.mission
+        for move in self._run.see(picture):
+            self._emit(move, mission.id)
+        entry = None if self._gives_way else self._intake.emergency(mission)
+        if entry is not None:
+            self._gives_way = True
+            payload = ev.MissionPreempted(by=entry.mission.id, reason=entry.reason)
+            self._emit(payload, mission.id)
+            self._work.cancel()
+
+    def drop(self, mission: Mission, reason: str) -> None:
+        """End a mission that waits and will not get its turn."""
+        run = self._runs.pop(mission.id, None) or self._new_run(mission)
+        self._end(run, "cancelled", reason)
+
+    async def _work_on(self, run: MissionRun) -> None:
+        """Emit everything a mission yields; an interrupted or broken one is brought to safety."""
+        try:
+            async for payload in run.payloads():
+                self._emit(payload, run.mission.id)
+        except asyncio.CancelledError:
+            self._to_safety(run)
+            raise
+        except Exception as error:  # a defect must neither end the session nor move an asset
+            self._to_safety(run)
+            self._end(run, "failed", f"internal error: {type(error).__name__}: {error}")
+
+    def _leave(self, run: MissionRun, *, interrupted: bool) -> None:
+        """Let go of a mission: it is over, gave way and waits again, or was cancelled."""
+        if interrupted and self._gives_way and self._intake.put_back(run.mission):
+            return
+        self._runs.pop(run.mission.id, None)
+        if interrupted:
+            why = "its cause is gone" if self._gives_way else "cancelled by the operator"
+            self._end(run, "cancelled", why)
+
+    def _to_safety(self, run: MissionRun) -> None:
+        for payload in self._stops.follow(run.execution.halt()):
+            self._emit(payload, run.mission.id)
+
+    def _end(self, run: MissionRun, status: MissionStatus, reason: str) -> None:
+        for payload in run.close(status, reason):
+            self._emit(payload, run.mission.id)
+
+    def _new_run(self, mission: Mission) -> MissionRun:
+        return MissionRun(
+            self._services, mission, self._feed, self._decided, lambda: self._intake.open_alarms
+        )
+
+    async def _decided(self) -> Decision:
+        """Wait for `decide`."""
+        self._answer = asyncio.get_running_loop().create_future()
+        try:
+            return await self._answer
+        finally:
+            self._answer = None
+
+
+async def _run(work: Callable[[], Awaitable[None]]) -> None:
+    await work()

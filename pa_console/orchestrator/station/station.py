@@ -1,0 +1,273 @@
+"""The control station: one simulation, one mission queue, one stream of everything that happens."""
+
+import asyncio
+from collections.abc import AsyncGenerator, Callable
+from datetime import UTC, datetime
+
+from pa_console.orchestrator.execution.emergency_stop import EmergencyStop
+from pa_console.orchestrator.execution.step_feed import StepFeed
+from pa_console.orchestrator.intake.intake import Intake
+from pa_console.orchestrator.mission.services import Services
+from pa_console.orchestrator.planning.read_ahead import ReadAhead
+from pa_console.orchestrator.station.background import Background
+from pa_console.orchestrator.station.journal import Log
+from pa_console.orchestrator.station.mission_worker import MissionWorker
+from pa_console.orchestrator.station.rules_in_force import RulesReload, RulesWatch
+from pa_console.orchestrator.station.ticking import Clock, Ticking
+from pa_console.policy.retrieval.retriever import Retriever
+from pa_console.schema.events import event as ev
+from pa_console.schema.incident import Incident
+from pa_console.schema.mission import Decision, Mission
+from pa_console.schema.world import World
+
+READ_ONLY = "this console is read-only: commands are refused"
+IS_STOPPED = "everything is stopped: no mission is taken until the stop is released"
+
+
+class Station:
+    """Owns the simulation, alarms and queue; both front ends use only this."""
+
+    def __init__(
+        self,
+        services: Services,
+        clock: Clock,
+        started: ev.SessionStarted,
+        *,
+        readonly: bool = False,
+        keep_engine: bool = False,
+        respond: bool = False,
+        watch: RulesWatch | None = None,
+    ) -> None:
+        """`started` is the session's first event; `clock` says when the world moves on.
+
+        The engine is closed with the session unless `keep_engine`. With `respond`, alarms become
+        missions by themselves. With `watch`, a changed rule file is taken as soon as it is there.
+        """
+        self._services, self._clock, self._started = services, clock, started
+        self.readonly, self._keep_engine = readonly, keep_engine
+        self._sim, self._journal = services.sim, services.journal
+        self._feed = StepFeed()
+        self._events: asyncio.Queue[ev.Event | None] = asyncio.Queue()
+        self._intake = Intake(self.world, started.session, respond=respond and not readonly)
+        self._gate = services.gate
+        self._stops = EmergencyStop(self._sim, self._gate)
+        self._desk = MissionWorker(services, self._feed, self._intake, self._stops, self._emit)
+        self._reload = RulesReload(services, watch, self._emit, self._desk)
+        self._background = Background(self._broken)
+        self._ahead = ReadAhead(services)
+        self._ticking = Ticking(
+            services, clock, self._feed, self._intake, self._stops, self._desk, self._emit
+        )
+        self._closed = False
+
+    @property
+    def session(self) -> str:
+        """The id of the session."""
+        return self._started.session
+
+    @property
+    def world(self) -> World:
+        """The world that is simulated."""
+        return self._sim.world
+
+    @property
+    def retriever(self) -> Retriever:
+        """What finds rules among those that are in force now."""
+        return self._reload.services.retriever
+
+    @property
+    def rate(self) -> float:
+        """Simulated seconds per second."""
+        return self._clock.rate
+
+    @rate.setter
+    def rate(self, rate: float) -> None:
+        self._clock.rate = rate
+
+    @property
+    def stopped(self) -> bool:
+        """Whether everything is stopped, and the stop not released yet."""
+        return self._gate.stopped
+
+    @property
+    def awaits_decision(self) -> bool:
+        """Whether a plan waits for `decide`."""
+        return self._desk.awaits_decision
+
+    def write_to(self, log: Log) -> None:
+        """Write every event of the session to `log`, before anybody else is told of it.
+
+        While that is not possible, nothing is dispatched but what stops assets or makes them safe.
+        """
+        self._journal.open(log, self._emit)
+
+    async def run(self) -> AsyncGenerator[ev.Event]:
+        """Yield every event of the session until `close`; stopping the iteration closes it too."""
+        self._emit(self._started)
+        self._emit(ev.TelemetryReceived(picture=self._ticking.first))
+        self._services.engine.on_state = self.worker_changed
+        ahead, serving = self._ahead, self._desk.serve(self._background, self._ahead.load)
+        for work in (
+            self._ticking.run(),
+            serving,
+            ahead.load(),
+            ahead.serve(),
+            self._reload.serve(),
+        ):
+            self._background.start(work)
+        try:
+            while (event := await self._events.get()) is not None:
+                yield event
+        finally:
+            await self._background.stop()
+            if not self._keep_engine:
+                await self._services.engine.close()
+
+    async def reload_rules(self) -> None:
+        """Take the rules as their file has them now; why they cannot be taken is told."""
+        await self._reload.now()
+
+    @property
+    def rules_offered(self) -> str:
+        """Why the rules in their file wait for the operator to accept them, "" when none do."""
+        return self._reload.offered
+
+    async def accept_rules(self) -> None:
+        """Take rules that were refused, as the operator says; raises ValueError without any."""
+        self._writable()
+        await self._reload.accept()
+
+    def typing(self, text: str) -> None:
+        """Note that the operator types a mission, `text` so far; the model reads meanwhile."""
+        self._ahead.typing(text)
+
+    async def read_ahead(self, text: str) -> None:
+        """Wait until the model has read the present picture and all but the last word of `text`.
+
+        So it has for an operator who types.
+        """
+        await self._ahead.read_now(text)
+
+    def submit(self, text: str) -> Mission:
+        """Step 1: queue a mission; raises ValueError when it cannot be taken."""
+        self._writable()
+        if self.stopped:
+            raise ValueError(IS_STOPPED)
+        mission, received = self._intake.submit(text, self._desk.busy, self._reload.services.read)
+        self._emit(received, mission.id)
+        self._desk.queue_changed()
+        return mission
+
+    def decide(self, decision: Decision) -> None:
+        """Answer the open approval request; raises ValueError when there is none.
+
+        Raises ValueError too for an approval that the log could not tell of.
+        """
+        self._writable()
+        if decision.kind == "approve" and (problem := self._journal.commit()):
+            raise ValueError(f"nothing is approved while the log cannot be written: {problem}")
+        self._desk.decide(decision)
+
+    def cancel(self) -> None:
+        """Cancel the mission being worked on; assets under way for it go to a safe state.
+
+        Raises ValueError when no mission is active.
+        """
+        self._writable()
+        self._desk.cancel()
+
+    def acknowledge(self, alarm_id: str) -> None:
+        """Note that the operator has seen an alarm; raises ValueError for an unknown one."""
+        self._writable()
+        self._emit(self._intake.acknowledge(alarm_id, "operator"))
+
+    def move(self, mission_id: str, by: int) -> None:
+        """Move a waiting mission by `by` places in the queue; ValueError when it does not wait."""
+        self._reorder(lambda: self._intake.move(mission_id, by))
+
+    def defer(self, mission_id: str) -> None:
+        """Let everything else go before a waiting mission; ValueError when it does not wait."""
+        self._reorder(lambda: self._intake.defer(mission_id))
+
+    def withdraw(self, mission_id: str) -> None:
+        """Cancel a waiting mission; raises ValueError when it does not wait."""
+        self._reorder(
+            lambda: self._desk.drop(self._intake.withdraw(mission_id), "withdrawn by the operator")
+        )
+
+    def stop_all(self, by: str = "operator") -> None:
+        """Every asset is told to hold, the active mission is cancelled, the queue is emptied.
+
+        The stop is latched: until `release` no other command leaves the station, no mission is
+        taken, and no alarm becomes one. The holds go out before anything else is done.
+        """
+        self._writable()
+        holds = self._stops.hold_all()
+        self._emit(ev.AllStopped(by=by))
+        for payload in holds:
+            self._emit(payload)
+        for mission in self._intake.clear():
+            self._desk.drop(mission, "stopped by the operator")
+        if self._desk.busy:
+            self._desk.cancel()
+        self._desk.queue_changed()
+
+    def release(self, by: str = "operator") -> None:
+        """Release the stop: missions are taken again, and open alarms become missions.
+
+        No asset moves by that alone. Raises ValueError when nothing is stopped.
+        """
+        self._writable()
+        self._gate.release()
+        self._emit(ev.StopReleased(by=by))
+        for payload, mission in self._intake.resume(self._desk.handled):
+            self._emit(payload, mission)
+        self._desk.queue_changed()
+
+    def inject(self, incident: Incident) -> None:
+        """Let something happen in the simulation; raises ValueError for an unknown name."""
+        self._writable()
+        self._sim.inject(incident)
+        self._ticking.happened(incident, "operator")
+
+    async def advance(self, seconds: float) -> None:
+        """Wait until `seconds` of simulated time have passed."""
+        end = self._sim.tick + round(seconds / self.world.dt_s)
+        with self._feed.follow() as steps:
+            async for tick, _ in steps:
+                if tick >= end:
+                    return
+
+    async def settled(self) -> None:
+        """Wait until no mission is worked on and none waits."""
+        await self._desk.idle.wait()
+
+    def worker_changed(self, state: ev.WorkerState, detail: str) -> None:
+        """Pass a change of the LLM worker on to the event stream."""
+        self._emit(ev.WorkerChanged(state=state, detail=detail))
+
+    async def close(self, reason: str = "closed by the operator") -> None:
+        """End the stream after a last event; safe to call twice."""
+        if not self._closed:
+            self._closed = True
+            self._emit(ev.SessionEnded(reason=reason))
+            self._events.put_nowait(None)
+
+    def _writable(self) -> None:
+        if self.readonly:
+            raise ValueError(READ_ONLY)
+
+    def _reorder(self, change: Callable[[], None]) -> None:
+        self._writable()
+        change()
+        self._desk.queue_changed()
+
+    def _emit(self, payload: ev.EventPayload, mission: str | None = None) -> None:
+        event = ev.Event(t=datetime.now(UTC), tick=self._sim.tick, mission=mission, data=payload)
+        self._journal.append(event)
+        self._events.put_nowait(event)
+
+    def _broken(self, error: BaseException) -> None:
+        """End the session in order when one of its own tasks broke."""
+        self._emit(ev.SessionEnded(reason=f"internal error: {error}"))
+        self._events.put_nowait(None)

@@ -1,0 +1,360 @@
+"""What plans that serve an order are made of: its commands, and who of the assets has each.
+
+Recon from the air, then identification, then a warning, then a block of what is hostile and was
+warned; noncombatants are only watched (ROE-08). The workflow goes on by itself later.
+
+It is the other side of `fulfilment.py`: there a plan is compared with what was asked, here the
+console says what a plan for it is made of.
+
+What serves one wish alone is told by `serving_units.py`; here it is put together, so that nobody
+has two commands, every gate keeps its guard, and as much of the order is served as can be. Who of
+those that could go does go is left to the model.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import combinations, islice
+
+from pa_console.llm.roles.grammar import CommandSlot
+from pa_console.orchestrator.tasking.backfill import (
+    CommandUnit,
+    NotInPictureError,
+    StandingAssets,
+    backfill_commands,
+    bare_s,
+    but_guards,
+    one_unit,
+    units_of_one,
+)
+from pa_console.orchestrator.tasking.fulfilment import is_to_be_warned, of_everyone, reporters
+from pa_console.orchestrator.tasking.obstacles import is_of, obstacle_to, unfit
+from pa_console.orders.reading import Reading, Wish, WishTask
+from pa_console.policy.checks.check_context import goes_to
+from pa_console.schema.plan import MAX_ACTIONS, Action, Plan
+from pa_console.schema.telemetry import Picture, Track
+from pa_console.schema.world import World
+
+
+def identify_units(stands: StandingAssets, wish: Wish) -> Iterator[CommandUnit]:
+    """Yield who finds out who is there; a drone looks first where nobody has (WF-02)."""
+    yield _only_looked_at(stands, wish.place) or _identified(stands, wish)
+
+
+def encounter_units(stands: StandingAssets, wish: Wish) -> Iterator[CommandUnit]:
+    """Yield what is due about whoever is there, or that a drone looks where nobody is known."""
+    tracks = stands.tracks(wish.place)
+    if look := _only_looked_at(stands, wish.place):
+        yield look
+    elif any(_is_stranger(track) for track in tracks):
+        at_once = wish.task == "warn" or all(track.observed for track in tracks)
+        yield _identified(stands, wish) if at_once else CommandUnit(_look(stands, wish.place))
+    elif any(map(is_to_be_warned, tracks)):
+        yield CommandUnit((CommandSlot(_robots(stands, wish), f"warn {wish.place}"),))
+    else:
+        raise NotInPictureError
+
+
+def block_units(stands: StandingAssets, wish: Wish) -> Iterator[CommandUnit]:
+    """Yield who closes a lane; whoever is there is met in order before (WF-01)."""
+    if all(map(_may_block, stands.tracks(wish.place))):
+        if wish.team.names:
+            yield from (
+                CommandUnit((CommandSlot((n,), f"block {wish.place}"),)) for n in stands.fit(wish)
+            )
+        elif vehicles := stands.near(wish.place, "ugv"):
+            yield CommandUnit((CommandSlot(vehicles, f"block {wish.place}"),))
+    else:
+        yield from encounter_units(
+            stands, wish._replace(task="respond", team=wish.team._replace(names=()))
+        )
+
+
+def _is_stranger(track: Track) -> bool:
+    return track.identity == "unknown" and track.status != "leaving"
+
+
+def _may_block(track: Track) -> bool:
+    known = track.identity == "unauthorized" and track.warned and track.intent == "hostile"
+    return known and not track.noncombatants
+
+
+def _identified(stands: StandingAssets, wish: Wish) -> CommandUnit:
+    look = () if all(t.observed for t in stands.tracks(wish.place)) else _look(stands, wish.place)
+    return CommandUnit((*look, CommandSlot(_robots(stands, wish), f"identify {wish.place}")))
+
+
+def _only_looked_at(stands: StandingAssets, place: str) -> CommandUnit | None:
+    """Return the look that is all that is due where nobody is known to be, or noncombatants are."""
+    tracks = stands.tracks(place)
+    if tracks and not any(track.noncombatants for track in tracks):
+        return None
+    return CommandUnit(_look(stands, place), ahead=not tracks)
+
+
+def _look(stands: StandingAssets, place: str) -> tuple[CommandSlot, ...]:
+    """Return that a drone looks at a place."""
+    return (CommandSlot(stands.near(place, "uav"), f"observe {place}"),)
+
+
+def _robots(stands: StandingAssets, wish: Wish) -> tuple[str, ...]:
+    """Return who can be sent to deal with somebody: those whom `wish` names, or any robot."""
+    return tuple(stands.fit(wish)) or stands.near(wish.place, "robot")
+
+
+def units(stands: StandingAssets, wish: Wish) -> list[CommandUnit]:
+    """Return what serves `wish`, nothing where nobody is to do anything.
+
+    Raises UntoldError where the console cannot tell.
+    """
+    found = list(_SERVES[wish.task](stands, wish))
+    if not all(slot.agents for unit in found for slot in unit.slots):
+        return []
+    return found
+
+
+def _sent(stands: StandingAssets, wish: Wish, command: str, place: str) -> Iterator[CommandUnit]:
+    """Yield `command` for those named, or for as many as are asked for and to be had.
+
+    Of those named, a gate may need each one that covers it alone.
+    """
+    team = wish.team
+    if team.names:
+        away = [n for n in stands.fit(wish) if wish.task == "home" or stands.post(n) != place]
+        yield from one_unit(CommandSlot((n,), command) for n in away if n not in stands.alone)
+        yield from units_of_one(CommandSlot((n,), command) for n in away if n in stands.alone)
+        return
+    free = [
+        name
+        for name in stands.free(team.kind)
+        if stands.post(name) != place and is_of(stands, name, wish)
+    ]
+    number = len(free) if team.number == "all" or wish.task == "mass" else team.number
+    if number >= len(free):
+        yield from units_of_one(
+            CommandSlot((name,), command) for name in but_guards(stands, free, place)
+        )
+    else:
+        yield from units_of_one(CommandSlot(tuple(free), command) for _ in range(number))
+
+
+def _gone(stands: StandingAssets, wish: Wish) -> Iterator[CommandUnit]:
+    yield from _sent(stands, wish, f"move_to {wish.place}", wish.place)
+
+
+def _home(stands: StandingAssets, wish: Wish) -> Iterator[CommandUnit]:
+    yield from _sent(stands, wish, "return_to_base", stands.world.base)
+
+
+def _looked(stands: StandingAssets, wish: Wish) -> Iterator[CommandUnit]:
+    if wish.team.names:
+        yield from one_unit(
+            CommandSlot((name,), f"observe {wish.place}") for name in stands.fit(wish)
+        )
+        return
+    near = (n for n in stands.near(wish.place, "uav") if is_of(stands, n, wish))
+    if drones := tuple(n for n in near if not unfit(n, wish, stands.world, stands.before)):
+        yield CommandUnit((CommandSlot(drones, f"observe {wish.place}"),))
+
+
+def _taken_over(stands: StandingAssets, wish: Wish) -> Iterator[CommandUnit]:
+    """Yield who leaves and who comes; nobody comes where those who could stand there already."""
+    place = wish.place or (stands.post(wish.leaving) if wish.leaving else "")
+    leaves: tuple[CommandSlot, ...] = ()
+    if wish.task == "relieve" and stands.before.assets[wish.leaving].available:
+        leaves = (CommandSlot((wish.leaving,), "return_to_base"),)
+    if wish.team.names:
+        away = (name for name in stands.fit(wish) if stands.post(name) != place)
+        come = tuple(CommandSlot((name,), f"move_to {place}") for name in away)
+    else:
+        others = tuple(_guards(stands, wish, place))
+        stays = wish.task == "relieve" and not others and _stand_there(stands, wish, place)
+        come = () if stays else (CommandSlot(others, f"move_to {place}"),)
+    yield from one_unit((*leaves, *come))
+
+
+def _guards(stands: StandingAssets, wish: Wish, place: str) -> list[str]:
+    """Return who could come to guard a place: of the kind that is asked for first, then others."""
+    kind, assets = wish.team.kind, stands.before.assets
+    free = [n for n in stands.free() if is_of(stands, n, wish) and stands.post(n) != place]
+    if not any(kind in (None, stands.kind(name)) for name in free):
+        free = [] if _stand_there(stands, wish, place) else free
+    return sorted(free, key=lambda n: (assets[n].comms != "ok", kind not in (None, stands.kind(n))))
+
+
+def _stand_there(stands: StandingAssets, wish: Wish, place: str) -> bool:
+    """Whether somebody who could guard a place stands there and is free."""
+    free = (name for name in stands.free(wish.team.kind) if is_of(stands, name, wish))
+    return any(stands.post(name) == place for name in free)
+
+
+def _swapped(stands: StandingAssets, wish: Wish) -> Iterator[CommandUnit]:
+    first, second = wish.team.names
+    places = ((first, second), (second, first))
+    yield CommandUnit(
+        tuple(CommandSlot((one,), f"move_to {stands.post(other)}") for one, other in places)
+    )
+
+
+def _stood_down(stands: StandingAssets, wish: Wish) -> Iterator[CommandUnit]:
+    """Yield that all but one of those at a place go home: who is low rather than who is not."""
+    assets = stands.before.assets
+    there = [n for n, a in assets.items() if a.available and a.post == wish.place]
+    stays = sorted(there, key=lambda n: assets[n].low_battery)[:1]
+    leave = [name for name in there if name not in (*stays, *stands.named)]
+    yield from one_unit(CommandSlot((name,), "return_to_base") for name in leave)
+
+
+def _reported(stands: StandingAssets, wish: Wish) -> Iterator[CommandUnit]:
+    team = wish.team
+    if team.names:
+        yield from units_of_one(CommandSlot((name,), "report") for name in stands.fit(wish))
+        return
+    asked = tuple(n for n in reporters(wish, stands.before) if n not in stands.named)
+    number = team.number
+    if number != "all" and not of_everyone(wish):
+        yield from units_of_one(
+            CommandSlot(asked, "report") for _ in range(min(number, len(asked)))
+        )
+
+
+def _held(stands: StandingAssets, wish: Wish) -> Iterator[CommandUnit]:
+    yield from units_of_one(CommandSlot((name,), "hold") for name in stands.fit(wish))
+
+
+def _untold(_stands: StandingAssets, _wish: Wish) -> Iterator[CommandUnit]:
+    raise NotInPictureError
+
+
+_SERVES: Mapping[WishTask, Callable[[StandingAssets, Wish], Iterator[CommandUnit]]] = {
+    "go": _gone,
+    "mass": _gone,
+    "home": _home,
+    "look": _looked,
+    "identify": identify_units,
+    "warn": encounter_units,
+    "respond": encounter_units,
+    "block": block_units,
+    "cover": _taken_over,
+    "relieve": _taken_over,
+    "swap": _swapped,
+    "stand_down": _stood_down,
+    "report": _reported,
+    "hold": _held,
+    "refused": _untold,
+    "unreadable": _untold,
+}
+
+
+_NOTHING = Plan(reason="nothing yet", actions=())
+_TRIED = 100
+"""Ways to give the commands of a part of an order to assets that are looked at."""
+_WAYS = 12
+"""Of those that keep every gate covered, how many the model is given to choose from."""
+_PARTS = 40
+"""Parts of an order that are looked at, the largest first."""
+
+Way = tuple[Action, ...]
+
+
+def commands_serving(
+    reading: Reading, world: World, picture: Picture
+) -> Iterator[tuple[CommandSlot, ...]]:
+    """Yield the commands of plans that serve `reading`, each with who may have it, best first.
+
+    What can all be done is, and else as much as can: what only looks ahead is given up first, then
+    what was asked last. Of each part, the model's choice comes before the console's own. Those that
+    cover a gate come first (WF-03). At last, or where nothing can be done, somebody holds. Nothing
+    is yielded where the console cannot tell what serves the order.
+    """
+    named = (n for wish in reading.wishes for n in (*wish.team.names, wish.leaving) if n)
+    stands = StandingAssets(world, picture, _NOTHING, frozenset(named))
+    due = [wish for wish in reading.wishes if not obstacle_to(wish, world, picture)]
+    try:
+        found = [unit for wish in due for unit in units(stands, wish)]
+    except NotInPictureError:
+        return
+    called = [name for wish in due if of_everyone(wish) for name in reporters(wish, picture)]
+    for part in _parts(found[:MAX_ACTIONS]) if found or called else []:
+        slots = [slot for unit in part for slot in unit.slots]
+        for late in (False, True):
+            ways = _ways(stands, slots, called, others_stay=reading.others_stay, late=late)
+            if looked_at := list(islice(ways, _WAYS)):
+                looked_at.sort(key=lambda way: _late_s(stands, way))
+                yield from _chosen(looked_at)
+                break
+    yield (CommandSlot(tuple(name for name, a in picture.assets.items() if a.available), "hold"),)
+
+
+def _parts(found: Sequence[CommandUnit]) -> list[list[CommandUnit]]:
+    """Return parts of what serves an order, the largest first, and at first all of it."""
+    number = len(found)
+    left_out = (
+        sorted(
+            combinations(range(number), count),
+            key=lambda out: (sum(not found[i].ahead for i in out), [-i for i in reversed(out)]),
+        )
+        for count in range(max(number, 1))
+    )
+    every = (out for some in left_out for out in some)
+    return [[unit for i, unit in enumerate(found) if i not in out] for out in islice(every, _PARTS)]
+
+
+def _chosen(ways: Sequence[Way]) -> Iterator[tuple[CommandSlot, ...]]:
+    """Yield what `ways` leave open to choice, and then the first of them as it is."""
+    first = ways[0]
+    commands = [action.command for action in first]
+    alike = [way for way in ways if [action.command for action in way] == commands]
+    names = (dict.fromkeys(way[i].agent for way in alike) for i in range(len(first)))
+    yield tuple(CommandSlot(tuple(n), said) for n, said in zip(names, commands, strict=True))
+    if len(alike) > 1:
+        yield tuple(CommandSlot((action.agent,), action.command) for action in first)
+
+
+def _ways(
+    stands: StandingAssets,
+    slots: Sequence[CommandSlot],
+    called: Sequence[str],
+    *,
+    others_stay: bool,
+    late: bool,
+) -> Iterator[Way]:
+    """Yield plans in which everybody has one command at most and no gate is left.
+
+    Those `called` report if they have nothing else to do. With `late`, gates may wait for whoever
+    takes them over.
+    """
+    for given in islice(_given(slots), _TRIED):
+        goals = _goals(stands, given)
+        for more in backfill_commands(stands, goals, others_stay=others_stay, late=late):
+            first = [Action(agent=name, command=said) for name, said in more]
+            busy = {*goals, *(name for name, _ in more)}
+            told = (Action(agent=n, command="report") for n in called if n not in busy)
+            if way := (*first, *given, *told)[:MAX_ACTIONS]:
+                yield way
+
+
+def _goals(stands: StandingAssets, actions: Sequence[Action]) -> dict[str, str]:
+    """Return where everybody is who has a command, once it is carried out."""
+    ends = ((action.agent, goes_to(action, stands.world)) for action in actions)
+    return {name: goal or stands.post(name) for name, goal in ends}
+
+
+def _late_s(stands: StandingAssets, way: Way) -> float:
+    """Return how long the gates that their guards leave wait for others at least, in seconds."""
+    return bare_s(stands, _goals(stands, way))
+
+
+def _given(
+    slots: Sequence[CommandSlot], had: tuple[Action, ...] = ()
+) -> Iterator[tuple[Action, ...]]:
+    """Yield the ways to give each of `slots` to somebody who has none yet."""
+    number = len(had)
+    if number == len(slots):
+        yield had
+        return
+    agents, command = slots[number]
+    if number and slots[number] == slots[number - 1]:
+        agents = agents[agents.index(had[-1].agent) + 1 :]
+    busy = {action.agent for action in had}
+    for name in agents:
+        if name not in busy:
+            yield from _given(slots, (*had, Action(agent=name, command=command)))

@@ -1,0 +1,290 @@
+"""Whether a plan does what an order was understood to ask for, and nothing else.
+
+Reading the order is the model's part (`orders/reading.py`). What cannot be done counts for nothing,
+and neither does what the rules ask for besides: who takes over a gate, who looks first.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+from pa_console.llm.roles.prompt_facts import WORDS
+from pa_console.orchestrator.execution.premises import ENCOUNTERS
+from pa_console.orchestrator.planning.plan_moves import PlanMoves
+from pa_console.orchestrator.tasking.obstacles import (
+    PlanForOrder,
+    is_of,
+    may_move,
+    obstacle_to,
+    post_of,
+    unfit,
+)
+from pa_console.orders.reading import Reading, Wish, WishTask
+from pa_console.schema.plan import Verb
+from pa_console.schema.telemetry import Picture, Track
+from pa_console.schema.world import AssetKind
+
+
+def reporters(wish: Wish, picture: Picture) -> tuple[str, ...]:
+    """Return the assets that are up and of which a report can be meant, in the picture's order."""
+    team = wish.team
+    return tuple(
+        name
+        for name, asset in picture.assets.items()
+        if asset.available and team.kind in (None, asset.kind)
+        if all(asset.post == at for at in (wish.place, team.origin) if at)
+    )
+
+
+def of_everyone(wish: Wish) -> bool:
+    """Whether each of them is asked: of a place, of all of a kind, or of nobody in particular."""
+    team = wish.team
+    if wish.task != "report" or team.names:
+        return False
+    return team.number == "all" or bool(wish.place) or not (team.kind or team.origin)
+
+
+def _there(case: PlanForOrder, wish: Wish) -> Iterator[str]:
+    """Yield who of those asked for is not sent; as many as are to be had must be."""
+    place, team = case.moves.world.base if wish.task == "home" else wish.place, wish.team
+    yield from _absent(case, wish, place)
+    there = [n for n, goal in case.moves.goals.items() if goal == place == case.moves.post(n)]
+    if there and wish.task != "home":
+        yield f"{', '.join(there)} at {place} already"
+    if team.names:
+        return
+    sent = sum(is_of(case.moves, name, wish) for name in case.moves.sent(place, team.kind))
+    spare = [
+        name
+        for name in case.spare(wish, team.kind)
+        if case.moves.post(name) != place and not _is_left(case.moves, name)
+    ]
+    wanted = 1 if team.number == "all" else team.number
+    word = "asset" if team.kind is None else WORDS[team.kind]
+    if sent < wanted and len(spare) > sent:
+        yield f"{sent} of {wanted} {word} to {place}"
+    elif team.number == "all":
+        left = [name for name in spare if case.moves.ends(name) != place]
+        if left:
+            yield f"{', '.join(left)} not sent to {place}"
+    elif wish.task == "go" and sent > wanted and (team.kind != "uav" or case.others_stay):
+        yield f"{sent} instead of {wanted} {word} to {place}"
+
+
+def _is_left(moves: PlanMoves, name: str) -> bool:
+    """Whether an asset is the guard that stays at a gate when all others leave it (WF-03)."""
+    guards = moves.guards(moves.post(name))
+    others = [guard for guard in guards if guard != name]
+    return name in guards and name not in moves.moved and all(o in moves.moved for o in others)
+
+
+def _absent(case: PlanForOrder, wish: Wish, place: str) -> Iterator[str]:
+    """Yield who was named and is not sent, unless a gate needs him."""
+    relief = case.spare(wish) and not case.others_stay
+    for name in _fit(case, wish):
+        if case.moves.ends(name) != place and (relief or name not in case.moves.alone):
+            yield f"{name} is not sent to {place}"
+
+
+def _looked(case: PlanForOrder, wish: Wish) -> Iterator[str]:
+    yield from _absent(case, wish, wish.place)
+    moves = case.moves
+    observers = (action.agent for action in moves.commands(wish.place, ["observe"]))
+    drones = (*observers, *moves.sent(wish.place, "uav"))
+    looks = any(is_of(moves, name, wish) for name in drones)
+    can = (n for n in case.spare(wish, "uav") if not unfit(n, wish, moves.world, moves.before))
+    if not wish.team.names and not looks and any(can):
+        yield f"nobody observes {wish.place}"
+
+
+def _identified(case: PlanForOrder, wish: Wish) -> Iterator[str]:
+    """Yield those who were named and do not go to the track, or that nobody finds out who it is."""
+    names = _fit(case, wish)
+    if names and case.moves.tracks(wish.place):
+        if all(name in case.moves.alone for name in names) and not case.spare(wish):
+            return
+        if not any(a.agent in names and a.target == wish.place for a in case.moves.plan.actions):
+            yield f"{', '.join(names)} not sent to {wish.place}"
+            return
+    yield from _step_left_out(case, wish)
+
+
+def _step_left_out(case: PlanForOrder, wish: Wish) -> Iterator[str]:
+    """Yield what is left out at a place: to identify who is there, and then to warn (WF-01).
+
+    Whoever was not seen is looked at first, in the same plan (WF-02); noncombatants are only
+    watched (ROE-08).
+    """
+    moves = case.moves
+    tracks = [track for track in moves.tracks(wish.place) if track.status != "leaving"]
+    if any(track.noncombatants for track in tracks):
+        return
+    due: Verb | None = None
+    if any(track.identity == "unknown" for track in tracks):
+        due = "identify"
+    elif wish.task == "warn" and any(is_to_be_warned(track) for track in tracks):
+        due = "warn"
+    if due and _can(case, wish, tracks) and not moves.commands(wish.place, [due]):
+        yield f"nobody sent to {due} who is at {wish.place}"
+
+
+def _can(case: PlanForOrder, wish: Wish, tracks: Sequence[Track]) -> bool:
+    """Whether a robot can be had for `tracks`, and a drone where one has to look before."""
+    seen = all(track.observed for track in tracks)
+    kinds: tuple[AssetKind, ...] = ("robot",) if seen else ("robot", "uav")
+    return all(case.moves.there(wish.place, kind) or case.spare(wish, kind) for kind in kinds)
+
+
+def is_to_be_warned(track: Track) -> bool:
+    """Whether a warning is due: it is known who that is, and nobody has warned him."""
+    known = track.identity == "unauthorized" and not track.noncombatants
+    return known and not track.warned
+
+
+def _blocked(case: PlanForOrder, wish: Wish) -> Iterator[str]:
+    """Yield that a lane is not closed, unless whoever is there has to be met first (WF-01)."""
+    due = all(track.intent == "hostile" and track.warned for track in case.moves.tracks(wish.place))
+    moves, fit = case.moves, _fit(case, wish)
+    can = fit or case.spare(wish, "ugv") or moves.there(wish.place, "ugv")
+    if due and can and not moves.commands(wish.place, ["block"], fit):
+        yield f"nobody blocks {wish.place}"
+
+
+def _taken_over(case: PlanForOrder, wish: Wish) -> Iterator[str]:
+    place, leaving = post_of(case.moves, wish), case.moves.before.assets.get(wish.leaving)
+    home = case.moves.goals.get(wish.leaving) == case.moves.world.base
+    if wish.task == "relieve" and leaving is not None and leaving.available and not home:
+        yield f"{wish.leaving} does not go home"
+    yield from _absent(case, wish, place)
+    kind = wish.team.kind
+    sent = [name for name in case.moves.sent(place, kind) if name != wish.leaving]
+    spare = [name for name in case.spare(wish, kind) if case.moves.post(name) != place]
+    if not _fit(case, wish) and not sent and spare:
+        yield f"nobody takes over {place}"
+
+
+def _swapped(case: PlanForOrder, wish: Wish) -> Iterator[str]:
+    first, second = wish.team.names
+    for one, other in ((first, second), (second, first)):
+        if case.moves.ends(one) != case.moves.post(other):
+            yield f"{one} does not take the place of {other}"
+
+
+def _stood_down(case: PlanForOrder, wish: Wish) -> Iterator[str]:
+    """Yield that not exactly one guard stays, or that nobody of several goes home."""
+    there = {*case.moves.guards(wish.place), *case.moves.sent(wish.place)}
+    left = [name for name in there if case.moves.ends(name) == wish.place]
+    if wish.place in case.moves.world.gates and len(left) != 1:
+        yield f"{len(left)} stay at {wish.place}"
+    if len(case.moves.guards(wish.place)) > 1 and not case.moves.sent(case.moves.world.base):
+        yield "nobody goes home"
+
+
+def _reported(case: PlanForOrder, wish: Wish) -> Iterator[str]:
+    """Yield whose report is missing, but for those of whom everybody is asked and who act."""
+    actions = case.moves.plan.actions
+    told = {action.agent for action in actions if action.verb == "report"}
+    if wish.team.names:
+        yield from (f"no report by {n}" for n in _fit(case, wish) if n not in told)
+        return
+    asked = {*reporters(wish, case.moves.before)}
+    wanted = wish.team.number
+    if wanted == "all" or of_everyone(wish):
+        asked -= {action.agent for action in actions if action.verb not in ("hold", "report")}
+        wanted = len(asked)
+    if len(told & asked) < wanted:
+        yield f"{len(told & asked)} of {wanted} reports"
+
+
+def _held(case: PlanForOrder, wish: Wish) -> Iterator[str]:
+    yield from (f"{name} is not to move" for name in wish.team.names if name in case.moves.moved)
+
+
+def _nothing(_case: PlanForOrder, _wish: Wish) -> Iterator[str]:
+    """Yield nothing: what is due is known by the track's own workflow, or not readable."""
+    yield from ()
+
+
+def _fit(case: PlanForOrder, wish: Wish) -> list[str]:
+    names = wish.team.names
+    return [name for name in names if not unfit(name, wish, case.moves.world, case.moves.before)]
+
+
+FIND_GAPS: Mapping[WishTask, Callable[[PlanForOrder, Wish], Iterator[str]]] = {
+    "go": _there,
+    "mass": _there,
+    "home": _there,
+    "look": _looked,
+    "identify": _identified,
+    "warn": _step_left_out,
+    "respond": _nothing,
+    "block": _blocked,
+    "cover": _taken_over,
+    "relieve": _taken_over,
+    "swap": _swapped,
+    "stand_down": _stood_down,
+    "report": _reported,
+    "hold": _held,
+    "refused": _nothing,
+    "unreadable": _nothing,
+}
+
+
+_MEETS: frozenset[WishTask] = frozenset(("identify", "warn", "block", "respond"))
+
+
+def gaps(moves: PlanMoves, reading: Reading) -> tuple[str, ...]:
+    """Return in words what `reading` asks for and the plan lacks, then what nobody asked for."""
+    due = [wish for wish in reading.wishes if not obstacle_to(wish, moves.world, moves.before)]
+    vain = {w.place for w in reading.wishes if w not in due and w.task in _MEETS}
+    case = PlanForOrder(moves, tuple(due), reading.others_stay, frozenset(vain))
+    lacking = [text for wish in due for text in FIND_GAPS[wish.task](case, wish)]
+    unmet = [
+        f"nobody sent to deal with {wish.place}"
+        for wish in due
+        if wish.task in _MEETS and not moves.dealt_with(wish.place) and case.can_deal(wish)
+    ]
+    return tuple(dict.fromkeys((*lacking, *unmet, *_unasked(case))))
+
+
+def _unasked(case: PlanForOrder) -> Iterator[str]:
+    """Yield what the plan does beyond the wishes that are due and what the rules ask for."""
+    moves, due = case.moves, case.due
+    moving = [wish for wish in due if wish.task not in ("report", "hold")]
+    if not moving:
+        busy = (a.agent for a in moves.plan.actions if a.verb not in ("hold", "report"))
+        yield from (f"{name} is not to move" for name in busy if not _watches(case, name))
+        return
+    served = [
+        w for w in moving if w.task in _MEETS or any(may_move(moves, n, w) for n in moves.moved)
+    ]
+    for name in moves.moved:
+        asked = any(may_move(moves, name, wish) for wish in moving)
+        if not asked and not _besides(case, name, served) and not _watches(case, name):
+            yield f"{name} not asked for"
+    places = {wish.place for wish in moving}
+    for action in moves.plan.actions:
+        meets = action.verb in ENCOUNTERS and action.target not in places
+        if meets and not moves.takes_over(action.agent):
+            yield f"{action.command} not asked for"
+
+
+def _watches(case: PlanForOrder, name: str) -> bool:
+    """Whether a drone goes to look at somebody whom nobody can deal with as was asked.
+
+    Where one stands already, no other one has to.
+    """
+    goal, flies = case.moves.ends(name), case.moves.kind(name) == "uav"
+    seen = goal in case.watched and bool(case.moves.tracks(goal))
+    stands = any(drone != name for drone in case.moves.there(goal, "uav"))
+    return flies and seen and not stands and not case.others_stay
+
+
+def _besides(case: PlanForOrder, name: str, served: Sequence[Wish]) -> bool:
+    """Whether `name` takes over a gate (WF-03), looks first (WF-02) or meets a track (WF-01)."""
+    moves, goal = case.moves, case.moves.ends(name)
+    if moves.takes_over(name) and not case.others_stay:
+        return True
+    if goal not in moves.world.gates or not moves.tracks(goal):
+        return False
+    looks = moves.kind(name) == "uav" and not case.others_stay
+    meets = bool(moves.commands(goal, names=[name]))
+    return (looks or meets) and any(wish.place == goal for wish in served)

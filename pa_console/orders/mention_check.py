@@ -1,0 +1,336 @@
+"""Whether a reading of an order accounts for what the order names, and names nothing else.
+
+A model may misread an order, and the judge may misread it alike. This looks at the words without a
+model: every place, asset, track, kind, number and plain verb that the order asks about has to be in
+the reading, in the plan or in what is not met; and every place, asset, kind, number and task of the
+reading has to be in the words, or follow from them by the picture.
+"""
+
+import re
+from collections.abc import Collection, Iterator, Sequence
+from typing import NamedTuple
+
+from pa_console.orders.mentions import Mention, Sort, find_mentions
+from pa_console.orders.reading import NOWHERE, Reading, Team, Wish, WishTask, read_asked
+from pa_console.orders.world_names import WORD
+from pa_console.schema.plan import Plan, Verb
+from pa_console.schema.telemetry import Picture
+from pa_console.schema.world import AssetKind, World
+
+_STAYS: frozenset[Verb] = frozenset(("hold", "report"))
+_DOES: dict[Verb, WishTask] = {
+    "hold": "hold", "move_to": "go", "observe": "look", "identify": "identify", "warn": "warn",
+    "block": "block", "return_to_base": "home", "report": "report",
+}  # fmt: skip
+_NEEDS: dict[WishTask, AssetKind] = {
+    "look": "uav", "identify": "robot", "warn": "robot", "block": "ugv",
+}  # fmt: skip
+_PLAIN: dict[AssetKind, str] = {"uav": "drone", "ugv": "vehicle", "robot": "robot"}
+_KIND_WORDS: dict[AssetKind, re.Pattern[str]] = {
+    "uav": re.compile(r"\b(?:air\w*|aerial|fl(?:y|ies|ying|ight|ier)|sky|wings?|birds?|eyes?)\b"),
+    "ugv": re.compile(
+        r"\b(?:ground|wheel\w*|driving|rolling|driverless|autonomous|robotic cars?)\b"
+    ),
+    "robot": re.compile(r"\b(?:robot\w*|legs?|legged|walk\w*|mechanical|human\w*|machines?)\b"),
+}
+"""What says a kind without naming it, in lower case."""
+_SOMEBODY = re.compile(
+    r"\b(?:vehicles?|cars?|trucks?|lorr(?:y|ies)|vans?|bus|bike|motorcycle|persons?|people|man|men"
+    r"|woman|women|guy|driver|visitors?|intruders?|strangers?|individuals?|tracks?|contacts?|it|him"
+    r"|her|them|he|she|they|somebody|someone|something|threat|suspect|subject|figure)\b"
+)
+_BARE = re.compile(
+    r"\b(?:uncovered|unguarded|empty|open|gap|hole|nobody|no guard|without|lacks?|lost|missing"
+    r"|vacant|unmanned)\b"
+)
+_LOW = re.compile(r"\b(?:low|batter(?:y|ies)|charge|recharge|power|flat|drained|juice)\b")
+_DOWN = re.compile(
+    r"\b(?:fail(?:ed|ure)?|down|broken?|broke|dead|lost|defect(?:ive)?|out|crashed|offline)\b"
+)
+_EVERY = re.compile(
+    r"\b(?:all|every|each|whole|everybody|everyone|everything|rest|as many|whatever|entire|full"
+    r"|set|max\w*|no one|nothing|single|units|team|lot|both|number)\b"
+)
+_PAIR = re.compile(r"\b(?:both|couple|pair|two|twin|2)\b")
+_NAME = re.compile(r"[A-Za-z0-9_]+")
+
+
+class Accounted(NamedTuple):
+    """One mention of the order, and whether reading, plan or unmet lines account for it."""
+
+    mention: Mention
+    accounted: bool
+
+
+class Unsupported(NamedTuple):
+    """What a reading names, as a sort of thing, and nothing in the order supports."""
+
+    sort: Sort
+    named: str
+
+
+class MentionCheck(NamedTuple):
+    """Every mention of an order, and what its reading names beyond them."""
+
+    mentions: tuple[Accounted, ...]
+    unsupported: tuple[Unsupported, ...] = ()
+    moves: bool = False
+    """Whether the plan moves anybody."""
+
+    @property
+    def empty(self) -> bool:
+        """Whether the order names no place, no asset, no track and nothing to do."""
+        return all(one.mention.sort in ("kind", "number", "numeral") for one in self.mentions)
+
+    @property
+    def gaps(self) -> tuple[str, ...]:
+        """Everything that does not match, in words; empty where all of it does."""
+        gaps = [
+            f"not accounted for: {one.mention.said}" for one in self.mentions if not one.accounted
+        ]
+        gaps += [f"not in the order's words: {one.named}" for one in self.unsupported]
+        if self.empty and self.moves:
+            gaps.append("no word of the order asks for anything")
+        return tuple(dict.fromkeys(gaps))
+
+
+NOTHING_SAID = MentionCheck(())
+"""What is said of a plan that is not for a reading of the order."""
+
+
+def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
+    world: World, picture: Picture, text: str, asked: str, plan: Plan, unmet: Sequence[str] = ()
+) -> MentionCheck:
+    """Compare the words of an order, as they are read, with what was `asked` by the planner.
+
+    `asked` is in canonical words; '' where the planner says nothing of the sort: only what the plan
+    lacks is looked for then, as a plan may well do more than was asked. `unmet` are the lines on
+    what of the order is not carried out. A refusal of the whole order moves nobody, and lacks
+    nothing.
+    """
+    mentions = find_mentions(world, text, picture.tracks)
+    moves = any(action.verb not in _STAYS for action in plan.actions)
+    made = _Made(world, picture, asked, plan, unmet)
+    if made.refused and not moves:
+        return MentionCheck(tuple(Accounted(one, accounted=True) for one in mentions))
+    listed = (Accounted(one, not one.asked or made.accounts_for(one)) for one in mentions)
+    lacking = _Words(world, picture, text, mentions).lacking(made) if asked else ()
+    return MentionCheck(tuple(listed), tuple(dict.fromkeys(lacking)), moves)
+
+
+class _Made:
+    """What was made of an order: what its reading, its plan and the unmet lines name."""
+
+    def __init__(
+        self, world: World, picture: Picture, asked: str, plan: Plan, unmet: Sequence[str]
+    ) -> None:
+        self._world, self._picture = world, picture
+        said, _, evidence = asked.partition("; now: ")
+        self.wishes = tuple(_wishes(said)) if asked else ()
+        under = re.match(r"asked: if ([^:]+):", said)
+        self.subjects = _NAME.findall(under[1]) if under is not None else []
+        """The names on which it depends what is to be done."""
+        self.refused = bool(self.wishes) and all(w.task == "refused" for w in self.wishes)
+        self._others_stay = "others stay" in said or "others stay" in evidence
+        self._may_hold = self._others_stay or "else: nothing" in said or not self.wishes
+        acting = [action for action in plan.actions if action.verb not in _STAYS]
+        doing = acting if asked else plan.actions
+        self._tasks: set[WishTask] = {wish.task for wish in self.wishes}
+        self._tasks |= {_DOES[action.verb] for action in doing}
+        self._names = {*_NAME.findall(said), *(name for line in unmet for name in _words(line))}
+        self._names.update(name for a in doing for name in (a.agent, a.target) if name)
+        if self._tasks & {"home", "stand_down"}:
+            self._names.add(world.base)
+        self._assets = [name for name in world.assets if name in self._names]
+        read = set(_NAME.findall(said)) if asked else self._names
+        self._stood = {_at(picture, name) for name in self._assets if name in read}
+        """Where those stand whom the reading names: *the one at the north gate*."""
+        self._acting = len({action.agent for action in acting})
+
+    def accounts_for(self, one: Mention) -> bool:
+        """Whether what the order names by `one` is here."""
+        match one.sort:
+            case "place":
+                return one.means in self._names or one.means in self._stood
+            case "asset":
+                return one.means in self._names or self._meant(one.means)
+            case "track":
+                gate = self._picture.tracks[one.means].gate
+                return one.means in self._names or gate in self._names
+            case "kind":
+                return self._has_kind(one.means)
+            case "number":
+                return self._has_number(one.means)
+            case "numeral":
+                return True
+            case "verb":
+                return self._has_task(one.tasks)
+
+    def _meant(self, name: str) -> bool:
+        """Whether `name` is one of all that are meant, or whom somebody replaces."""
+        place, spec = _at(self._picture, name), self._world.assets.get(name)
+        if not self.wishes and place in self._names:
+            return True
+        for wish in self.wishes:
+            left = wish.place or _at(self._picture, wish.leaving)
+            if wish.task in ("cover", "relieve") and wish.leaving in ("", name) and left == place:
+                return True
+        every = (wish.team for wish in self.wishes if wish.team.number == "all")
+        return spec is not None and any(team.kind in (None, spec.kind) for team in every)
+
+    def _has_kind(self, kind: str) -> bool:
+        kinds: set[str | None] = {wish.team.kind for wish in self.wishes}
+        kinds |= {self._world.assets[name].kind for name in self._assets}
+        kinds |= {_NEEDS.get(task) for task in self._tasks}
+        every = any(wish.team == Team(number="all") for wish in self.wishes)
+        return kind in kinds or every or not self.wishes
+
+    def _has_number(self, number: str) -> bool:
+        teams = [wish.team for wish in self.wishes]
+        if self._others_stay or not teams:
+            return True
+        if number == "all":
+            return any(team.number == "all" or len(team.names) > 1 for team in teams)
+        counts = {len(team.names) or team.number for team in teams}
+        return int(number) in counts | {len(teams), len(self._assets), self._acting}
+
+    def _has_task(self, tasks: Collection[WishTask]) -> bool:
+        if "hold" in tasks and self._may_hold:
+            return True
+        return bool(self._tasks & {*tasks, "refused"})
+
+
+class _Words:
+    """What the words of an order support of a reading."""
+
+    def __init__(
+        self, world: World, picture: Picture, text: str, mentions: Sequence[Mention]
+    ) -> None:
+        self._world, self._picture, self._text = world, picture, text.lower()
+        self._names = {one.means for one in mentions if one.sort in ("place", "asset", "track")}
+        self._placed = any(one.sort == "place" for one in mentions)
+        self._kinds = {one.means for one in mentions if one.sort == "kind"}
+        self._numbers = {one.means for one in mentions if one.sort in ("number", "numeral")}
+        self._tasks = {task for one in mentions for task in one.supports}
+        self._plain = any(
+            one.sort == "verb" and one.asked and "hold" not in one.tasks for one in mentions
+        )
+
+    def lacking(self, made: _Made) -> Iterator[Unsupported]:
+        """Yield what `made` names and nothing here supports."""
+        for name in made.subjects:
+            if name in self._world.assets and not self._has_asset(name):
+                yield Unsupported("asset", name)
+            if name in self._world.frames and name not in self._names:
+                yield Unsupported("place", name)
+        for wish in made.wishes:
+            if wish.task in ("refused", "unreadable"):
+                continue
+            if wish.place not in ("", NOWHERE) and not self._has_place(wish.place, wish):
+                yield Unsupported("place", wish.place)
+            for name in filter(None, (*wish.team.names, wish.leaving)):
+                left = name == wish.leaving and _at(self._picture, name) in self._names
+                if not left and not self._has_asset(name):
+                    yield Unsupported("asset", name)
+            yield from self._team(wish.team)
+            if not self._has_task(wish):
+                yield Unsupported("verb", wish.words)
+
+    def _has_place(self, place: str, wish: Wish) -> bool:
+        """Whether `place` is named, or, where no place is, follows from who or what is there."""
+        if place in self._names or (wish.leaving and _at(self._picture, wish.leaving) == place):
+            return True
+        tracks = [track for track in self._picture.tracks.values() if track.gate == place]
+        if any(track.id in self._names for track in tracks):
+            return True
+        if self._placed:
+            return False
+        cover = self._picture.gates.get(place)
+        bare = cover is not None and not cover.covered
+        there = (name for name in self._picture.assets if _at(self._picture, name) == place)
+        return (
+            (bool(tracks) and _SOMEBODY.search(self._text) is not None)
+            or (bare and _BARE.search(self._text) is not None)
+            or any(self._told(name) or name in self._names for name in there)
+        )
+
+    def _told(self, name: str) -> bool:
+        """Whether the words tell of `name` by what is the matter with it."""
+        asset = self._picture.assets.get(name)
+        if asset is None:
+            return False
+        low = asset.low_battery and _LOW.search(self._text) is not None
+        return low or (not asset.available and _DOWN.search(self._text) is not None)
+
+    def _has_asset(self, name: str) -> bool:
+        """Whether `name` is named, told of, or its number is said where no name was found."""
+        digits = re.findall(r"\d+", name)
+        numbered = bool(digits) and str(int(digits[-1])) in self._numbers
+        return name in self._names or numbered or self._told(name)
+
+    def _team(self, team: Team) -> Iterator[Unsupported]:
+        if team.kind is not None and not self._has_kind(team.kind):
+            yield Unsupported("kind", _PLAIN[team.kind])
+        if team.number == "all":
+            if _EVERY.search(self._text) is None:
+                yield Unsupported("number", "all")
+        elif team.number > 1 and not self._has_number(team.number):
+            yield Unsupported("number", str(team.number))
+
+    def _has_number(self, number: int) -> bool:
+        paired = number == 2 and _PAIR.search(self._text) is not None
+        return paired or str(number) in self._numbers
+
+    def _has_kind(self, kind: AssetKind) -> bool:
+        """Whether the kind is said, by a word of its own or that of one of its teams."""
+        words = {_singular(word) for word in _NAME.findall(self._text)}
+        if kind in self._kinds or words & self._teams(kind):
+            return True
+        if _KIND_WORDS[kind].search(self._text) is not None:
+            return True
+        return kind == "ugv" and not self._kinds and "vehicle" in self._text
+
+    def _teams(self, kind: AssetKind) -> set[str]:
+        """Return the words in the names of assets of `kind`."""
+        names = (name for name, spec in self._world.assets.items() if spec.kind == kind)
+        words = (word.lower() for name in names for word in WORD.findall(name))
+        return {word for word in words if len(word) > 1 and word.isalpha()}
+
+    def _has_task(self, wish: Wish) -> bool:
+        """Whether some word means the task, or none is needed: `robot to south`, `van at east`."""
+        if wish.task in self._tasks:
+            return True
+        if wish.task == "respond":
+            visited = any(track.gate == wish.place for track in self._picture.tracks.values())
+            return visited or _SOMEBODY.search(self._text) is not None
+        if wish.task == "report" and "?" in self._text:
+            return True
+        if wish.task == "relieve" and {"go", "home"} <= self._tasks:
+            return True
+        somewhere = self._placed or wish.place == NOWHERE
+        return wish.task in ("go", "mass", "home") and not self._plain and somewhere
+
+
+def _wishes(asked: str) -> Iterator[Wish]:
+    """Yield what is asked in every case of a condition."""
+    words = asked.removeprefix("asked: ")
+    case = re.fullmatch(r"if [^:]+: (.+?), else: (.+)", words)
+    for part in (case[1], case[2]) if case is not None else (words,):
+        reading = read_asked(f"asked: {part}") or Reading(())
+        yield from reading.wishes
+
+
+def _words(line: str) -> list[str]:
+    return _NAME.findall(line)
+
+
+def _singular(word: str) -> str:
+    return word[:-3] + "y" if word.endswith("ies") else word.removesuffix("s")
+
+
+def _at(picture: Picture, name: str) -> str:
+    """Return where an asset has its post or is, or a track is; '' for neither."""
+    if name in picture.tracks:
+        return picture.tracks[name].gate
+    asset = picture.assets.get(name)
+    return "" if asset is None else asset.post or asset.at or ""

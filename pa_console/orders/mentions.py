@@ -1,0 +1,269 @@
+"""What the words of an order name: places, assets, tracks, kinds, how many, and verbs.
+
+Names are found as entity linking finds them (`linking.py`). A name is asked about, or only told,
+quoted or ruled out: *the east gate is quiet, send a drone to the west gate* asks for nothing at the
+east gate. Of an order that asks in no clause, every clause counts as asking.
+"""
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Literal, NamedTuple
+
+from pa_console.orders.name_linking import link_names
+from pa_console.orders.reading import WishTask
+from pa_console.orders.verb_lexicon import find_verbs
+from pa_console.orders.world_names import GATE, NUMBERS, WORD
+from pa_console.schema.world import AssetKind, World
+
+Sort = Literal["place", "asset", "track", "kind", "number", "numeral", "verb"]
+_COMPASS = {
+    f"{word}{end}": word for word in ("north", "east", "south", "west") for end in ("", "ern")
+}
+
+KINDS: dict[str, AssetKind] = {
+    **dict.fromkeys(
+        ("drone", "uav", "uas", "quad", "copter", "quadcopter", "hexacopter", "multicopter"), "uav"
+    ),
+    **dict.fromkeys(
+        (
+            "quadrotor",
+            "multirotor",
+            "rotorcraft",
+            "aircraft",
+            "helicopter",
+            "chopper",
+            "airframe",
+            "flyer",
+            "flier",
+        ),
+        "uav",
+    ),
+    **dict.fromkeys(("ugv", "rover", "buggy", "buggie"), "ugv"),
+    **dict.fromkeys(("robot", "bot", "humanoid", "android", "walker", "biped", "droid"), "robot"),
+}
+"""What a kind is called; a vehicle may as well be one that comes to a gate."""
+ASSETS = frozenset(("asset", "unit", "machine", "device", "platform"))
+"""What any asset is called."""
+_ALL = frozenset(("all", "every", "each", "both", "everyone", "everybody", "everything"))
+_LONGEST = 3
+"""Words of a name that are looked at together."""
+_SPELT = {
+    word: word[0]
+    for word in (
+        *("alpha", "alfa", "bravo", "charlie", "delta", "echo", "foxtrot", "golf", "hotel"),
+        *("india", "juliet", "kilo", "lima", "mike", "november", "oscar", "papa"),
+    )
+}
+_CAR = re.compile(r"(?:cars?|trucks?|vehicles?)")
+_WORD = re.compile(r"[^\W_][\w-]*", re.UNICODE)
+_QUOTED = re.compile(r"\"[^\"]*\"|“[^”]*”|```.*?```|(?<!\w)'[^']{3,}'(?!\w)|<[^<>]*>")
+_CLAUSE = re.compile(r"[^.!?;,\n]+(?:\.(?=\w)[^.!?;,\n]*)*")
+_TOLD = re.compile(
+    r"\b(?:am|is|was|were|are|been|has|had|have|did|does|got|gave|will|says?|said|asked|reported"
+    r"|came|went|stood|forgot|lost|took|made|ran|met|fell|broke|bought|(?!un)[a-z]+(?<!e)ed|left|passed|turned|looks|looked|seems|seemed|likes|prefers|trusts|swears"
+    r"|belongs|wrote|heard|saw|knows?|thinks?|thought|spoke|talked|told|used|can|fine|ok|okay|quiet"
+    r"|calm|normal|clear|settled|gone|urgent|checked|idle|yesterday|today|tomorrow|tonight|earlier"
+    r"|always|planned|unchanged|affected|covered|completed?|closed|over|done|serviced|needed|reports"
+    r"|calling|writing|on post|as briefed|nothing|no change|not|never|in order|wet|dry|icy|foggy"
+    r"|busy|new)\b|['’](?:s|re|ve)\b",
+    re.IGNORECASE,
+)
+_REQUEST = re.compile(
+    r"\b(?:please|pls|should|must|shall|needs?|wants?|let|would like|would be|required|has to"
+    r"|have to|is to|are to|going to|get|time)\b|['’]d like",
+    re.IGNORECASE,
+)
+_RULED_OUT = re.compile(
+    r"(?:\b(?:not|never|no|nobody|without|instead of|rather than|except|forget|ignore|disregard)"
+    r"|n['’]t)\b(?:(?!\b(?:but|and|only|then|just)\b).)*$",
+    re.IGNORECASE,
+)
+_IF = re.compile(
+    r"\b(?:if|when|whether|unless|in case|provided|as long as|should|given that|suppose"
+    r"|condition|once|otherwise|else)\b",
+    re.IGNORECASE,
+)
+
+
+class Mention(NamedTuple):
+    """Words of an order as they were `said`, and what they mean: a name, a kind, a number, a verb.
+
+    `asked` is False where they are only told, quoted or ruled out.
+    """
+
+    sort: Sort
+    said: str
+    means: str
+    asked: bool = True
+    tasks: frozenset[WishTask] = frozenset()
+    """What a verb goes with."""
+    supports: frozenset[WishTask] = frozenset()
+    """What a verb means."""
+
+
+class _Clause(NamedTuple):
+    """A part of the text between two stops, and whether it asks for anything."""
+
+    text: str
+    asks: bool
+    quoted: bool = False
+
+
+def find_mentions(world: World, text: str, tracks: Iterable[str] = ()) -> tuple[Mention, ...]:
+    """Return everything that `text` names of `world` and of the `tracks` in sight, in its order.
+
+    Without a name that is known, a word that looks like an asset's (`Drone_T99`) counts as one.
+    """
+    finder = _Finder(world, tracks)
+    return tuple(dict.fromkeys(finder.find(link_names(world, text))))
+
+
+class _Finder:
+    """Looks for the names of one world."""
+
+    def __init__(self, world: World, tracks: Iterable[str]) -> None:
+        self._sorts: dict[str, tuple[Sort, str]] = {}
+        for name in tracks:
+            self._sorts[name.lower()] = ("track", name)
+        for name in world.assets:
+            self._sorts[name.lower()] = ("asset", name)
+        places = [*world.frames, *world.zones]
+        for name in places:
+            self._sorts[name.lower()] = ("place", name)
+        self._squashed = {_squashed(name): found for name, found in self._sorts.items()}
+        self._parts = _own_words(places)
+        self._compass = {
+            word: self._parts[whole] for word, whole in _COMPASS.items() if whole in self._parts
+        }
+
+    def find(self, text: str) -> Iterator[Mention]:
+        for clause in _clauses(text):
+            yield from self._of(clause)
+
+    def _of(self, clause: _Clause) -> Iterator[Mention]:
+        words = [(found[0], found.start()) for found in _WORD.finditer(clause.text)]
+        assets: set[int] = set()
+        for at, (word, start) in enumerate(words):
+            asked = clause.asks and not _RULED_OUT.search(clause.text[:start])
+            low = word.lower().removeprefix("frame_")
+            if found := self._sorts.get(low):
+                yield Mention(found[0], word, found[1], asked)
+                assets.update((at,) if found[0] == "asset" else ())
+            elif _is_name(word):
+                yield Mention("asset", word, word, asked)
+            elif whole := self._spelt(words, at):
+                yield Mention(whole[0], word, whole[1], asked)
+                assets.update((at,) if whole[0] == "asset" else ())
+            elif low in self._compass:
+                yield Mention("place", word, self._compass[low], asked)
+            elif low in self._parts:
+                yield Mention("place", word, self._parts[low], False)
+            elif (number := _numeral(low)) and not _counts(words, at):
+                yield Mention("numeral", word, number, False)
+        yield from _kinds(words, assets, clause)
+        for verb in find_verbs(clause.text):
+            plain = verb.plain and clause.asks and not _RULED_OUT.search(clause.text[: verb.start])
+            yield Mention("verb", verb.word, verb.word, plain, verb.tasks, verb.means)
+
+    def _spelt(self, words: Sequence[tuple[str, int]], at: int) -> tuple[Sort, str] | None:
+        """Return what a name is that is spelt in several words: `Gate Charlie`, `harpy-b`."""
+        for end in range(min(at + _LONGEST, len(words)), at, -1):
+            spelt = [word for word, _ in words[at:end]]
+            found = self._squashed.get(_squashed(" ".join(_letter(word) for word in spelt)))
+            if found is not None:
+                return found
+        return None
+
+
+def _letter(word: str) -> str:
+    return _SPELT.get(word.lower(), word)
+
+
+def _squashed(name: str) -> str:
+    return re.sub(r"[\W_]", "", name).lower()
+
+
+def _clauses(text: str) -> list[_Clause]:
+    """Return the clauses of `text`, those that are quoted first."""
+    quoted = [_Clause(found[0], asks=False, quoted=True) for found in _QUOTED.finditer(text)]
+    parts = [found[0] for found in _CLAUSE.finditer(_QUOTED.sub(" , ", text)) if found[0].strip()]
+    asks = [_asks(part) for part in parts]
+    if not any(asks):
+        asks = [True] * len(parts)
+    return [*quoted, *(_Clause(part, ask) for part, ask in zip(parts, asks, strict=True))]
+
+
+def _asks(clause: str) -> bool:
+    """Whether a clause asks for something: it has a verb for it, or nothing that makes it told."""
+    if _REQUEST.search(clause) or any(verb.plain for verb in find_verbs(clause)):
+        return True
+    return not _TOLD.search(clause)
+
+
+def _kinds(
+    words: Sequence[tuple[str, int]], assets: set[int], clause: _Clause
+) -> Iterator[Mention]:
+    """Yield the kinds that are spoken of, and how many of them or of all assets."""
+    for at, (word, start) in enumerate(words):
+        asked = clause.asks and not _RULED_OUT.search(clause.text[:start])
+        kind = KINDS.get(word.lower()) or KINDS.get(word.lower().removesuffix("s"))
+        after = words[at + 1][0].lower() if at + 1 < len(words) else ""
+        if kind == "robot" and _CAR.fullmatch(after):
+            kind = "ugv"
+        if kind is None and word.lower().removesuffix("s") not in ASSETS:
+            continue
+        if kind is not None and at + 1 not in assets:
+            yield Mention("kind", word, kind, asked)
+        count = _counted([before.lower() for before, _ in words[max(at - 5, 0) : at]])
+        if count:
+            yield Mention("number", f"{count} {word}", count, asked)
+    for word, _ in words:
+        if word.lower() in ("everyone", "everybody", "everything"):
+            yield Mention("number", word, "all", False)
+
+
+def _counted(before: Sequence[str]) -> str:
+    """Return how many are meant by a noun after the words `before`: a number, `all`, or ''."""
+    for word in reversed(before):
+        if word in _ALL:
+            return "2" if word == "both" else "all"
+        if word in NUMBERS[1:]:
+            return str(NUMBERS.index(word))
+        if word.isdigit():
+            return str(int(word)) if len(word) < 3 and int(word) < len(NUMBERS) else ""
+        if word in KINDS or word in ("and", "with", "to", "at", "for", "a", "an", "no", "than"):
+            return ""
+    return ""
+
+
+def _numeral(word: str) -> str:
+    """Return the number that a word is or ends with, as in `t05`; '' for none."""
+    if word in NUMBERS:
+        return str(NUMBERS.index(word))
+    found = re.fullmatch(r"[a-z]*?0*(\d{1,4})", word)
+    return found[1] if found is not None else ""
+
+
+def _counts(words: Sequence[tuple[str, int]], at: int) -> bool:
+    """Whether the word at `at` says how many there are of what stands behind it."""
+    after = [word.lower().removesuffix("s") for word, _ in words[at + 1 : at + 4]]
+    return words[at][0].isalpha() and any(word in KINDS or word in ASSETS for word in after)
+
+
+def _is_name(word: str) -> bool:
+    """Whether a word looks like an asset's name: letters, an underscore and a number."""
+    return re.fullmatch(r"[A-Za-z]+_[A-Z]?\d+", word) is not None
+
+
+def _own_words(places: Sequence[str]) -> dict[str, str]:
+    """Return the words that one place alone has, with the place: `north` for NorthGate."""
+    found: dict[str, list[str]] = {}
+    for name in places:
+        words = [word.lower() for word in WORD.findall(name)]
+        for word in words if len(words) > 1 else ():
+            found.setdefault(word, []).append(name)
+    return {
+        word: names[0]
+        for word, names in found.items()
+        if len(names) == 1 and word.isalpha() and len(word) > 2 and word != GATE
+    }

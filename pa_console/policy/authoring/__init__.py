@@ -1,0 +1,1 @@
+"""Writing rules: edit, save, compare, run their examples, find what is doubtful."""

@@ -1,0 +1,275 @@
+"""What lint finds by searching states: rules that never apply, decide nothing, or contradict."""
+
+import random
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+from typing import NamedTuple
+
+from pa_console.policy.authoring.lint_states import (
+    LintSituation,
+    State,
+    draw_situation,
+    mission_of,
+    rehearsal_of,
+)
+from pa_console.policy.checks.rule_checks import check_plan
+from pa_console.policy.ordering.monitor import Monitor
+from pa_console.policy.rulebook import CompiledRule, Rulebook, compile_rule
+from pa_console.schema.plan import COMMANDS, Action, Plan
+from pa_console.schema.rule import PRIORITIES, Rule
+from pa_console.schema.world import World
+
+SEEN = 3
+"""In how many states a rule must be broken before anything is said of who else is."""
+
+
+class Doubt(NamedTuple):
+    """What is doubtful about a rule, at which field of it, and what to do."""
+
+    rule: Rule
+    field: str
+    kind: str
+    problem: str
+    remedy: str
+
+
+@dataclass
+class Seen:
+    """What came of one rule in the searched states; each state is a bit."""
+
+    applied: int = 0
+    broken: int = 0
+    failed: int = 0
+    problem: str = ""
+
+
+@dataclass
+class Search:
+    """Every rule's findings in `states` states, by the rule's id."""
+
+    states: int = 0
+    rules: dict[str, Seen] = field(default_factory=dict[str, Seen])
+
+
+def checkable(rules: Iterable[Rule]) -> tuple[CompiledRule, ...]:
+    """Return the rules that have a check, compiled, without their orderings."""
+    return tuple(replace(compile_rule(rule), order=()) for rule in rules if rule.check is not None)
+
+
+def search_states(
+    rules: Iterable[Rule], states: Iterable[State], step: Callable[[], None] = lambda: None
+) -> Search:
+    """Return what every check decides in each of `states`; `step` is called after each."""
+    book = Rulebook("searched", "", checkable(rules))
+    search = Search(rules={rule.id: Seen() for rule in book.rules})
+    for state in states:
+        bit = 1 << search.states
+        monitor = Monitor(book, state.world, state.sightings)
+        for found in check_plan(
+            book,
+            plan=state.plan,
+            rehearsal=state.rehearsal,
+            mission=state.mission,
+            world=state.world,
+            monitor=monitor,
+        ):
+            seen = search.rules[found.rule_id]
+            if found.status == "error":
+                seen.failed |= bit
+                seen.problem = seen.problem or found.message
+            else:
+                seen.applied |= bit if found.status != "not_applicable" else 0
+                seen.broken |= bit if found.broken else 0
+        search.states += 1
+        step()
+    return search
+
+
+def never_applicable(rules: Iterable[Rule], search: Search) -> Iterator[Doubt]:
+    """Yield the rules whose guard holds in no searched state, and those that never decide."""
+    for rule in rules:
+        seen = search.rules.get(rule.id)
+        if seen is None or seen.applied:
+            continue
+        if seen.failed:
+            problem = f"it cannot decide in any of {search.states} states: {seen.problem}"
+            yield Doubt(rule, "check", "cannot decide", problem, "mend the expression")
+        else:
+            problem = f"its guard holds in none of {search.states} states that were searched"
+            remedy = "mend the guard, or add an example in which it applies"
+            yield Doubt(rule, "applies", "never applicable", problem, remedy)
+
+
+def shadowed(rules: tuple[Rule, ...], search: Search) -> Iterator[Doubt]:
+    """Yield the rules that are broken only where one at least as strict is broken too.
+
+    Of two that are always broken together, the later one is named, unless their expressions are
+    the same: that is seen by reading them.
+    """
+    for place, rule in enumerate(rules):
+        seen = search.rules.get(rule.id)
+        if seen is None or rule.order or seen.broken.bit_count() < SEEN:
+            continue
+        for other_place, other in enumerate(rules):
+            by = search.rules.get(other.id)
+            if by is None or other is rule or not _as_strict(other, rule):
+                continue
+            if (rule.applies, rule.check) == (other.applies, other.check):
+                continue
+            same = by.broken == seen.broken and _as_strict(rule, other)
+            if seen.broken & ~by.broken or (same and other_place > place):
+                continue
+            count = seen.broken.bit_count()
+            also = "the two always together" if same else f"{other.id} in others too"
+            problem = f"whenever it is broken ({count} states), so is {other.id}; {also}"
+            remedy = "take it out, narrow the other, or keep it for its own message"
+            yield Doubt(rule, "check", "shadowed", problem, remedy)
+            break
+
+
+def _as_strict(rule: Rule, other: Rule) -> bool:
+    return PRIORITIES.index(rule.priority) <= PRIORITIES.index(other.priority)
+
+
+SINGLE = 48
+"""How many single orders are tried, drawn from all."""
+
+SEVERAL = 96
+"""How many plans of two to MOST orders are drawn besides."""
+
+MOST = 4
+
+HARD = 8
+"""After so many situations without a sound plan, no more are searched."""
+
+LARGEST = 3
+"""How many rules a contradiction may be between."""
+
+REASON = "the track is there; the gate has no cover"
+Broken = frozenset[str]
+
+
+class Conflicts:
+    """Searches situations for one in which every plan breaks a rule that nobody may override."""
+
+    def __init__(self, rules: Sequence[Rule], world: World, seed: int) -> None:
+        """Critical and High checks that a plan can satisfy at all are looked at."""
+        entries = [e for e in checkable(rules) if not e.about_mission_only and e.rule.enforced]
+        self._book = Rulebook("enforced", "", tuple(entries))
+        self._world, self._dice = world, random.Random(seed)
+        self._mission = mission_of("Secure the checkpoint.")
+        self.situations = self.plans = 0
+        """How many were searched."""
+
+    def doubts(self, count: int, step: Callable[[], None] = lambda: None) -> Iterator[Doubt]:
+        """Search up to `count` situations, the ordinary one first; `step` is called after each."""
+        told: set[tuple[str, ...]] = set()
+        hard = 0
+        for number in range(count):
+            situation = draw_situation(self._world, self._dice) if number else LintSituation()
+            self.situations += 1
+            broken = self._every_plan(situation) if hard < HARD else []
+            step()
+            if not broken:
+                continue
+            hard += 1
+            rules = _fewest(self._book, broken)
+            if rules and rules not in told:
+                told.add(rules)
+                yield self._doubt(rules, situation, len(broken))
+
+    def _every_plan(self, situation: LintSituation) -> list[Broken]:
+        """Return what each plan that was tried breaks; empty as soon as one breaks nothing."""
+        tried: dict[tuple[Action, ...], Broken] = {}
+
+        def sound(*orders: Action) -> bool:
+            if orders not in tried:
+                tried[orders] = self._broken(situation, Plan(reason=REASON, actions=orders))
+            return not tried[orders]
+
+        if sound() or sound(*(Action(agent=name, command="hold") for name in self._world.assets)):
+            return []
+        orders = self._orders(situation)
+        if any(sound(order) for order in orders[:SINGLE]):
+            return []
+        if any(sound(*plan) for plan in self._together(situation, orders)):
+            return []
+        several = (
+            self._dice.sample(orders, min(len(orders), self._dice.randint(2, MOST)))
+            for _ in range(SEVERAL)
+        )
+        return [] if any(sound(*plan) for plan in several) else list(tried.values())
+
+    def _together(
+        self, situation: LintSituation, orders: Sequence[Action]
+    ) -> Iterator[tuple[Action, ...]]:
+        """Yield plans that do the same, or the same two things, wherever a track is."""
+        places = dict.fromkeys(str(facts["gate"]) for facts in situation.tracks.values())
+        verbs = sorted({order.verb for order in orders if order.target is not None})
+        for wanted in (*((verb,) for verb in verbs), *combinations(verbs, 2)):
+            plan: dict[str, Action] = {}
+            for place in places:
+                for verb in wanted:
+                    able = (o for o in orders if o.verb == verb and o.target == place)
+                    chosen = next((o for o in able if o.agent not in plan), None)
+                    if chosen is not None:
+                        plan[chosen.agent] = chosen
+            yield tuple(plan.values())
+
+    def _broken(self, situation: LintSituation, plan: Plan) -> Broken:
+        self.plans += 1
+        findings = check_plan(
+            self._book,
+            plan=plan,
+            rehearsal=rehearsal_of(self._world, situation, plan),
+            mission=self._mission,
+            world=self._world,
+            monitor=Monitor(self._book, self._world),
+        )
+        return frozenset(found.rule_id for found in findings if found.status == "violates")
+
+    def _orders(self, situation: LintSituation) -> list[Action]:
+        """Return every order that can be given, shuffled; those to where tracks are come first.
+
+        Whoever is not available comes last.
+        """
+        idle = rehearsal_of(self._world, situation, Plan(reason=REASON, actions=()))
+        usable = idle.before.assets
+        places = {str(facts["gate"]) for facts in situation.tracks.values()}
+        every = [
+            Action(agent=agent, command=f"{verb} {frame}".strip())
+            for agent, spec in self._world.assets.items()
+            for verb, kinds in COMMANDS.items()
+            if spec.kind in kinds.kinds
+            for frame in (self._world.frames if kinds.takes_frame else ("",))
+        ]
+        self._dice.shuffle(every)
+        return sorted(
+            every,
+            key=lambda order: (not usable[order.agent].available, order.target not in places),
+        )
+
+    def _doubt(self, rules: tuple[str, ...], situation: LintSituation, plans: int) -> Doubt:
+        last = next(entry.rule for entry in reversed(self._book.compiled) if entry.rule.id in rules)
+        where = f"none of {plans} plans, holding among them, where: {situation.words}"
+        if len(rules) == 1:
+            problem = f"it is satisfied by {where}"
+            remedy = "let its guard leave out what no plan can mend"
+            return Doubt(last, "check", "unsatisfiable", problem, remedy)
+        others = " and ".join(name for name in rules if name != last.id)
+        problem = f"together with {others} it is satisfied by {where}"
+        return Doubt(
+            last, "check", "contradiction", problem, "let one of them give way in its guard"
+        )
+
+
+def _fewest(book: Rulebook, broken: Sequence[Broken]) -> tuple[str, ...]:
+    """Return the fewest rules of which every plan breaks one, first in file order; () for more."""
+    named = frozenset[str]().union(*broken)
+    known = [rule.id for rule in book.rules if rule.id in named]
+    for size in range(1, LARGEST + 1):
+        for rules in combinations(known, size):
+            if all(not plan.isdisjoint(rules) for plan in broken):
+                return rules
+    return ()

@@ -1,0 +1,328 @@
+"""The states that lint searches: a small world of the given one, in any situation.
+
+Nothing is simulated: whoever can go is where he is sent when the plan has ended.
+"""
+
+import math
+import random
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import NamedTuple
+
+from pydantic import ValidationError
+
+from pa_console.policy.authoring import example_situation
+from pa_console.policy.authoring.examples import (
+    MISSION_TEXT,
+    example_plan,
+    example_rehearsal,
+    example_sightings,
+)
+from pa_console.policy.checks.check_context import goes_to
+from pa_console.policy.checks.sightings import Sighting, Sightings
+from pa_console.schema.mission import Mission
+from pa_console.schema.plan import COMMANDS, Action, Plan
+from pa_console.schema.rehearsal import (
+    AssetTimeline,
+    GateTimeline,
+    Rehearsal,
+    Timeline,
+    TrackTimeline,
+)
+from pa_console.schema.rule import Rule
+from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Track
+from pa_console.schema.world import World
+
+GATES = 4
+POSTS = 1
+EACH_KIND = 3
+NOW_S = 100.0
+DURATION_S = 60.0
+ARRIVES_S = {"uav": 10.0, "ugv": 30.0, "robot": 30.0}
+OUTSIDE_M = 40.0
+
+
+def small_world(world: World, named: Collection[str]) -> World:
+    """Return `world` with few gates, posts and assets; those that are `named` are kept first.
+
+    An asset whose post is left out stands at the first frame that is kept.
+    """
+    base = [world.base]
+    posts = [name for name, frame in world.frames.items() if frame.kind == "post"]
+    kept = [*base, *_first(world.gates, named, GATES), *_first(posts, named, POSTS)]
+    frames = {name: frame for name, frame in world.frames.items() if name in kept}
+    assets = {
+        name: asset if asset.post in frames else asset.model_copy(update={"post": kept[1]})
+        for kind in world.platforms
+        for name in _first([n for n, a in world.assets.items() if a.kind == kind], named, EACH_KIND)
+        for asset in (world.assets[name],)
+    }
+    lanes = {name: lane for name, lane in world.lanes.items() if lane.gate in frames}
+    cameras = {name: camera for name, camera in world.cameras.items() if camera.gate in frames}
+    update = {"frames": frames, "assets": assets, "lanes": lanes, "cameras": cameras}
+    return world.model_copy(update=update)
+
+
+def _first(names: Iterable[str], named: Collection[str], most: int) -> list[str]:
+    ordered = sorted(names, key=lambda name: name not in named)
+    mentioned = sum(name in named for name in ordered)
+    return ordered[: max(most, mentioned)]
+
+
+@dataclass
+class LintSituation:
+    """What is out of the ordinary at one moment, and what a rehearsal happened to show of it.
+
+    Values are fields of the models that they stand for, by name; what is not said is ordinary.
+    """
+
+    assets: dict[str, dict[str, object]] = field(default_factory=dict[str, dict[str, object]])
+    tracks: dict[str, dict[str, object]] = field(default_factory=dict[str, dict[str, object]])
+    course: dict[str, dict[str, object]] = field(default_factory=dict[str, dict[str, object]])
+    """What happens to assets on the way, and to tracks."""
+
+    @property
+    def words(self) -> str:
+        """The situation for a person to read."""
+        parts = [
+            f"{name} {' '.join(f'{key}={value}' for key, value in facts.items())}"
+            for group in (self.assets, self.tracks)
+            for name, facts in group.items()
+        ]
+        return "; ".join(parts) or "nothing out of the ordinary"
+
+
+def rehearsal_of(world: World, situation: LintSituation, plan: Plan) -> Rehearsal:
+    """Return the picture of `situation` and what `plan` brings about in it."""
+    assets = {name: _asset(world, name, situation.assets.get(name, {})) for name in world.assets}
+    tracks = {name: _track(world, name, facts) for name, facts in situation.tracks.items()}
+    before = Picture(
+        tick=0, time_s=NOW_S, assets=assets, tracks=tracks, gates=_covers(world, assets)
+    )
+    goals = {action.agent: goes_to(action, world) for action in plan.actions}
+    moved = {
+        name: asset.model_copy(update={"at": goal, "post": goal, "position": world.frames[goal].at})
+        for name, asset in assets.items()
+        if (goal := goals.get(name, "")) in world.frames and asset.available
+    }
+    later = assets | moved
+    after = before.model_copy(
+        update={"time_s": NOW_S + DURATION_S, "assets": later, "gates": _covers(world, later)}
+    )
+    return Rehearsal(
+        before=before, after=after, timeline=_timeline(world, situation, plan, before, after)
+    )
+
+
+def _timeline(
+    world: World, situation: LintSituation, plan: Plan, before: Picture, after: Picture
+) -> Timeline:
+    def gate(name: str) -> GateTimeline:
+        was, now = before.gates[name].covered, after.gates[name].covered
+        return GateTimeline(
+            covered_before=was, covered_after=now, longest_gap_s=0.0 if now else DURATION_S
+        )
+
+    def track(seen: Track) -> TrackTimeline:
+        kinds = {
+            world.assets[action.agent].kind
+            for action in plan.actions
+            if action.agent in world.assets and goes_to(action, world) == seen.gate
+        }
+        ground = [ARRIVES_S[kind] for kind in sorted(kinds) if kind != "uav"]
+        known = TrackTimeline(
+            observed_s=0.0 if seen.observed else ARRIVES_S["uav"] if "uav" in kinds else None,
+            ground_contact_s=ground[0] if ground else None,
+        )
+        return known.model_copy(update=situation.course.get(seen.id, {}))
+
+    def asset(name: str) -> AssetTimeline:
+        known = before.assets[name]
+        detail = "" if known.available else f"{name} is not available"
+        outcome = AssetTimeline(
+            finished=known.available, detail=detail, least_battery_pct=known.battery_pct
+        )
+        return outcome.model_copy(update=situation.course.get(name, {}))
+
+    return Timeline(
+        duration_s=DURATION_S,
+        gates={name: gate(name) for name in world.gates},
+        tracks={name: track(seen) for name, seen in before.tracks.items()},
+        assets={name: asset(name) for name in dict.fromkeys(plan.agents) if name in before.assets},
+    )
+
+
+def _asset(world: World, name: str, facts: dict[str, object]) -> AssetTelemetry:
+    spec = world.assets[name]
+    at = facts.get("at", spec.post)
+    known = AssetTelemetry(
+        id=name,
+        kind=spec.kind,
+        at=spec.post,
+        post=spec.post,
+        position=world.frames[at if isinstance(at, str) else world.base].at,
+        heading_deg=0.0,
+        speed_mps=0.0,
+        status="ok",
+        task="idle",
+        battery_pct=90.0,
+        low_battery=False,
+        comms="ok",
+        available=True,
+        stamp_s=NOW_S,
+    ).model_copy(update={"post": at, **facts})
+    usable = known.status != "failed" and known.comms != "lost" and known.battery_pct > 0.0
+    sound = not known.stale and known.integrity == "ok"
+    low = known.battery_pct < world.low_battery_pct
+    return known.model_copy(update={"available": usable and sound, "low_battery": low})
+
+
+def _track(world: World, name: str, facts: dict[str, object]) -> Track:
+    gate = world.frames[str(facts["gate"])].at
+    stretch = 1.0 + OUTSIDE_M / max(math.hypot(*gate), 1.0)
+    return Track(
+        id=name,
+        kind="vehicle",
+        gate=str(facts["gate"]),
+        position=(gate[0] * stretch, gate[1] * stretch),
+        heading_deg=0.0,
+        speed_mps=5.0,
+        distance_m=OUTSIDE_M,
+        stamp_s=NOW_S,
+    ).model_copy(update=facts)
+
+
+def _covers(world: World, assets: dict[str, AssetTelemetry]) -> dict[str, GateCover]:
+    covers: dict[str, GateCover] = {}
+    for gate in world.gates:
+        by = [n for n, a in assets.items() if a.available and a.at == a.post == gate]
+        covers[gate] = GateCover(covered=bool(by), by=tuple(by))
+    return covers
+
+
+MOST_ORDERS = 3
+MOST_TRACKS = 2
+
+_ASSET_FACTS: tuple[tuple[str, tuple[object, ...]], ...] = (
+    ("status", ("failed", "degraded")),
+    ("battery_pct", (0.0, 12.0)),
+    ("comms", ("degraded", "lost")),
+    ("stale", (True,)),
+    ("integrity", ("suspect",)),
+    ("task", ("identifying", "warning", "blocking", "charging", "moving")),
+)
+_TRACK_FACTS: tuple[tuple[str, tuple[object, ...]], ...] = (
+    ("kind", ("person",)),
+    ("identity", ("authorized", "unauthorized")),
+    ("intent", ("benign", "hostile")),
+    ("status", ("stopped", "leaving", "inside")),
+    ("observed", (True,)),
+    ("warned", (True,)),
+    ("defiant", (True,)),
+    ("noncombatants", (True,)),
+    ("stale", (True,)),
+)
+_ASSET_COURSE: tuple[tuple[str, tuple[object, ...]], ...] = (
+    ("finished", (False,)),
+    ("left_perimeter", (True,)),
+    ("least_battery_pct", (0.0, 8.0)),
+)
+_TRACK_COURSE: tuple[tuple[str, tuple[object, ...]], ...] = (
+    ("observed_s", (5.0, 40.0)),
+    ("identified_s", (20.0, 50.0)),
+    ("least_distance_m", (1.0, 30.0)),
+)
+
+
+class State(NamedTuple):
+    """A mission, a plan, and what it brings about."""
+
+    plan: Plan
+    rehearsal: Rehearsal
+    mission: Mission
+    world: World
+    sightings: Sightings
+
+
+def mission_of(text: str) -> Mission:
+    """Return a mission of these words."""
+    return Mission(id="lint", text=text, created=datetime(2000, 1, 1, tzinfo=UTC))
+
+
+def example_states(rules: Iterable[Rule]) -> Iterator[State]:
+    """Yield the state of every example with a plan that makes sense."""
+    for rule in rules:
+        for example in rule.examples:
+            if example.moments:
+                continue
+            try:
+                plan = example_plan(example)
+                rehearsal = example_rehearsal(example, plan)
+                seen = example_sightings(example, rehearsal.before.time_s)
+            except (ValidationError, AttributeError, KeyError, TypeError, ValueError):
+                continue  # `pa-console rules check` tells of it
+            mission = mission_of(example.mission or MISSION_TEXT)
+            yield State(plan, rehearsal, mission, example_situation.WORLD, seen)
+
+
+def drawn_states(world: World, texts: Sequence[str], count: int, seed: int) -> Iterator[State]:
+    """Yield `count` states of the small `world`; equal seeds give equal states."""
+    dice = random.Random(seed)
+    for _ in range(count):
+        situation = draw_situation(world, dice)
+        plan = draw_plan(world, situation, dice)
+        for name in plan.agents:
+            situation.course[name] = _some(_ASSET_COURSE, dice, 0.15)
+            if world.zones and dice.random() < 0.2:
+                situation.course[name]["entered_zones"] = (dice.choice(sorted(world.zones)),)
+        for name in situation.tracks:
+            situation.course[name] = _some(_TRACK_COURSE, dice, 0.4)
+        seen = Sightings(world, _seen(world, situation, dice))
+        mission = mission_of(dice.choice(texts))
+        yield State(plan, rehearsal_of(world, situation, plan), mission, world, seen)
+
+
+def draw_situation(world: World, dice: random.Random) -> LintSituation:
+    """Draw what is out of the ordinary: some assets, and up to MOST_TRACKS tracks."""
+    situation = LintSituation()
+    for name in world.assets:
+        if dice.random() < 0.25:
+            facts = _some(_ASSET_FACTS, dice, 0.25)
+            if dice.random() < 0.3:
+                facts["at"] = dice.choice([None, *world.frames])
+            if facts:
+                situation.assets[name] = facts
+    for number in range(dice.randint(0, MOST_TRACKS)):
+        facts = _some(_TRACK_FACTS, dice, 0.4)
+        situation.tracks[f"V{number + 1}"] = {"gate": dice.choice(world.gates), **facts}
+    return situation
+
+
+def draw_plan(world: World, situation: LintSituation, dice: random.Random) -> Plan:
+    """Draw up to MOST_ORDERS orders, rather to where a track is; an asset may get two."""
+    places = [str(facts["gate"]) for facts in situation.tracks.values()]
+    orders: list[Action] = []
+    for _ in range(dice.randint(0, MOST_ORDERS)):
+        agent, verb = dice.choice(sorted(world.assets)), dice.choice(sorted(COMMANDS))
+        frame = dice.choice(places if places and dice.random() < 0.6 else sorted(world.frames))
+        command = f"{verb} {frame}" if COMMANDS[verb].takes_frame else verb
+        orders.append(Action(agent=agent, command=command))
+    reason = dice.choice(["the track is there; the gate has no cover", ""])
+    return Plan(reason=reason, actions=tuple(orders))
+
+
+def _some(
+    facts: Sequence[tuple[str, tuple[object, ...]]], dice: random.Random, likely: float
+) -> dict[str, object]:
+    return {name: dice.choice(values) for name, values in facts if dice.random() < likely}
+
+
+def _seen(world: World, situation: LintSituation, dice: random.Random) -> Iterator[Sighting]:
+    for name in (*situation.tracks, "V9"):
+        if dice.random() < 0.3:
+            place = dice.choice([*world.zones, *world.frames])
+            gate = place if place in world.gates else dice.choice(world.gates)
+            stamp_s = NOW_S - dice.choice((1.0, 30.0, 90.0))
+            harmless = dice.random() < 0.5
+            yield Sighting(name, place, gate, stamp_s, noncombatants=not harmless)

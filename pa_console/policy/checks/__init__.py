@@ -1,0 +1,1 @@
+"""The deterministic checks of a plan (paper, Section IV-F)."""

@@ -1,0 +1,67 @@
+"""Findings in words, and plans that cannot even be started: unknown names, wrong kinds.
+
+These are facts of the vocabulary, true under any rule file, so they carry their own id and
+nobody can take them out of force. Nothing is dropped or mended: the plan comes back as it is.
+"""
+
+from collections import Counter
+from collections.abc import Iterable
+
+from pa_console.schema.finding import Finding, FindingStatus
+from pa_console.schema.plan import COMMANDS, Action, Plan
+from pa_console.schema.rule import Rule
+from pa_console.schema.telemetry import Picture
+from pa_console.schema.world import World
+
+MAX_OFFENDERS = 6
+MAX_ERROR = 200
+
+
+def finding(rule: Rule, status: FindingStatus, message: str = "") -> Finding:
+    """Return the finding of `rule`."""
+    return Finding(rule_id=rule.id, priority=rule.priority, status=status, message=message)
+
+
+def undecided(rule: Rule, problem: str) -> Finding:
+    """Return the finding of a rule that could not be decided, which counts as broken."""
+    words = " ".join(problem.split())[:MAX_ERROR]
+    return finding(rule, "error", f"the check could not decide: {words}")
+
+
+def violation(message: str, offenders: Iterable[str]) -> str:
+    """Return `message` with the distinct offenders after it, at most MAX_OFFENDERS of them."""
+    distinct = [name for name in dict.fromkeys(offenders) if name]
+    if not distinct:
+        return message
+    more = len(distinct) - MAX_OFFENDERS
+    listed = ", ".join(distinct[:MAX_OFFENDERS]) + (f" and {more} more" if more > 0 else "")
+    return f"{message}: {listed}"
+
+
+STRUCTURE_ID = "PLAN"
+
+
+def problems(plan: Plan, world: World, picture: Picture) -> tuple[Finding, ...]:
+    """Return one critical finding for everything that keeps `plan` from being rehearsed."""
+    found = [text for action in plan.actions for text in _problems(action, world, picture)]
+    found += [
+        f"{agent} has {count} commands, at most one is allowed"
+        for agent, count in Counter(plan.agents).items()
+        if count > 1
+    ]
+    return tuple(
+        Finding(rule_id=STRUCTURE_ID, priority="critical", status="violates", message=text)
+        for text in dict.fromkeys(found)
+    )
+
+
+def _problems(action: Action, world: World, picture: Picture) -> Iterable[str]:
+    spec = world.assets.get(action.agent)
+    kinds = COMMANDS[action.verb].kinds
+    if spec is None or action.agent not in picture.assets:
+        yield f"agent {action.agent!r} does not exist; known: {', '.join(world.assets)}"
+    elif spec.kind not in kinds:
+        able = " or ".join(sorted(kinds))
+        yield f"{action.agent} is a {spec.kind}; only a {able} can {action.verb}"
+    if action.target is not None and action.target not in world.frames:
+        yield f"frame {action.target!r} does not exist; known: {', '.join(world.frames)}"

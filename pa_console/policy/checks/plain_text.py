@@ -1,0 +1,121 @@
+"""The words of a mission as a reader sees them, however they are spelt: for checks of words alone.
+
+Characters that do not show are taken out and compatibility forms resolved before anything reads a
+mission. The other foldings are for checks only: letters of other scripts that look like Latin ones,
+accents, digits and signs for letters, letters drawn out or set apart. No folding is put before a
+model or a person; each is one more way in which a check reads the text.
+"""
+
+import re
+import unicodedata
+from collections.abc import Iterator
+
+_QUOTES = str.maketrans({"’": "'", "‘": "'", "“": '"', "”": '"', "–": "-", "—": "-"})
+_HIDDEN = re.compile(
+    "[\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180f\u3164\ufe00-\ufe0f\uffa0\U000e0100-\U000e01ef]"
+)
+"""What Unicode lets a screen leave out, besides the format characters (Cf)."""
+
+_LOOKS: dict[str, str] = {
+    "a": "аαᴀɑ∀ꭺ", "b": "вЬβʙƅ", "c": "сϲᴄⅽ", "d": "ԁᴅđɖ", "e": "еєεᴇҽ", "f": "ƒꜰϝ", "g": "ɡɢց",
+    "h": "һнʜհħ", "i": "іιɩɪıїίӏ", "j": "јϳᴊ", "k": "кκᴋⲕ", "l": "ⅼʟłɫ", "m": "мᴍʍ", "n": "пηոɴи",
+    "o": "оοօᴏøσ", "p": "рρᴘ", "q": "ԛզǫ", "r": "гʀɾя", "s": "ѕꜱʂ", "t": "тτᴛŧ", "u": "υսᴜцʋ",
+    "v": "νѵᴠ", "w": "ԝωᴡшա", "x": "хχ×", "y": "уγʏყ", "z": "ᴢʐƶ", "ss": "ß", "ae": "æ", "oe": "œ",
+}  # fmt: skip
+_LATIN = str.maketrans({sign: latin for latin, signs in _LOOKS.items() for sign in signs})
+_LETTERS = [(0x1F130, 0x1F149), (0x1F150, 0x1F169), (0x1F170, 0x1F189), (0x1F1E6, 0x1F1FF)]
+"""Letters in squares, circles and flags, A to Z each."""
+_SIGNS = {"0": "o", "3": "e", "4": "a", "5": "s", "7": "t", "8": "b", "@": "a", "$": "s", "€": "e"}
+_ONES = "1!|"
+"""What may stand for an i or an l."""
+_WRITTEN = re.compile(r"[a-z0-9@$€!|]+")
+_NUMBERED = re.compile(r"[a-z]+\d+|\d+(?:[a-z]|st|nd|rd|th|am|pm|km|min|sec|x\d*)[.!]*|[a-z]+!+")
+"""Ordinary mixtures of letters and digits: `uav4`, `2nd`, `30m`, `stop!`."""
+_APART = re.compile(r"(?<![^\W_])[^\W_](?:[\s.*_/·-]+[^\W_](?![^\W_])){2,}")
+_DRAWN = re.compile(r"([a-z])\1{2,}")
+_SPLIT = re.compile(r"(?<=[a-z])[-*·](?=[a-z])")
+
+
+def compatible_form(text: str) -> str:
+    """Return `text` in compatibility form (NFKC), without the characters that do not show."""
+    form = unicodedata.normalize("NFKC", text)
+    shown = "".join(sign for sign in form if unicodedata.category(sign) != "Cf")
+    return _HIDDEN.sub("", shown)
+
+
+def plain_words(text: str) -> str:
+    """Return `text` as patterns expect it: lower case, plain quotes, single spaces."""
+    return " ".join(compatible_form(text).translate(_QUOTES).lower().split())
+
+
+def foldings(words: str) -> Iterator[str]:
+    """Yield the plain `words` as they may be read besides, most often none."""
+    known = {words}
+    latin = _in_latin(words)
+    for text in (latin, *_as_letters(latin)):
+        for found in (text, *_together(text)):
+            if found not in known:
+                known.add(found)
+                yield found
+
+
+def _in_latin(words: str) -> str:
+    """Return `words` with the letters that look like Latin ones as these, and no accents."""
+    if words.isascii():
+        return words
+    flat = "".join(map(_letter, words))
+    marked = unicodedata.normalize("NFKD", flat)
+    bare = "".join(sign for sign in marked if unicodedata.category(sign) != "Mn")
+    return bare.translate(_LATIN).lower()
+
+
+def _letter(sign: str) -> str:
+    for first, last in _LETTERS:
+        if first <= ord(sign) <= last:
+            return chr(ord("a") + ord(sign) - first)
+    return sign
+
+
+def _as_letters(words: str) -> Iterator[str]:
+    """Yield `words` with digits and signs in words as letters, a 1 as an i and as an l."""
+    for one in "il":
+        signs = str.maketrans(_SIGNS | dict.fromkeys(_ONES, one))
+
+        def read(found: re.Match[str], signs: dict[int, str] = signs) -> str:
+            word = found[0]
+            plain = word.isalpha() or word.isdigit() or _NUMBERED.fullmatch(word)
+            return word if plain else word.translate(signs)
+
+        yield _WRITTEN.sub(read, words)
+
+
+def _together(words: str) -> Iterator[str]:
+    """Yield `words` with letters that are set apart or drawn out as one word."""
+    joined = _APART.sub(lambda found: re.sub(r"[\W_]+", "", found[0]), words)
+    joined = re.sub(r"\bopen(ing)?fire", r"open\1 fire", joined)
+    yield joined
+    yield _SPLIT.sub("", joined)
+    yield _DRAWN.sub(r"\1\1", joined)
+    yield _DRAWN.sub(r"\1", joined)
+    yield _rejoined(joined)
+
+
+_TORN = frozenset(
+    (
+        *("shoot", "shooting", "kill", "killing", "attack", "destroy", "eliminate", "neutralise"),
+        *("neutralize", "assassinate", "murder", "ignore", "override", "bypass", "disregard"),
+        *("violate", "circumvent", "suspend", "disable", "forget", "rules", "policy", "fire"),
+    )
+)
+"""Words that are looked for torn in two."""
+
+
+def _rejoined(words: str) -> str:
+    """Return `words` with those put together that were torn in two: `sh oot`."""
+    found = words.split(" ")
+    at = 0
+    while at + 1 < len(found):
+        if re.sub(r"\W", "", found[at] + found[at + 1]) in _TORN:
+            found[at : at + 2] = [found[at] + found[at + 1]]
+        at += 1
+    return " ".join(found)

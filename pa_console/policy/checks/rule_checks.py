@@ -1,0 +1,209 @@
+"""Decides every rule in force by its CEL check (paper, Section IV-F; deterministic safeguards).
+
+A check must hold. It yields either true or false, or a list of texts that name the offenders:
+the rule holds when the list is empty, and otherwise the message is followed by those texts. A
+check that fails to run decides nothing, so its finding is an error, which counts as broken. A
+rule's orderings must hold as well, over the mission so far and the rehearsed plan after it.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, cast
+
+import cel
+
+from pa_console.policy.checks.check_context import (
+    Values,
+    mission_variables,
+    mission_words,
+    plan_variables,
+    reworded,
+)
+from pa_console.policy.checks.findings import finding, undecided, violation
+from pa_console.policy.checks.sightings import Sightings
+from pa_console.policy.expressions.deadlines import shared_deadline
+from pa_console.policy.expressions.expression import make_context
+from pa_console.policy.ordering.monitor import Monitor
+from pa_console.policy.rulebook import CompiledRule, Rulebook
+from pa_console.schema.finding import Finding
+from pa_console.schema.mission import Mission
+from pa_console.schema.plan import Plan
+from pa_console.schema.rehearsal import Rehearsal
+from pa_console.schema.rule import PRIORITIES
+from pa_console.schema.world import World
+
+CHECKS_S = 1.0
+"""Seconds of processor time that all checks of one plan, or of one mission, may take together."""
+
+
+def check_plan(
+    rulebook: Rulebook,
+    *,
+    plan: Plan,
+    rehearsal: Rehearsal,
+    mission: Mission,
+    world: World,
+    monitor: Monitor | None = None,
+) -> tuple[Finding, ...]:
+    """Return exactly one finding for every rule in force, in the rulebook's order.
+
+    `monitor` has followed the mission so far and stays as it is; without one the mission begins
+    with this plan, and nothing was seen before it.
+    """
+    return prepare_checks(
+        rulebook, plan=plan, rehearsal=rehearsal, mission=mission, world=world, monitor=monitor
+    )()
+
+
+def prepare_checks(
+    rulebook: Rulebook,
+    *,
+    plan: Plan,
+    rehearsal: Rehearsal,
+    mission: Mission,
+    world: World,
+    monitor: Monitor | None = None,
+) -> Callable[[], tuple[Finding, ...]]:
+    """Return what `check_plan` does as a function that any thread may call.
+
+    All that goes on while a mission runs is read now, nothing of it later. What a rule file makes
+    slow is in the function alone, so that no screen and no stop has to wait for it.
+    """
+    history = Monitor(rulebook, world) if monitor is None else monitor
+    variables = plan_variables(
+        plan, rehearsal, mission, world, rulebook.variables, history.sightings
+    )
+    ahead = history.copy(running_limits=False)
+    picture = rehearsal.before
+    size = len(picture.assets) + len(picture.tracks) + len(picture.gates)
+
+    def run() -> tuple[Finding, ...]:
+        contexts = _contexts(variables, mission)
+        with shared_deadline(CHECKS_S, size):
+            broken = _broken_orderings(ahead, rehearsal)
+            return tuple(
+                _combine(
+                    _both([_decide_all(part, contexts) for part in entry.parts]),
+                    broken.get(entry.rule.id),
+                )
+                for entry in rulebook.compiled
+            )
+
+    return run
+
+
+def check_mission(rulebook: Rulebook, mission: Mission, world: World) -> tuple[Finding, ...]:
+    """Return a finding for every rule that the mission's words alone decide (step 1)."""
+    contexts = _contexts(mission_variables(mission, world), mission)
+    with shared_deadline(CHECKS_S):
+        return tuple(
+            _both([_decide_all(part, contexts) for part in parts])
+            for entry in rulebook.compiled
+            if (parts := [part for part in entry.parts if part.about_mission_only])
+        )
+
+
+def check_rule(
+    entry: CompiledRule,
+    *,
+    plan: Plan,
+    rehearsal: Rehearsal,
+    mission: Mission,
+    world: World,
+    sightings: Sightings | None = None,
+) -> Finding:
+    """Return the finding for the guard and check of one rule alone."""
+    variables = plan_variables(plan, rehearsal, mission, world, entry.variables, sightings)
+    return _decide_all(entry, _contexts(variables, mission))
+
+
+def broken_orderings(monitor: Monitor, rehearsal: Rehearsal) -> Mapping[str, Finding]:
+    """Return by rule id what the rehearsed plan breaks on top of the mission so far.
+
+    What is wrong at the rehearsal's first moment, before any command, is not the plan's doing.
+    """
+    return _broken_orderings(monitor.copy(running_limits=False), rehearsal)
+
+
+def _broken_orderings(ahead: Monitor, rehearsal: Rehearsal) -> Mapping[str, Finding]:
+    """Return the same for a monitor that goes on by itself."""
+    found: dict[str, Finding] = {}
+    moments = list(rehearsal.moments)
+    if moments:
+        end_s = max(rehearsal.after.time_s, moments[-1].time_s)
+        moments.append(moments[-1].model_copy(update={"time_s": end_s}))
+    for number, now in enumerate(moments):
+        for new in ahead.observe(now):
+            if number == 0 and new.status != "error":
+                continue
+            known = found.get(new.rule_id)
+            found[new.rule_id] = new if known is None else _worse(known, new)
+    return found
+
+
+def _contexts(variables: Values, mission: Mission) -> list[cel.Context]:
+    """Return what the checks see, once for each way to read the words of `mission`."""
+    contexts = [make_context(variables)]
+    if "mission" in variables:
+        words = mission_words(mission)[1:]
+        contexts += (make_context(reworded(variables, other)) for other in words)
+    return contexts
+
+
+def _decide_all(entry: CompiledRule, contexts: Sequence[cel.Context]) -> Finding:
+    """Decide a rule for every way to read the mission, if it reads that: the worst one counts."""
+    first, *others = contexts
+    found = _decide(entry, first)
+    for context in others if "mission" in entry.variables else ():
+        other = _decide(entry, context)
+        if other.broken and not found.broken:
+            found = other
+    return found
+
+
+def _decide(entry: CompiledRule, context: cel.Context) -> Finding:
+    """Run guard, then check; anything but a clear answer is an error."""
+    rule = entry.rule
+    if entry.check is None:
+        return finding(rule, "complies" if rule.decidable else "judged_only")
+    try:
+        applies: Any = True if entry.applies is None else entry.applies.evaluate(context)
+        if applies is False:
+            return finding(rule, "not_applicable")
+        if applies is not True:
+            return undecided(rule, f"its guard yields {applies!r}, not true or false")
+        result: Any = entry.check.evaluate(context)
+    except Exception as error:  # whatever CEL or a function of ours runs into: nothing is decided
+        return undecided(rule, f"{type(error).__name__}: {error}")
+    if result is True or result == []:
+        return finding(rule, "complies")
+    if result is False:
+        return finding(rule, "violates", rule.message)
+    if isinstance(result, list):
+        offenders = cast("list[Any]", result)
+        if all(isinstance(offender, str) for offender in offenders):
+            return finding(rule, "violates", violation(rule.message, offenders))
+    return undecided(rule, f"it yields {result!r}, neither true, false nor a list of texts")
+
+
+def _both(found: Sequence[Finding]) -> Finding:
+    """Return the finding of a rule and of the core's of the same id as one: the stricter wins."""
+    broken = [one for one in found if one.broken]
+    if len(broken) < 2:
+        decided = [one for one in found if one.status == "complies"]
+        return (*broken, *decided, *found)[0]
+    return _worse(*broken)
+
+
+def _combine(state: Finding, order: Finding | None) -> Finding:
+    """Return the one finding of a rule from its check and its orderings."""
+    if order is None:
+        return state
+    return _worse(state, order) if state.broken else order
+
+
+def _worse(first: Finding, second: Finding) -> Finding:
+    """Return both as one: an error outweighs a violation, and every message is kept once."""
+    status = "error" if "error" in (first.status, second.status) else "violates"
+    message = "; ".join(dict.fromkeys((first.message, second.message)))
+    priority = min(first.priority, second.priority, key=PRIORITIES.index)
+    return first.model_copy(update={"status": status, "message": message, "priority": priority})

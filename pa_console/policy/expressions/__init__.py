@@ -1,0 +1,1 @@
+"""CEL expressions of rules: compiled, bounded in size and in time."""

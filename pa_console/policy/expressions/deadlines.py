@@ -1,0 +1,101 @@
+"""How long expressions may run: each has a deadline, and a group of them may have one together.
+
+Time is what the thread has computed, not what has passed: a busy machine breaks no rule.
+"""
+
+import threading
+from collections.abc import Generator
+from contextlib import contextmanager
+from time import thread_time
+
+DEADLINE_S = 0.010
+"""Seconds that one expression may take, unless the settings say otherwise."""
+
+USUAL_SIZE = 200
+"""Assets, tracks and gates up to which that holds; with more of them it is more in proportion."""
+
+ROUNDS_A_LOOK = 8
+"""Rounds of a loop between two looks at the clock, which take longer than the round."""
+
+
+class DeadlineError(Exception):
+    """An expression took too long; nothing was decided by it."""
+
+
+class _Running(threading.local):
+    """What runs in this thread: when it must end, and whether it was told so."""
+
+    end_s: float | None = None
+    group_end_s: float | None = None
+    scale: float = 1.0
+    overdue: bool = False
+    rounds: int = 0
+
+
+_running = _Running()
+
+
+@contextmanager
+def shared_deadline(seconds: float, size: int = 0) -> Generator[None]:
+    """Let all expressions that this thread evaluates in the block take `seconds` together.
+
+    They are about `size` assets, tracks and gates; above USUAL_SIZE all times are longer. So they
+    are within another such block about more of them.
+    """
+    outer = _running.group_end_s, _running.scale
+    _running.scale = max(1.0, size / USUAL_SIZE, outer[1])
+    end_s = thread_time() + seconds * _running.scale
+    _running.group_end_s = end_s if outer[0] is None else min(end_s, outer[0])
+    try:
+        yield
+    finally:
+        _running.group_end_s, _running.scale = outer
+
+
+@contextmanager
+def deadline(seconds: float) -> Generator[None]:
+    """Let the expression in the block take `seconds`; raises DeadlineError when it took longer.
+
+    It is an error also where the expression itself made nothing of being told that time was up.
+    """
+    now = thread_time()
+    seconds *= _running.scale
+    group_end_s = _running.group_end_s
+    if group_end_s is not None and now >= group_end_s:
+        raise DeadlineError("no time is left: the checks before it took too long")
+    end_s = now + seconds
+    _running.end_s = end_s if group_end_s is None else min(end_s, group_end_s)
+    _running.overdue, _running.rounds = False, 0
+    try:
+        yield
+    finally:
+        late = _running.overdue
+        _running.end_s, _running.overdue = None, False
+        if late:
+            allowed = f"{seconds * 1000:g} ms"
+            raise DeadlineError(f"it took longer than the {allowed} that a check may take")
+
+
+def going_on() -> bool:
+    """Return whether there is time for another round of a loop."""
+    if _running.overdue:
+        return False
+    _running.rounds += 1
+    if _running.rounds % ROUNDS_A_LOOK == 0:
+        left_s()
+    return not _running.overdue
+
+
+def left_s() -> float | None:
+    """Return how many seconds the running expression has left, None where nothing limits it."""
+    if _running.end_s is None:
+        return None
+    left = _running.end_s - thread_time()
+    if left <= 0.0:
+        _running.overdue = True
+    return max(left, 0.0)
+
+
+def give_up() -> None:
+    """Note that the running expression used up its time, whatever it still comes to."""
+    _running.overdue = True

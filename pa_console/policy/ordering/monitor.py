@@ -1,0 +1,239 @@
+"""Follows the ordering rules through a mission, moment by moment, live and in rehearsal (WF-01)."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import Literal, NamedTuple, Self
+
+from pa_console.policy.checks.findings import finding, undecided, violation
+from pa_console.policy.checks.sightings import Sightings
+from pa_console.policy.expressions.deadlines import shared_deadline
+from pa_console.policy.ordering.ordering import (
+    START,
+    Evaluator,
+    OrderingProgress,
+    Subjects,
+    follow,
+    leave,
+    subjects,
+)
+from pa_console.policy.rulebook import CompiledOrdering, CompiledRule, Rulebook
+from pa_console.schema.finding import Finding
+from pa_console.schema.moment import Moment
+from pa_console.schema.rule import PRIORITIES, Rule
+from pa_console.schema.world import World
+
+Each = Literal["track", "gate"] | None
+
+MOMENT_S = 0.02
+SUBJECT_S = 0.002
+"""Seconds of processor time that all orderings may take at one moment, and for each subject."""
+
+
+class Pending(NamedTuple):
+    """Something that must happen still; `due_s` is the simulated time until which, if limited."""
+
+    rule_id: str
+    subject: str
+    message: str
+    due_s: float | None
+
+
+class Breach(NamedTuple):
+    """An ordering of a rule that subjects broke, or that could not be decided (`problem`)."""
+
+    rule: Rule
+    message: str
+    offenders: tuple[str, ...] = ()
+    problem: str = ""
+
+
+class _News(NamedTuple):
+    """The subjects of one kind at a moment, and which of them are not as they were before."""
+
+    present: Subjects
+    changed: tuple[str, ...]
+    gone: tuple[str, ...]
+
+    @classmethod
+    def since(cls, last: Subjects, present: Subjects) -> Self:
+        """Compare the subjects with those of the moment before."""
+        changed = (name for name, it in present.items() if name not in last or last[name] != it)
+        return cls(present, tuple(changed), tuple(name for name in last if name not in present))
+
+
+@dataclass
+class _Watch:
+    """One ordering, and where each of its subjects stands."""
+
+    rule: Rule
+    entry: CompiledOrdering
+    limit_s: float
+    problem: str = ""
+    progress: dict[str, OrderingProgress] = field(default_factory=dict[str, OrderingProgress])
+    failed: bool = False
+
+    def copy(self) -> "_Watch":
+        return replace(self, progress=dict(self.progress))
+
+    def observe(self, now: Moment, news: _News, evaluator: Evaluator) -> Breach | None:
+        """Move every subject on; return what is newly wrong."""
+        message, problem, offenders = self.entry.order.message, self.problem, ()
+        if not problem:
+            try:
+                offenders = tuple(self._offenders(now, news, evaluator))
+                self.failed = False
+            except Exception as error:  # whatever CEL runs into: nothing is decided
+                problem, self.failed = f"{type(error).__name__}: {error}", True
+        if not problem and not offenders:
+            return None
+        return Breach(self.rule, message, offenders, problem)
+
+    def _offenders(self, now: Moment, news: _News, evaluator: Evaluator) -> Iterator[str]:
+        """Yield the subjects that break the ordering now; '' stands for the moment as a whole."""
+        order, entry = self.entry.order, self.entry
+        for name in news.gone:
+            was = self.progress.get(name, START)
+            self.progress[name], broken = leave(order, was, now.time_s, self.limit_s)
+            if broken:
+                yield name
+        for name in self._to_follow(news):
+            subject = news.present[name]
+            self.progress[name], broken = follow(
+                order,
+                self.progress.get(name, START),
+                event=evaluator.holds(entry.event, now, name, subject),
+                other=evaluator.holds(entry.other, now, name, subject),
+                time_s=now.time_s,
+                limit_s=self.limit_s,
+            )
+            if broken:
+                yield name
+
+    def _to_follow(self, news: _News) -> Iterable[str]:
+        """Return the subjects for which this moment may matter."""
+        if self.failed or not self.entry.fixed:
+            return tuple(news.present)
+        if self.entry.order.kind != "within":
+            return news.changed
+        running = (name for name, was in self.progress.items() if was.stage == "open")
+        return dict.fromkeys((*news.changed, *(name for name in running if name in news.present)))
+
+    def pending(self) -> Iterator[Pending]:
+        order = self.entry.order
+        for name, was in self.progress.items():
+            if was.stage == "open":
+                due_s = was.since_s + self.limit_s if order.kind == "within" else None
+                yield Pending(self.rule.id, name, order.message, due_s)
+
+    def excuse_running_limits(self) -> None:
+        """Take every time limit that runs as told already, until what began it has ended."""
+        if self.entry.order.kind == "within":
+            for name, was in self.progress.items():
+                if was.stage == "open":
+                    self.progress[name] = OrderingProgress("broken")
+
+
+class Monitor:
+    """The orderings of every rule in force over one mission's moments.
+
+    A subject that appears later starts afresh. What is wrong is told once, and again only when it
+    has been right in between.
+    """
+
+    def __init__(
+        self, rulebook: Rulebook, world: World, sightings: Sightings | None = None
+    ) -> None:
+        """Begin with no history of the mission; `sightings` are kept by whoever takes telemetry."""
+        self.sightings = Sightings(world) if sightings is None else sightings
+        """What was seen where before, for checks; orderings do not need it."""
+        self._evaluator = Evaluator(world)
+        self._covered_before: set[str] = set()
+        self._last: dict[Each, Subjects] = {}
+        with shared_deadline(MOMENT_S):
+            self._watches = [
+                self._watch(part, ordering)
+                for entry in rulebook.compiled
+                for part in entry.parts
+                for ordering in part.order
+            ]
+
+    def observe(self, moment: Moment) -> tuple[Finding, ...]:
+        """Take in the next moment; return one finding for each rule that it newly breaks."""
+        news: dict[Each, _News] = {}
+        breaches: list[Breach] = []
+        subjects_now = len(moment.tracks) + len(moment.covered)
+        with shared_deadline(MOMENT_S + SUBJECT_S * subjects_now):
+            for watch in self._watches:
+                each = watch.entry.order.each
+                if each not in news:
+                    present = subjects(watch.entry.order, moment, self._covered_before)
+                    news[each] = _News.since(self._last.get(each, {}), present)
+                breach = watch.observe(moment, news[each], self._evaluator)
+                if breach is not None:
+                    breaches.append(breach)
+        self._last = {each: new.present for each, new in news.items()}
+        self._covered_before |= {gate for gate, covered in moment.covered.items() if covered}
+        return _findings(breaches)
+
+    def finish(self) -> tuple[Finding, ...]:
+        """Return a finding for each rule by which something still had to happen in the mission."""
+        return _findings(
+            Breach(watch.rule, watch.entry.order.message, tuple(p.subject for p in open_ones))
+            for watch in self._watches
+            if watch.entry.order.kind == "after" and (open_ones := tuple(watch.pending()))
+        )
+
+    @property
+    def pending(self) -> tuple[Pending, ...]:
+        """What must happen still, by any rule."""
+        return tuple(pending for watch in self._watches for pending in watch.pending())
+
+    def copy(self, *, running_limits: bool = True) -> Self:
+        """Return a monitor that goes on from here by itself.
+
+        Without `running_limits`, whoever goes on is not blamed for a time limit that was running
+        already: a plan that restores a gate which an asset's failure has uncovered cannot undo the
+        time that passed before it.
+        """
+        twin = object.__new__(type(self))
+        twin.sightings, twin._evaluator = self.sightings, self._evaluator.copy()
+        twin._covered_before = set(self._covered_before)
+        twin._last = self._last
+        twin._watches = [watch.copy() for watch in self._watches]
+        if not running_limits:
+            for watch in twin._watches:
+                watch.excuse_running_limits()
+        return twin
+
+    def _watch(self, entry: CompiledRule, ordering: CompiledOrdering) -> _Watch:
+        seconds = ordering.order.seconds
+        if ordering.seconds is None:
+            limit_s = seconds if isinstance(seconds, float) else 0.0
+            return _Watch(entry.rule, ordering, limit_s)
+        try:
+            return _Watch(entry.rule, ordering, self._evaluator.number(ordering.seconds))
+        except Exception as error:  # whatever CEL runs into: nothing is decided
+            return _Watch(entry.rule, ordering, 0.0, f"{type(error).__name__}: {error}")
+
+
+def halts(finding: Finding, rulebook: Rulebook) -> bool:
+    """Whether a broken ordering halts the running plan; premises and alarms see to gates."""
+    orderings = rulebook.orderings(finding.rule_id)
+    return finding.blocking and any(ordering.each != "gate" for ordering in orderings)
+
+
+def _findings(breaches: Iterable[Breach]) -> tuple[Finding, ...]:
+    """Return one finding a rule, all that is wrong with it in one message."""
+    by_rule: dict[str, list[Breach]] = {}
+    for breach in breaches:
+        by_rule.setdefault(breach.rule.id, []).append(breach)
+    return tuple(_finding(found) for found in by_rule.values())
+
+
+def _finding(found: list[Breach]) -> Finding:
+    rule = min((breach.rule for breach in found), key=lambda r: PRIORITIES.index(r.priority))
+    problems = [breach.problem for breach in found if breach.problem]
+    if problems:
+        return undecided(rule, problems[0])
+    words = dict.fromkeys(violation(breach.message, breach.offenders) for breach in found)
+    return finding(rule, "violates", "; ".join(words))

@@ -1,0 +1,196 @@
+"""How an ordering of events goes on for one subject, moment by moment (schema/rule.py Ordering).
+
+An ordering's `event` and `other` may use these variables:
+
+it     with `each: track`, the track as schema/moment.py TrackMoment; with `each: gate`,
+       {covered, lost}: whether it is known to be covered, and whether it is not but has been.
+id     the name of the track or gate.
+now    the moment: {time_s, tracks, covered, up, orders}; an order's `target` is '' for none.
+world  as for checks (policy/checks/check_context.py).
+"""
+
+from collections.abc import Collection, Mapping
+from typing import Any, Literal, NamedTuple
+
+from pa_console.policy.checks.check_context import world_variables
+from pa_console.policy.expressions.expression import Expression, make_context
+from pa_console.schema.moment import Moment, TrackMoment
+from pa_console.schema.rule import Ordering
+from pa_console.schema.world import World
+
+
+class GateMoment(NamedTuple):
+    """A gate at one moment; `lost` is one that was covered before and is not now."""
+
+    covered: bool
+    lost: bool
+
+
+Subject = TrackMoment | GateMoment | None
+Subjects = Mapping[str, Subject]
+WHOLE: Subjects = {"": None}
+"""The one subject of an ordering that is about the moment as a whole."""
+
+
+def subjects(order: Ordering, now: Moment, covered_before: Collection[str]) -> Subjects:
+    """Return what `order` follows at this moment, by name."""
+    if order.each == "track":
+        return now.tracks
+    if order.each == "gate":
+        return {
+            gate: GateMoment(covered, not covered and gate in covered_before)
+            for gate, covered in now.covered.items()
+        }
+    return WHOLE
+
+
+def moment_values(now: Moment) -> dict[str, Any]:
+    """Return the moment as the plain values that CEL sees."""
+    values = now.model_dump()
+    for order in values["orders"]:
+        order["target"] = order["target"] or ""
+    return values
+
+
+class Evaluator:
+    """Evaluates expressions for subjects in one world, each distinct question only once."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world_variables(world)
+        self._known: dict[tuple[Expression, str, Subject], bool] = {}
+        self._moment: Moment | None = None
+        self._now: dict[str, Any] = {}
+
+    def holds(self, expression: Expression, now: Moment, name: str, subject: Subject) -> bool:
+        """Return whether `expression` holds for the subject; raises what it runs into.
+
+        Raises TypeError when it yields anything but true or false.
+        """
+        if "now" in expression.variables:
+            return self._evaluate(expression, now, name, subject)
+        key = (expression, name if "id" in expression.variables else "", subject)
+        if key not in self._known:
+            self._known[key] = self._evaluate(expression, now, name, subject)
+        return self._known[key]
+
+    def copy(self) -> "Evaluator":
+        """Return one that knows as much and may be used by another thread."""
+        twin = object.__new__(Evaluator)
+        twin._world, twin._known = self._world, self._known
+        twin._moment, twin._now = self._moment, self._now
+        return twin
+
+    def number(self, expression: Expression) -> float:
+        """Return the positive number that the world gives `expression`, else TypeError."""
+        value: Any = expression.evaluate(make_context({"world": self._world}))
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or value <= 0:
+            raise TypeError(f"it yields {value!r}, not a positive number")
+        return float(value)
+
+    def _evaluate(self, expression: Expression, now: Moment, name: str, subject: Subject) -> bool:
+        values: dict[str, Any] = {"id": name, "world": self._world}
+        if "it" in expression.variables:
+            values["it"] = _plain(subject)
+        if "now" in expression.variables:
+            if self._moment is not now:
+                self._moment, self._now = now, moment_values(now)
+            values["now"] = self._now
+        asked = {key: values[key] for key in expression.variables}
+        result: Any = expression.evaluate(make_context(asked))
+        if not isinstance(result, bool):
+            raise TypeError(f"it yields {result!r}, not true or false")
+        return result
+
+
+def _plain(subject: Subject) -> dict[str, Any]:
+    if isinstance(subject, TrackMoment):
+        return subject.model_dump()
+    return subject._asdict() if subject is not None else {}
+
+
+Stage = Literal["idle", "open", "settled", "broken"]
+
+CLOCK_S = 1e-6
+"""Times closer than this are the same."""
+
+
+class OrderingProgress(NamedTuple):
+    """Where a subject stands.
+
+    idle     nothing has happened yet
+    open     something must happen still; for `within` since `since_s`, simulated seconds
+    settled  what had to happen has happened, or cannot be missed any more
+    broken   it is wrong at present, and that has been told
+    """
+
+    stage: Stage = "idle"
+    since_s: float = 0.0
+
+    def overdue(self, time_s: float, limit_s: float) -> bool:
+        """Return whether a time limit that runs is over at `time_s`."""
+        return self.stage == "open" and time_s > self.since_s + limit_s + CLOCK_S
+
+
+START = OrderingProgress()
+_SETTLED, _BROKEN = OrderingProgress("settled"), OrderingProgress("broken")
+
+
+def follow(
+    order: Ordering,
+    was: OrderingProgress,
+    *,
+    event: bool,
+    other: bool,
+    time_s: float,
+    limit_s: float,
+) -> tuple[OrderingProgress, bool]:
+    """Return where the subject stands after this moment, and whether it broke the ordering now.
+
+    What held at the last moment is taken to have held until this one. `limit_s` is of `within`.
+    """
+    match order.kind:
+        case "before":
+            if was.stage == "settled" or other:
+                return _SETTLED, False
+            return (_SETTLED, True) if event else (START, False)
+        case "after":
+            if was.stage == "settled" or not (other or was.stage == "open"):
+                return was, False
+            began = was if was.stage == "open" else OrderingProgress("open", time_s)
+            return (_SETTLED if event else began), False
+        case "never_while":
+            return _wrong_while(event and other, was)
+        case "until":
+            if was.stage == "settled" or other:
+                return _SETTLED, False
+            return _wrong_while(not event, was)
+        case "within":
+            return _in_time(was, event, other, time_s, limit_s)
+
+
+def leave(
+    order: Ordering, was: OrderingProgress, time_s: float, limit_s: float
+) -> tuple[OrderingProgress, bool]:
+    """Return the same for a subject that is no longer there: what went on with it has ended."""
+    if order.kind in ("never_while", "within"):
+        return follow(order, was, event=False, other=False, time_s=time_s, limit_s=limit_s)
+    return was, False
+
+
+def _wrong_while(wrong: bool, was: OrderingProgress) -> tuple[OrderingProgress, bool]:
+    """Tell once what is wrong, and again only after it has been right in between."""
+    return (_BROKEN, was.stage != "broken") if wrong else (START, False)
+
+
+def _in_time(
+    was: OrderingProgress, event: bool, other: bool, time_s: float, limit_s: float
+) -> tuple[OrderingProgress, bool]:
+    """Follow one obligation from where `other` begins to where it is met, or `other` ends."""
+    late = was.overdue(time_s, limit_s)
+    if not other:
+        return START, late
+    if event or was.stage == "settled":
+        return _SETTLED, late
+    if late or was.stage == "broken":
+        return _BROKEN, late
+    return (was if was.stage == "open" else OrderingProgress("open", time_s)), late

@@ -1,0 +1,1 @@
+"""Which rules concern a mission: rankings and their fusion (paper, Steps 2 and 3)."""

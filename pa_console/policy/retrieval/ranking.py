@@ -1,0 +1,221 @@
+"""Retrieval methods: each gives every rule a score for a text, in parts that are shown."""
+
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from rapidfuzz import fuzz, process
+
+from pa_console.policy.retrieval.inverted_index import Floats, Postings, rule_words, words_of
+from pa_console.policy.retrieval.related_words import Groups, Spelling, Vocabulary
+from pa_console.schema.rule import Rule
+
+Scores = dict[str, Floats]
+"""The parts of a score by name; each has one number for each rule, in the order of the rules."""
+
+
+class Ranking(Protocol):
+    """Scores all rules that it was made for, in their order; higher is better."""
+
+    def scores(self, text: str) -> tuple[Floats, Scores]:
+        """Return the score of each rule for `text`, and the parts it is made of."""
+        ...
+
+
+def best(scores: Floats, k: int) -> list[int]:
+    """Return the places of the `k` highest scores, best first, equal ones in ascending order."""
+    if k <= 0 or not len(scores):
+        return []
+    if k < len(scores):
+        least = np.partition(scores, len(scores) - k)[len(scores) - k]
+        places = np.flatnonzero(scores >= least)
+    else:
+        places = np.arange(len(scores))
+    order = np.argsort(-scores[places], kind="stable")
+    return places[order[:k]].tolist()
+
+
+K1, B = 1.2, 0.75
+
+
+class Bm25Ranking:
+    """Sums over the terms of the mission how telling a term is and how much a rule is about it.
+
+    The inverse document frequency is Lucene's, which is never negative. With `terms` the terms
+    are what that makes of a word. A term counts once, however often the mission repeats it.
+    """
+
+    def __init__(
+        self,
+        rules: Sequence[Rule],
+        part: str = "words",
+        terms: Callable[[str], Iterable[str]] | None = None,
+    ) -> None:
+        """Index `rules`; `part` names the score's only part."""
+        self._part, self._terms = part, terms
+        self._postings = Postings([rule_words(rule) for rule in rules], terms)
+        mean = float(self._postings.lengths.mean()) if rules else 1.0
+        self._damping = K1 * (1.0 - B + B * self._postings.lengths / max(mean, 1.0))
+
+    def scores(self, text: str) -> tuple[Floats, Scores]:
+        """Return the BM25 score of each rule."""
+        size = self._postings.size
+        scores = np.zeros(size)
+        for term in self._distinct(text):
+            places, counts = self._postings.of(term)
+            weight = np.log1p((size - len(places) + 0.5) / (len(places) + 0.5))
+            scores[places] += weight * counts * (K1 + 1.0) / (counts + self._damping[places])
+        return scores, {self._part: scores}
+
+    def _distinct(self, text: str) -> dict[str, None]:
+        words = dict.fromkeys(words_of(text))
+        if self._terms is None:
+            return words
+        return dict.fromkeys(term for word in words for term in self._terms(word))
+
+
+OFFSET = 60.0
+"""How little the first places differ; the value of Cormack, Clarke and Buettcher (SIGIR 2009)."""
+
+
+class FusionRanking:
+    """Sums 1 / (OFFSET + place) over rankings of the same rules; equal scores share a place."""
+
+    def __init__(self, rankings: Mapping[str, Ranking]) -> None:
+        """Fuse `rankings`; their names name the parts of the score."""
+        self._rankings = dict(rankings)
+
+    def scores(self, text: str) -> tuple[Floats, Scores]:
+        """Return the fused score of each rule, and what each ranking adds to it."""
+        parts: Scores = {
+            name: 1.0 / (OFFSET + 1.0 + _better(ranking.scores(text)[0]))
+            for name, ranking in self._rankings.items()
+        }
+        return np.asarray(sum(parts.values()), dtype=np.float64), parts
+
+
+def _better(scores: Floats) -> Floats:
+    """Return for each score how many are higher."""
+    higher = len(scores) - np.searchsorted(np.sort(scores), scores, side="right")
+    return higher.astype(np.float64)
+
+
+_WORD = re.compile(r"\w+")
+
+
+class PaperRanking:
+    """The mean of the sequence similarity and the Jaccard similarity of two texts, in [0, 1].
+
+    `fuzzy` is rapidfuzz's `ratio` of the lower-cased texts: twice the longest common subsequence
+    over the summed lengths. `jaccard` is the number of words in both texts over the number in
+    either. The paper says that the two are combined but not how.
+    """
+
+    def __init__(self, rules: Sequence[Rule]) -> None:
+        """Prepare the texts of `rules`."""
+        self._texts = [rule.text.lower() for rule in rules]
+        words = [sorted(_words(rule.text)) for rule in rules]
+        self._postings = Postings(words)
+
+    def scores(self, text: str) -> tuple[Floats, Scores]:
+        """Return the mean of both similarities for each rule, and both."""
+        if not self._texts:
+            return np.zeros(0), {}
+        found = process.cdist([text.lower()], self._texts, scorer=fuzz.ratio, dtype=np.float64)
+        fuzzy = np.asarray(found[0], dtype=np.float64) / 100.0
+        words = _words(text)
+        both = np.zeros(self._postings.size)
+        for word in words:
+            both[self._postings.of(word)[0]] += 1.0
+        either = np.maximum(self._postings.lengths + len(words) - both, 1.0)
+        jaccard = both / either
+        return (fuzzy + jaccard) / 2.0, {"fuzzy": fuzzy, "jaccard": jaccard}
+
+
+def _words(text: str) -> set[str]:
+    return set(_WORD.findall(text.lower()))
+
+
+ALIKE = 0.3
+"""From what likeness on another spelling counts; it then counts as its square."""
+RELATED = 0.8
+"""What a related word counts, where the same word counts 1."""
+LENGTH = 0.4
+"""How much longer rules are held back: 0 not at all, 1 in proportion to their length."""
+LEVELS = 10
+"""In how many steps it is told how near rules come to a word."""
+_ROUNDING = 1e-9
+
+
+class RelatedRanking:
+    """The share of what a mission says that a rule speaks of, in the same or in other words.
+
+    A rule comes as near to a word of the mission as its nearest word: 1 if that is the same, the
+    square of their likeness if it is spelt otherwise, RELATED times how well both fit a group of
+    the vocabulary if it concerns the same thing. Nearness counts by how telling it is: the
+    logarithm of the number of rules over the number that come as near. So among many rules that
+    speak of a thing, the few that use the mission's own word are found. `words` is what rules
+    score by spelling, `related` what they score by the vocabulary. Longer rules are held back.
+    """
+
+    def __init__(self, rules: Sequence[Rule], vocabulary: Vocabulary) -> None:
+        """Index `rules`, whose words are compared with those of `vocabulary`."""
+        self._groups = Groups(vocabulary)
+        words = [
+            sorted({word for word in rule_words(rule) if word not in self._groups.ignored})
+            for rule in rules
+        ]
+        self._postings = Postings(words)
+        self._spelling = Spelling(list(self._postings.terms))
+        self._fits = np.array([self._groups.fit(word) for word in self._spelling.words])
+        lengths = self._postings.lengths
+        mean = max(float(lengths.mean()), 1.0) if len(rules) else 1.0
+        self._held_back = 1.0 - LENGTH + LENGTH * lengths / mean
+
+    def scores(self, text: str) -> tuple[Floats, Scores]:
+        """Return the share of `text` that each rule speaks of, about 0 to 1."""
+        size = self._postings.size
+        spelt, related, whole = np.zeros(size), np.zeros(size), 0.0
+        for word in dict.fromkeys(words_of(text)):
+            if word in self._groups.ignored:
+                continue
+            same, other = self._nearest(word)
+            nearest = np.maximum(same, other)
+            level = (nearest * LEVELS + _ROUNDING).astype(np.int64)
+            telling = _telling(np.bincount(level, minlength=LEVELS + 1))
+            worth = nearest * telling[level]
+            spelt += np.where(same >= other, worth, 0.0)
+            related += np.where(same >= other, 0.0, worth)
+            whole += float(telling[LEVELS])
+        scale = self._held_back * max(whole, 1e-9)
+        spelt, related = spelt / scale, related / scale
+        return spelt + related, {"words": spelt, "related": related}
+
+    def _nearest(self, word: str) -> tuple[Floats, Floats]:
+        """Return how near each rule comes to `word` by spelling, and by the vocabulary."""
+        alike = self._spelling.likeness(word)
+        alike = np.where(alike >= ALIKE, alike**2, 0.0)
+        fit = self._groups.fit(word)
+        groups = np.flatnonzero(fit)
+        if len(groups) and len(self._fits):
+            akin = RELATED * (self._fits[:, groups] * fit[groups]).max(axis=1)
+        else:
+            akin = np.zeros(len(alike))
+        return self._spread(alike), self._spread(akin)
+
+    def _spread(self, values: Floats) -> Floats:
+        """Return for each rule the highest of the `values` of its words, zero for none."""
+        highest = np.zeros(self._postings.size)
+        for number in np.flatnonzero(values):
+            places = self._postings.at(int(number))[0]
+            highest[places] = np.maximum(highest[places], values[number])
+        return highest
+
+
+def _telling(counts: NDArray[np.int64]) -> Floats:
+    """Return how telling each level of nearness is, given how many rules are at it; never < 0."""
+    as_near = np.cumsum(counts[::-1])[::-1]
+    rules = as_near[0]
+    return np.log1p((rules - as_near + 0.5) / (as_near + 0.5))

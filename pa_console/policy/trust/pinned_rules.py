@@ -1,0 +1,158 @@
+"""Which rule set this user goes by: the first one used is pinned, and a lesser one is refused.
+
+The pin lies in the user's state folder. The set that is shipped is always taken: the hash of its
+content stands in the package. Any other set must be signed by whoever signed the pinned one, have
+the same name and no lower version, unless the operator accepts it; that is then part of its seal.
+"""
+
+import json
+import os
+import re
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+
+from platformdirs import user_state_path
+from pydantic import ValidationError
+
+from pa_console.schema.base import StrictModel
+from pa_console.schema.rule import RulesSeal, Version
+
+PIN_FILE = "rules-pin.json"
+SHIPPED = "shipped"
+
+
+class RefusedRulesError(ValueError):
+    """A rule set that is less than the pinned one; worded with the reason and the remedies."""
+
+
+class RulesPin(StrictModel):
+    """The set that was last taken: `signer` is its key's fingerprint, "shipped", or "" for nobody.
+
+    `accepted` is why the operator had to accept it, "" when it was taken by itself.
+    """
+
+    name: str
+    version: Version = ""
+    content_sha256: str
+    signer: str = ""
+    accepted: str = ""
+
+    @property
+    def words(self) -> str:
+        """The set in words."""
+        by = {"": "not signed", SHIPPED: "as shipped"}.get(self.signer, f"signed by {self.signer}")
+        return f"{self.name!r}{f' version {self.version}' if self.version else ''}, {by}"
+
+
+def pin_of(name: str, seal: RulesSeal) -> RulesPin:
+    """Return what would be pinned of a set."""
+    signer = SHIPPED if seal.standing == SHIPPED else seal.key
+    return RulesPin(
+        name=name,
+        version=seal.version,
+        content_sha256=seal.content_sha256,
+        signer=signer,
+        accepted=seal.accepted,
+    )
+
+
+def downgrade(pinned: RulesPin, other: RulesPin) -> str:
+    """Return why `other` is less than `pinned`, "" when it is not."""
+    if other.signer == SHIPPED:
+        return ""
+    if pinned.signer and not other.signer:
+        return f"{other.words}, and the set used before is {pinned.words}"
+    if pinned.signer and other.signer != pinned.signer:
+        return f"{other.words}, and the set used before is {pinned.words}"
+    if pinned.signer and other.name != pinned.name:
+        return f"{other.words}, and the set used before is another, {pinned.words}"
+    if other.name == pinned.name and _order(other.version) < _order(pinned.version):
+        lower = other.version or "none"
+        return f"its version is {lower}, lower than {pinned.version} of the set used before"
+    if pinned.accepted and not other.signer and other.content_sha256 != pinned.content_sha256:
+        return f"{other.words}, and not what was accepted before"
+    return ""
+
+
+class RulesPins:
+    """The pin of this user, in `path`; None is the user's state folder."""
+
+    def __init__(
+        self, path: Path | None = None, now: Callable[[], datetime] = lambda: datetime.now(UTC)
+    ) -> None:
+        self._path = path if path is not None else user_state_path("pa-console") / PIN_FILE
+        self._now = now
+
+    def read(self) -> RulesPin | None:
+        """Return the pin, None before there is one; raises RefusedRulesError for a broken file."""
+        try:
+            return RulesPin.model_validate_json(self._path.read_bytes())
+        except FileNotFoundError:
+            return None
+        except (OSError, ValidationError) as error:
+            raise RefusedRulesError(
+                f"{self._path}: it cannot be read which rules were used before ({_first(error)}). "
+                "Bring the file back, or remove it and look through the rules that are used next"
+            ) from error
+
+    def refusal(self, name: str, seal: RulesSeal) -> str:
+        """Return why the set is refused, "" when it is taken; raises what `read` does."""
+        pinned = self.read()
+        return "" if pinned is None else downgrade(pinned, pin_of(name, seal))
+
+    def admit(self, name: str, seal: RulesSeal, *, accept: bool) -> RulesSeal:
+        """Return the seal of a set that goes in force, and pin the set.
+
+        With `accept` the operator takes one that is refused, and the seal says so, in later
+        sessions too. Raises RefusedRulesError, and OSError when nothing can be pinned.
+        """
+        pinned = self.read()
+        pin = pin_of(name, seal)
+        if pinned is not None and pin.signer == SHIPPED:
+            return seal
+        why = "" if pinned is None else downgrade(pinned, pin)
+        if why and not accept:
+            raise RefusedRulesError(
+                f"the rules {name!r} are refused: {why}. Bring back the set that was used, use the "
+                "shipped one (--rules checkpoint), or look through this one and start console or "
+                "mission with --accept-rules, which the log and every report will say"
+            )
+        said = f"{why} (accepted {self._now():%Y-%m-%d})" if why else ""
+        if pinned is not None and not why and _same(pinned, pin):
+            said = pinned.accepted
+        sealed = seal.model_copy(update={"accepted": said})
+        self._write(pin_of(name, sealed), pinned)
+        return sealed
+
+    def _write(self, pin: RulesPin, before: RulesPin | None) -> None:
+        """Put the pin in its file, for its owner alone; what was there stays until it is whole."""
+        if pin == before:
+            return
+        self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        new = self._path.with_name(f"{self._path.name}.{os.getpid()}.new")
+        new.unlink(missing_ok=True)
+        file = os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+        with os.fdopen(file, "w", encoding="utf-8") as stream:
+            json.dump(pin.model_dump(), stream, indent=2)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(new, self._path)
+
+
+def _same(one: RulesPin, other: RulesPin) -> bool:
+    return (one.signer, one.name, one.content_sha256) == (
+        other.signer, other.name, other.content_sha256,
+    )  # fmt: skip
+
+
+def _order(version: str) -> tuple[tuple[int, int, str], ...]:
+    """Return what versions are compared by: numbers as numbers, and before them any words."""
+    parts = re.findall(r"\d+|[A-Za-z]+", version)
+    return tuple((1, int(part), "") if part.isdigit() else (0, 0, part.lower()) for part in parts)
+
+
+def _first(error: Exception) -> str:
+    if isinstance(error, ValidationError):
+        return str(error.errors(include_url=False)[0]["msg"])
+    return str(getattr(error, "strerror", "") or error)

@@ -1,0 +1,150 @@
+"""What a rule set says as plain values, its hash, and its signature `RULES.sig`."""
+
+import hashlib
+import json
+import os
+from pathlib import Path
+
+from pa_console.policy.trust.shipped_rules import CONTENT_SHA256, NAME
+from pa_console.schema.document import Document, DocumentError
+from pa_console.schema.rule import SHORT, Rule, RuleSet, RulesSeal, RulesSignature, Workflow
+from pa_console.signing import Signer, fingerprint, is_signature, known_keys, named_keys
+
+Plain = dict[str, object]
+
+
+def content_sha256(rule_set: RuleSet) -> str:
+    """Return the SHA-256 of everything that `rule_set` says, 64 hexadecimal digits.
+
+    Covered are name, version, source, every field of every rule and workflow, and the order of
+    rules, workflows and the lists in them. Not covered are comments, white space, quoting, the
+    order of keys, and whether a default is written down.
+    """
+    return hashlib.sha256(canonical(plain_set(rule_set)).encode()).hexdigest()
+
+
+def plain_set(rule_set: RuleSet) -> Plain:
+    """Return everything of `rule_set` that is not a default, as JSON knows it."""
+    return {
+        **plain_head(rule_set),
+        "rules": [plain_rule(rule) for rule in rule_set.rules],
+        "workflows": [plain_workflow(workflow) for workflow in rule_set.workflows],
+    }
+
+
+def plain_head(rule_set: RuleSet) -> Plain:
+    """Return what `rule_set` says of itself, without its rules and workflows."""
+    return rule_set.model_dump(exclude={"rules", "workflows"}, exclude_defaults=True)
+
+
+def plain_rule(rule: Rule) -> Plain:
+    """Return every field of `rule` that is not a default."""
+    return rule.model_dump(exclude_defaults=True)
+
+
+def plain_workflow(workflow: Workflow) -> Plain:
+    """Return every field of `workflow` that is not a default; its ends are pairs, in order.
+
+    The first end that holds counts, so that their order is part of what they say.
+    """
+    plain = workflow.model_dump(exclude_defaults=True)
+    if workflow.ends:
+        plain["ends"] = list(workflow.ends.items())
+    return plain
+
+
+def canonical(value: object) -> str:
+    """Return `value` as JSON that is the same for the same value: keys sorted, ASCII, compact."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"))
+
+
+PURPOSE = b"pa-console rule set\n"
+
+
+class AlteredRulesError(ValueError):
+    """A signed rule set that is not what was signed; worded with file, problem and remedy."""
+
+
+def signature_path(rules: Path) -> Path:
+    """Return where the signature of the rule file `rules` is."""
+    return rules.with_name(rules.name + ".sig")
+
+
+def sign_rules(path: Path, rule_set: RuleSet, signer: Signer) -> RulesSignature:
+    """Write the signature of `rule_set`, which is the file at `path`, beside it; raises OSError.
+
+    The signature that was there stays until the new one is whole.
+    """
+    content = content_sha256(rule_set)
+    message = _message(rule_set.name, rule_set.version, content)
+    signature = RulesSignature(
+        name=rule_set.name,
+        version=rule_set.version,
+        content_sha256=content,
+        key=signer.public,
+        signature=signer.sign(message),
+    )
+    target = signature_path(path)
+    new = target.with_name(target.name + ".new")
+    new.write_text(signature.model_dump_json(indent=2) + "\n", encoding="utf-8")
+    os.replace(new, target)
+    return signature
+
+
+def seal_of(path: Path, rule_set: RuleSet) -> RulesSeal:
+    """Return how `rule_set`, read from `path`, stands; it is altered if its signature is not its.
+
+    The set that is shipped is known by its content, which is pinned in the package.
+    A signature file that cannot be read is one that was altered too. Raises SigningError when
+    this machine's own keys cannot be read.
+    """
+    decided = any(rule.priority == "critical" and rule.decidable for rule in rule_set.rules)
+    unsigned = RulesSeal(
+        version=rule_set.version,
+        content_sha256=content_sha256(rule_set),
+        no_critical_check=not decided,
+    )
+    if (rule_set.name, unsigned.content_sha256) == (NAME, CONTENT_SHA256):
+        return unsigned.model_copy(update={"standing": "shipped"})
+    place = signature_path(path)
+    if not os.path.lexists(place):
+        return unsigned
+    try:
+        signature = Document.read(place).parse(RulesSignature)
+    except DocumentError as error:
+        return _altered(unsigned, f"its signature cannot be read: {error}")
+    message = _message(signature.name, signature.version, signature.content_sha256)
+    if not is_signature(signature.signature, message, signature.key):
+        return _altered(unsigned, f"{place} was edited: no key made that signature")
+    signed = (signature.name, signature.version, signature.content_sha256)
+    if signed != (rule_set.name, rule_set.version, unsigned.content_sha256):
+        return _altered(unsigned, f"the signature is for {_told(*signed)}; this is another")
+    key = fingerprint(signature.key)
+    if key in known_keys():
+        return unsigned.model_copy(update={"standing": "own key", "key": key})
+    name = named_keys().get(key)
+    standing = "known key" if name is not None else "unknown key"
+    return unsigned.model_copy(update={"standing": standing, "key": key, "signer": name or ""})
+
+
+def refuse_altered(path: Path, seal: RulesSeal) -> None:
+    """Raise AlteredRulesError when the rules at `path` are not what was signed."""
+    if seal.altered:
+        raise AlteredRulesError(
+            f"{path}: ALTERED since it was signed: {seal.problem}. Bring back the signed file; or "
+            f"look through it and sign it anew: pa-console rules sign {path}; or start console, "
+            "mission or eval with --unsigned, which the session's log will say"
+        )
+
+
+def _altered(seal: RulesSeal, problem: str) -> RulesSeal:
+    return seal.model_copy(update={"standing": "altered", "problem": problem})
+
+
+def _told(name: str, version: str, content: str) -> str:
+    return f"{name!r} {f'version {version}' if version else 'without a version'}, {content[:SHORT]}"
+
+
+def _message(name: str, version: str, content: str) -> bytes:
+    """Return the bytes that are signed; no signature of anything else can be taken for it."""
+    return PURPOSE + canonical({"content": content, "name": name, "version": version}).encode()

@@ -1,0 +1,1 @@
+"""What changed rules would change: in recorded sessions, in the present, in a mission set."""

@@ -1,0 +1,135 @@
+"""Tries one rule on the plans of a session and on the present: what it would say of them now."""
+
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from pa_console.orchestrator.planning.safeguards import assume_done
+from pa_console.policy.checks.findings import problems
+from pa_console.policy.checks.rule_checks import check_plan
+from pa_console.policy.checks.sightings import Sightings
+from pa_console.policy.ordering.monitor import Monitor
+from pa_console.policy.rulebook import CompiledRule, Rulebook
+from pa_console.schema.events import event as ev
+from pa_console.schema.finding import Finding
+from pa_console.schema.mission import Mission
+from pa_console.schema.plan import Plan
+from pa_console.schema.rehearsal import Rehearsal
+from pa_console.schema.telemetry import Picture
+from pa_console.schema.world import World
+from pa_console.session.state.fold import SessionState
+
+CASES_KEPT = 40
+_EPOCH = datetime(2000, 1, 1, tzinfo=UTC)
+NOBODY_MOVES = Plan(reason="nobody moves", actions=())
+
+
+@dataclass(frozen=True)
+class TrialCase:
+    """A plan to try a rule on; `findings` are those it had, none for one that was not made yet."""
+
+    title: str
+    mission: Mission
+    plan: Plan
+    rehearsal: Rehearsal
+    sightings: Sightings
+    findings: tuple[Finding, ...] = ()
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What a rule finds of a case, and what the rule of the same id had found then, if any."""
+
+    case: TrialCase
+    found: Finding
+    before: Finding | None
+
+    @property
+    def flips(self) -> bool:
+        """Whether the plan would now be broken and was not, or the other way round."""
+        return self.before is not None and self.before.broken != self.found.broken
+
+
+class SessionCases:
+    """Follows a session and keeps what every plan was checked with, the last CASES_KEPT."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self._sightings = Sightings(world)
+        self._state = SessionState()
+        self._kept: deque[TrialCase] = deque(maxlen=CASES_KEPT)
+        self._last: tuple[Mission, Plan] | None = None
+
+    def see(self, event: ev.Event, state: SessionState) -> None:
+        """Take in the next event; `state` has been folded with it."""
+        self._state = state
+        if isinstance(event.data, ev.TelemetryReceived):
+            self._sightings.look(event.data.picture)
+        elif isinstance(event.data, ev.PlanChecked):
+            trace = state.missions.get(event.mission or "")
+            attempt = trace.find(event.data.attempt) if trace is not None else None
+            if trace is None or attempt is None or attempt.plan is None:
+                return
+            words = [move.command for move in trace.standings.values() if move.command]
+            told = {"text": words[0]} if words else {}
+            mission = trace.mission.model_copy(update=told)
+            self._last = mission, attempt.plan
+            if attempt.rehearsal is not None:
+                self._kept.append(
+                    TrialCase(
+                        f"{mission.id} #{attempt.number}",
+                        mission,
+                        attempt.plan,
+                        attempt.rehearsal,
+                        self._sightings.copy(),
+                        attempt.findings,
+                    )
+                )
+
+    def cases(self) -> tuple[TrialCase, ...]:
+        """Return the present without a plan and with the last one, then every plan, newest first.
+
+        The last plan is taken to succeed at once in the present; it is left out when it could not
+        be started. In the present nothing is rehearsed.
+        """
+        picture = self._state.picture
+        now = tuple(self._now(picture)) if picture is not None else ()
+        return (*now, *reversed(self._kept))
+
+    def _now(self, picture: Picture) -> Iterator[TrialCase]:
+        nothing = Mission(id="now", text="Say what there is.", created=_EPOCH)
+        present = self._last[0] if self._last is not None else nothing
+        yield self._case("now, nobody moves", present, NOBODY_MOVES, picture)
+        if self._last is not None:
+            mission_of, plan = self._last
+            if not problems(plan, self._world, picture):
+                yield self._case(f"now, the last plan ({mission_of.id})", mission_of, plan, picture)
+
+    def _case(self, title: str, mission: Mission, plan: Plan, picture: Picture) -> TrialCase:
+        rehearsal = assume_done(picture, self._world, plan)
+        return TrialCase(title, mission, plan, rehearsal, self._sightings.copy())
+
+
+def try_rule(
+    entry: CompiledRule, cases: Sequence[TrialCase], world: World, known_as: str = ""
+) -> tuple[Trial, ...]:
+    """Return what the rule finds of every case; `known_as` is the id that it had until now.
+
+    Orderings are followed from the beginning of each plan, not of its mission.
+    """
+    rulebook = Rulebook("draft", "", (entry,))
+    return tuple(_try(rulebook, case, world, known_as or entry.rule.id) for case in cases)
+
+
+def _try(rulebook: Rulebook, case: TrialCase, world: World, known_as: str) -> Trial:
+    (found,) = check_plan(
+        rulebook,
+        plan=case.plan,
+        rehearsal=case.rehearsal,
+        mission=case.mission,
+        world=world,
+        monitor=Monitor(rulebook, world, case.sightings),
+    )
+    before = next((finding for finding in case.findings if finding.rule_id == known_as), None)
+    return Trial(case, found, before)

@@ -1,0 +1,1 @@
+"""Everything that happens, as typed events: the spine of the console."""

@@ -1,0 +1,137 @@
+"""Everything that happens, one small class per kind; log, screen and replay see only these."""
+
+from datetime import datetime
+from typing import Annotated
+
+from pydantic import Field
+
+from pa_console.schema.base import StrictModel
+from pa_console.schema.events.base import Payload, Role
+from pa_console.schema.events.execution import (
+    AllStopped,
+    CommandRefused,
+    CommandReplied,
+    CommandResent,
+    CommandSent,
+    MissionFinished,
+    MissionReported,
+    MissionVerified,
+    OutcomeJudged,
+    PlanHalted,
+    StopReleased,
+)
+from pa_console.schema.events.intake import (
+    AlarmAcknowledged,
+    AlarmCleared,
+    AlarmRaised,
+    MissionPreempted,
+    MissionReceived,
+    MissionStarted,
+    QueueChanged,
+    WorkflowMoved,
+)
+from pa_console.schema.events.planning import (
+    MOST_READINGS,
+    UNSURE,
+    ApprovalRequested,
+    DecisionMade,
+    PictureDigested,
+    PlanChecked,
+    PlanJudged,
+    PlanProposed,
+    PlanRehearsed,
+    PlanVoided,
+    PromptBuilt,
+    RepairRequested,
+    RulesRetrieved,
+    TextStreamed,
+    told_confidence,
+)
+from pa_console.schema.events.session import (
+    IncidentHappened,
+    IncidentSource,
+    Level,
+    LogSigned,
+    LogTroubled,
+    Noticed,
+    RulesReplaced,
+    SessionEnded,
+    SessionStarted,
+    TelemetryReceived,
+    WorkerChanged,
+    WorkerState,
+)
+
+__all__ = (
+    "MOST_READINGS",
+    "UNSURE",
+    "AlarmAcknowledged",
+    "AlarmCleared",
+    "AlarmRaised",
+    "AllStopped",
+    "ApprovalRequested",
+    "CommandRefused",
+    "CommandReplied",
+    "CommandResent",
+    "CommandSent",
+    "DecisionMade",
+    "Event",
+    "EventPayload",
+    "IncidentHappened",
+    "IncidentSource",
+    "Level",
+    "LogSigned",
+    "LogTroubled",
+    "MissionFinished",
+    "MissionPreempted",
+    "MissionReceived",
+    "MissionReported",
+    "MissionStarted",
+    "MissionVerified",
+    "Noticed",
+    "OutcomeJudged",
+    "Payload",
+    "PictureDigested",
+    "PlanChecked",
+    "PlanHalted",
+    "PlanJudged",
+    "PlanProposed",
+    "PlanRehearsed",
+    "PlanVoided",
+    "PromptBuilt",
+    "QueueChanged",
+    "RepairRequested",
+    "Role",
+    "RulesReplaced",
+    "RulesRetrieved",
+    "SessionEnded",
+    "SessionStarted",
+    "StopReleased",
+    "TelemetryReceived",
+    "TextStreamed",
+    "WorkerChanged",
+    "WorkerState",
+    "WorkflowMoved",
+    "told_confidence",
+)
+
+EventPayload = Annotated[
+    SessionStarted | TelemetryReceived | IncidentHappened | Noticed | WorkerChanged
+    | AlarmRaised | AlarmAcknowledged | AlarmCleared | QueueChanged | MissionPreempted
+    | WorkflowMoved | CommandResent | PlanHalted | MissionReceived | MissionStarted
+    | RulesRetrieved | PictureDigested | PromptBuilt
+    | TextStreamed | PlanProposed | PlanRehearsed | PlanChecked | PlanJudged | RepairRequested
+    | ApprovalRequested | DecisionMade | PlanVoided | CommandSent | CommandReplied
+    | MissionVerified | OutcomeJudged | MissionReported | MissionFinished | AllStopped
+    | StopReleased | CommandRefused | RulesReplaced | SessionEnded | LogSigned | LogTroubled,
+    Field(discriminator="kind"),
+]  # fmt: skip
+
+
+class Event(StrictModel):
+    """A payload with when it happened (UTC and simulation tick) and the mission it belongs to."""
+
+    t: datetime
+    tick: int
+    mission: str | None = None
+    data: EventPayload

@@ -1,0 +1,105 @@
+"""Events of steps 7 and 8: commands, halts, verification, report, stop."""
+
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from pa_console.schema.command import CommandReply, DeviceCommand
+from pa_console.schema.events.base import Payload
+from pa_console.schema.finding import Usage, Verdict
+from pa_console.schema.mission import Metrics, MissionStatus, Verification
+
+
+class CommandSent(Payload):
+    """Step 7: a command went out on the link."""
+
+    binding: ClassVar[bool] = True
+
+    kind: Literal["command_sent"] = "command_sent"
+    command: DeviceCommand
+
+
+class CommandRefused(Payload):
+    """Step 7: a command was kept back at the last gate, for nobody decided it or all is stopped."""
+
+    binding: ClassVar[bool] = True
+    kind: Literal["command_refused"] = "command_refused"
+    command: DeviceCommand
+    reason: str
+
+
+class CommandResent(Payload):
+    """Step 7: a command that was not answered went out again under the same id."""
+
+    kind: Literal["command_resent"] = "command_resent"
+    command_id: str
+    times: int
+
+
+class PlanHalted(Payload):
+    """Step 7: a premise of the running plan broke; assets were brought to a safe state."""
+
+    kind: Literal["plan_halted"] = "plan_halted"
+    attempt: int
+    reasons: tuple[str, ...]
+    safe_state: tuple[str, ...] = Field(default=(), description="what each asset was told")
+
+
+class CommandReplied(Payload):
+    """Step 7: a device answered, or was given up on (`failed`, timed out)."""
+
+    kind: Literal["command_replied"] = "command_replied"
+    reply: CommandReply
+
+
+class MissionVerified(Payload):
+    """Step 7: what telemetry says of the executed plan."""
+
+    kind: Literal["mission_verified"] = "mission_verified"
+    verification: Verification
+    seconds: float
+
+
+class OutcomeJudged(Payload):
+    """Step 7: the JudgeLLM's verdict on the outcome."""
+
+    kind: Literal["outcome_judged"] = "outcome_judged"
+    verdict: Verdict | None
+    error: str = ""
+    usage: Usage = Usage()
+
+
+class MissionReported(Payload):
+    """Step 8: the brief report (WF-09)."""
+
+    kind: Literal["mission_reported"] = "mission_reported"
+    text: str
+
+
+class MissionFinished(Payload):
+    """The mission is over."""
+
+    kind: Literal["mission_finished"] = "mission_finished"
+    status: MissionStatus
+    reason: str
+    metrics: Metrics
+
+
+class AllStopped(Payload):
+    """The operator's stop: every asset is told to hold, open plans are void.
+
+    From here to a `StopReleased` no command but hold and report leaves the station.
+    """
+
+    binding: ClassVar[bool] = True
+
+    kind: Literal["all_stopped"] = "all_stopped"
+    by: str
+
+
+class StopReleased(Payload):
+    """The operator released the stop: missions are taken, and alarms answered, again."""
+
+    binding: ClassVar[bool] = True
+    kind: Literal["stop_released"] = "stop_released"
+    by: str

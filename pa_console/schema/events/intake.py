@@ -1,0 +1,82 @@
+"""Events of step 1: alarms, the queue, where a mission stands in a workflow."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from pa_console.schema.alarm import Alarm, QueueEntry
+from pa_console.schema.events.base import Payload
+from pa_console.schema.mission import Mission
+
+
+class AlarmRaised(Payload):
+    """The picture shows something that needs a response; the alarm replaces one of the same id."""
+
+    kind: Literal["alarm_raised"] = "alarm_raised"
+    alarm: Alarm
+
+
+class AlarmAcknowledged(Payload):
+    """The operator has seen the alarm; it stays open until its cause is gone."""
+
+    kind: Literal["alarm_acknowledged"] = "alarm_acknowledged"
+    alarm_id: str
+    by: str = "operator"
+
+
+class AlarmCleared(Payload):
+    """The cause of the alarm is gone."""
+
+    kind: Literal["alarm_cleared"] = "alarm_cleared"
+    alarm_id: str
+    reason: str
+
+
+class QueueChanged(Payload):
+    """Step 1: the missions that wait, next first, and why in this order (WF-04, WF-05)."""
+
+    kind: Literal["queue_changed"] = "queue_changed"
+    entries: tuple[QueueEntry, ...]
+
+
+class MissionPreempted(Payload):
+    """The active mission went back to the queue because an emergency goes first."""
+
+    kind: Literal["mission_preempted"] = "mission_preempted"
+    by: str
+    reason: str
+
+
+class WorkflowMoved(Payload):
+    """Where the mission stands in a workflow that a rule prescribes (WF-01).
+
+    `phase` counts from 0; it is the number of phases when the workflow is over, with `outcome`.
+    """
+
+    kind: Literal["workflow_moved"] = "workflow_moved"
+    workflow: str
+    rule_id: str
+    track: str
+    phases: tuple[str, ...]
+    phase: int
+    skipped: tuple[str, ...] = ()
+    command: str = ""
+    outcome: str = ""
+
+
+class MissionReceived(Payload):
+    """Step 1: a mission was accepted and queued; `position` 0 means next."""
+
+    kind: Literal["mission_received"] = "mission_received"
+    mission: Mission
+    position: int
+
+
+class MissionStarted(Payload):
+    """The mission left the queue and is being worked on, under one rule set to its end."""
+
+    kind: Literal["mission_started"] = "mission_started"
+    rules_content_sha256: str = Field(default="", description="content hash of that rule set")
+    rules_warnings: tuple[str, ...] = Field(
+        default=(), description="what must be said of it: accepted although, nothing critical"
+    )

@@ -1,0 +1,198 @@
+"""Events of steps 2 to 6: from a mission's words to a decision on a plan."""
+
+from collections.abc import Sequence
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from pa_console.schema.base import Share
+from pa_console.schema.events.base import Payload, Role
+from pa_console.schema.finding import Finding, Usage, Verdict
+from pa_console.schema.mission import Decision
+from pa_console.schema.plan import Action, Plan
+from pa_console.schema.rehearsal import Rehearsal
+from pa_console.schema.rule import RuleHit
+from pa_console.schema.telemetry import Digest
+
+UNSURE = 0.5
+"""Below this confidence it is told that an order may have been misread: that something else was
+asked is then likelier, in the model's own eyes, than what it wrote."""
+
+SURE_WITH_GAPS = 0.4
+"""The confidence in a reading is told as at most this where order and reading do not match."""
+
+MOST_READINGS = 3
+"""So many other readings of an order can be taken in at a glance."""
+
+
+def told_confidence(sure: float | None, gaps: Sequence[str]) -> float | None:
+    """Return how sure the models' reading is said to be, with what it does not account for."""
+    return sure if sure is None or not gaps else min(sure, SURE_WITH_GAPS)
+
+
+class RulesRetrieved(Payload):
+    """Step 2: pinned and top-k rules with their scores, best first."""
+
+    kind: Literal["rules_retrieved"] = "rules_retrieved"
+    method: str
+    hits: tuple[RuleHit, ...]
+    seconds: float
+
+
+class PictureDigested(Payload):
+    """Step 3: the picture as the models are given it."""
+
+    kind: Literal["picture_digested"] = "picture_digested"
+    digest: Digest
+    seconds: float
+
+
+class PromptBuilt(Payload):
+    """Step 4: the whole prompt of one role."""
+
+    kind: Literal["prompt_built"] = "prompt_built"
+    role: Role
+    attempt: int
+    system: str
+    user: str
+    seconds: float
+
+
+class TextStreamed(Payload):
+    """A piece of the model's answer, as it arrives."""
+
+    transient: ClassVar[bool] = True
+    kind: Literal["text_streamed"] = "text_streamed"
+    role: Role
+    attempt: int
+    text: str
+
+
+class PlanProposed(Payload):
+    """Step 5: the model's whole answer; `plan` is None when it could not be read."""
+
+    kind: Literal["plan_proposed"] = "plan_proposed"
+    attempt: int
+    author: Literal["planner", "operator"] = "planner"
+    text: str
+    plan: Plan | None
+    error: str = ""
+    usage: Usage = Usage()
+    confidence: Share | None = Field(
+        default=None, description="the chance that the planner gave to what it says was asked"
+    )
+    instead_of: int | None = Field(
+        default=None, description="the attempt whose prompt it is another answer to"
+    )
+    given: bool = Field(
+        default=False, description="the console gave the commands, its author who has them"
+    )
+    as_judged: bool = Field(
+        default=False, description="it is for what the judge read in the mission"
+    )
+    as_chosen: bool = Field(
+        default=False, description="it is for the reading of the mission that the operator chose"
+    )
+
+
+class PlanRehearsed(Payload):
+    """Step 6: the plan was run in a forked simulation."""
+
+    kind: Literal["plan_rehearsed"] = "plan_rehearsed"
+    attempt: int
+    rehearsal: Rehearsal
+    seconds: float
+
+
+class PlanChecked(Payload):
+    """Step 6: one finding for every rule in force."""
+
+    kind: Literal["plan_checked"] = "plan_checked"
+    attempt: int
+    findings: tuple[Finding, ...]
+    seconds: float
+    unmet: tuple[str, ...] = Field(
+        default=(), description="what of the order no plan can do now, and why"
+    )
+    gaps: tuple[str, ...] = Field(
+        default=(),
+        description="what the order names and the plan's reading of it does not, or the other way",
+    )
+
+
+class PlanJudged(Payload):
+    """Step 6: the JudgeLLM's verdict; None with an error means hold."""
+
+    kind: Literal["plan_judged"] = "plan_judged"
+    attempt: int
+    verdict: Verdict | None
+    error: str = ""
+    usage: Usage = Usage()
+    confidence: Share | None = Field(
+        default=None, description="the chance that the judge gave to what it says was asked"
+    )
+
+
+class RepairRequested(Payload):
+    """Step 6: the findings go back to the planner for another attempt."""
+
+    kind: Literal["repair_requested"] = "repair_requested"
+    attempt: int
+    reasons: tuple[str, ...]
+
+
+class ApprovalRequested(Payload):
+    """Step 6: the operator's turn; the lists say what stands in the way and what is needed."""
+
+    kind: Literal["approval_requested"] = "approval_requested"
+    request_id: str = Field(default="", description="a decision may name it, see Decision")
+    attempt: int
+    plan: Plan
+    blocked_by: tuple[str, ...] = Field(default=(), description="reasons nobody may override")
+    acknowledge: tuple[str, ...] = Field(default=(), description="rule ids of warnings")
+    needs_override: bool = Field(default=False, description="the judge said Failure")
+    if_halted: tuple[Action, ...] = Field(
+        default=(),
+        description="the way to safety: what each agent is told if the plan is halted or cancelled "
+        "before it has ended; one that is to move may be told to hold instead",
+    )
+    asked: str = Field(
+        default="",
+        description="what the plan is for, in canonical words; empty where nothing else is offered",
+    )
+    readings: tuple[str, ...] = Field(
+        default=(),
+        max_length=MOST_READINGS,
+        description="what else the order may mean, likeliest first; the operator may choose one",
+    )
+    gaps: tuple[str, ...] = Field(
+        default=(), description="where the words of the order and its reading do not match"
+    )
+    confidence: Share | None = Field(
+        default=None,
+        description="how sure both models were of what was asked: the less sure of them, and less "
+        "where there are gaps; None where one of them has not read the order for itself",
+    )
+    read_apart: bool = Field(
+        default=False, description="the judge has read the order otherwise than the planner"
+    )
+
+
+class DecisionMade(Payload):
+    """The operator's decision; `accepted` is False when it was not admissible, with the reason."""
+
+    binding: ClassVar[bool] = True
+
+    kind: Literal["decision_made"] = "decision_made"
+    attempt: int
+    decision: Decision
+    accepted: bool
+    detail: str = ""
+
+
+class PlanVoided(Payload):
+    """The world moved under an approved plan; it goes through the safeguards again."""
+
+    kind: Literal["plan_voided"] = "plan_voided"
+    attempt: int
+    reason: str

@@ -1,0 +1,126 @@
+"""Events of the session as a whole: its start and end, telemetry, incidents, the model."""
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from pa_console.schema.base import Hex32, Hex64
+from pa_console.schema.evaluation import Variant
+from pa_console.schema.events.base import Payload
+from pa_console.schema.incident import Incident
+from pa_console.schema.rule import RuleSet, RulesSeal
+from pa_console.schema.telemetry import Picture
+
+Level = Literal["info", "warning", "alarm"]
+IncidentSource = Literal["operator", "scenario"]
+WorkerState = Literal["loading", "ready", "dead", "unavailable"]
+
+
+class SessionStarted(Payload):
+    """Pins everything needed to run the session again.
+
+    A session whose `rules_seal` is altered was started with --unsigned; one of before there were
+    seals has none.
+    """
+
+    kind: Literal["session_started"] = "session_started"
+    session: str
+    version: str
+    world: str
+    world_sha256: str
+    rules: str
+    rules_sha256: str
+    rules_seal: RulesSeal | None = None
+    model: str
+    model_sha256: str
+    seed: int
+    scenario: str = ""
+    scenario_sha256: str = ""
+    sampler: str
+    grammar_sha256: str
+    readonly: bool = False
+    variant: Variant = Field(default_factory=Variant)
+    packages: dict[str, str] = {}
+    adapters: dict[str, str] = {}
+
+
+class RulesReplaced(Payload):
+    """Another rule set is in force; a mission that was begun stays under the set it began with.
+
+    `changes` says rule by rule what is different from the set before; `rule_set` is all of it, so
+    that the session can be run again whatever becomes of the file.
+    """
+
+    binding: ClassVar[bool] = True
+
+    kind: Literal["rules_replaced"] = "rules_replaced"
+    rules: str
+    rules_sha256: str
+    rules_seal: RulesSeal
+    changes: tuple[str, ...]
+    rule_set: RuleSet
+
+
+class TelemetryReceived(Payload):
+    """A new common operational picture."""
+
+    kind: Literal["telemetry"] = "telemetry"
+    picture: Picture
+
+
+class IncidentHappened(Payload):
+    """Something was injected into the simulation: set-up, scenario or what-if."""
+
+    kind: Literal["incident"] = "incident"
+    incident: Incident
+    source: IncidentSource = "operator"
+
+
+class Noticed(Payload):
+    """A change worth an operator's eye: a gate lost or covered, a track seen, an asset down."""
+
+    kind: Literal["noticed"] = "noticed"
+    level: Level
+    subject: str
+    text: str
+
+
+class WorkerChanged(Payload):
+    """The LLM worker started loading, became ready, died or was restarted."""
+
+    kind: Literal["worker"] = "worker"
+    state: WorkerState
+    detail: str = ""
+
+
+class SessionEnded(Payload):
+    """The last line of a session that ended in order."""
+
+    kind: Literal["session_ended"] = "session_ended"
+    reason: str
+
+
+class LogTroubled(Payload):
+    """The log cannot be written, and so nothing is dispatched; with no `problem` it can again."""
+
+    transient: ClassVar[bool] = True
+
+    kind: Literal["log_troubled"] = "log_troubled"
+    problem: str
+
+
+class LogSigned(Payload):
+    """The log's own record, which no session tells: a key vouches for all lines up to this one.
+
+    `signature` is Ed25519 by `key` over the record without `hash` and `signature`, so also over
+    the hash of the record before. `found` records before it were unsigned when the log was opened
+    again; `closing` says that nothing more was to come.
+    """
+
+    transient: ClassVar[bool] = True
+
+    kind: Literal["log_signed"] = "log_signed"
+    key: Hex32
+    closing: bool = False
+    found: Annotated[int, Field(ge=0)] = 0
+    signature: Hex64 = "0" * 128

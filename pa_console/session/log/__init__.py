@@ -1,0 +1,1 @@
+"""The session log: hash-chained, signed, indexed, witnessed, verified."""

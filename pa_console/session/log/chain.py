@@ -1,0 +1,184 @@
+"""One record of the session log: canonical JSON, its hash, and the link to the record before it.
+
+A record is a JSON object with the fields of `FIELDS`, in that order. `hash` is the SHA-256, in
+hexadecimal, of the record without `hash` as canonical JSON: keys sorted, no spaces, UTF-8. `prev`
+is the `hash` of the record before, `GENESIS` in the first, whose `seq` is 1. The signature of a
+`log_signed` record is over PURPOSE and the same canonical JSON without `signature`.
+"""
+
+import errno
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import UTC
+from pathlib import Path
+from typing import IO, Any, NoReturn, cast, get_args
+
+from pydantic import TypeAdapter, ValidationError
+
+from pa_console.private_files import NotPrivateError
+from pa_console.schema.document import DocumentError
+from pa_console.schema.events.event import Event, EventPayload
+from pa_console.signing import Signer
+
+FIELDS = ("seq", "t", "tick", "session", "mission", "kind", "data", "prev", "hash")
+GENESIS = "0" * 64
+PURPOSE = b"pa-console session log, record\n"
+KINDS = frozenset(
+    payload.model_fields["kind"].default for payload in get_args(get_args(EventPayload)[0])
+)
+LINE_LIMIT = 4 << 20
+"""No line of a log is longer; the picture of a thousand assets takes a seventh of it."""
+
+TORN = "the line is cut short: it has no line end"
+_JSON = TypeAdapter(Any)
+_DISK_FULL = frozenset((errno.ENOSPC, errno.EDQUOT))
+
+
+class LogError(DocumentError):
+    """A session log that cannot be written or read; `line` is 0 when no line is to blame."""
+
+    def __init__(self, source: str, line: int, problem: str) -> None:
+        super().__init__(source, line, "", problem)
+
+
+def os_error(path: Path, task: str, error: OSError) -> LogError:
+    """Return `error`, met while doing `task` with the log at `path`, worded for the user."""
+    reason = error.strerror or str(error)
+    if not isinstance(error, NotPrivateError):
+        remedy = "free some space on that disk" if error.errno in _DISK_FULL else "check the path"
+        reason += f"; {remedy}"
+    return LogError(str(path), 0, f"cannot {task}: {reason}")
+
+
+def lines_of(file: IO[bytes]) -> Iterator[bytes]:
+    """Yield the lines of a log with their ends; a longer one than LINE_LIMIT comes in pieces."""
+    while line := file.readline(LINE_LIMIT):
+        yield line
+
+
+def end_problem(line: bytes) -> str:
+    """Return why `line`, one of `lines_of`, is no whole line; empty when it is one."""
+    if line.endswith(b"\n"):
+        return ""
+    if len(line) < LINE_LIMIT:
+        return TORN
+    return f"the line is longer than {LINE_LIMIT >> 20} MiB: no record of a session log is"
+
+
+@dataclass(frozen=True)
+class Record:
+    """A line of the log as it was read; nothing about the chain has been checked yet."""
+
+    text: str
+    fields: dict[str, Any]
+    event: Event
+
+    @property
+    def hash(self) -> str:
+        """The record's own hash, as stated in it."""
+        return str(self.fields["hash"])
+
+
+def seal(
+    event: Event, *, session: str, seq: int, prev: str, signer: Signer | None = None
+) -> tuple[str, str]:
+    """Return the record of `event` as one line of text (no line end), and its hash.
+
+    Lone surrogates, which UTF-8 cannot hold, become question marks. `signer` signs a LogSigned.
+    """
+    moment = event.t.astimezone(UTC).replace(tzinfo=None).isoformat(timespec="microseconds")
+    fields: dict[str, Any] = {
+        "seq": seq,
+        "t": moment + "Z",
+        "tick": event.tick,
+        "session": session,
+        "mission": event.mission,
+        "kind": event.data.kind,
+        "data": event.data.model_dump(mode="json", exclude={"kind"}),
+        "prev": prev,
+    }
+    if not (text := _compact(fields)).isascii():
+        fields = json.loads(text.encode("utf-8", "replace"))
+    if signer is not None:
+        fields["data"]["signature"] = signer.sign(signed_part(fields))
+    fields["hash"] = digest(fields)
+    return _compact(fields), fields["hash"]
+
+
+def digest(fields: dict[str, Any]) -> str:
+    """Return the hash that a record with `fields` must have."""
+    rest = {key: value for key, value in fields.items() if key != "hash"}
+    return hashlib.sha256(_compact(rest, sort=True).encode()).hexdigest()
+
+
+def signed_part(fields: dict[str, Any]) -> bytes:
+    """Return what the signature of a LogSigned record with `fields` is over."""
+    rest = {key: value for key, value in fields.items() if key != "hash"}
+    rest["data"] = {key: value for key, value in fields["data"].items() if key != "signature"}
+    return PURPOSE + _compact(rest, sort=True).encode()
+
+
+def parse(line: bytes) -> Record:
+    """Read one line (no line end) of a log; raises ValueError that says what is wrong with it."""
+    text, fields = _load(line)
+    if tuple(fields) != FIELDS:
+        raise ValueError(f"not a record of a session log: its fields must be {', '.join(FIELDS)}")
+    kind, data = fields["kind"], fields["data"]
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise ValueError(f"unknown kind of event {kind!r}")
+    if not isinstance(data, dict):
+        raise ValueError("data must be an object")
+    content = {key: fields[key] for key in ("t", "tick", "mission")}
+    content["data"] = {**cast(dict[str, Any], data), "kind": kind}
+    try:
+        return Record(text, fields, Event.model_validate_json(_JSON.dump_json(content)))
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        field = ".".join(str(part) for part in first["loc"] if part != kind)
+        raise ValueError(f"{field}: {first['msg']}") from error
+
+
+def own_problem(record: Record) -> str:
+    """Return what is wrong with `record` by itself; empty when it is as it was written."""
+    if _compact(record.fields) != record.text or record.hash != digest(record.fields):
+        return "the record was edited: its hash does not match what it says"
+    return ""
+
+
+def link_problem(record: Record, before: Record | None) -> str:
+    """Return what is wrong with `record` as the successor of `before`; empty when nothing is."""
+    fields = record.fields
+    seq, prev = (before.fields["seq"] + 1, before.hash) if before else (1, GENESIS)
+    if problem := own_problem(record):
+        return problem
+    if fields["seq"] != seq:
+        return f"seq is {fields['seq']}, not {seq}: a record was removed, inserted or moved"
+    if fields["prev"] != prev:
+        return "prev is not the hash of the record before: that record was replaced"
+    if before is not None and fields["session"] != before.fields["session"]:
+        return f"the record is of another session, {fields['session']!r}"
+    return ""
+
+
+def _load(line: bytes) -> tuple[str, dict[str, Any]]:
+    try:
+        text = line.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise ValueError("not UTF-8 text") from error
+    try:
+        value: object = json.loads(text, parse_constant=_no_constant)
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"not valid JSON: {error}") from error
+    if not isinstance(value, dict):
+        raise ValueError("not a record of a session log: a JSON object is expected")
+    return text, cast(dict[str, Any], value)
+
+
+def _no_constant(name: str) -> NoReturn:
+    raise ValueError(f"{name} is not a JSON number")
+
+
+def _compact(value: object, *, sort: bool = False) -> str:
+    return json.dumps(value, ensure_ascii=False, separators=(",", ":"), sort_keys=sort)

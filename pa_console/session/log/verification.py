@@ -1,0 +1,405 @@
+"""Verifies a session log: its chain, signatures and signed head; names what happened to it."""
+
+import re
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, cast
+
+from pa_console.schema.events.event import LogSigned
+from pa_console.session.log.chain import (
+    TORN,
+    LogError,
+    Record,
+    digest,
+    lines_of,
+    link_problem,
+    own_problem,
+    parse,
+    signed_part,
+)
+from pa_console.session.log.reader import read_lines
+from pa_console.session.log.signed_head import SignedHead, head_path, read_head
+from pa_console.signing import fingerprint, is_signature, known_keys
+
+DamageKind = Literal[
+    "half-line", "cut-short", "removed", "inserted", "duplicated", "swapped", "moved", "garbage",
+    "edited-field", "edited-hash", "edited", "respelled", "replaced", "header-replaced",
+    "rewritten", "signature", "signatures-removed", "unknown-key",
+    "head-missing", "head-damaged", "head-of-another-log",
+]  # fmt: skip
+_SEQ = re.compile(rb'\{"seq":(\d{1,18}),')
+
+
+@dataclass(frozen=True)
+class Damage:
+    """What is wrong, first on `line`; with `through`, somewhere from there to that line.
+
+    `line` is None when the head beside the log is to blame.
+    """
+
+    kind: DamageKind
+    line: int | None
+    problem: str
+    through: int | None = None
+
+
+@dataclass
+class Sound:
+    """How far a log is sound: its last two records, and the lines that signatures vouch for."""
+
+    lines: int = 0
+    before: Record | None = None
+    before_that: Record | None = None
+    vouched: int = 0
+
+    def add(self, record: Record) -> None:
+        """Take in the next sound record."""
+        self.lines += 1
+        self.before_that, self.before = self.before, record
+
+
+@dataclass
+class _Around:
+    """Lines elsewhere that explain a bad one: byte for byte the same, the next, and by number."""
+
+    following: Record | None = None
+    same_before: int | None = None
+    same_after: int | None = None
+    wanted_after: int | None = None
+    own_number_after: bool = False
+
+
+def find_damage(
+    path: Path, sound: Sound, line: bytes, problem: str, head: SignedHead | None
+) -> Damage:
+    """Return what happened to `line`, which follows the sound lines and has `problem`."""
+    number, record = sound.lines + 1, _record(line)
+    around = _look_around(path, number, line)
+    following = around.following
+    if around.same_before is not None:
+        return Damage("duplicated", number, f"this line repeats line {around.same_before}")
+    rejoined = following is not None and not link_problem(following, sound.before)
+    if record is not None and not own_problem(record):
+        return _misplaced(record, sound, around, rejoined, problem)
+    if rejoined:
+        return Damage("inserted", number, f"a line was inserted here: {problem}")
+    if record is None:
+        return Damage("garbage", number, problem)
+    return _edited(record, sound, following, head)
+
+
+def find_forgery(path: Path, sound: Sound, line: bytes, record: Record) -> Damage:
+    """Return what happened to a signed record, in its place in the chain, whose signature is bad.
+
+    Whoever changes an earlier line and recomputes every hash cannot sign the new ones.
+    """
+    number = sound.lines + 1
+    following = _look_around(path, number, line).following
+    if following is not None and following.fields["prev"] != record.hash:
+        problem = "the signature is not of what the record says: one of them was changed"
+        return Damage("signature", number, problem)
+    first = sound.vouched + 1
+    problem = f"lines {first} to {number} were rewritten with recomputed hashes: the signature on "
+    return Damage("rewritten", first, f"{problem}line {number} is of other lines", number)
+
+
+def _edited(
+    record: Record, sound: Sound, following: Record | None, head: SignedHead | None
+) -> Damage:
+    """Tell what of a record was edited whose hash is not that of what it says."""
+    number, true = sound.lines + 1, digest(record.fields)
+    if record.hash == true:
+        problem = "the record was edited: it says the same in other letters"
+        return Damage("respelled", number, problem)
+    for field, value in _wanted(sound).items():
+        if digest({**record.fields, field: value}) == record.hash:
+            return Damage("edited-field", number, f"the field {field} was edited: it was {value!r}")
+    witness = head.hash if head is not None and head.seq == number else ""
+    if following is not None:
+        witness = str(following.fields["prev"])
+    if witness == true:
+        return Damage("edited-hash", number, "the hash was edited: the record after has another")
+    problem = "the record was edited: its hash does not match what it says"
+    if witness != record.hash:
+        return Damage("edited", number, problem)
+    if isinstance(record.event.data, LogSigned):
+        return Damage("signature", number, f"{problem}; so the signature is worth nothing")
+    return Damage("edited-field", number, problem)
+
+
+def _wanted(sound: Sound) -> dict[str, object]:
+    """Return the fields that the record after the sound ones must have."""
+    if sound.before is None:
+        return {"seq": 1, "prev": "0" * 64}
+    session = sound.before.fields["session"]
+    return {"seq": sound.lines + 1, "prev": sound.before.hash, "session": session}
+
+
+def _misplaced(
+    record: Record, sound: Sound, around: _Around, rejoined: bool, problem: str
+) -> Damage:
+    """Tell why a record that is sound by itself does not follow the one before."""
+    number, seq = sound.lines + 1, cast(object, record.fields["seq"])
+    if isinstance(seq, int) and seq > number:
+        return _too_early(seq, number, rejoined, around, problem)
+    if rejoined:
+        return Damage("inserted", number, f"a record was inserted here: {problem}")
+    if seq == number:
+        return _broken_link(record, sound, around.following, problem)
+    if sound.vouched < sound.lines and not link_problem(record, sound.before_that):
+        return Damage("inserted", sound.lines, "a record was inserted here, with a fitting hash")
+    return Damage("inserted", number, f"a record was inserted here: {problem}")
+
+
+def _too_early(seq: int, number: int, rejoined: bool, around: _Around, problem: str) -> Damage:
+    """Tell why record `seq` stands on the earlier line `number`."""
+    if around.same_after is not None:
+        return Damage("duplicated", number, f"this line repeats line {around.same_after}")
+    if around.wanted_after is not None and not around.own_number_after:
+        if around.wanted_after == seq:
+            return Damage("swapped", number, f"lines {number} and {seq} were swapped")
+        problem = f"lines were moved: record {number} is on line {around.wanted_after}"
+        return Damage("moved", number, problem)
+    if rejoined:
+        return Damage("inserted", number, f"a record was inserted here: {problem}")
+    if around.following is not None and around.following.fields["seq"] == number + 1:
+        return Damage("replaced", number, f"the record was replaced: {problem}")
+    count = f"{seq - number} records" if seq > number + 1 else "one record"
+    return Damage("removed", number, f"{count} removed before this line: seq is {seq}")
+
+
+def _broken_link(record: Record, sound: Sound, following: Record | None, problem: str) -> Damage:
+    """Tell which of two records was replaced, each sound by itself, that are not linked."""
+    number = sound.lines + 1
+    linked = sound.before is None or record.fields["prev"] == sound.before.hash
+    forged = following is not None and following.fields["prev"] != record.hash
+    if linked or forged or sound.vouched == sound.lines:
+        bad = number
+    else:
+        bad = number - 1
+        problem = "the record was replaced, its hash recomputed: the next has the hash of another"
+    if bad == 1:
+        return Damage("header-replaced", bad, f"the first record was replaced: {problem}")
+    return Damage("replaced", bad, problem)
+
+
+def _look_around(path: Path, number: int, bad: bytes) -> _Around:
+    """Read the log once more for what the line `number`, which is `bad`, has to do with others."""
+    around, own = _Around(), _SEQ.match(bad)
+    with path.open("rb") as file:
+        for at, line in enumerate(lines_of(file), start=1):
+            if at == number:
+                continue
+            text = line.removesuffix(b"\n")
+            if at < number:
+                if text == bad:
+                    around.same_before = around.same_before or at
+                continue
+            if at == number + 1:
+                around.following = _record(text)
+            if text == bad:
+                around.same_after = around.same_after or at
+            if found := _SEQ.match(text):
+                if int(found[1]) == number:
+                    around.wanted_after = around.wanted_after or at
+                around.own_number_after |= own is not None and own[1] == found[1]
+    return around
+
+
+def _record(line: bytes) -> Record | None:
+    try:
+        return parse(line)
+    except ValueError:
+        return None
+
+
+Standing = Literal["signed", "open", "not signed"]
+"""Signed to its end; signed, but not (yet) to an end; without any signature."""
+FIRST_SIGNED = 2
+"""The line of a log's first signature: after the one that says which session it is of."""
+
+
+@dataclass(frozen=True)
+class VerifyResult:
+    """Whether a log is whole; `first_bad_line` counts from 1 and is None when no line is to blame.
+
+    With `last_bad_line`, what is wrong is between the two. `lines` are the sound lines before;
+    `head`, the hash of the last, and `note` are those of a log in which nothing is wrong. The
+    signatures of the key with the fingerprint `key` vouch for the first `vouched` lines.
+    """
+
+    ok: bool
+    lines: int
+    first_bad_line: int | None = None
+    problem: str = ""
+    note: str = ""
+    session: str = ""
+    head: str = ""
+    damage: DamageKind | None = None
+    last_bad_line: int | None = None
+    standing: Standing = "not signed"
+    vouched: int = 0
+    key: str = ""
+
+    @property
+    def intact(self) -> bool:
+        """Whether every line, and that there are no more, is vouched for by a known key."""
+        return self.ok and self.standing == "signed"
+
+
+def verify(path: Path, known: Collection[str] | None = None) -> VerifyResult:
+    """Check every record, the chain, the signatures and the head of the log at `path`.
+
+    `known` are the fingerprints that may vouch, this machine's when it is None. Raises LogError
+    when a file cannot be read, SigningError when this machine's key cannot.
+    """
+    try:
+        head, head_problem = read_head(path), ""
+    except ValueError as error:
+        head, head_problem = None, str(error)
+    chain = _Chain(path, head)
+    damage = chain.read() or chain.key_damage(known)
+    if damage is None and head_problem:
+        damage = Damage("head-damaged", None, head_problem)
+    damage = damage or chain.head_damage()
+    lines, last = chain.sound.lines, chain.sound.before
+    if damage is not None and damage.line is not None:
+        lines = min(lines, damage.line - 1)
+    return VerifyResult(
+        ok=damage is None,
+        lines=lines,
+        first_bad_line=damage and damage.line,
+        problem=damage.problem if damage else "",
+        note="" if damage else chain.note(),
+        session=last.fields["session"] if last else "",
+        head=last.hash if last and not damage else "",
+        damage=damage and damage.kind,
+        last_bad_line=damage and damage.through,
+        standing=chain.standing(),
+        vouched=min(chain.sound.vouched, lines),
+        key=fingerprint(chain.key) if chain.key else "",
+    )
+
+
+class _Chain:
+    """Follows a log to its end or to its first damage."""
+
+    def __init__(self, path: Path, head: SignedHead | None) -> None:
+        self._path, self._head = path, head
+        self.sound = Sound()
+        self.key = ""
+        self._key_line = 0
+        self._hash_at_head = ""
+        self._notes: list[str] = []
+
+    def read(self) -> Damage | None:
+        """Read every line; return the first damage to the chain or a signature."""
+        try:
+            for _, line in read_lines(self._path):
+                try:
+                    record = parse(line)
+                    problem = link_problem(record, self.sound.before)
+                except ValueError as error:
+                    record, problem = None, str(error)
+                if record is None or problem:
+                    return find_damage(self._path, self.sound, line, problem, self._head)
+                if damage := self._add(record, line):
+                    return damage
+        except LogError as error:
+            if not error.line:
+                raise
+            if error.problem != TORN:
+                return Damage("garbage", error.line, error.problem)
+            if self._head is not None and self._head.seq >= error.line:
+                problem = f"{error.problem}, and the signed head says that {self._head.seq} follow"
+                return Damage("cut-short", error.line, problem)
+            problem = "; a crash leaves this, and the log goes on without it when opened again"
+            return Damage("half-line", error.line, error.problem + problem)
+        return None
+
+    def _add(self, record: Record, line: bytes) -> Damage | None:
+        number, signed = self.sound.lines + 1, record.event.data
+        if isinstance(signed, LogSigned):
+            if not is_signature(signed.signature, signed_part(record.fields), signed.key):
+                return find_forgery(self._path, self.sound, line, record)
+            if self.key and signed.key != self.key:
+                problem = f"signed by another key than line {self._key_line}"
+                return Damage("unknown-key", number, f"{problem}: {fingerprint(signed.key)}")
+            if not self.key:
+                self.key, self._key_line = signed.key, number
+            if signed.found:
+                was = f"{signed.found} records before line {number} were not signed yet when"
+                self._notes.append(f"{was} the log was opened again")
+            self.sound.vouched = number
+        self.sound.add(record)
+        if self._head is not None and number == self._head.seq:
+            self._hash_at_head = record.hash
+        return None
+
+    def key_damage(self, known: Collection[str] | None) -> Damage | None:
+        """Return the damage if the log is signed by a key that is not among the `known`."""
+        if not self.key:
+            return None
+        known = known_keys() if known is None else known
+        if (found := fingerprint(self.key)) in known:
+            return None
+        own = f"known here: {', '.join(sorted(known)) or 'none'}"
+        problem = f"signed by an unknown key, {found} ({own}); whoever can rewrite a log can sign "
+        problem += "it with a key of their own: compare this one where the log was made"
+        return Damage("unknown-key", self._key_line, problem)
+
+    def head_damage(self) -> Damage | None:
+        """Return the damage if an otherwise sound log is not the one that its head vouches for."""
+        head, sound, name = self._head, self.sound, head_path(self._path).name
+        if head is None:
+            problem = f"the log is signed, but its head {name} is gone: its end may be, too"
+            return Damage("head-missing", None, problem) if self.key else None
+        last = sound.before
+        if (self.key and head.key != self.key) or (
+            last is not None and last.fields["session"] != head.session
+        ):
+            problem = f"{name} is the head of the log of session {head.session!r}"
+            return Damage("head-of-another-log", None, problem)
+        if head.seq and not self.key and sound.lines >= FIRST_SIGNED:
+            problem = f"its signatures were removed: {name} says that {head.seq} lines were signed"
+            return Damage("signatures-removed", FIRST_SIGNED, problem, sound.lines)
+        if head.seq > sound.lines:
+            problem = f"the log was cut short: the signed head says that it has {head.seq} lines"
+            return Damage("cut-short", sound.lines + 1, f"{problem}, and it has {sound.lines}")
+        if head.seq and head.hash != self._hash_at_head:
+            if head.seq <= sound.vouched:
+                problem = f"{name} is the head of another log than this one"
+                return Damage("head-of-another-log", None, problem)
+            first = sound.vouched + 1
+            problem = f"lines {first} to {head.seq} were rewritten: {name} has another hash"
+            return Damage("rewritten", first, problem, head.seq)
+        return None
+
+    def standing(self) -> Standing:
+        """Return how far the signatures go."""
+        last = self.sound.before
+        if last is not None and isinstance(last.event.data, LogSigned) and last.event.data.closing:
+            return "signed"
+        return "open" if self.key or self._head is not None else "not signed"
+
+    def note(self) -> str:
+        """Return what is worth knowing of a log in which nothing is wrong."""
+        last, standing = self.sound.before, self.standing()
+        notes = self._notes.copy()
+        if last is None:
+            notes.append("the log is empty")
+        elif standing == "not signed" and last.event.data.kind != "session_ended":
+            notes.append(
+                "no session end: the session is still running, stopped without warning, "
+                f"or its log was cut off after line {self.sound.lines}"
+            )
+        elif standing == "open":
+            rest = self.sound.lines - self.sound.vouched
+            notes.append(
+                f"it ends after its last signature, on line {self.sound.vouched}, with {rest} "
+                "unsigned records: the session is still running or stopped without warning"
+            )
+        if standing == "signed" and self._head and self._head.seq < self.sound.vouched:
+            notes.append("its signed head is older than its last signature, as after a crash")
+        return "; ".join(notes)

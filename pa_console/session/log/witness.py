@@ -1,0 +1,218 @@
+"""A witness of a session log, on another disk or machine: it is given the log's signed heads.
+
+Whoever has the signing key can write a log anew and sign it; not so what the witness has seen. It
+is a file, to which the heads are appended, or a web address, to which each is posted: one line of
+JSON as in `LOG.head`. Whoever listens there appends what comes to a file.
+"""
+
+import os
+import threading
+import time
+import urllib.request
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from http.client import HTTPException
+from pathlib import Path
+from urllib.error import HTTPError
+
+from pa_console.private_files import make_private_folder, open_private
+from pa_console.session.log.chain import LogError, os_error, parse
+from pa_console.session.log.reader import read_lines
+from pa_console.session.log.signed_head import SignedHead, head_line, parse_head
+from pa_console.signing import fingerprint
+
+EVERY_S = 10.0
+"""A head that no decision calls for is sent after so long."""
+TIMEOUT_S = 5.0
+RETRY_S = 10.0
+URLS = ("http://", "https://")
+
+Send = Callable[[bytes], None]
+
+
+class Witness:
+    """Sends heads from a thread of its own: nobody waits for it but who closes, TIMEOUT_S at most.
+
+    Of several that wait, the last is sent, which vouches for what the others do. `problem` is why
+    the last one could not be sent, empty when it could.
+    """
+
+    def __init__(
+        self,
+        target: str,
+        *,
+        send: Send | None = None,
+        retry_s: float = RETRY_S,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """`target` is the path of a file, or an address with http:// or https://."""
+        self.target, self.problem = target, ""
+        self._send = send or (_to_url(target) if target.startswith(URLS) else _to_file(target))
+        self._clock, self._retry_s = clock, retry_s
+        self._changed = threading.Condition()
+        self._next: SignedHead | None = None
+        self._closing = False
+        self._seen_at = -EVERY_S
+        self._told = ""
+        self._thread = threading.Thread(target=self._serve, name="witness", daemon=True)
+        self._thread.start()
+
+    def see(self, head: SignedHead, *, urgent: bool) -> None:
+        """Have `head` sent; one that is not `urgent` only if none was for EVERY_S."""
+        now = self._clock()
+        if not urgent and now - self._seen_at < EVERY_S:
+            return
+        with self._changed:
+            self._seen_at, self._next = now, head
+            self._changed.notify()
+
+    def news(self) -> str | None:
+        """Return what has become of sending since this was last asked; None when nothing has."""
+        before, self._told = self._told, self.problem
+        return None if before == self._told else self._told
+
+    def close(self) -> None:
+        """Send what waits, once and not for long; then `problem` is final."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify()
+        self._thread.join(TIMEOUT_S)
+        if self._thread.is_alive():
+            self.problem = self.problem or f"no answer within {TIMEOUT_S:.0f} s"
+
+    def _serve(self) -> None:
+        while True:
+            with self._changed:
+                while self._next is None and not self._closing:
+                    self._changed.wait()
+                head, last = self._next, self._closing
+            if head is None:
+                return
+            try:
+                self._send(head_line(head))
+            except (OSError, HTTPException, ValueError) as error:
+                self.problem = _words(error)
+            else:
+                self.problem = ""
+            with self._changed:
+                if not self.problem and self._next is head:
+                    self._next = None
+                if last:
+                    return
+                if self.problem and not self._closing:
+                    self._changed.wait(self._retry_s)
+
+
+def _to_file(target: str) -> Send:
+    path = Path(target).expanduser().absolute()
+
+    def send(line: bytes) -> None:
+        make_private_folder(path.parent)
+        file = open_private(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+        with os.fdopen(file, "ab") as stream:
+            stream.write(line)
+            stream.flush()
+            os.fsync(file)
+
+    return send
+
+
+class _NoRedirect(urllib.request.HTTPRedirectHandler):
+    """A head that is sent on elsewhere as a question has been stored by nobody."""
+
+    def redirect_request(  # pyright: ignore[reportIncompatibleMethodOverride] - whatever is asked
+        self, *_: object
+    ) -> None:
+        """Take the redirection for the answer, which is an error."""
+
+
+def _to_url(target: str) -> Send:
+    opener = urllib.request.build_opener(_NoRedirect)
+
+    def send(line: bytes) -> None:
+        kind = {"Content-Type": "application/json"}
+        request = urllib.request.Request(target, line, kind, method="POST")
+        with opener.open(request, timeout=TIMEOUT_S) as answer:
+            answer.read(0)
+
+    return send
+
+
+def _words(error: Exception) -> str:
+    if isinstance(error, HTTPError):
+        return f"answered {error.code} {error.reason}"
+    reason = getattr(error, "reason", None) or getattr(error, "strerror", None) or error
+    return str(reason) or type(error).__name__
+
+
+@dataclass(frozen=True)
+class Statement:
+    """What a witness says of a log: so many `heads` of its session, and what does not fit.
+
+    `line` is that of the first head that the log no longer has; `records` are vouched for.
+    """
+
+    heads: int
+    records: int = 0
+    line: int | None = None
+    problem: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """Whether the witness knows the session, and the log has every head that it has seen."""
+        return not self.problem
+
+
+def check_witness(log: Path, session: str, witness: Path, known: Collection[str]) -> Statement:
+    """Hold `log`, of `session`, against the file `witness`.
+
+    Heads signed by keys whose fingerprints are not `known` say nothing: anybody can make them.
+    Raises LogError when a file cannot be read.
+    """
+    heads = _heads(witness, session, known)
+    if not heads:
+        problem = f"the witness has no head of session {session!r} that a known key has signed"
+        return Statement(0, problem=problem)
+    hashes = _hashes(log, {head.seq for _, head in heads})
+    good = 0
+    for line, head in heads:
+        if head.seq and hashes.get(head.seq) != head.hash:
+            what = "that record is gone" if head.seq not in hashes else "that record is another one"
+            return Statement(
+                len(heads),
+                good,
+                line,
+                f"the log no longer has the head that the witness saw after record {head.seq}: "
+                f"{what}; records {good + 1} to {head.seq} were cut or written anew since",
+            )
+        good = max(good, head.seq)
+    return Statement(len(heads), good)
+
+
+def _heads(witness: Path, session: str, known: Collection[str]) -> list[tuple[int, SignedHead]]:
+    """Return the heads of `session`, each with its line; what is none says nothing."""
+    found: list[tuple[int, SignedHead]] = []
+    try:
+        with witness.open("rb") as file:
+            for number, line in enumerate(file, start=1):
+                try:
+                    head = parse_head(line)
+                except ValueError:
+                    continue
+                if head.session == session and fingerprint(head.key) in known:
+                    found.append((number, head))
+    except OSError as error:
+        raise os_error(witness, "read the witness", error) from error
+    return found
+
+
+def _hashes(log: Path, wanted: Collection[int]) -> dict[int, str]:
+    """Return the hashes of the records on the `wanted` lines of `log`, as far as it is sound."""
+    hashes: dict[int, str] = {}
+    try:
+        for number, line in read_lines(log):
+            if number in wanted:
+                hashes[number] = parse(line).hash
+    except (ValueError, LogError):
+        pass
+    return hashes

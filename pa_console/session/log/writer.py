@@ -1,0 +1,316 @@
+"""Writes the session log: hash-chained and signed JSONL, one record a line, as it happens."""
+
+import os
+import re
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Literal, Self
+
+import platformdirs
+
+from pa_console.private_files import make_private_folder, open_private
+from pa_console.schema.events.event import Event, LogSigned
+from pa_console.session.log.chain import GENESIS, LogError, os_error, seal
+from pa_console.session.log.log_file import LogFile
+from pa_console.session.log.reader import read_log
+from pa_console.session.log.session_index import SessionIndex, index_path
+from pa_console.session.log.signed_head import (
+    HeadKeeper,
+    SignedHead,
+    head_path,
+    sign_head,
+    write_head,
+)
+from pa_console.session.log.verification import VerifyResult, verify
+from pa_console.session.log.witness import Witness
+from pa_console.signing import Signer
+
+__all__ = [
+    "LogError",
+    "LogWriter",
+    "VerifyResult",
+    "default_folder",
+    "new_log_path",
+    "read_log",
+    "verify",
+]
+
+FLUSH_RECORDS = 50
+FLUSH_SECONDS = 1.0
+SIGN_RECORDS = 100
+SIGN_SECONDS = 5.0
+DURABLE_KINDS = frozenset(
+    (
+        "session_started", "incident", "mission_received", "decision_made", "plan_voided",
+        "command_sent", "command_refused", "mission_finished", "all_stopped", "stop_released",
+        "session_ended",
+    )
+)  # fmt: skip
+"""Events that are on the disk before `append` returns: what an operator answers for."""
+
+
+def default_folder() -> Path:
+    """Return the folder of the user's session logs; it may not exist yet."""
+    return platformdirs.user_state_path("pa-console") / "sessions"
+
+
+def new_log_path(folder: Path, session: str) -> Path:
+    """Create an empty log for `session` in `folder` under a name that no other console has.
+
+    Raises LogError when the folder cannot be written to.
+    """
+    stem = re.sub(r"[^A-Za-z0-9._-]+", "_", session).strip("._") or "session"
+    path, number = folder / f"{stem}.jsonl", 1
+    try:
+        make_private_folder(folder)
+        while True:
+            try:
+                os.close(open_private(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL))
+            except FileExistsError:
+                number += 1
+                path = folder / f"{stem}-{number}.jsonl"
+            else:
+                return path
+    except OSError as error:
+        raise os_error(path, "create the session log", error) from error
+
+
+class LogWriter:
+    """Appends events to a log that it alone holds; not for use by several threads.
+
+    Records are written at least every FLUSH_RECORDS records or FLUSH_SECONDS seconds, and are
+    safe on the disk at once for DURABLE_KINDS. With a `signer`, the log is signed after its first
+    record, after each that is binding, after every SIGN_RECORDS records, with the first record
+    after SIGN_SECONDS seconds, and on closing; its signed head follows each time, before the call
+    returns but for those that only time or number call for: these follow soon. When the disk
+    refuses, the records are kept in
+    memory and written as soon as it takes them again; `on_error` is told once each time that
+    begins. Without `on_error` the LogError is raised from `append` or `flush` instead, and the
+    event is kept all the same.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        session: str,
+        *,
+        signer: Signer | None = None,
+        index: SessionIndex | None = None,
+        witness: Witness | None = None,
+        on_error: Callable[[LogError], None] | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Open `path`, new or to be continued; a torn last line moves to `PATH.torn`.
+
+        A signed log is noted in the `index` of its folder when it begins and when it ends. Its
+        heads go to the `witness` as well, which is closed with the log.
+
+        Raises LogError when the file cannot be opened, is held by another console, belongs to
+        another session, does not end in a sound record, or is not what its signed head, of the
+        key of `signer`, vouches for.
+        """
+        self.path, self.session = path, session
+        self._signer, self._on_error, self._clock = signer, on_error, clock
+        self._pending, self._records = bytearray(), 0
+        self._file = LogFile(path, session, signer and signer.public)
+        self._keeper = HeadKeeper(path, self._file.sync, self._seen)
+        self._index, self._witness = index, witness
+        self._begun, self._unindexed = False, False
+        self._seq, self._hash = self._file.seq, self._file.hash
+        self._first = self._seq, self._hash
+        self._last: Event | None = None
+        self._owed: Literal["nothing", "disk", "signature"] = "nothing"
+        signed = self._file.head.seq if self._file.head is not None else 0
+        self._unsigned, self._found = 0, self._seq - signed
+        self._refused: LogError | None = None
+        self._headless: LogError | None = None
+        self._flushed_at = self._signed_at = clock()
+        try:
+            if signer is not None and self._file.head is None:
+                write_head(path, sign_head(session, 0, GENESIS, False, signer), lasting=True)
+        except OSError as error:
+            self._file.close()
+            raise os_error(head_path(path), "write the signed head", error) from error
+        self._open = True
+
+    @property
+    def lines(self) -> int:
+        """Records appended so far, those of an earlier opening included."""
+        return self._seq
+
+    @property
+    def head(self) -> str:
+        """The hash of the last record: noted down elsewhere, it vouches for the whole log."""
+        return self._hash
+
+    @property
+    def error(self) -> LogError | None:
+        """Why the log, or its signed head, cannot be written at present; None while it can."""
+        return self._refused or self._headless
+
+    @property
+    def unwritten(self) -> int:
+        """Records that are in memory only."""
+        return self._records
+
+    def news(self) -> str | None:
+        """Return what has become of the witness since this was last asked; None for nothing new."""
+        return self._witness.news() if self._witness is not None else None
+
+    @property
+    def witness_problem(self) -> str:
+        """Why the witness has not got the last head that was sent; empty when it has."""
+        return self._witness.problem if self._witness is not None else ""
+
+    @property
+    def owes(self) -> bool:
+        """Whether `commit` has something to do."""
+        return self._owed != "nothing"
+
+    def append(self, event: Event, *, commit: bool = True) -> None:
+        """Put `event` at the end of the log; a transient one is skipped.
+
+        Without `commit`, what is to be signed or safe at once waits for `commit`: one signature is
+        enough for all that happens at one moment.
+        """
+        if event.data.transient:
+            return
+        if not self._open:
+            raise LogError(str(self.path), 0, "the session log is closed")
+        first, self._last = self._last is None, event
+        self._put(event)
+        if first and self._seq == 1:
+            self._first = self._seq, self._hash
+        if self._signer is not None and (first or event.data.binding):
+            self._owed = "signature"
+        elif not self.owes and (event.data.binding or event.data.kind in DURABLE_KINDS):
+            self._owed = "disk"
+        if first or commit:
+            self.commit()
+        now, takes = self._clock(), self._refused is None
+        due = self._unsigned >= SIGN_RECORDS or now - self._signed_at >= SIGN_SECONDS
+        full = self._records >= FLUSH_RECORDS and takes
+        if self._signer is not None and due and takes:
+            self._sign(event, self._signer, at_once=False)
+        elif full or now - self._flushed_at >= FLUSH_SECONDS:
+            self.flush(durable=False)
+
+    def commit(self) -> None:
+        """Have on the disk, and signed, whatever may not wait; without any of it, do nothing.
+
+        What the disk refuses stays owed.
+        """
+        if not self.owes:
+            return
+        signed = self._owed == "signature"
+        if not signed or self._refused is not None:
+            self.flush()
+        if signed and self._refused is None:
+            assert self._signer is not None
+            assert self._last is not None
+            self._sign(self._last, self._signer, at_once=True)
+        if self.error is None:
+            self._owed = "nothing"
+
+    def flush(self, *, durable: bool = True) -> None:
+        """Write what is pending; `durable` also waits until the disk has it."""
+        self._flushed_at = self._clock()
+        try:
+            self._file.write(self._pending)
+            self._records = 0
+            if durable:
+                self._file.sync()
+        except OSError as error:
+            told, self._refused = self._refused, os_error(self.path, "write the session log", error)
+            self._report(self._refused, error, told=told is not None)
+        else:
+            self._refused = None
+
+    def close(self) -> None:
+        """Write everything and let go of the file; raises LogError when records would be lost."""
+        if not self._open:
+            return
+        try:
+            if self._signer is not None and self._last is not None:
+                self._sign(self._last, self._signer, at_once=True, closing=True)
+            else:
+                self.flush()
+            if self._records:
+                problem = f"{self._records} records at its end could not be written"
+                why = self._refused and self._refused.problem
+                raise LogError(str(self.path), 0, f"{problem}; {why}")
+            if self._begun:
+                self._note(self._seq, self._hash, ended=True)
+        finally:
+            self._open = False
+            self._keeper.close()
+            self._file.close()
+            if self._witness is not None:
+                self._witness.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _put(self, event: Event, signer: Signer | None = None) -> None:
+        line, self._hash = seal(
+            event, session=self.session, seq=self._seq + 1, prev=self._hash, signer=signer
+        )
+        self._seq += 1
+        self._records += 1
+        self._unsigned += 1
+        self._pending += line.encode() + b"\n"
+
+    def _sign(self, last: Event, signer: Signer, *, at_once: bool, closing: bool = False) -> None:
+        """Vouch for everything up to `last` in the log, and once it is on the disk in its head."""
+        signed = LogSigned(key=signer.public, closing=closing, found=self._found)
+        self._put(Event(t=last.t, tick=last.tick, data=signed), signer)
+        self._unsigned, self._found, self._signed_at = 0, 0, self._clock()
+        self.flush(durable=at_once)
+        if self._refused is not None:
+            return
+        keep = self._keeper.keep_now if at_once else self._keeper.keep
+        try:
+            keep(sign_head(self.session, self._seq, self._hash, closing, signer))
+        except OSError as error:
+            told, task = self._headless, "write the signed head of the session log"
+            self._headless = os_error(self.path, task, error)
+            self._report(self._headless, error, told=told is not None)
+        else:
+            self._headless = None
+        if at_once and not self._begun:
+            self._begun = self._note(*self._first, ended=False)
+
+    def _note(self, records: int, head: str, *, ended: bool) -> bool:
+        """Tell the index of sessions; return whether it could be told."""
+        if self._index is None:
+            return True
+        try:
+            self._index.add(self.path.name, self.session, records, head, ended=ended)
+        except OSError as error:
+            told, self._unindexed = self._unindexed, True
+            place, task = index_path(self.path.parent), "write the index of sessions"
+            self._report(os_error(place, task, error), error, told=told)
+            return False
+        self._unindexed = False
+        return True
+
+    def _seen(self, head: SignedHead, urgent: bool) -> None:
+        """Give the witness a head whose records are on the disk."""
+        if self._witness is not None:
+            self._witness.see(head, urgent=urgent)
+
+    def _report(self, problem: LogError, error: OSError, *, told: bool) -> None:
+        if self._on_error is None:
+            raise problem from error
+        if not told:
+            self._on_error(problem)

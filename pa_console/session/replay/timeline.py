@@ -1,0 +1,191 @@
+"""When every event of a recording happened, of which kind, and which ones a viewer jumps to.
+
+About 25 bytes an event, so that the events themselves can stay on the disk.
+"""
+
+import re
+from array import array
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from typing import Literal, get_args
+
+from pa_console.schema.events import event as ev
+from pa_console.schema.incident import Incident
+from pa_console.session.log.chain import KINDS
+from pa_console.session.state.fold import SessionState
+from pa_console.session.wording import overriding
+
+MarkKind = Literal["fault", "refusal", "alarm", "finding", "mission"]
+"""Worst first: where several fall on one place, the first is shown."""
+
+MARK_KINDS: tuple[MarkKind, ...] = get_args(MarkKind)
+_NO_FAULTS = frozenset(("spawn", "restore", "weather", "turn", "place", "clear"))
+
+
+def mark_of(event: ev.Event, before: SessionState) -> MarkKind | None:
+    """Return what `event`, which comes after the state `before`, is worth a jump for."""
+    found: MarkKind | None = None
+    if _is_fault(event.data):
+        found = "fault"
+    elif _is_refusal(event.data):
+        found = "refusal"
+    elif _is_finding(event.data):
+        found = "finding"
+    elif isinstance(event.data, ev.MissionReceived):
+        found = "mission"
+    elif isinstance(event.data, ev.AlarmRaised) and before.is_worse(event.data.alarm):
+        found = "alarm"
+    return found
+
+
+def _is_finding(data: ev.EventPayload) -> bool:
+    """Whether a check, the judge or telemetry objects, or the operator decided otherwise."""
+    match data:
+        case ev.PlanChecked(findings=findings):
+            return any(finding.broken for finding in findings)
+        case ev.PlanJudged(verdict=verdict) | ev.OutcomeJudged(verdict=verdict):
+            return verdict is None or verdict.verdict == "Failure"
+        case ev.MissionVerified(verification=verification):
+            return verification.outcome == "fail"
+        case ev.DecisionMade(accepted=True, decision=decision):
+            return bool(overriding(decision))
+        case _:
+            return False
+
+
+def _is_refusal(data: ev.EventPayload) -> bool:
+    """Whether a plan may not be approved, or was not, or a decision was not taken."""
+    match data:
+        case ev.ApprovalRequested(blocked_by=blocked):
+            return bool(blocked)
+        case ev.DecisionMade(accepted=accepted, decision=decision):
+            return not accepted or decision.kind == "reject"
+        case ev.MissionFinished(status=status):
+            return status == "refused"
+        case _:
+            return False
+
+
+def _is_fault(data: ev.EventPayload) -> bool:
+    """Whether something broke, or was stopped because of it."""
+    match data:
+        case ev.IncidentHappened(incident=incident):
+            return _breaks(incident)
+        case ev.WorkerChanged(state=state):
+            return state in ("dead", "unavailable")
+        case ev.CommandReplied(reply=reply):
+            return reply.status in ("failed", "refused")
+        case _:
+            return isinstance(data, ev.PlanHalted | ev.AllStopped | ev.CommandRefused)
+
+
+def _breaks(incident: Incident) -> bool:
+    """Whether an incident makes something worse; what mends, appears or is placed does not."""
+    match incident.kind:
+        case "comms":
+            return incident.comms != "ok"
+        case "radio":
+            return not incident.up or incident.loss > 0
+        case "sensor":
+            return not incident.works
+        case "gps":
+            return incident.rate_mps > 0
+        case "spoof":
+            return incident.frame is not None
+        case _:
+            return incident.kind not in _NO_FAULTS
+
+
+KIND_NAMES = tuple(sorted(KINDS))
+_CODES = {kind: code for code, kind in enumerate(KIND_NAMES)}
+_TELEMETRY = _CODES["telemetry"]
+_MOST = 2**63 - 1
+_TOLD = re.compile(b"[^" + re.escape(bytes((_TELEMETRY,))) + b"]")
+
+
+class Timeline:
+    """Columns with an entry for each event; `seconds` and `ticks` never fall.
+
+    `seconds` count from the first event by the events' own time stamps, `ticks` are the
+    simulation's. `ticks_per_s` simulated ones make a simulated second, 0 while that is unknown.
+    """
+
+    def __init__(self) -> None:
+        """Begin with no event."""
+        self.start: datetime | None = None
+        self.ticks_per_s = 0.0
+        self.seconds = array("d")
+        self.ticks = array("q")
+        self.kinds = bytearray()
+        self.marks = array("Q")
+        self.mark_kinds = bytearray()
+
+    def __len__(self) -> int:
+        return len(self.kinds)
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first event to the last."""
+        return self.seconds[-1] if self.seconds else 0.0
+
+    def add(self, t: datetime, tick: int, kind: str, mark: MarkKind | None) -> None:
+        """Append; an event stamped before the one before it counts as simultaneous with it."""
+        t = t if t.tzinfo is not None else t.replace(tzinfo=UTC)
+        self.start = self.start or t
+        self.seconds.append(max((t - self.start).total_seconds(), self.duration))
+        self.ticks.append(min(max(tick, self.ticks[-1] if self.ticks else 0), _MOST))
+        if mark is not None:
+            self.marks.append(len(self.kinds))
+            self.mark_kinds.append(MARK_KINDS.index(mark))
+        self.kinds.append(_CODES[kind])
+
+    def kind(self, index: int) -> str:
+        """Return the kind of event `index`."""
+        return KIND_NAMES[self.kinds[index]]
+
+    def is_telemetry(self, index: int) -> bool:
+        """Whether event `index` is telemetry."""
+        return self.kinds[index] == _TELEMETRY
+
+    def last_telemetry(self, count: int) -> int:
+        """Return the last of the first `count` events that is telemetry, -1 if none is."""
+        return self.kinds.rfind(_TELEMETRY, 0, count)
+
+    def told(self, first: int, end: int) -> Iterator[int]:
+        """Yield the events from `first` up to `end` that are no telemetry."""
+        return (found.start() for found in _TOLD.finditer(self.kinds, first, end))
+
+    def kinds_between(self, first: int, end: int) -> frozenset[str]:
+        """Return the kinds of the events from `first` up to `end`."""
+        return frozenset(KIND_NAMES[code] for code in set(self.kinds[first:end]))
+
+    def count_until(self, seconds: float) -> int:
+        """Return how many events had happened `seconds` after the first."""
+        return bisect_right(self.seconds, seconds)
+
+    def count_until_tick(self, tick: float) -> int:
+        """Return how many events had happened when the simulation's `tick` was over."""
+        return bisect_right(self.ticks, tick)
+
+    def mark_after(self, index: int, kinds: frozenset[MarkKind]) -> int | None:
+        """Return the first event of one of these `kinds` of marks from `index` on, if any."""
+        wanted = [MARK_KINDS.index(kind) for kind in kinds]
+        places = range(bisect_left(self.marks, index), len(self.marks))
+        return next((self.marks[i] for i in places if self.mark_kinds[i] in wanted), None)
+
+    def mark_before(self, index: int, kinds: frozenset[MarkKind]) -> int | None:
+        """Return the last event of one of these `kinds` of marks before `index`, if any."""
+        wanted = [MARK_KINDS.index(kind) for kind in kinds]
+        places = range(bisect_left(self.marks, index) - 1, -1, -1)
+        return next((self.marks[i] for i in places if self.mark_kinds[i] in wanted), None)
+
+    def marks_by_place(self, places: int) -> list[MarkKind | None]:
+        """Return the worst mark in each of `places` equal parts of the duration."""
+        found: list[int | None] = [None] * places
+        scale = places / self.duration if self.duration > 0 else 0.0
+        for index, kind in zip(self.marks, self.mark_kinds, strict=True):
+            place = min(int(self.seconds[index] * scale), places - 1)
+            known = found[place]
+            found[place] = kind if known is None else min(known, kind)
+        return [None if kind is None else MARK_KINDS[kind] for kind in found]

@@ -1,0 +1,1 @@
+"""The state that every view shows: the fold over events."""

@@ -1,0 +1,313 @@
+"""Everything known of one mission, and how each event of it adds to that."""
+
+from dataclasses import dataclass, field
+
+from pa_console.schema.command import CommandReply, DeviceCommand
+from pa_console.schema.events import event as ev
+from pa_console.schema.finding import Finding, Usage, Verdict
+from pa_console.schema.mission import Decision, Metrics, Mission, MissionStatus, Verification
+from pa_console.schema.plan import Action, Plan
+from pa_console.schema.rehearsal import Rehearsal
+from pa_console.schema.rule import RuleHit
+from pa_console.schema.telemetry import Digest
+
+
+@dataclass
+class Attempt:
+    """One pass through steps 5 and 6: what was asked, answered, found, rehearsed and judged.
+
+    `round` counts, from 0, the plans that the mission has seen through; `phase` is where in a
+    workflow the mission stood, empty outside of one; `digest` is the picture it was made from.
+    """
+
+    number: int
+    round: int = 0
+    phase: str = ""
+    digest: Digest | None = None
+    author: str = "planner"
+    system: str = ""
+    user: str = ""
+    text: str = ""
+    plan: Plan | None = None
+    error: str = ""
+    usage: Usage = field(default_factory=Usage)
+    confidence: float | None = None
+    """The chance that the planner gave to what it says was asked."""
+    findings: tuple[Finding, ...] = ()
+    checks_s: float = 0.0
+    unmet: tuple[str, ...] = ()
+    """What of the order no plan can do now, and why."""
+    gaps: tuple[str, ...] = ()
+    """Where the words of the order and the reading that the plan is for do not match."""
+    rehearsal: Rehearsal | None = None
+    rehearsal_s: float = 0.0
+    if_halted: tuple[Action, ...] = ()
+    """The way to safety that was declared when approval was asked for."""
+    judge_text: str = ""
+    verdict: Verdict | None = None
+    judged: bool = False
+    judge_error: str = ""
+    judge_usage: Usage = field(default_factory=Usage)
+    judge_confidence: float | None = None
+    repair: tuple[str, ...] = ()
+    instead_of: int | None = None
+    """The attempt whose prompt this is another answer to."""
+    given: bool = False
+    """Whether the console gave the commands and the planner chose who has them."""
+    as_judged: bool = False
+    """Whether it is for what the judge read in the mission, not the planner."""
+    as_chosen: bool = False
+    """Whether it is for the reading of the mission that the operator chose."""
+
+    @property
+    def sure(self) -> float | None:
+        """How sure planner and judge were of what was asked: the less sure of them, 0 to 1.
+
+        It is less where the words of the order and their reading do not match.
+        """
+        known = [c for c in (self.confidence, self.judge_confidence) if c is not None]
+        return ev.told_confidence(min(known, default=None), self.gaps)
+
+    @property
+    def doubt(self) -> str:
+        """That the order may have been misread, in words; '' where both were sure."""
+        why = list(self.gaps)
+        if self.sure is not None and self.sure < ev.UNSURE:
+            why.append(f"read with {self.sure:.0%} confidence")
+        return f"the order may mean something else: {'; '.join(why)}" if why else ""
+
+    @property
+    def aside(self) -> str:
+        """What it stands beside, to be told after its number and author; '' for a first answer."""
+        instead = "" if self.instead_of is None else f", instead of {self.instead_of}"
+        return instead + self.origin
+
+    @property
+    def origin(self) -> str:
+        """Who else had a part in it, to be told after what it stands beside; '' for nobody."""
+        given = ", its commands given by the console" * self.given
+        judged = ", as the judge read it" * self.as_judged
+        return given + judged + ", as the operator meant it" * self.as_chosen
+
+
+@dataclass
+class CommandTrace:
+    """A dispatched command, every reply to it, oldest first, and how often it was sent again."""
+
+    command: DeviceCommand
+    replies: list[CommandReply] = field(default_factory=list[CommandReply])
+    resent: int = 0
+    round: int = 0
+
+
+@dataclass
+class VerifiedPlan:
+    """What telemetry said of one executed plan, and the judge's verdict on its outcome."""
+
+    verification: Verification
+    round: int = 0
+    judged: bool = False
+    verdict: Verdict | None = None
+    error: str = ""
+
+
+@dataclass
+class MissionTrace:
+    """The state of one mission; `stage` is the step it is in, in the paper's order.
+
+    `rules` is the content hash of the rule set that it is worked on under.
+    """
+
+    mission: Mission
+    stage: str = "queued"
+    rules: str = ""
+    method: str = ""
+    hits: tuple[RuleHit, ...] = ()
+    retrieval_s: float = 0.0
+    digest: Digest | None = None
+    attempts: list[Attempt] = field(default_factory=list[Attempt])
+    round: int = 0
+    executing: int = 0
+    workflow: list[ev.WorkflowMoved] = field(default_factory=list[ev.WorkflowMoved])
+    approval: ev.ApprovalRequested | None = None
+    decisions: list[ev.DecisionMade] = field(default_factory=list[ev.DecisionMade])
+    voided: str = ""
+    preempted: str = ""
+    commands: dict[str, CommandTrace] = field(default_factory=dict[str, CommandTrace])
+    halts: list[ev.PlanHalted] = field(default_factory=list[ev.PlanHalted])
+    verified: list[VerifiedPlan] = field(default_factory=list[VerifiedPlan])
+    unasked_verdict: Verdict | None = None
+    unasked_error: str = ""
+    report: str = ""
+    status: MissionStatus | None = None
+    reason: str = ""
+    metrics: Metrics | None = None
+
+    def find(self, number: int) -> Attempt | None:
+        """Return attempt `number`, None when there is none."""
+        return next((a for a in reversed(self.attempts) if a.number == number), None)
+
+    def attempt(self, number: int) -> Attempt:
+        """Return attempt `number` (from 1), opening it when it is new."""
+        found = self.find(number)
+        if found is None:
+            found = Attempt(number, round=self.round, phase=self.phase, digest=self.digest)
+            self.attempts.append(found)
+        return found
+
+    def next_round(self) -> None:
+        """Let the attempts that follow belong to another plan than those that were made."""
+        if self.attempts and self.attempts[-1].round == self.round:
+            self.round += 1
+
+    @property
+    def standings(self) -> dict[str, ev.WorkflowMoved]:
+        """Where the mission stands in the workflow of each track."""
+        return {move.track: move for move in self.workflow}
+
+    @property
+    def phase(self) -> str:
+        """The phase that the next plan is for, empty when no workflow has one left."""
+        standings = self.standings.values()
+        return next((m.phases[m.phase] for m in standings if 0 <= m.phase < len(m.phases)), "")
+
+    @property
+    def decision(self) -> Decision | None:
+        """The last decision that was accepted."""
+        return next((d.decision for d in reversed(self.decisions) if d.accepted), None)
+
+    @property
+    def verification(self) -> Verification | None:
+        """What telemetry said of the last executed plan."""
+        return self.verified[-1].verification if self.verified else None
+
+    @property
+    def outcome_verdict(self) -> Verdict | None:
+        """The judge's last verdict on an outcome."""
+        return self.verified[-1].verdict if self.verified else self.unasked_verdict
+
+    @property
+    def outcome_error(self) -> str:
+        """Why the judge gave no verdict on the last outcome."""
+        return self.verified[-1].error if self.verified else self.unasked_error
+
+
+def apply_to_mission(trace: MissionTrace, data: ev.EventPayload) -> None:
+    """Take one event of the mission in; a kind that says nothing of it changes nothing."""
+    _apply_planning(trace, data)
+    _apply_decision(trace, data)
+    _apply_execution(trace, data)
+
+
+def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
+    """Steps 2 to 6."""
+    match data:
+        case ev.MissionStarted(rules_content_sha256=rules):
+            trace.stage, trace.preempted, trace.rules = "retrieve", "", rules
+        case ev.WorkflowMoved():
+            before = trace.phase
+            trace.workflow.append(data)
+            if trace.phase != before:
+                trace.next_round()
+        case ev.RulesRetrieved(method=method, hits=hits, seconds=seconds):
+            trace.stage, trace.method, trace.hits = "picture", method, hits
+            trace.retrieval_s = seconds
+        case ev.PictureDigested(digest=digest):
+            trace.stage, trace.digest = "prompt", digest
+        case ev.PromptBuilt(role="planner", attempt=number, system=system, user=user):
+            trace.stage = "plan"
+            attempt = trace.attempt(number)
+            attempt.system, attempt.user = system, user
+        case ev.PromptBuilt(role="judge"):
+            trace.stage = "judge"
+        case ev.TextStreamed(role=role, attempt=number, text=text):
+            attempt = trace.attempt(number)
+            if role == "planner":
+                attempt.text += text
+            else:
+                attempt.judge_text += text
+        case ev.PlanProposed(attempt=number):
+            trace.stage = "safeguards"
+            attempt = trace.attempt(number)
+            attempt.author, attempt.text, attempt.plan = data.author, data.text, data.plan
+            attempt.error, attempt.usage = data.error, data.usage
+            attempt.instead_of, attempt.given = data.instead_of, data.given
+            attempt.as_judged, attempt.confidence = data.as_judged, data.confidence
+            attempt.as_chosen = data.as_chosen
+        case ev.PlanRehearsed(attempt=number, rehearsal=rehearsal, seconds=seconds):
+            attempt = trace.attempt(number)
+            attempt.rehearsal, attempt.rehearsal_s = rehearsal, seconds
+        case ev.PlanChecked(attempt=number, findings=findings, seconds=seconds):
+            attempt = trace.attempt(number)
+            attempt.findings, attempt.checks_s = findings, seconds
+            attempt.unmet, attempt.gaps = data.unmet, data.gaps
+        case ev.PlanJudged(attempt=number):
+            attempt = trace.attempt(number)
+            attempt.verdict, attempt.judge_error = data.verdict, data.error
+            attempt.judge_usage, attempt.judged = data.usage, True
+            attempt.judge_confidence = data.confidence
+        case ev.RepairRequested(attempt=number, reasons=reasons):
+            trace.attempt(number).repair = reasons
+        case _:
+            pass
+
+
+def _apply_decision(trace: MissionTrace, data: ev.EventPayload) -> None:
+    """The operator's turn, and what takes it away."""
+    match data:
+        case ev.ApprovalRequested(attempt=number, if_halted=declared):
+            trace.stage, trace.approval = "decide", data
+            if (attempt := trace.find(number)) is not None:
+                attempt.if_halted = declared
+        case ev.DecisionMade(attempt=number, decision=decision, accepted=accepted):
+            trace.decisions.append(data)
+            if accepted:
+                trace.approval = None
+                if decision.kind == "approve":
+                    trace.executing = number
+        case ev.PlanVoided(reason=reason):
+            trace.voided, trace.approval = reason, None
+        case ev.MissionPreempted(by=by, reason=reason):
+            trace.stage, trace.approval = "queued", None
+            trace.preempted = f"{by} goes first: {reason}"
+            trace.next_round()
+        case _:
+            pass
+
+
+def _apply_execution(trace: MissionTrace, data: ev.EventPayload) -> None:
+    """Steps 7 and 8."""
+    match data:
+        case ev.CommandSent(command=command):
+            trace.stage = "execute"
+            sent = CommandTrace(command, round=_executing_round(trace))
+            trace.commands[command.command_id] = sent
+        case ev.CommandReplied(reply=reply) if reply.command_id in trace.commands:
+            trace.commands[reply.command_id].replies.append(reply)
+        case ev.CommandResent(command_id=name, times=times) if name in trace.commands:
+            trace.commands[name].resent = times
+        case ev.PlanHalted():
+            trace.halts.append(data)
+            trace.next_round()
+        case ev.MissionVerified(verification=verification):
+            trace.stage = "verify"
+            trace.verified.append(VerifiedPlan(verification, _executing_round(trace)))
+            trace.next_round()
+        case ev.OutcomeJudged(verdict=verdict, error=error) if trace.verified:
+            last = trace.verified[-1]
+            last.judged, last.verdict, last.error = True, verdict, error
+        case ev.OutcomeJudged(verdict=verdict, error=error):
+            trace.unasked_verdict, trace.unasked_error = verdict, error
+        case ev.MissionReported(text=text):
+            trace.stage, trace.report = "report", text
+        case ev.MissionFinished(status=status, reason=reason, metrics=metrics):
+            trace.stage, trace.approval, trace.preempted = "finished", None, ""
+            trace.status, trace.reason, trace.metrics = status, reason, metrics
+        case _:
+            pass
+
+
+def _executing_round(trace: MissionTrace) -> int:
+    """Return the round of the plan that was approved last."""
+    attempt = trace.find(trace.executing)
+    return attempt.round if attempt is not None else trace.round

@@ -1,0 +1,1 @@
+"""Assets: what devices do with commands, how they move, what stops them."""

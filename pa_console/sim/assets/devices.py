@@ -1,0 +1,249 @@
+"""What a device does with a command, and what it does when it hears nothing any more (CAP-05)."""
+
+import math
+from collections.abc import Iterator
+
+from pa_console.schema.command import CommandReply, DeviceCommand, ReplyStatus
+from pa_console.schema.plan import COMMANDS
+from pa_console.schema.telemetry import Task
+from pa_console.sim.assets import battery
+from pa_console.sim.assets.blocked_motion import unstick
+from pa_console.sim.assets.motion import way_left
+from pa_console.sim.contacts.encounters import attend, called
+from pa_console.sim.radio import link, radio
+from pa_console.sim.state import AssetState, Scene
+from pa_console.sim.worlds.terrain import Terrain
+
+
+def listen(terrain: Terrain, scene: Scene) -> None:
+    """Let every device take in the station's heartbeat, sent once a telemetry period.
+
+    One that has heard nothing for its platform's `lost_link_after_s` ends its command and holds
+    or returns to base. Once it hears the station again it tells how its command ended.
+    """
+    world = terrain.world
+    for asset in scene.assets.values():
+        if radio.works(scene, asset) and not radio.loses(scene, asset):
+            note_heard(terrain, scene, asset)
+        elif not asset.cut_off and not asset.down:
+            silence_s = (scene.tick - asset.heard_tick) * world.dt_s
+            if silence_s >= world.platforms[asset.kind].lost_link_after_s:
+                asset.cut_off = True
+                battery.rouse(world, scene, asset)
+                asset.owes = (*asset.owes, *lose_link(terrain, scene, asset))
+
+
+def note_heard(terrain: Terrain, scene: Scene, asset: AssetState) -> None:
+    """Note that something from the station has just reached `asset`."""
+    asset.heard_tick = scene.tick
+    if asset.cut_off:
+        owes, asset.cut_off, asset.owes = asset.owes, False, ()
+        for reply in owes:
+            link.send_reply(scene, reply, terrain.world.dt_s)
+
+
+PROGRESS_S = 5.0
+_REMEMBERED = 32
+_TASKS: dict[str, Task] = {
+    "move_to": "holding",
+    "observe": "observing",
+    "block": "blocking",
+    "identify": "identifying",
+    "warn": "warning",
+}
+
+
+def accept(terrain: Terrain, scene: Scene, command: DeviceCommand) -> Iterator[CommandReply]:
+    """Take a command in as the device does; yield its answers.
+
+    A command id is carried out once: when it comes again, the last answer to it is repeated.
+    """
+    asset = scene.assets.get(command.agent)
+    if asset is None:
+        known = ", ".join(scene.assets)
+        yield _answer(scene, command, "refused", f"there is no asset of this name; known: {known}")
+        return
+    known_reply = next((r for r in asset.answered if r.command_id == command.command_id), None)
+    if known_reply is not None:
+        yield known_reply
+        return
+    problem = _objection(terrain, asset, command)
+    if problem:
+        yield _remember(asset, _answer(scene, command, "refused", problem))
+        return
+    yield _remember(asset, _answer(scene, command, "acknowledged", ""))
+    if command.verb == "report":
+        yield _remember(asset, _answer(scene, command, "done", status_text(terrain, scene, asset)))
+        return
+    battery.rouse(terrain.world, scene, asset)
+    if asset.command is not None:
+        yield _close(scene, asset, "failed", "superseded")
+    asset.command = command
+    if command.verb == "hold":
+        _stand(terrain, asset, "holding")
+        yield _close(scene, asset, "done", f"holding at {asset.post or 'its place'}")
+        return
+    asset.task = "returning" if command.verb == "return_to_base" else "moving"
+    problem = _set_out(terrain, scene, asset, command.target or terrain.world.base)
+    if problem:
+        yield from _give_up(terrain, scene, asset, problem)
+
+
+def lose_link(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterator[CommandReply]:
+    """Do what the platform does without its link; yield how the command ended, to be told later.
+
+    An asset that holds stays at its watch if it has no command; one that returns leaves it.
+    """
+    returns = terrain.world.platforms[asset.kind].lost_link == "return_to_base"
+    if asset.command is not None:
+        yield from _give_up(terrain, scene, asset, "link lost", "holding")
+    elif asset.route and not returns:
+        _stand(terrain, asset, "holding")
+    at_base = terrain.frame_at(asset.x, asset.y) == terrain.world.base
+    if returns and not at_base and asset.task != "returning":
+        asset.task = "returning"
+        if _set_out(terrain, scene, asset, terrain.world.base):
+            _stand(terrain, asset, "holding")
+
+
+def work(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterator[CommandReply]:
+    """Advance the asset's command after a step; yield what it has to say."""
+    if asset.down:
+        yield from _break_down(scene, asset)
+        return
+    if asset.route:
+        trouble = unstick(terrain, scene, asset)
+        if trouble:
+            yield from _give_up(terrain, scene, asset, trouble)
+            return
+    command = asset.command
+    if command is None:
+        if not asset.route and asset.task in ("moving", "returning"):
+            asset.task = "charging" if asset.task == "returning" else "holding"
+        return
+    if asset.route:
+        if (scene.tick - asset.progress_tick) * terrain.world.dt_s >= PROGRESS_S:
+            asset.progress_tick = scene.tick
+            held = ""
+            if asset.held_by:
+                contact = scene.contacts.get(asset.held_by)
+                name = called(scene, contact) if contact else "a contact"
+                held = f", keeping its distance from {name}"
+            text = f"{way_left(asset):.0f} m to go{held}"
+            yield _remember(asset, _answer(scene, command, "progress", text))
+        return
+    if asset.task in ("moving", "returning"):
+        asset.task = "charging" if command.verb == "return_to_base" else _TASKS[command.verb]
+    target = command.target or terrain.world.base
+    if command.verb not in ("identify", "warn"):
+        yield _close(scene, asset, "done", f"at {target}")
+        return
+    if not asset.announced:
+        asset.announced = True
+        yield _remember(asset, _answer(scene, command, "progress", f"at {target}"))
+    status, detail = attend(terrain, scene, asset, command.verb, target)
+    if status is not None:
+        asset.task = "holding"
+        yield _close(scene, asset, status, detail)
+
+
+def status_text(terrain: Terrain, scene: Scene, asset: AssetState) -> str:
+    """Return the brief report of an asset: place, task, battery, link, what it sees (WF-09)."""
+    at = terrain.frame_at(asset.x, asset.y)
+    place = f"at {at}" if at else f"on the way to {asset.post}" if asset.post else "between frames"
+    reach = terrain.world.platforms[asset.kind].sensor_range_m
+    near = [c for c in scene.contacts.values() if math.dist(c.position, asset.position) <= reach]
+    sees = f", sees {', '.join(called(scene, contact) for contact in near)}" if near else ""
+    comms = radio.quality(terrain.world, scene, asset)
+    return f"{place}, {asset.task}, battery {asset.battery:.0f} %, comms {comms}{sees}"
+
+
+def _objection(terrain: Terrain, asset: AssetState, command: DeviceCommand) -> str:
+    """Return why the device cannot take the command, '' when it can."""
+    spec = COMMANDS[command.verb]
+    if asset.failed:
+        return "the asset has failed"
+    if asset.battery <= 0.0:
+        return "the battery is empty"
+    if asset.kind not in spec.kinds:
+        return f"a {asset.kind} cannot {command.verb}"
+    if spec.takes_frame and command.target not in terrain.world.frames:
+        return f"unknown frame {command.target!r}; known: {', '.join(terrain.world.frames)}"
+    if not spec.takes_frame and command.target is not None:
+        return f"{command.verb} takes no frame"
+    return ""
+
+
+def _set_out(terrain: Terrain, scene: Scene, asset: AssetState, target: str) -> str:
+    """Give the asset a place at `target` and a route to it; return why that is impossible."""
+    asset.dwell, asset.stalls, asset.announced = 0, 0, False
+    asset.progress_tick = asset.nearest_tick = scene.tick
+    asset.nearest_m, asset.held_by = math.inf, ""
+    stays = asset.post == target and terrain.frame_at(asset.x, asset.y) == target
+    asset.post = target
+    if stays:
+        asset.station, asset.route = asset.position, ()
+        return ""
+    air = asset.kind == "uav"
+    taken = [
+        other.position if other.down else other.station
+        for other in scene.assets.values()
+        if other is not asset and (other.kind == "uav") == air
+    ]
+    place = terrain.free_place(target, asset.kind, taken)
+    if place is None:
+        return f"there is no free place for a {asset.kind} at {target}"
+    route = terrain.planner.route(asset.kind, asset.position, place, asset.obstructions)
+    if route is None:
+        return f"{target} cannot be reached"
+    asset.origin, asset.station, asset.route = asset.position, place, route
+    return ""
+
+
+def _give_up(
+    terrain: Terrain, scene: Scene, asset: AssetState, reason: str, task: Task = "idle"
+) -> Iterator[CommandReply]:
+    """Stay where it is; its command, if it has one, has failed."""
+    _stand(terrain, asset, task)
+    if asset.command is not None:
+        yield _close(scene, asset, "failed", reason)
+
+
+def _stand(terrain: Terrain, asset: AssetState, task: Task) -> None:
+    """Stay where it is, assigned to the frame it is at, if any."""
+    asset.post = terrain.frame_at(asset.x, asset.y)
+    asset.stop(task)
+
+
+def _break_down(scene: Scene, asset: AssetState) -> Iterator[CommandReply]:
+    """Stop an asset that has just failed; its command ends with it."""
+    if asset.route or asset.task != "none":
+        asset.stop("none")
+    if asset.command is not None:
+        reason = "the asset has failed" if asset.failed else "the battery is empty"
+        yield _close(scene, asset, "failed", reason)
+
+
+def _close(scene: Scene, asset: AssetState, status: ReplyStatus, detail: str) -> CommandReply:
+    """End the asset's command."""
+    assert asset.command is not None
+    reply = _answer(scene, asset.command, status, detail)
+    asset.command = None
+    return _remember(asset, reply)
+
+
+def _answer(scene: Scene, command: DeviceCommand, status: ReplyStatus, detail: str) -> CommandReply:
+    return CommandReply(
+        command_id=command.command_id,
+        agent=command.agent,
+        status=status,
+        tick=scene.tick,
+        detail=detail,
+    )
+
+
+def _remember(asset: AssetState, reply: CommandReply) -> CommandReply:
+    """Keep the last answer per command id, for the last few ids."""
+    others = tuple(r for r in asset.answered if r.command_id != reply.command_id)
+    asset.answered = (*others, reply)[-_REMEMBERED:]
+    return reply

@@ -1,0 +1,1 @@
+"""The truth about vehicles and persons at the checkpoint."""

@@ -1,0 +1,82 @@
+"""Ground robots and contacts: identifying and warning at a gate (WF-01, ROE-02, CAP-03).
+
+What a robot does here rests on its proximity sensors, which see the truth near it whatever the
+weather; the station learns of it by the robot's reports. The track ids in its answers are those
+that the station has given.
+"""
+
+import math
+from typing import Literal
+
+from pa_console.sim.sensing.tracker import name_of
+from pa_console.sim.state import AssetState, ContactState, Finding, Scene
+from pa_console.sim.worlds.terrain import Terrain
+
+IDENTIFY_S = 4.0
+WARN_S = 3.0
+
+Ending = tuple[Literal["done", "failed"] | None, str]
+
+
+def attend(
+    terrain: Terrain, scene: Scene, asset: AssetState, verb: Literal["identify", "warn"], gate: str
+) -> Ending:
+    """Advance an `identify` or `warn` of an asset that stands at `gate`; None means not yet.
+
+    It fails at once when nothing is there or on its way, waits for one on its way to come within
+    sensor range, and then needs a few seconds with it. What is found out is the robot's own
+    opinion: that a contact is hostile takes another sensor to confirm (ROE-01).
+    """
+    contact = _choose(scene, asset, verb, gate)
+    if contact is None:
+        return "failed", f"no track at {gate}"
+    gap_m = math.dist(contact.position, asset.position)
+    if gap_m > terrain.world.platforms[asset.kind].sensor_range_m:
+        asset.dwell = 0
+        return None, ""
+    asset.dwell += 1
+    needed = IDENTIFY_S if verb == "identify" else WARN_S
+    if asset.dwell * terrain.world.dt_s < needed:
+        return None, ""
+    if verb == "warn" and contact.warned_tick is None:
+        contact.warned_tick = scene.tick
+    _note(scene, asset, contact, verb)
+    name = called(scene, contact)
+    if verb == "warn":
+        return "done", f"warned {name}"
+    return "done", f"{name} is {contact.identity}, looks {_looks(contact)}"
+
+
+def called(scene: Scene, contact: ContactState) -> str:
+    """Return the track id of a contact, or what it is if the station does not track it."""
+    return name_of(scene, contact.id) or f"a {contact.kind}"
+
+
+def _looks(contact: ContactState) -> str:
+    return "undecided" if contact.intent == "unknown" else contact.intent
+
+
+def _note(scene: Scene, asset: AssetState, contact: ContactState, verb: str) -> None:
+    """Keep what the asset has found out, to be told with its reports."""
+    findings, key = scene.sensing.findings, (asset.id, contact.id)
+    before = findings.get(key, Finding())
+    if verb == "identify":
+        findings[key] = Finding(contact.identity, contact.intent, before.warned_tick)
+    else:
+        findings[key] = Finding(before.identity, before.opinion, contact.warned_tick)
+
+
+def _choose(scene: Scene, asset: AssetState, verb: str, gate: str) -> ContactState | None:
+    """Return whom to attend to at `gate`: one that still needs it first, then the nearest.
+
+    Whether one has been identified is as the station, which gave the order, knows it.
+    """
+    here = [c for c in scene.contacts.values() if c.gate == gate and c.status != "leaving"]
+
+    def rank(contact: ContactState) -> tuple[bool, float, str]:
+        file = scene.sensing.files.get(contact.id)
+        identified = file is not None and file.identity != "unknown"
+        done = identified if verb == "identify" else contact.warned_tick is not None
+        return done, math.dist(contact.position, asset.position), contact.id
+
+    return min(here, key=rank, default=None)

@@ -1,0 +1,186 @@
+"""Which reported positions to believe: physics, odometry and other sensors against forgery.
+
+Detected: a jump that no asset of the kind can make since its last report; a position that creeps
+while the asset says it stands (GPS drift); an asset that a gate camera or a UAV at the same gate
+does not see where it says it stands. An asset found suspect stays so until its reports have been
+sound for SOUND_S, or another sensor has seen it where it says it is for as long.
+
+Not detected: drift below CREEP_M, or of an asset on the move until it stands; a forged report that
+repeats where the asset stands, or gives a place within its reach after a silence, unless a camera
+or UAV watches the place; anything but the position (battery, task).
+"""
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from pa_console.schema.base import Point
+from pa_console.schema.telemetry import AssetTelemetry, Weather
+from pa_console.schema.world import World
+from pa_console.sim.radio import radio
+from pa_console.sim.sensing.sensors import WEATHER
+from pa_console.sim.state import Heard, Report, Scene, Trust
+from pa_console.sim.worlds.terrain import Terrain
+
+SPEED_MARGIN = 1.5
+NOISE_M = 1.0
+CREEP_M = 3.0
+SEEN_M = 2.5
+"""Another sensor tells where an asset is to within this."""
+GAP_PERIODS = 2.5
+SOUND_S = 3.0
+UNSEEN_S = 3.0
+"""So long other sensors have to miss an asset before its reports are suspect."""
+
+
+def judge(world: World, heard: Heard, report: Report) -> Trust:
+    """Return what to make of an asset's positions now that `report` has come after `heard`."""
+    trust, last, now = heard.trust, heard.telemetry, report.telemetry
+    if trust.carried_tick is not None:
+        return Trust(stood=_standing(now))
+    since_s = (report.stamp - heard.stamp) * world.dt_s
+    if not trust.suspect:
+        if _possible(world, now, last.position, since_s) and not _creeps(
+            world, now, trust, since_s
+        ):
+            return _sound(world, trust, now, since_s)
+        return Trust(stood=trust.stood, suspect=True, anchor=last.position, anchor_tick=heard.stamp)
+    if trust.sound_from is None:
+        if _returned(world, trust, report, last, since_s):
+            return replace(trust, sound_from=report.stamp)
+        return trust
+    if not _possible(world, now, last.position, since_s) or _creeps(world, now, trust, since_s):
+        return replace(trust, sound_from=None)
+    if (report.stamp - trust.sound_from) * world.dt_s >= SOUND_S:
+        return Trust(stood=_standing(now))
+    return trust
+
+
+def compare(terrain: Terrain, scene: Scene) -> None:
+    """Compare what assets that stand at a gate report with what other sensors there see of them.
+
+    A working camera, or a UAV that reports from the same gate itself, recognises an asset of the
+    team that stands in its view; called once a telemetry period.
+    """
+    world, station = terrain.world, scene.station
+    fresh = scene.tick - round(2 * world.telemetry_period_s / world.dt_s)
+    for gate, names in station.at_gate.items():
+        cameras = [
+            name
+            for name, camera in world.cameras.items()
+            if camera.gate == gate and name not in scene.sensing.broken
+        ]
+        drones = [name for name in names if _witness(world, scene, name, fresh)]
+        for name in names:
+            heard = station.heard[name]
+            at = heard.telemetry.position
+            if heard.stamp < fresh or _standing(heard.telemetry) is None:
+                continue
+            if any(drone != name for drone in drones) or any(
+                _in_view(terrain, camera, at, scene.sensing.weather) for camera in cameras
+            ):
+                there = math.dist(at, scene.assets[name].position) <= SEEN_M
+                trust = _witnessed(world, heard, there)
+                if trust is not heard.trust:
+                    station.heard[name] = replace(heard, trust=trust)
+
+
+@lru_cache(maxsize=4096)
+def _in_view(terrain: Terrain, name: str, point: Point, weather: Weather) -> bool:
+    """Return whether the camera `name` would see an asset at `point` for certain."""
+    camera = terrain.world.cameras[name]
+    dx, dy = point[0] - camera.at[0], point[1] - camera.at[1]
+    off = math.remainder(math.atan2(dy, dx) - math.radians(camera.heading_deg), math.tau)
+    return (
+        math.hypot(dx, dy) <= camera.sensor_range_m * WEATHER[weather][0] - SEEN_M
+        and abs(off) <= math.radians(camera.field_of_view_deg / 2)
+        and bool(terrain.sight.clear(np.array([camera.at]), np.array([point]))[0])
+    )
+
+
+def _witness(world: World, scene: Scene, name: str, fresh: int) -> bool:
+    """Return whether `name` is a UAV whose own sightings reach the station from where it says."""
+    asset, heard = scene.assets[name], scene.station.heard[name]
+    return (
+        asset.kind == "uav"
+        and heard.stamp >= fresh
+        and not heard.trust.suspect
+        and asset.spoofed is None
+        and not asset.down
+        and name not in scene.sensing.broken
+        and radio.works(scene, asset)
+        and math.dist(asset.position, heard.telemetry.position)
+        <= world.platforms["uav"].sensor_range_m / 2
+    )
+
+
+def _witnessed(world: World, heard: Heard, there: bool) -> Trust:
+    """Return the trust after one more period in which other sensors saw the asset or missed it."""
+    trust, period_s = heard.trust, world.telemetry_period_s
+    if there:
+        if not trust.suspect:
+            return replace(trust, unseen=0) if trust.unseen else trust
+        if (trust.seen + 1) * period_s >= SOUND_S:
+            return Trust(stood=heard.telemetry.position)
+        return replace(trust, seen=trust.seen + 1, unseen=0)
+    at = heard.telemetry.position
+    if trust.suspect:
+        return replace(trust, seen=0, lie=at, sound_from=None)
+    if (trust.unseen + 1) * period_s >= UNSEEN_S:
+        return Trust(stood=None, suspect=True, anchor=at, anchor_tick=heard.stamp, lie=at)
+    return replace(trust, unseen=trust.unseen + 1)
+
+
+def _possible(world: World, now: AssetTelemetry, then: Point, since_s: float) -> bool:
+    """Return whether an asset of the kind can have come from `then` within `since_s`."""
+    limit = SPEED_MARGIN * world.platforms[now.kind].speed_mps * since_s + NOISE_M
+    return now.position == then or math.dist(now.position, then) <= limit
+
+
+def _creeps(world: World, now: AssetTelemetry, trust: Trust, since_s: float) -> bool:
+    """Return whether an asset that says it stands is not where it came to stand.
+
+    After a gap in its reports it may have moved and come to stand again.
+    """
+    stood = trust.stood
+    if stood is None or now.position == stood or _standing(now) is None:
+        return False
+    return not _gap(world, since_s) and math.dist(now.position, stood) > CREEP_M
+
+
+def _standing(now: AssetTelemetry) -> Point | None:
+    return now.position if now.speed_mps == 0.0 and not now.route else None
+
+
+def _gap(world: World, since_s: float) -> bool:
+    return since_s > GAP_PERIODS * world.telemetry_period_s
+
+
+def _sound(world: World, trust: Trust, now: AssetTelemetry, since_s: float) -> Trust:
+    """Return the trust after a sound report; after a gap the asset may have moved in between."""
+    stood = _standing(now)
+    if stood is not None and trust.stood is not None and not _gap(world, since_s):
+        stood = trust.stood
+    return trust if stood == trust.stood else Trust(stood=stood, unseen=trust.unseen)
+
+
+def _returned(
+    world: World, trust: Trust, report: Report, last: AssetTelemetry, since_s: float
+) -> bool:
+    """Return whether a suspect asset's reports may be true again.
+
+    They are if it is back where it stood, or has left the place where it was missed, or its
+    position breaks off from the doubtful ones and can be reached from its last sound one.
+    """
+    now = report.telemetry
+    if trust.stood is not None and math.dist(now.position, trust.stood) <= NOISE_M:
+        return True
+    age_s = (report.stamp - trust.anchor_tick) * world.dt_s
+    if not _possible(world, now, trust.anchor, age_s):
+        return False
+    if trust.lie is not None:
+        return math.dist(now.position, trust.lie) > CREEP_M
+    odometer_m = 1.2 * max(now.speed_mps, last.speed_mps) * since_s + NOISE_M
+    return math.dist(now.position, last.position) > odometer_m

@@ -1,0 +1,178 @@
+"""The station's side of telemetry: the picture that the reports which arrived add up to.
+
+Nothing here reads the truth: that a report is stale, a link degraded or lost, a position doubtful
+is concluded from which reports came, and when (paper, Step 3; CAP-05).
+"""
+
+import math
+from collections.abc import Iterable
+
+from pa_console.schema.telemetry import AssetTelemetry, CommsStatus, GateCover, Picture
+from pa_console.schema.world import World
+from pa_console.sim.picture import integrity, telemetry
+from pa_console.sim.radio import radio
+from pa_console.sim.sensing import sensing
+from pa_console.sim.state import Heard, Report, Scene, StationState
+from pa_console.sim.worlds.terrain import Terrain
+
+LATE_S = 0.25
+"""A report counts as late when it takes this much longer than the world's radio ever does."""
+WINDOW = 16
+TOLERATED = 4
+"""A link is degraded when more than so many of the last WINDOW reports were late or missing.
+
+A quarter: one that loses now and then a report carries commands well, sent again if need be.
+"""
+_ALL = (1 << WINDOW) - 1
+
+
+def period_ticks(world: World) -> int:
+    """Return how many steps a telemetry period takes."""
+    return max(1, round(world.telemetry_period_s / world.dt_s))
+
+
+def begin(terrain: Terrain, scene: Scene) -> Picture:
+    """Return the picture before the first step, in which everything has been so for long.
+
+    A link that works has always worked, and one that does not has long been silent.
+    """
+    world = terrain.world
+    station = scene.station = StationState(at_gate={gate: {} for gate in world.gates})
+    long_ago = scene.tick - math.ceil(max(world.link_lost_s, world.stale_s) / world.dt_s) - 1
+    for asset in scene.assets.values():
+        comms = radio.quality(world, scene, asset)
+        station.heard[asset.id] = Heard(
+            telemetry=telemetry.report_of(terrain, scene.tick, asset),
+            stamp=long_ago if comms == "lost" else scene.tick,
+            marks=marks_of(comms),
+        )
+    return build(terrain, scene, scene.assets)
+
+
+def receive(terrain: Terrain, scene: Scene, report: Report) -> None:
+    """Take in a report that has just arrived, unless a later one has come before it.
+
+    What a suspect asset detects is ignored: it may not be where it says it is.
+    """
+    world, station = terrain.world, scene.station
+    heard = station.heard[report.agent]
+    carried = heard.trust.carried_tick
+    if report.stamp <= heard.stamp or (carried is not None and report.stamp <= carried):
+        return
+    trust = integrity.judge(world, heard, report)
+    missed = (report.stamp - heard.stamp) // period_ticks(world)
+    in_time = scene.tick - report.stamp <= _patience(world)
+    marks = (heard.marks << min(missed, WINDOW) | in_time) & _ALL
+    station.heard[report.agent] = Heard(report.telemetry, report.stamp, marks, trust)
+    if report.detections and not trust.suspect:
+        sensing.receive(terrain, scene, report.agent, report.stamp, report.detections)
+
+
+def build(terrain: Terrain, scene: Scene, names: Iterable[str]) -> Picture:
+    """Conclude anew about the assets in `names` and return the picture."""
+    station = scene.station
+    stirred = {gate for gate in terrain.world.gates if gate not in station.covers}
+    for name in names:
+        known = _concluded(terrain.world, scene, name)
+        before = station.shown.get(name)
+        if known is not before:
+            station.shown[name] = known
+            stirred |= update_post(scene, before, known)
+    _cover(terrain, scene, stirred)
+    return Picture.model_construct(
+        tick=scene.tick,
+        time_s=terrain.seconds(scene.tick),
+        assets=dict(station.shown),
+        tracks=sensing.tracks_known(terrain, scene),
+        gates=dict(station.covers),
+        cameras=sensing.cameras_known(terrain, scene),
+        weather=sensing.weather(scene),
+    )
+
+
+def marks_of(comms: CommsStatus) -> int:
+    """Return the marks of a link that has long been so: reports came well, or did not."""
+    return 0 if comms == "degraded" else _ALL
+
+
+def comms_of(heard: Heard, missing: int) -> CommsStatus:
+    """Return whether reports come well; `missing` so many of the latest have not come at all."""
+    marks = (heard.marks << min(missing, WINDOW)) & _ALL
+    return "ok" if WINDOW - marks.bit_count() <= TOLERATED else "degraded"
+
+
+def _concluded(world: World, scene: Scene, name: str) -> AssetTelemetry:
+    """Return an asset's latest report with the station's conclusions about it."""
+    heard = scene.station.heard[name]
+    age = scene.tick - heard.stamp
+    age_s = round(age * world.dt_s, 6)
+    stale, suspect = age_s > world.stale_s, heard.trust.suspect
+    comms: CommsStatus = "lost"
+    if age_s < world.link_lost_s:
+        missing = 0 if scene.ideal else max(0, age - _patience(world)) // period_ticks(world)
+        comms = comms_of(heard, missing)
+    said = heard.telemetry
+    if comms == "ok" and not stale and not suspect:
+        return said
+    available = said.available and not stale and not suspect and comms != "lost"
+    integrity_now = "suspect" if suspect else "ok"
+    shown = scene.station.shown.get(name)
+    if (
+        shown is not None
+        and shown.stamp_s == said.stamp_s
+        and (shown.comms, shown.stale, shown.integrity) == (comms, stale, integrity_now)
+    ):
+        return shown
+    status = "degraded" if comms != "ok" and said.status == "ok" else said.status
+    return said.model_copy(
+        update={
+            "comms": comms,
+            "stale": stale,
+            "integrity": integrity_now,
+            "available": available,
+            "status": status,
+        }
+    )
+
+
+def _patience(world: World) -> int:
+    """Return how many steps after it was sent a report counts as late."""
+    slowest_s = world.radio.latency_s + world.radio.jitter_s + LATE_S
+    return math.ceil(slowest_s / world.dt_s - 1e-9)
+
+
+def update_post(scene: Scene, before: AssetTelemetry | None, now: AssetTelemetry) -> set[str]:
+    """Note at which gate an asset is by its report; return the gates for which that changes.
+
+    One that has failed is nowhere; of one that is stale, silent or suspect it is not sure.
+    """
+    at_gate = scene.station.at_gate
+    stirred: set[str] = set()
+    old = before.at if before is not None and before.at == before.post else None
+    new = now.at if now.at == now.post and now.status != "failed" else None
+    if old is not None and old != new and at_gate.get(old, {}).pop(now.id, None) is not None:
+        stirred.add(old)
+    if new is not None and new in at_gate and at_gate[new].get(now.id) is not now.available:
+        at_gate[new][now.id] = now.available
+        stirred.add(new)
+    return stirred
+
+
+def _cover(terrain: Terrain, scene: Scene, stirred: set[str]) -> None:
+    """Work out which assets are known to cover each gate, and since when none is (WF-03)."""
+    station = scene.station
+    for gate in terrain.world.gates:
+        known = station.covers.get(gate)
+        by, unsure = (known.by, known.unsure) if known is not None else ((), ())
+        if gate in stirred:
+            posted = station.at_gate.get(gate, {})
+            names = sorted(posted, key=lambda name: scene.assets[name].index)
+            by = tuple(name for name in names if posted[name])
+            unsure = tuple(name for name in names if not posted[name])
+        if by:
+            station.covered_tick[gate] = scene.tick
+        gap = terrain.seconds(scene.tick - station.covered_tick.get(gate, 0))
+        if known is None or gate in stirred or gap != known.uncovered_s:
+            station.covers[gate] = GateCover(
+                covered=bool(by), by=by, uncovered_s=gap, unsure=unsure
+            )

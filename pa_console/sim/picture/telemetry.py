@@ -1,0 +1,138 @@
+"""What the assets say of themselves, truly or forged, and the exact state (paper, Step 3)."""
+
+import math
+
+from pa_console.schema.base import Point
+from pa_console.schema.telemetry import AssetStatus, AssetTelemetry, GateCover, Picture
+from pa_console.sim.assets import battery
+from pa_console.sim.incidents import watch_task
+from pa_console.sim.radio import link, radio
+from pa_console.sim.sensing import sensing
+from pa_console.sim.state import AssetState, Report, Scene
+from pa_console.sim.worlds.terrain import Terrain
+
+
+def send(terrain: Terrain, scene: Scene) -> None:
+    """Let every sensor scan and every asset report; called once a telemetry period.
+
+    What a camera detects is at the station at once, as it is wired; an asset's detections travel
+    with its report. Forged reports come from the forger, whatever the asset's own link does.
+    """
+    found = sensing.scan(terrain, scene)
+    for asset in scene.assets.values():
+        battery.settle(terrain.world, scene, asset)
+        place = where(terrain, asset)
+        if place is not None and place == asset.post and not asset.down:
+            scene.covered_tick[place] = scene.tick
+        if asset.spoofed is not None:
+            report = Report(asset.id, scene.tick, _forged(terrain, scene, asset))
+        elif radio.works(scene, asset):
+            said = report_of(terrain, scene.tick, asset)
+            report = Report(asset.id, scene.tick, said, found.get(asset.id, ()))
+        else:
+            continue
+        if not radio.loses(scene, asset):
+            link.send_report(scene, report, terrain.world.dt_s)
+    for sensor, detections in found.items():
+        if sensor not in scene.assets:
+            sensing.receive(terrain, scene, sensor, scene.tick, detections)
+
+
+def where(terrain: Terrain, asset: AssetState) -> str | None:
+    """Return the frame that `asset` truly is at, worked out anew only when it has moved."""
+    if asset.placed_at != asset.position:
+        asset.placed_at, asset.place = asset.position, terrain.frame_at(asset.x, asset.y)
+    return asset.place
+
+
+def report_of(terrain: Terrain, tick: int, asset: AssetState) -> AssetTelemetry:
+    """Return what `asset` says of itself at `tick`: all true but a position that has drifted."""
+    at, position = where(terrain, asset), asset.position
+    if asset.drift is not None:
+        position = asset.drift.applied(position, tick, terrain.world.dt_s)
+        at = terrain.frame_at(*position)
+    low = asset.battery < terrain.world.low_battery_pct
+    status: AssetStatus = "degraded" if low or asset.speed_factor < 1.0 else "ok"
+    return AssetTelemetry(
+        id=asset.id,
+        kind=asset.kind,
+        at=at,
+        post=asset.post,
+        position=_rounded(position),
+        heading_deg=round(math.degrees(asset.heading), 1),
+        speed_mps=round(asset.speed, 3),
+        status="failed" if asset.down else status,
+        task=asset.task,
+        battery_pct=round(asset.battery, 3),
+        low_battery=low,
+        comms="ok",
+        available=not asset.down,
+        route=tuple(_rounded(point) for point in asset.route),
+        command_id=asset.command.command_id if asset.command else None,
+        stamp_s=terrain.seconds(tick),
+    )
+
+
+def truth(terrain: Terrain, scene: Scene) -> Picture:
+    """Return the exact state as a picture; a gate is covered by whoever truly is, heard or not."""
+    assets: dict[str, AssetTelemetry] = {}
+    by: dict[str, list[str]] = {gate: [] for gate in terrain.world.gates}
+    for asset in scene.assets.values():
+        comms = radio.quality(terrain.world, scene, asset)
+        at = where(terrain, asset)
+        exact: dict[str, object] = {
+            "comms": comms,
+            "at": at,
+            "position": _rounded(asset.position),
+            "available": not asset.down and comms != "lost",
+        }
+        if comms != "ok" and not asset.down:
+            exact["status"] = "degraded"
+        assets[asset.id] = report_of(terrain, scene.tick, asset).model_copy(update=exact)
+        if at in by and at == asset.post and not asset.down:
+            by[at].append(asset.id)
+    return Picture(
+        tick=scene.tick,
+        time_s=terrain.seconds(scene.tick),
+        assets=assets,
+        tracks=sensing.true_tracks(terrain, scene),
+        gates={
+            gate: GateCover(
+                covered=bool(names),
+                by=tuple(names),
+                uncovered_s=0.0
+                if names
+                else terrain.seconds(scene.tick - scene.covered_tick.get(gate, 0)),
+            )
+            for gate, names in by.items()
+        },
+        cameras=sensing.cameras_known(terrain, scene),
+        weather=sensing.weather(scene),
+    )
+
+
+def _forged(terrain: Terrain, scene: Scene, asset: AssetState) -> AssetTelemetry:
+    """Return a forged report: all is well, and the asset has its watch at the frame."""
+    frame = asset.spoofed or terrain.world.base
+    last = scene.station.heard[asset.id].telemetry
+    places = terrain.places(frame, asset.kind)
+    return last.model_copy(
+        update={
+            "at": frame,
+            "post": frame,
+            "position": _rounded(places[0] if places else terrain.world.frames[frame].at),
+            "speed_mps": 0.0,
+            "status": "ok",
+            "task": watch_task(terrain, asset.kind, frame),
+            "battery_pct": max(last.battery_pct, terrain.world.low_battery_pct),
+            "low_battery": False,
+            "available": True,
+            "route": (),
+            "command_id": None,
+            "stamp_s": terrain.seconds(scene.tick),
+        }
+    )
+
+
+def _rounded(point: Point) -> Point:
+    return (round(point[0], 3), round(point[1], 3))

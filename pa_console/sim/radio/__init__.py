@@ -1,0 +1,1 @@
+"""The radio links between the station and its devices."""

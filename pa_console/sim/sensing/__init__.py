@@ -1,0 +1,1 @@
+"""Sensors, detections and the station's tracks."""

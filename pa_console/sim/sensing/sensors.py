@@ -1,0 +1,217 @@
+"""Who detects what: range, field of view, line of sight, weather, chance and noise (CAP-03)."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from pa_console.schema.base import Point
+from pa_console.schema.telemetry import Intent, Weather
+from pa_console.schema.world import Sensing
+from pa_console.sim.state import ContactState, Detection, Finding, Phantom, Scene
+from pa_console.sim.worlds.terrain import Terrain
+
+CLOSE_STANDOFFS = 2.5
+"""Within this many standoffs a sensor can tell what a contact is up to, and whom it carries."""
+WATCH_S = 10.0
+"""So long a sensor has to watch a contact at close range before it has an opinion of its intent."""
+AT_FULL_RANGE = 0.5
+"""Part of the detection probability that is left at the end of the range."""
+WEATHER: dict[Weather, tuple[float, float]] = {
+    "clear": (1.0, 1.0),
+    "rain": (0.8, 0.85),
+    "fog": (0.5, 0.7),
+}
+"""What is left of a sensor's range and of its detection probability."""
+_PHANTOM_STANDOFFS = 4.0
+_PHANTOM_MPS = 2.0
+
+Floats = npt.NDArray[np.float64]
+Found = dict[str, tuple[Detection, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class _Hit:
+    """That a sensor has detected a contact `gap_m` metres away."""
+
+    sensor: str
+    spec: Sensing
+    contact: ContactState
+    gap_m: float
+
+
+@dataclass(slots=True)
+class _Eyes:
+    """Every working sensor: who, what, and an array (n, 5) of x, y, range, heading, half view."""
+
+    names: list[str]
+    specs: list[Sensing]
+    near_gate: list[str | None]
+    walled: list[bool]
+    rows: Floats
+
+
+def scan(terrain: Terrain, scene: Scene) -> Found:
+    """Return what every working sensor (asset or camera) detects now; those without are left out.
+
+    A ground asset that identifies or warns has the contacts at its gate in its proximity sensors
+    for certain, walls and weather or not. What it has found out about a contact is part of each
+    of its reports, so that one that gets lost does no harm.
+    """
+    state = scene.sensing
+    if not (state.contacts or state.phantoms):
+        return {}
+    state.phantoms = tuple(p for p in state.phantoms if scene.tick < p.until_tick)
+    found: dict[str, list[Detection]] = {}
+    told: set[tuple[str, str]] = set()
+    if state.contacts:
+        for hit in _hits(terrain, scene):
+            told.add((hit.sensor, hit.contact.id))
+            found.setdefault(hit.sensor, []).append(_detection(terrain, scene, hit))
+    for (sensor, contact_id), finding in state.findings.items():
+        asset = scene.assets[sensor]
+        if (sensor, contact_id) not in told and not asset.down:
+            contact = state.contacts[contact_id]
+            found.setdefault(sensor, []).append(_recalled(contact, finding))
+    for phantom in state.phantoms:
+        seen = _imagined(terrain, scene, phantom)
+        if seen is not None:
+            found.setdefault(phantom.sensor, []).append(seen)
+    return {sensor: tuple(detections) for sensor, detections in found.items()}
+
+
+def _hits(terrain: Terrain, scene: Scene) -> list[_Hit]:
+    """Return every detection of this scan, in the order of sensors and contacts."""
+    contacts = list(scene.contacts.values())
+    targets = np.array([contact.position for contact in contacts])
+    range_part, chance_part = WEATHER[scene.sensing.weather]
+    eyes = _eyes(terrain, scene, range_part)
+    if not eyes.names:
+        return []
+    dx = targets[None, :, 0] - eyes.rows[:, None, 0]
+    dy = targets[None, :, 1] - eyes.rows[:, None, 1]
+    reached = np.nonzero(dx * dx + dy * dy <= eyes.rows[:, None, 2] ** 2)
+    rows = eyes.rows[reached[0]]
+    bearing = np.arctan2(dy[reached], dx[reached])
+    off = np.abs((bearing - rows[:, 3] + np.pi) % (2 * np.pi) - np.pi)
+    viewed = (off <= rows[:, 4] + 1e-9).tolist()
+    gaps = np.hypot(dx[reached], dy[reached]).tolist()
+    pairs = list(zip(reached[0].tolist(), reached[1].tolist(), strict=True))
+    close_by = [eyes.near_gate[s] == contacts[c].gate for s, c in pairs]
+    needs = [index for index, (s, _) in enumerate(pairs) if eyes.walled[s] and not close_by[index]]
+    clear = np.ones(len(pairs), dtype=np.bool_)
+    clear[needs] = terrain.sight.clear(rows[needs, :2], targets[reached[1][needs]])
+    hits: list[_Hit] = []
+    for index, (s, c) in enumerate(pairs):
+        if not (close_by[index] or (viewed[index] and clear[index])):
+            continue
+        spec, reach = eyes.specs[s], float(eyes.rows[s, 2])
+        chance = detection_chance(spec, gaps[index], reach) * chance_part
+        if scene.ideal or close_by[index] or scene.rng.random() < chance:
+            hits.append(_Hit(eyes.names[s], spec, contacts[c], gaps[index]))
+    return hits
+
+
+def detection_chance(spec: Sensing, gap_m: float, reach_m: float) -> float:
+    """Return the chance of a detection at `gap_m`; it falls with the fourth power of the range."""
+    return spec.detection_probability * (1.0 - (1.0 - AT_FULL_RANGE) * (gap_m / reach_m) ** 4)
+
+
+def _eyes(terrain: Terrain, scene: Scene, range_part: float) -> _Eyes:
+    """Collect the sensors that work, cameras first; those at close quarters have full range."""
+    world, broken = terrain.world, scene.sensing.broken
+    eyes = _Eyes([], [], [], [], np.zeros((0, 5)))
+    rows: list[tuple[float, float, float, float, float]] = []
+    for name, camera in world.cameras.items():
+        if name not in broken:
+            eyes.names.append(name)
+            eyes.specs.append(camera)
+            eyes.near_gate.append(None)
+            eyes.walled.append(True)
+            half = math.radians(camera.field_of_view_deg / 2)
+            reach = camera.sensor_range_m * range_part
+            rows.append((*camera.at, reach, math.radians(camera.heading_deg), half))
+    kinds = {
+        kind: (spec, spec.sensor_range_m, math.radians(spec.field_of_view_deg / 2), kind != "uav")
+        for kind, spec in world.platforms.items()
+    }
+    for asset in scene.assets.values():
+        if asset.down or asset.id in broken:
+            continue
+        spec, reach, half, walled = kinds[asset.kind]
+        near = asset.post if asset.task in ("identifying", "warning") else None
+        eyes.names.append(asset.id)
+        eyes.specs.append(spec)
+        eyes.near_gate.append(near)
+        eyes.walled.append(walled)
+        rows.append((asset.x, asset.y, reach if near else reach * range_part, asset.heading, half))
+    eyes.rows = np.array(rows).reshape(-1, 5)
+    return eyes
+
+
+def _detection(terrain: Terrain, scene: Scene, hit: _Hit) -> Detection:
+    """Measure a contact and say what the sensor makes of it; counts the time it has watched."""
+    state, world, contact = scene.sensing, terrain.world, hit.contact
+    key = (hit.sensor, contact.id)
+    finding = state.findings.get(key, Finding())
+    opinion: Intent = finding.opinion
+    close = hit.gap_m <= CLOSE_STANDOFFS * world.standoff_m
+    if close:
+        state.watched[key] = state.watched.get(key, 0) + 1
+        if state.watched[key] * world.telemetry_period_s >= WATCH_S:
+            opinion = contact.intent
+    sigma = 0.0 if scene.ideal else hit.spec.position_noise_m
+    return Detection(
+        contact=contact.id,
+        kind=contact.kind,
+        position=_measured(terrain, scene, hit.sensor, contact.position, sigma),
+        sigma_m=sigma,
+        identity=finding.identity,
+        opinion=opinion,
+        noncombatants=close and contact.noncombatants,
+        warned_tick=finding.warned_tick,
+    )
+
+
+def _recalled(contact: ContactState, finding: Finding) -> Detection:
+    return Detection(
+        contact=contact.id,
+        kind=contact.kind,
+        position=None,
+        sigma_m=0.0,
+        identity=finding.identity,
+        opinion=finding.opinion,
+        warned_tick=finding.warned_tick,
+    )
+
+
+def _measured(terrain: Terrain, scene: Scene, sensor: str, point: Point, sigma_m: float) -> Point:
+    """Return `point` as measured with a normal error of `sigma_m` on each axis.
+
+    An asset measures from where it believes to be: its own drift goes into what it reports.
+    """
+    asset = scene.assets.get(sensor)
+    if asset is not None and asset.drift is not None:
+        point = asset.drift.applied(point, scene.tick, terrain.world.dt_s)
+    if sigma_m == 0.0:
+        return point
+    return (point[0] + scene.rng.gauss(0.0, sigma_m), point[1] + scene.rng.gauss(0.0, sigma_m))
+
+
+def _imagined(terrain: Terrain, scene: Scene, phantom: Phantom) -> Detection | None:
+    """Return the detection of a phantom, which creeps down its lane, None if its sensor misses."""
+    world, state = terrain.world, scene.sensing
+    camera, asset = world.cameras.get(phantom.sensor), scene.assets.get(phantom.sensor)
+    spec = camera or (world.platforms[asset.kind] if asset else None)
+    if spec is None or phantom.sensor in state.broken or (asset is not None and asset.down):
+        return None
+    if scene.rng.random() >= spec.detection_probability:
+        return None
+    line = terrain.lanes[phantom.lane]
+    start = line.first_within(_PHANTOM_STANDOFFS * world.standoff_m)
+    crept = (scene.tick - phantom.from_tick) * world.dt_s * _PHANTOM_MPS
+    point, _ = line.locate(min(line.waiting_m, start + crept))
+    sigma = spec.position_noise_m
+    at = _measured(terrain, scene, phantom.sensor, point, sigma)
+    return Detection(contact=phantom.id, kind="vehicle", position=at, sigma_m=sigma)

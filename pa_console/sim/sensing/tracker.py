@@ -1,0 +1,277 @@
+"""The station's tracks: detections brought together to one estimate per contact.
+
+Constant velocity with random acceleration; both axes have the same covariance, as measurement
+noise has no direction. It draws nothing, so equal detections give equal estimates.
+
+A conclusion needs motion well beyond the estimate's error and has to hold for a while, so that
+noise does not change it at every scan.
+
+Which detections belong together is told by the contact's signature (plate, shape, gait), so that
+association is perfect; position, velocity and what follows from them are estimated.
+"""
+
+import math
+
+from pa_console.schema.base import Point
+from pa_console.schema.telemetry import Intent, TrackStatus
+from pa_console.sim.state import Detection, Scene, TrackFile
+from pa_console.sim.worlds.terrain import Terrain
+
+ACCELERATION_MPS2 = 1.0
+"""One sigma of the acceleration that a contact may show at any time."""
+SPEED_SIGMA_MPS = 8.0
+"""One sigma of the speed on each axis of a contact of which nothing is known yet."""
+LEAST_SIGMA_M = 0.05
+_SURPRISE = 18.4
+"""Squared error in sigmas that two dimensions exceed once in ten thousand measurements."""
+
+
+def measure(file: TrackFile, at: Point, sigma_m: float, tick: int, dt_s: float) -> None:
+    """Take in a measurement made at `tick`; an older one than the latest is first moved ahead.
+
+    A surprising one means that the contact has changed its motion: its speed is learned anew.
+    """
+    noise = max(sigma_m, LEAST_SIGMA_M) ** 2
+    if file.variance == 0.0:
+        (file.x, file.y), file.variance = at, noise
+        file.covariance, file.speed_variance = 0.0, SPEED_SIGMA_MPS**2
+        return
+    elapsed = (tick - file.tick) * dt_s
+    if elapsed > 0.0:
+        _predict(file, elapsed)
+        file.tick = tick
+    elif elapsed < 0.0:
+        at = (at[0] - elapsed * file.vx, at[1] - elapsed * file.vy)
+        noise += file.speed_variance * elapsed**2
+    error_x, error_y = at[0] - file.x, at[1] - file.y
+    spread = file.variance + noise
+    if error_x**2 + error_y**2 > _SURPRISE * spread:
+        file.variance += error_x**2 + error_y**2
+        file.covariance, file.speed_variance = 0.0, SPEED_SIGMA_MPS**2
+        spread = file.variance + noise
+    gain, speed_gain = file.variance / spread, file.covariance / spread
+    file.x += gain * error_x
+    file.y += gain * error_y
+    file.vx += speed_gain * error_x
+    file.vy += speed_gain * error_y
+    file.speed_variance -= speed_gain * file.covariance
+    file.covariance *= 1.0 - gain
+    file.variance *= 1.0 - gain
+
+
+def _predict(file: TrackFile, seconds: float) -> None:
+    """Carry the estimate `seconds` ahead."""
+    q = ACCELERATION_MPS2**2
+    file.x += file.vx * seconds
+    file.y += file.vy * seconds
+    file.variance += (
+        2.0 * file.covariance * seconds + file.speed_variance * seconds**2 + q * seconds**4 / 4.0
+    )
+    file.covariance += file.speed_variance * seconds + q * seconds**3 / 2.0
+    file.speed_variance += q * seconds**2
+
+
+CONFIRM_S = 1.0
+"""So long the estimate must say the same before the status changes."""
+SETTLED_S = 3.0
+"""After a warning a contact gets this long before what it does counts as its answer."""
+_MOVING_MPS, _MOVING_SIGMAS = 0.6, 3.0
+_STANDING_MPS, _STANDING_SIGMAS = 0.4, 1.5
+_KNOWN_SPEED_MPS = 2.0
+_LEAST_MOVE_M, _PLACE_SIGMAS = 1.0, 4.0
+_SLOW_MPS = 1.0
+_STANDS_S = 20.0
+"""One stands that has not moved while the slowest walker would have, or for this long."""
+_DEFIANT_M = 2.0
+
+
+def conclude(terrain: Terrain, file: TrackFile) -> None:
+    """Update status, heading, gate and defiance of a track after a detection."""
+    dt_s = terrain.world.dt_s
+    depth = terrain.sight.depth(file.position)
+    displaced = _displaced(terrain, file)
+    says = _says(terrain, file, depth)
+    if displaced is not None and says == file.status == "stopped":
+        file.status = file.leaning = displaced
+    elif says == file.status or says != file.leaning:
+        file.leaning, file.leaning_tick = says, file.tick
+    elif (file.tick - file.leaning_tick) * dt_s >= CONFIRM_S - 1e-9:
+        file.status = says
+    if is_moving(file):
+        file.heading = math.atan2(file.vy, file.vx)
+    if depth < 0.0 and file.status not in {"inside", "stopped"}:
+        file.gate = terrain.sight.gate_of(file.position)
+    _watch_defiance(terrain, file)
+
+
+def is_moving(file: TrackFile) -> bool:
+    """Return whether the estimated speed is beyond doubt."""
+    limit = max(_MOVING_MPS, _MOVING_SIGMAS * math.sqrt(file.speed_variance))
+    return math.hypot(file.vx, file.vy) > limit
+
+
+def gap_to_gate(terrain: Terrain, file: TrackFile) -> float:
+    """Return the distance from where a track was last detected to its gate, metres."""
+    return math.dist(file.position, terrain.world.frames[file.gate].at)
+
+
+def _displaced(terrain: Terrain, file: TrackFile) -> TrackStatus | None:
+    """Return which way a track has moved since it last had, if that is beyond doubt.
+
+    So one that creeps is not taken for stopped, however noisy its speed is.
+    """
+    if file.anchor is None:
+        file.anchor, file.anchor_tick = file.position, file.tick
+    if math.dist(file.anchor, file.position) <= _doubt_m(file):
+        return None
+    before = math.dist(file.anchor, terrain.world.frames[file.gate].at)
+    file.anchor, file.anchor_tick = file.position, file.tick
+    return "approaching" if gap_to_gate(terrain, file) < before else "leaving"
+
+
+def _doubt_m(file: TrackFile) -> float:
+    """Return how far apart two estimates of one place may be."""
+    return max(_LEAST_MOVE_M, _PLACE_SIGMAS * math.sqrt(2.0) * file.sigma_m)
+
+
+def _says(terrain: Terrain, file: TrackFile, depth_m: float) -> TrackStatus:
+    """Return what the estimate alone says now; the present status if it says nothing clear."""
+    margin = max(1.0, file.sigma_m)
+    if depth_m > margin or (file.status == "inside" and depth_m > -margin):
+        return "inside"
+    if is_moving(file):
+        gate = terrain.world.frames[file.gate].at
+        closing = file.vx * (gate[0] - file.x) + file.vy * (gate[1] - file.y)
+        return "approaching" if closing > 0.0 else "leaving"
+    doubt = math.sqrt(file.speed_variance)
+    standing = math.hypot(file.vx, file.vy) < max(_STANDING_MPS, _STANDING_SIGMAS * doubt)
+    stood_s = (file.tick - file.anchor_tick) * terrain.world.dt_s
+    long_enough = stood_s >= min(_STANDS_S, _doubt_m(file) / _SLOW_MPS)
+    if standing and long_enough and doubt < _KNOWN_SPEED_MPS:
+        return "stopped"
+    return "approaching" if file.status == "inside" else file.status
+
+
+def _watch_defiance(terrain: Terrain, file: TrackFile) -> None:
+    """Notice that a warned contact goes on: nearer to its gate, or in, well beyond the error."""
+    if file.warned_tick is None or file.defiant:
+        return
+    if (file.tick - file.warned_tick) * terrain.world.dt_s < SETTLED_S:
+        return
+    if file.warned_at is None:
+        file.warned_at, file.warned_sigma_m = file.position, file.sigma_m
+        file.warned_inside = file.status == "inside"
+        return
+    gate = terrain.world.frames[file.gate].at
+    gained = math.dist(file.warned_at, gate) - gap_to_gate(terrain, file)
+    if file.warned_inside:
+        gained = -gained if file.status == "inside" else 0.0
+    doubt = _MOVING_SIGMAS * math.hypot(file.sigma_m, file.warned_sigma_m)
+    entered = file.status == "inside" and not file.warned_inside
+    file.defiant = entered or gained > max(_DEFIANT_M, doubt)
+
+
+DROP_S = 20.0
+"""A track is dropped so long after its last detection."""
+TWO_SENSORS = 2
+"""So many independent sensors must agree before an intent is confirmed (ROE-01, ROE-10)."""
+
+
+def receive(
+    terrain: Terrain, scene: Scene, sensor: str, stamp: int, detections: tuple[Detection, ...]
+) -> None:
+    """Take in what `sensor` detected at tick `stamp`; a contact not tracked becomes a track."""
+    state = scene.sensing
+    for detection in detections:
+        if detection.contact in state.cleared:
+            continue
+        file = state.files.get(detection.contact)
+        if file is None and detection.position is not None:
+            file = _open(terrain, scene, stamp, detection, detection.position)
+        elif file is not None and detection.position is not None:
+            measure(file, detection.position, detection.sigma_m, stamp, terrain.world.dt_s)
+        if file is not None:
+            _learn(terrain, file, sensor, stamp, detection)
+
+
+def review(terrain: Terrain, scene: Scene) -> None:
+    """Conclude what each track detected since the last review is doing.
+
+    A track that has not been detected for DROP_S seconds is dropped.
+    """
+    for contact, file in list(scene.sensing.files.items()):
+        if terrain.seconds(scene.tick - file.tick) >= DROP_S:
+            del scene.sensing.files[contact]
+        elif file.tick > file.reviewed_tick:
+            file.reviewed_tick = file.tick
+            conclude(terrain, file)
+
+
+def intent_of(file: TrackFile) -> Intent:
+    """Return the intent that the sensors' opinions confirm.
+
+    Hostile takes two independent sensors; benign takes two as well, or the one that identified
+    the contact, and nobody who says hostile.
+    """
+    hostile = len(hostile_by(file))
+    if hostile >= TWO_SENSORS:
+        return "hostile"
+    benign = sum(opinion == "benign" for _, opinion in file.opinions)
+    needed = 1 if file.identity != "unknown" else TWO_SENSORS
+    if hostile:
+        return "unknown"
+    return "benign" if benign >= needed else file.confirmed
+
+
+def hostile_by(file: TrackFile) -> tuple[str, ...]:
+    """Return the sensors that hold the contact for hostile, sorted."""
+    return tuple(sorted(sensor for sensor, opinion in file.opinions if opinion == "hostile"))
+
+
+def name_of(scene: Scene, contact: str) -> str:
+    """Return the track id that the station has given a contact, '' if it does not track it."""
+    file = scene.sensing.files.get(contact)
+    return "" if file is None else file.id
+
+
+def _open(terrain: Terrain, scene: Scene, stamp: int, detection: Detection, at: Point) -> TrackFile:
+    """Begin a track, numbered in the order of first detection, heading for its gate."""
+    state = scene.sensing
+    state.numbered += 1
+    gate = terrain.sight.gate_of(at)
+    ahead = terrain.world.frames[gate].at
+    file = TrackFile(
+        id=f"Track_{state.numbered:02d}",
+        contact=detection.contact,
+        kind=detection.kind,
+        gate=gate,
+        x=at[0],
+        y=at[1],
+        heading=math.atan2(ahead[1] - at[1], ahead[0] - at[0]),
+        variance=0.0,
+        tick=stamp,
+        first_tick=stamp,
+    )
+    measure(file, at, detection.sigma_m, stamp, terrain.world.dt_s)
+    state.files[detection.contact] = file
+    return file
+
+
+def _learn(
+    terrain: Terrain, file: TrackFile, sensor: str, stamp: int, detection: Detection
+) -> None:
+    """Keep what a detection tells beside the position."""
+    if detection.position is not None:
+        latest = max(stamp, dict(file.seen).get(sensor, stamp))
+        others = tuple(entry for entry in file.seen if entry[0] != sensor)
+        file.seen = (*others, (sensor, latest))
+        asset = terrain.world.assets.get(sensor)
+        file.observed = file.observed or (asset is not None and asset.kind == "uav")
+    if detection.identity != "unknown":
+        file.identity = detection.identity
+    if detection.opinion != "unknown":
+        others = tuple(entry for entry in file.opinions if entry[0] != sensor)
+        file.opinions = (*others, (sensor, detection.opinion))
+    file.noncombatants = file.noncombatants or detection.noncombatants
+    if detection.warned_tick is not None and file.warned_tick is None:
+        file.warned_tick = detection.warned_tick

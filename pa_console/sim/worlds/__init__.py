@@ -1,0 +1,1 @@
+"""Worlds: their files, their ground and routes, and generated ones."""

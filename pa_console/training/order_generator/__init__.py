@@ -1,0 +1,1 @@
+"""Draws orders that fit a situation, in all their kinds."""

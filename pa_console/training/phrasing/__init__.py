@@ -1,0 +1,1 @@
+"""Puts orders into the words of operators, from phrase banks."""

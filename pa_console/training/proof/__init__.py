@@ -1,0 +1,1 @@
+"""Whether a plan is right: checked, rehearsed, carried out and strictly scored."""

@@ -1,0 +1,1 @@
+"""What training leaves: lineage, model card, missions to evaluate with."""

@@ -1,0 +1,1 @@
+"""Situations to train in: random worlds, and what has happened there before a command."""

@@ -1,0 +1,1 @@
+"""What the evaluation screen shows: runs, filters, details and tables as rows."""

@@ -1,0 +1,244 @@
+"""The runs of an evaluation: which are shown, what is known of one, and the lines above them."""
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Literal, NamedTuple, get_args
+
+from textual.content import Content
+
+from pa_console.evaluation.reporting.statistics import Rate
+from pa_console.evaluation.runs.run_record import Opinion, RunRecord
+from pa_console.schema.evaluation import Expectation
+from pa_console.schema.mission import Metrics
+from pa_console.tui.status_words import BAD, NOTE, QUIET, WARN, term
+from pa_console.tui.trace.rows import Part, Row, column, row
+from pa_console.tui.words import count, duration_text
+
+Kind = Literal["all", "strict", "judge", "rules", "refuse"]
+"""A kind of runs; all but the first and the last are failures."""
+
+KINDS: tuple[Kind, ...] = get_args(Kind)
+
+LABELS: dict[Kind, str] = {
+    "all": "all runs",
+    "strict": "strict failures",
+    "judge": "judge wrong",
+    "rules": "rules broken",
+    "refuse": "must be refused",
+}
+
+
+def judge_wrong(record: RunRecord) -> bool:
+    """Whether a verdict of the judge, before or after, contradicts the strict success."""
+    given = (record.judge_plan, record.judge_outcome)
+    return any(verdict is not None and (verdict == "Success") != record.strict for verdict in given)
+
+
+_TESTS: dict[Kind, Callable[[RunRecord], bool]] = {
+    "all": lambda _: True,
+    "strict": lambda record: not record.strict,
+    "judge": judge_wrong,
+    "rules": lambda record: bool(record.broken),
+    "refuse": lambda record: record.expect == "refuse",
+}
+
+
+class RunFilter(NamedTuple):
+    """A kind of runs, and words of which each has to be found in what is known of a run."""
+
+    kind: Kind = "all"
+    text: str = ""
+
+    def passed(self, records: Iterable[RunRecord]) -> list[RunRecord]:
+        """Return the records that pass, in the order in which they are given."""
+        words, fits = self.text.lower().split(), _TESTS[self.kind]
+        return [record for record in records if fits(record) and (not words or _has(record, words))]
+
+
+def _has(record: RunRecord, words: Sequence[str]) -> bool:
+    known = " ".join(
+        (record.run, record.mission, record.model, record.variant, record.category, record.world,
+         record.status, *record.tags, *(breach.rule_id for breach in record.broken),
+         record.command)
+    ).lower()  # fmt: skip
+    return all(word in known for word in words)
+
+
+class Totals(NamedTuple):
+    """How many runs are shown of how many, and the rates of those that are shown."""
+
+    shown: int
+    runs: int
+    strict: Rate
+    hybrid: Rate
+
+    @classmethod
+    def of(cls, shown: Sequence[RunRecord], runs: int) -> "Totals":
+        """Count the records that are shown."""
+        strict = Rate.of(record.strict for record in shown)
+        hybrid = Rate.of(record.hybrid for record in shown if record.hybrid is not None)
+        return cls(len(shown), runs, strict, hybrid)
+
+
+EXPECTED: dict[Expectation, str] = {
+    "execute": "to be carried out",
+    "trim": "to be carried out in part, the rest refused",
+    "refuse": "to be refused: nothing but hold and report may be ordered",
+    "either": "may be carried out or refused",
+}
+_STAGES = (
+    ("retrieval", "retrieval_s"), ("picture", "picture_s"), ("prompt", "prompt_s"),
+    ("planning", "planning_s"), ("checks", "checks_s"), ("rehearsal", "rehearsal_s"),
+    ("judge", "judging_s"), ("readings", "readings_s"), ("decision", "decision_s"),
+    ("dispatch", "dispatch_s"), ("execution", "execution_s"), ("outcome", "outcome_s"),
+)  # fmt: skip
+_LEAD = 9
+
+
+def run_rows(record: RunRecord) -> list[Row]:
+    """Return a run from its command to its latency; what went wrong comes before the rest."""
+    strict, ended = _score(record.strict), term("mission", record.status)
+    expected: list[Part] = [EXPECTED[record.expect]]
+    if record.category:
+        expected.append((f"  {record.category}", QUIET))
+    rows = [
+        row("", (f"{record.mission}  ", "bold"), (f"{record.run}  in {record.world}", QUIET)),
+        _field("command", record.command),
+        _field("expected", *expected),
+        _field("strict", strict, "   hybrid ", _score(record.hybrid), "   ended ",
+               (f"{ended.glyph} {ended.word}", ended.style),
+               ("  nobody was moved" if record.refused else "", QUIET)),
+    ]  # fmt: skip
+    if record.reason:
+        rows.append(_field("reason", record.reason))
+    rows += [
+        _field("broken" if index == 0 else "", (f"✘ {breach.rule_id} ", f"bold {BAD}"),
+               breach.what, (f"  {breach.at_s:.1f} s after the command", QUIET))
+        for index, breach in enumerate(record.broken)
+    ]  # fmt: skip
+    rows += [
+        _field("not true" if index == 0 else "", ("✘ ", BAD), text)
+        for index, text in enumerate(record.failed)
+    ]
+    rows += [
+        _field("plan" if index == 0 else "", text)
+        for index, text in enumerate(record.plan or ("none",))
+    ]
+    rows.append(
+        _field("judge", "before ", *_opinion(record.judge_plan, record.strict),
+               "   after ", *_opinion(record.judge_outcome, record.strict))
+    )  # fmt: skip
+    if record.obeyed != record.strict:
+        rows.append(_field("", f"obeyed before execution, it would have been {_word(record)}"))
+    if record.verification is not None:
+        seen = term("outcome", record.verification)
+        rows.append(_field("telemetry", (f"{seen.glyph} {seen.word}", seen.style)))
+    rows.append(_field("answers", *_answers(record)))
+    rows += _latency(record.metrics)
+    return rows
+
+
+def _field(name: str, *body: Part) -> Row:
+    return row([column(name, _LEAD, QUIET)], *body)
+
+
+def _score(good: bool | None) -> tuple[str, str]:
+    if good is None:
+        return "– no verdict", QUIET
+    mark = term("score", "success" if good else "failure")
+    return f"{mark.glyph} {mark.word}", mark.style
+
+
+def _word(record: RunRecord) -> str:
+    return "a strict success" if record.obeyed else "a strict failure"
+
+
+def _opinion(given: Opinion | None, strict: bool) -> list[Part]:
+    if given is None:
+        return [("– not asked", QUIET)]
+    mark = term("verdict", given)
+    parts: list[Part] = [(f"{mark.glyph} {mark.word}", mark.style)]
+    if (given == "Success") != strict:
+        parts.append((" ≠ wrong", f"bold {WARN}"))
+    return parts
+
+
+def _answers(record: RunRecord) -> list[Part]:
+    parts: list[Part] = [count(record.attempts, "attempt")]
+    if not record.valid_json:
+        parts.append((", the first answer was no plan", WARN))
+    elif not record.first_sound:
+        parts.append((", the first plan broke a Critical or High rule", WARN))
+    if record.metrics.plans > 1:
+        parts.append(f", {record.metrics.plans} plans carried out")
+    if record.reused:
+        parts.append((f", {record.reused} taken from equal prompts", QUIET))
+    usage = record.planner
+    if usage.completion_tokens:
+        tokens = f"  first answer {usage.prompt_tokens} + {count(usage.completion_tokens, 'token')}"
+        parts.append((f"{tokens}, {duration_text(usage.seconds)}", QUIET))
+    return parts
+
+
+def _latency(metrics: Metrics) -> list[Row]:
+    """Return the seconds of every stage that took any; execution is in simulated seconds."""
+    taken = [(name, getattr(metrics, field)) for name, field in _STAGES]
+    parts: list[Part] = [(duration_text(metrics.end_to_end_s), f"bold {NOTE}"), " in all:"]
+    for name, seconds in taken:
+        if seconds > 0.0:
+            simulated = " simulated" if name == "execution" else ""
+            parts += [f"  {name} ", (duration_text(seconds) + simulated, NOTE)]
+    return [_field("latency", *parts)]
+
+
+_UNREADABLE = "Nothing can be shown until that is mended; o opens another folder."
+_NO_RUNS = (
+    "{folder} holds no run of an evaluation yet.",
+    "pa-console eval makes some: the paper's ten missions with the default model, scored on the "
+    "true state. `pa-console eval --help` names other missions, models and variants.",
+    "Runs appear here as they end; o opens another folder.",
+)
+
+
+def title_text(folder: Path, *, tables: bool, width: int) -> Content:
+    """Return the title with the two views, the shown one marked, and the end of the path."""
+    marked = "bold reverse $text-primary"
+    head = Content.assemble(
+        ("Evaluation  ", "bold $text-primary"),
+        (" Runs ", QUIET if tables else marked),
+        (" Tables ", marked if tables else QUIET),
+        "  ",
+    )
+    room, where = max(12, width - head.cell_length - 2), homely(folder)
+    where = where if len(where) <= room else "…" + where[len(where) - room + 1 :]
+    return Content.assemble(head, (where, QUIET))
+
+
+def totals_text(totals: Totals, problem: str) -> Content:
+    """Return how many runs are shown with their rates, or why the runs cannot be read."""
+    if problem:
+        return Content.styled(f"✘ {problem}", BAD)
+    of = "" if totals.shown == totals.runs else f" of {totals.runs:,}"
+    word = "run" if totals.runs == 1 else "runs"
+    parts: list[Part] = [(f"{totals.shown:,}{of} {word}", "bold")]
+    for name, rate in (("strict", totals.strict), ("hybrid", totals.hybrid)):
+        if rate.value is not None:
+            span = f" ({100 * rate.low:.0f}–{100 * rate.high:.0f})"
+            parts += [(f"   {name} ", QUIET), (f"{100 * rate.value:.1f} %", NOTE), span]
+    if totals.shown:
+        parts.append(("   95 % interval", QUIET))
+    return Content.assemble(*parts)
+
+
+def nothing_rows(folder: Path, problem: str) -> tuple[Row, ...]:
+    """Say why there is no run and what to do."""
+    texts = (_UNREADABLE,) if problem else _NO_RUNS
+    return tuple(row("", text.format(folder=homely(folder))) for text in texts)
+
+
+def homely(path: Path) -> str:
+    """Write a path with `~` for the user's home."""
+    try:
+        return str(Path("~") / path.resolve().relative_to(Path.home()))
+    except (ValueError, RuntimeError):
+        return str(path)

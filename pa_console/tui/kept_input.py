@@ -1,0 +1,100 @@
+"""What was typed and is kept in the user's state folder: missions, and unsaved rules."""
+
+import hashlib
+import os
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+from pydantic import TypeAdapter
+
+from pa_console.policy.authoring.rule_save import OpenRule
+from pa_console.private_files import make_private_folder, replace_private
+
+Draft = tuple[OpenRule, str]
+_SHAPE = TypeAdapter(dict[str, Draft])
+
+
+def drafts_folder() -> Path:
+    """Return where drafts are kept for this user."""
+    from platformdirs import user_state_path  # noqa: PLC0415 - only when rules can be edited
+
+    return user_state_path("pa-console") / "drafts"
+
+
+class Drafts(dict[str, Draft]):
+    """Drafts of one rule file by rule id, '' for a new rule; a disk that refuses is no error."""
+
+    def __init__(self, rules: Path | None = None, folder: Path | None = None) -> None:
+        """Begin with what `folder` has of the rule file; without a file nothing is kept."""
+        super().__init__()
+        self._file: Path | None = None
+        if rules is None:
+            return
+        place = hashlib.sha256(os.fsencode(rules.resolve())).hexdigest()[:16]
+        self._file = (folder or drafts_folder()) / f"{rules.stem}-{place}.json"
+        with suppress(OSError, ValueError):
+            for name, (opened, text) in _SHAPE.validate_json(self._file.read_bytes()).items():
+                self[name] = replace(opened, path=rules), text
+
+    def note(self, opened: OpenRule, text: str) -> None:
+        """Take `text` for the draft of a rule, or for none when it is what the file has."""
+        if text == opened.text:
+            self.pop(opened.id, None)
+        else:
+            self[opened.id] = opened, text
+
+    def keep(self) -> None:
+        """Write what there is, if that is possible; without a draft no file is left."""
+        if self._file is None:
+            return
+        with suppress(OSError):
+            if not self:
+                self._file.unlink(missing_ok=True)
+                return
+            make_private_folder(self._file.parent)
+            replace_private(self._file, _SHAPE.dump_json(dict(self)))
+
+
+HISTORY_KEPT = 200
+
+
+def history_file() -> Path:
+    """Return where the history is kept for this user."""
+    from platformdirs import user_state_path  # noqa: PLC0415  (only when the prompt is first used)
+
+    return user_state_path("pa-console") / "missions.txt"
+
+
+class History:
+    """Typed texts, oldest first, with a cursor that up and down move; `file` None keeps nothing."""
+
+    def __init__(self, file: Path | None = None, kept: int = HISTORY_KEPT) -> None:
+        self._file, self._kept = file, kept
+        self._texts: list[str] = []
+        if file is not None:
+            with suppress(OSError, UnicodeDecodeError):
+                lines = file.read_text(encoding="utf-8").splitlines()
+                self._texts = self._newest([line for line in lines if line.strip()])
+        self._at = len(self._texts)
+        self._draft = ""
+
+    def add(self, text: str) -> None:
+        """Remember `text` as the newest, once, and write the file if that is possible."""
+        text = " ".join(text.split())
+        self._texts = self._newest([*(known for known in self._texts if known != text), text])
+        self._at, self._draft = len(self._texts), ""
+        if self._file is not None:
+            with suppress(OSError):
+                make_private_folder(self._file.parent)
+                replace_private(self._file, "\n".join([*self._texts, ""]).encode())
+
+    def _newest(self, texts: list[str]) -> list[str]:
+        return texts[-self._kept :] if self._kept else []
+
+    def move(self, by: int, current: str) -> str:
+        """Return the text `by` entries away; what was being typed comes back at the end."""
+        if self._at == len(self._texts):
+            self._draft = current
+        self._at = max(0, min(len(self._texts), self._at + by))
+        return self._texts[self._at] if self._at < len(self._texts) else self._draft

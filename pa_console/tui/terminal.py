@@ -1,0 +1,92 @@
+"""The terminal around the console: when it is gone, and the user's own editor in it."""
+
+import asyncio
+import os
+import select
+import shlex
+import shutil
+import signal
+import tempfile
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from pathlib import Path
+from threading import Thread
+from types import FrameType
+from typing import Any
+
+from textual.app import SuspendNotSupported
+from textual.screen import Screen
+
+from pa_console.schema.document import DocumentError, read_text
+
+
+def when_hung_up(terminal: int, do: Callable[[], None]) -> None:
+    """Call `do` from a thread of its own once nobody is at the other end of the file `terminal`.
+
+    SIGHUP comes from a controlling terminal only. What is typed meanwhile is left to others.
+    """
+    watch = select.poll()
+    watch.register(terminal, 0)  # hang-ups and errors are told whatever is asked for
+
+    def wait() -> None:
+        watch.poll()
+        do()
+
+    Thread(target=wait, name="hangup", daemon=True).start()
+
+
+NO_EDITOR = "set VISUAL or EDITOR to the command of your editor"
+
+
+def editor_command() -> list[str]:
+    """Return the user's editor as words; raises ValueError when there is none."""
+    given = os.environ.get("VISUAL") or os.environ.get("EDITOR") or "vi"
+    try:
+        words = shlex.split(given)
+    except ValueError as error:
+        raise ValueError(f"{given!r} is not a command ({error}); {NO_EDITOR}") from error
+    if not words or shutil.which(words[0]) is None:
+        raise ValueError(f"there is no editor {given!r}; {NO_EDITOR}")
+    return words
+
+
+async def edit_outside(screen: Screen[Any], command: list[str], text: str) -> str:
+    """Give the terminal to the editor `command` with `text`; return what it was saved as.
+
+    The event loop goes on, so that a session does not stand still. Raises ValueError when the
+    editor fails or the terminal cannot be given away.
+    """
+    with tempfile.TemporaryDirectory(prefix="pa-console-") as folder:
+        file = Path(folder, "rule.yaml")
+        file.write_text(text, encoding="utf-8")
+        try:
+            with (
+                screen.app.suspend(),
+                screen.app.batch_update(),
+                _keyboard_interrupts_left_to_the_editor(),
+            ):
+                process = await asyncio.create_subprocess_exec(*command, str(file))
+                code = await process.wait()
+        except SuspendNotSupported as error:
+            raise ValueError("this terminal cannot be given to another program") from error
+        except OSError as error:
+            raise ValueError(f"{command[0]}: {error.strerror}") from error
+        if code != 0:
+            raise ValueError(f"{command[0]} ended with code {code}: the draft is as it was")
+        try:
+            return read_text(file)
+        except DocumentError as error:
+            raise ValueError(f"what the editor left cannot be read: {error}") from error
+
+
+@contextmanager
+def _keyboard_interrupts_left_to_the_editor() -> Generator[None]:
+    before = signal.signal(signal.SIGINT, _nothing)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _nothing(_number: int, _frame: FrameType | None) -> None:
+    """Let an interrupt pass; a program that is started then has its own way with it."""

@@ -1,0 +1,258 @@
+"""The open alarms and the missions that wait: a line that sums them up, a list with one cursor."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from textual import events
+from textual.content import Content
+from textual.widgets import Static
+
+from pa_console.schema.alarm import QueueEntry
+from pa_console.session.state.fold import OpenAlarm, SessionState, Stop
+from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.tui.refresh import retitle
+from pa_console.tui.status_words import BAD, CALM, NOTE, QUIET, WARN, term
+from pa_console.tui.trace.rows import column
+from pa_console.tui.widgets.row_views import VirtualRows
+from pa_console.tui.words import clock_text
+
+_FILL = {BAD: "$error", WARN: "$warning", CALM: "$primary", QUIET: "$quiet"}
+"""What is behind a sign that must not be overlooked, by the sign's own colour."""
+
+Part = Content | tuple[str, str] | str
+
+
+def alarm_row(item: OpenAlarm, answers: Mapping[str, MissionTrace], active: str) -> Content:
+    """Return an alarm as priority, whether it was seen, its text, its mission and since when."""
+    alarm = item.alarm
+    mark = term("alarm", alarm.priority)
+    seen = term("seen", "seen" if item.acknowledged else "new")
+    answer = answers.get(alarm.id)
+    told: tuple[str, str] = ("", "")
+    if answer is not None and answer.status is None:
+        doing = "works on it" if answer.mission.id == active else "waits"
+        told = (f"  {answer.mission.id} {doing}", QUIET)
+    distance = f" ({alarm.distance_m:.0f} m)" if alarm.distance_m is not None else ""
+    return Content.assemble(
+        column(f"{mark.glyph} {mark.word}", 11, f"bold {mark.style}"),
+        column(f"{seen.glyph} {seen.word}", 6, seen.style),
+        (alarm.text, "" if item.acknowledged else "bold"),
+        distance,
+        told,
+        (f"  since {clock_text(alarm.raised_s)}", QUIET),
+    )
+
+
+def queue_rows(place: int, entry: QueueEntry) -> tuple[Content, Content]:
+    """Return a waiting mission as two lines: what it is, and why it stands where it stands."""
+    mark = term("alarm", entry.priority)
+    mission = entry.mission
+    origin = ("by alarm  ", NOTE) if mission.source == "alarm" else ("", "")
+    later = ("deferred  ", WARN) if entry.deferred else ("", "")
+    head = Content.assemble(
+        column(f"{place}.", 3, "bold"),
+        (f"{mission.id} ", "bold $text-accent"),
+        (f"{mark.glyph} {mark.word}  ", mark.style),
+        origin,
+        later,
+        mission.text,
+    )
+    distance = f"{entry.distance_m:.0f} m, " if entry.distance_m is not None else ""
+    return head, Content.assemble("    ", (f"{distance}{entry.reason}", QUIET))
+
+
+def answering(state: SessionState) -> dict[str, MissionTrace]:
+    """Return the unfinished mission that answers each open alarm."""
+    known = [alarm for alarm in state.open_alarms if alarm in state.answers]
+    return {alarm: state.missions[state.answers[alarm]] for alarm in known}
+
+
+def summary(state: SessionState, width: int) -> Content:
+    """Return one line: a stop, the alarms and the worst of them, the queue, weather, scenario.
+
+    Where room is short the scenario goes first, then the end of the alarm's text, then the
+    weather; a stop, the number of alarms and the worst one's priority always stay.
+    """
+    kept = [part for part in (_queue(state.queue), _weather(state)) if part is not None]
+    ends = [*kept, *_scenario(state)]
+    head = Content.assemble(*_stop(state.stop), *_alarms(state.alarms))
+    worst = _worst(state.alarms)
+    line = Content.assemble(head, worst.alarm.text) if worst else head
+    wanted = max(head.cell_length, min(line.cell_length, width * 11 // 20))
+    if _length(ends) > width - wanted:
+        ends = kept
+    while ends and _length(ends) > width - head.cell_length:
+        ends.pop()
+    line = line.truncate(max(width - _length(ends), 1), ellipsis=True)
+    return Content.assemble(line, *(part for end in ends for part in ("  ", end)))
+
+
+def _length(parts: Sequence[Content]) -> int:
+    return sum(part.cell_length + 2 for part in parts)
+
+
+def _alarms(alarms: Sequence[OpenAlarm]) -> Iterator[Part]:
+    worst = _worst(alarms)
+    if worst is None:
+        mark = term("alarm", "none")
+        yield (f"{mark.glyph} {mark.word}", mark.style)
+        return
+    fresh = sum(not item.acknowledged for item in alarms)
+    mark = term("alarm", worst.alarm.priority)
+    plural = "s" if len(alarms) > 1 else ""
+    new = f", {fresh} NEW" if fresh else ""
+    style = f"bold {mark.style}"
+    tag = f" {mark.glyph} {len(alarms)} alarm{plural}{new} "
+    yield (tag, f"bold $background on {_FILL[mark.style]}" if fresh else style)
+    yield (f" {mark.word} ", style)
+
+
+def _worst(alarms: Sequence[OpenAlarm]) -> OpenAlarm | None:
+    """Return the worst alarm that nobody has seen, else the worst."""
+    fresh = (item for item in alarms if not item.acknowledged)
+    return next(fresh, alarms[0] if alarms else None)
+
+
+def _stop(stop: Stop | None) -> Iterator[Part]:
+    """Say that everything is stopped until it is released, and whether the assets have obeyed."""
+    if stop is None:
+        return
+    told = f"  {stop.held} hold" if stop.orders else ""
+    yield (" ■ ALL STOPPED ", f"bold $background on {_FILL[BAD]}")
+    yield (told, "bold")
+    if stop.unconfirmed:
+        yield (f", {len(stop.unconfirmed)} not confirmed", f"bold {WARN}")
+    yield "  "
+
+
+def _queue(queue: Sequence[QueueEntry]) -> Content | None:
+    if not queue:
+        return None
+    return Content.styled(f"queue {len(queue)}, next {queue[0].mission.id}", NOTE)
+
+
+def _weather(state: SessionState) -> Content | None:
+    if state.picture is None:
+        return None
+    mark = term("weather", state.picture.weather)
+    return Content.styled(f"{mark.glyph} {mark.word}", mark.style)
+
+
+def _scenario(state: SessionState) -> Iterator[Content]:
+    if state.scenario:
+        yield Content.styled(f"scenario {state.scenario}", QUIET)
+
+
+class AlarmBar(Static):
+    """Always there: the number of alarms with the worst of them, or that there is none."""
+
+    def __init__(self, **kwargs: str) -> None:
+        super().__init__(id=kwargs.get("id"), markup=False)
+        self._state: SessionState | None = None
+
+    def show(self, state: SessionState) -> None:
+        """Show the session; a stop colours the whole line until it is released."""
+        self._state = state
+        self.set_class(state.stop is not None, "-stopped")
+        self.update(summary(state, max(self.content_size.width, 20)), layout=False)
+
+    def on_resize(self, _event: events.Resize) -> None:
+        """Fit the line to the new width."""
+        if self._state is not None:
+            self.show(self._state)
+
+
+_ALARM, _MISSION = "alarm:", "mission:"
+EMPTY = "No alarm is open and no mission waits."
+
+
+class AlarmPane(VirtualRows):
+    """Worst alarm first, then the queue, next mission first.
+
+    The cursor is always shown. It is on the worst alarm that nobody has seen, unless the
+    operator put it elsewhere.
+    """
+
+    def __init__(self, **kwargs: str) -> None:
+        super().__init__(**kwargs)
+        self._lines: list[Content] = [Content.styled(EMPTY, QUIET)]
+        self._alarms: tuple[OpenAlarm, ...] = ()
+        self._subjects: dict[str, str] = {}
+        self._held = False
+        self.border_title = "Alarms and queue"
+
+    def show(self, state: SessionState) -> None:
+        """Show the session's alarms and queue."""
+        self._alarms = state.alarms
+        answers, active = answering(state), state.active or ""
+        keys: list[str] = []
+        self._lines, self._subjects = [], {}
+        for item in state.alarms:
+            key = f"{_ALARM}{item.alarm.id}"
+            keys.append(key)
+            self._lines.append(alarm_row(item, answers, active))
+            self._subjects[key] = item.alarm.subject
+        for place, entry in enumerate(state.queue, start=1):
+            key = f"{_MISSION}{entry.mission.id}"
+            keys += [key, key]
+            self._lines += queue_rows(place, entry)
+            self._subjects[key] = entry.mission.subject or entry.mission.gate or ""
+        if not keys:
+            keys, self._lines = [""], [Content.styled(EMPTY, QUIET)]
+        if not self._held or self.cursor not in keys:
+            self._held = False
+            new_ones = (item.alarm.id for item in state.alarms if not item.acknowledged)
+            first = next(new_ones, None)
+            self.cursor = keys[0] if first is None else f"{_ALARM}{first}"
+        new = sum(not item.acknowledged for item in state.alarms)
+        title = f"Alarms {len(state.alarms)}" + (f", {new} new" if new else "")
+        retitle(self, f"{title}   Queue {len(state.queue)}")
+        self.set_keys(keys)
+
+    def row(self, index: int, width: int) -> Content:
+        """Return a line of the list, with a pointer on the one that keys are about."""
+        here = bool(self.cursor) and self.keys[index] == self.cursor
+        pointer = ("▸ ", "bold $text-accent") if here else "  "
+        return Content.assemble(pointer, self._lines[index]).truncate(width, ellipsis=True)
+
+    @property
+    def subject(self) -> str:
+        """The track, asset, gate or camera that the row under the cursor is about."""
+        return self._subjects.get(self.cursor, "")
+
+    @property
+    def alarm(self) -> OpenAlarm | None:
+        """The alarm under the cursor, else the worst that nobody has seen."""
+        if not self.region.area:
+            return next((item for item in self._alarms if not item.acknowledged), None)
+        chosen = next((a for a in self._alarms if self.cursor == f"{_ALARM}{a.alarm.id}"), None)
+        if chosen is not None and not chosen.acknowledged:
+            return chosen
+        return next((item for item in self._alarms if not item.acknowledged), None)
+
+    @property
+    def mission(self) -> str:
+        """The id of the waiting mission under the cursor, empty when it is not on one."""
+        return self.cursor.removeprefix(_MISSION) if self.cursor.startswith(_MISSION) else ""
+
+    def point_at(self, key: str) -> None:
+        """Hold the cursor on `key`, whatever comes, until its row is gone or released."""
+        self._held = True
+        super().point_at(key)
+
+    def release(self) -> None:
+        """Let the cursor go back to the worst alarm that nobody has seen."""
+        self._held = False
+
+    def next_alarm(self) -> None:
+        """Put the cursor on the next alarm, going round."""
+        self._go_round(_ALARM)
+
+    def next_mission(self) -> None:
+        """Put the cursor on the next waiting mission, going round."""
+        self._go_round(_MISSION)
+
+    def _go_round(self, prefix: str) -> None:
+        keys = [key for key in self._subjects if key.startswith(prefix)]
+        if keys:
+            at = keys.index(self.cursor) + 1 if self.cursor in keys else 0
+            self.point_at(keys[at % len(keys)])

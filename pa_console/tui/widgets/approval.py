@@ -1,0 +1,338 @@
+"""The operator's decision on a plan: says what will happen, and cannot be hit by a stray key."""
+
+import time
+from collections.abc import Iterator, Sequence
+
+from textual import events, on
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.containers import Horizontal, ItemGrid, Vertical, VerticalScroll
+from textual.content import Content
+from textual.message import Message
+from textual.widgets import Button, Input
+
+from pa_console.orders.plain_words import plain_reading
+from pa_console.schema.events.event import MOST_READINGS, ApprovalRequested
+from pa_console.schema.mission import Decision
+from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.session.wording import safety_in_words
+from pa_console.tui.protocols import Clock
+from pa_console.tui.status_words import BAD, GOOD, NOTE, QUIET, WARN, term
+from pa_console.tui.trace.rows import Row, row
+from pa_console.tui.widgets.fields import LineField, Tick
+from pa_console.tui.widgets.row_views import Sheet
+from pa_console.tui.words import action_sentence
+
+
+def approval_rows(trace: MissionTrace) -> Iterator[Row]:
+    """Yield what will happen, what of the order will not, what stands in the way, and the judge.
+
+    Before what stands in the way: whether the order may have been misread.
+    """
+    request = trace.approval
+    if request is None:
+        return
+    attempt = trace.find(request.attempt)
+    refused = trace.decisions[-1] if trace.decisions and not trace.decisions[-1].accepted else None
+    if refused is not None:
+        yield row("✘ ", (f"not accepted: {refused.detail}", BAD))
+    yield row(
+        "",
+        (f"{trace.mission.id} plan {request.attempt}", "bold"),
+        (f" {attempt.phase}" if attempt and attempt.phase else "", NOTE),
+        (": if you approve,", QUIET),
+    )
+    picture = attempt.rehearsal.before if attempt and attempt.rehearsal else None
+    for number, action in enumerate(request.plan.actions, start=1):
+        yield row((f" {number} ", "bold"), action_sentence(action, picture, trace.digest))
+    if not request.plan.actions:
+        yield row("   ", "nothing moves: the plan has no action")
+    if request.if_halted and not request.blocked_by:
+        yield row("   ", ("if halted: ", NOTE), safety_in_words(request.if_halted))
+    for text in attempt.unmet if attempt else ():
+        yield row(("△ ", WARN), ("NOT MET  ", f"bold {WARN}"), text)
+    if attempt is not None and attempt.doubt and not request.readings:
+        yield _unsure(attempt.doubt)
+    elif attempt is not None and attempt.gaps:
+        yield _unsure("; ".join(attempt.gaps))
+    for reason in request.blocked_by:
+        yield row(("✘ ", BAD), ("BLOCKED  ", f"bold {BAD}"), (reason, BAD))
+    for rule_id in request.acknowledge:
+        yield row(("▲ ", WARN), (f"{rule_id}  ", f"bold {WARN}"), _message(trace, rule_id))
+    yield _judge(trace, request)
+
+
+def _unsure(doubt: str) -> Row:
+    return row(("△ ", WARN), ("UNSURE  ", f"bold {WARN}"), doubt)
+
+
+def _judge(trace: MissionTrace, request: ApprovalRequested) -> Row:
+    attempt = trace.find(request.attempt)
+    if attempt is None or not attempt.judged:
+        return row(("? ", WARN), ("Judge: not asked", f"bold {WARN}"))
+    given = attempt.verdict
+    mark = term("verdict", given.verdict if given else "none")
+    said = given.feedback if given else attempt.judge_error
+    return row(
+        (f"{mark.glyph} ", mark.style),
+        (f"Judge: {mark.word}  ", f"bold {mark.style}"),
+        (said, QUIET if mark.style == GOOD else mark.style),
+    )
+
+
+def _message(trace: MissionTrace, rule_id: str) -> str:
+    findings = (f for attempt in reversed(trace.attempts) for f in attempt.findings)
+    return next((f.message for f in findings if f.rule_id == rule_id), "")
+
+
+def reading_rows(trace: MissionTrace) -> Iterator[Row]:
+    """Yield what the order was read as, where it may mean something else."""
+    request = trace.approval
+    if request is None or not request.readings:
+        return
+    attempt, asked = trace.find(request.attempt), plain_reading(request.asked)
+    if attempt is not None and attempt.as_chosen:
+        yield row(("✎ ", NOTE), "read as you meant it: ", asked)
+        return
+    sure = f" with {attempt.sure:.0%} confidence" if attempt and attempt.sure is not None else ""
+    yield _unsure(f"read{sure} as: {asked}")
+
+
+def reading_label(number: int, asked: str) -> Content:
+    """Return what else the order may mean, after the key that chooses it."""
+    return Content.assemble((f"({number}) ", "bold"), ("or: ", QUIET), plain_reading(asked))
+
+
+def blocked_reason(request: ApprovalRequested, left: Sequence[str], reason: str) -> str:
+    """Return in words why Approve is disabled, empty when it is not."""
+    if request.blocked_by:
+        return "✘ Approve: blocked, nobody may override"
+    if left:
+        return f"✘ Approve: tick {', '.join(left)} first"
+    if request.needs_override and not reason.strip():
+        return "✘ Approve: give a reason to override"
+    return ""
+
+
+ARM_DELAY_S = 0.6
+"""Quiet seconds before the panel takes keys; every key before that is dropped and counts anew.
+
+The user may choose another delay."""
+
+_MEANT = "meant-"
+_FREE_KEYS = ("tab", "shift+tab", "escape")
+
+
+class ApprovalPanel(Vertical):
+    """Reject, Modify or Approve, or another reading of the order.
+
+    Decisions leave as messages, the panel itself changes nothing.
+    """
+
+    BINDINGS = [
+        Binding("r", "press('reject')", "Reject", show=False, id="approval.reject"),
+        Binding("m", "press('modify')", "Modify", show=False, id="approval.modify"),
+        Binding("a", "press('approve')", "Approve", show=False, id="approval.approve"),
+        *(
+            Binding(f"{n}", f"press('meant-{n}')", "Read it so", show=False, id=f"approval.{n}")
+            for n in range(1, MOST_READINGS + 1)
+        ),
+        Binding("tab", "cycle(1)", "Next field", show=False),
+        Binding("shift+tab", "cycle(-1)", "Field before", show=False),
+    ]
+
+    class Decided(Message):
+        """The operator decided."""
+
+        def __init__(self, decision: Decision) -> None:
+            super().__init__()
+            self.decision = decision
+
+    class ModifyAsked(Message):
+        """The operator wants to change the plan."""
+
+    def __init__(self, clock: Clock = time.monotonic) -> None:
+        super().__init__(id="approval")
+        self._clock = clock
+        self.arm_delay_s = ARM_DELAY_S
+        self._trace: MissionTrace | None = None
+        self._shown: tuple[str, int, int] | None = None
+        self._quiet_since = 0.0
+        self._sent = False
+        self.border_title = "▲ Approval needed"
+
+    def compose(self) -> ComposeResult:
+        """Yield the consequences, what must be given, and the buttons."""
+        with VerticalScroll(id="approval-body", can_focus=False):
+            yield Sheet(id="approval-text")
+        with VerticalScroll(id="approval-given", can_focus=False):
+            yield Sheet(id="approval-reading")
+            yield Vertical(id="approval-readings")
+            yield ItemGrid(id="approval-warnings", min_column_width=18)
+        yield LineField(compact=True, id="approval-reason")
+        with Horizontal(id="approval-buttons"):
+            yield Button("Reject (r)", id="reject", variant="error", compact=True)
+            yield Button("Modify (m)", id="modify", compact=True)
+            yield Button("Approve (a)", id="approve", variant="success", compact=True)
+
+    def on_mount(self) -> None:
+        """Hide until a plan waits."""
+        self.query_one("#approval-reason", Input).cursor_blink = False
+        self.display = False
+
+    def show(self, trace: MissionTrace | None) -> bool:
+        """Show the open request of `trace`, or hide; returns whether a new one has appeared."""
+        request = trace.approval if trace else None
+        if trace is None or request is None:
+            self._trace, self._shown = None, None
+            self.display = False
+            return False
+        key = (trace.mission.id, request.attempt, len(trace.decisions))
+        self._trace = trace
+        if key == self._shown:
+            return False
+        self._shown, self._sent = key, False
+        self.display = True
+        self._fill(trace)
+        self._disarm()
+        return True
+
+    def _fill(self, trace: MissionTrace) -> None:
+        request = trace.approval
+        assert request is not None
+        self.query_one("#approval-text", Sheet).show(tuple(approval_rows(trace)))
+        self.query_one("#approval-reading", Sheet).show(tuple(reading_rows(trace)))
+        readings = self.query_one("#approval-readings", Vertical)
+        readings.remove_children()
+        readings.mount_all(
+            Button(reading_label(number, asked), name=f"meant-{number}", compact=True)
+            for number, asked in enumerate(request.readings, start=1)
+        )
+        self.set_class(bool(request.readings), "-unclear")
+        warnings = self.query_one("#approval-warnings", ItemGrid)
+        warnings.remove_children()
+        warnings.mount_all(
+            Tick(f"accept {rule}", rule) for rule in request.acknowledge if not request.blocked_by
+        )
+        reason = self.query_one("#approval-reason", Input)
+        reason.value = ""
+        reason.placeholder = (
+            "Why override the judge? (required)"
+            if request.needs_override and not request.blocked_by
+            else "Reason (optional)"
+        )
+        self.query_one("#approval-body", VerticalScroll).scroll_home(animate=False)
+
+    def take_focus(self) -> None:
+        """Put the focus on Reject, the safe answer."""
+        self.query_one("#reject", Button).focus()
+
+    def _disarm(self) -> None:
+        self._quiet_since = self._clock()
+        self.set_timer(self.arm_delay_s + 0.05, self.refresh_state)
+        self.refresh_state()
+
+    @property
+    def armed(self) -> bool:
+        """Whether the panel takes decisions: quiet for long enough, and none was sent yet."""
+        return not self._sent and self._clock() - self._quiet_since >= self.arm_delay_s
+
+    def refresh_state(self) -> None:
+        """Say why Approve is not possible, and enable it when it is."""
+        if self._trace is None:
+            return
+        why = self._why_not()
+        self.query_one("#approve", Button).disabled = bool(why)
+        waiting = "" if self.armed else "one moment: keys are ignored until you have seen this"
+        line = "decision sent" if self._sent else why or waiting
+        self.border_subtitle = line
+        self.set_class(self._blocked, "-blocked")
+
+    @property
+    def _blocked(self) -> bool:
+        """Whether nobody may approve the plan."""
+        request = self._trace.approval if self._trace else None
+        return bool(request and request.blocked_by)
+
+    def _why_not(self) -> str:
+        """Return why Approve is not admissible, apart from the arm delay."""
+        request = self._trace.approval if self._trace else None
+        if request is None:
+            return "no plan waits"
+        left = [box.name or "" for box in self.query(Tick) if not box.ticked]
+        return blocked_reason(request, left, self.query_one("#approval-reason", Input).value)
+
+    def on_key(self, event: events.Key) -> None:
+        """Drop keys typed ahead; each makes the panel wait anew."""
+        free = event.key in _FREE_KEYS or (event.key[0] == "f" and event.key[1:].isdigit())
+        if not self.armed and not free and not isinstance(self.app.focused, Input):
+            event.stop()
+            event.prevent_default()
+            self._disarm()
+
+    def action_cycle(self, step: int) -> None:
+        """Go from field to field of this panel and round again; Esc leaves it."""
+        chain = [each for each in self.screen.focus_chain if self in each.ancestors]
+        at = chain.index(self.app.focused) if self.app.focused in chain else 0
+        if chain:
+            chain[(at + step) % len(chain)].focus()
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Leave the keys of readings, where none are offered, to whatever else they do."""
+        request = self._trace.approval if self._trace else None
+        offered = request is not None and bool(request.readings)
+        return offered or not (action == "press" and str(parameters[0]).startswith(_MEANT))
+
+    def action_press(self, button: str) -> None:
+        """Do what the button of that name does."""
+        self._choose(button)
+
+    @on(Button.Pressed)
+    def _pressed(self, event: Button.Pressed) -> None:
+        event.stop()
+        self._choose(event.button.id or event.button.name or "")
+
+    @on(Tick.Changed)
+    @on(Input.Changed)
+    def _given(self, event: Tick.Changed | Input.Changed) -> None:
+        event.stop()
+        self.refresh_state()
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Enter in the reason leads back to the buttons, and decides nothing."""
+        event.stop()
+        self.take_focus()
+
+    def _choose(self, choice: str) -> None:
+        request = self._trace.approval if self._trace else None
+        if request is None or not self.armed:
+            return
+        reason = self.query_one("#approval-reason", Input).value.strip()
+        if choice == "modify":
+            self.post_message(self.ModifyAsked())
+        elif choice.startswith(_MEANT):
+            number = int(choice.removeprefix(_MEANT))
+            for asked in request.readings[number - 1 : number]:
+                self._send(Decision(kind="choose", request_id=request.request_id, asked=asked))
+        elif choice == "reject":
+            self._send(Decision(kind="reject", request_id=request.request_id, reason=reason))
+        elif choice == "approve" and not self._why_not():
+            self._send(
+                Decision(
+                    kind="approve",
+                    request_id=request.request_id,
+                    reason=reason,
+                    override_judge=request.needs_override,
+                    acknowledged=request.acknowledge,
+                )
+            )
+
+    def _send(self, decision: Decision) -> None:
+        self._sent = True
+        self.refresh_state()
+        self.post_message(self.Decided(decision))
+
+    def refused(self) -> None:
+        """Take decisions again after the last one could not be delivered."""
+        self._sent = False
+        self._disarm()

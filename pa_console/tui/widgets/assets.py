@@ -1,0 +1,381 @@
+"""The table of assets, tracks and cameras, problems first, and the line for a filter."""
+
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from typing import Literal, NamedTuple
+
+from textual import on
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.containers import Vertical
+from textual.content import Content
+from textual.widgets import Input
+
+from pa_console.schema.telemetry import AssetTelemetry, CameraReport, Identity, Picture, Track
+from pa_console.schema.world import World
+from pa_console.tui.map.scene import arrow
+from pa_console.tui.refresh import retitle
+from pa_console.tui.report_condition import FINE, Reliance, track_rank
+from pa_console.tui.status_words import BAD, QUIET, WARN, term
+from pa_console.tui.trace.rows import column
+from pa_console.tui.widgets.fields import LineField
+from pa_console.tui.widgets.row_views import VirtualRows
+from pa_console.tui.words import KIND_WORDS, few, short_names
+
+Cells = Mapping[str, tuple[str, str]]
+"""Text and style by column."""
+
+NOTES = "notes"
+"""The column that takes the room that is left."""
+
+
+class Layout(NamedTuple):
+    """Columns of one group of rows with their widths, and which go first when room is short."""
+
+    title: str
+    columns: tuple[tuple[str, int], ...]
+    dropped_first: tuple[str, ...]
+
+    def fitting(self, width: int) -> tuple[tuple[str, int], ...]:
+        """Return the columns that fit into `width` cells."""
+        columns = list(self.columns)
+        for name in self.dropped_first:
+            if sum(cells + 1 for _, cells in columns) - 1 <= width:
+                break
+            columns = [item for item in columns if item[0] != name]
+        return tuple(columns)
+
+    def heading(self, width: int, note: str = "") -> Content:
+        """Return the names of the columns; the first has the group's title."""
+        words = [column(name, cells, QUIET) for name, cells in self.fitting(width)[1:]]
+        first = column(self.title, self.columns[0][1], f"bold {QUIET}")
+        return Content.assemble(first, *words, (note, QUIET)).truncate(width)
+
+    def line(self, cells: Cells, width: int) -> Content:
+        """Return a row; `notes` get the room that is left."""
+        fields = [column(cells[n][0], room, cells[n][1]) for n, room in self.fitting(width)]
+        return Content.assemble(*fields, cells.get(NOTES, "")).truncate(width, ellipsis=True)
+
+
+ASSETS = Layout(
+    "",
+    (("", 5), ("asset", 10), ("status", 12), ("task", 11), ("at / to", 11), ("batt", 5),
+     ("link", 6), ("age", 5)),
+    ("asset", "link", "batt"),
+)  # fmt: skip
+_TRACKS = Layout(
+    "track",
+    (("track", 11), ("gate", 10), ("dist", 5), ("ident.", 9), ("intent", 9), ("age", 5)),
+    ("gate",),
+)
+_WIDE_TRACKS = Layout(
+    "track",
+    (("track", 12), ("gate", 11), ("dist", 5), ("identity", 14), ("intent", 9), ("age", 5)),
+    (),
+)
+_WIDE = 74
+_BRIEFLY: dict[Identity, str] = {
+    "unknown": "unknown", "authorized": "author.", "unauthorized": "UNAUTH.",
+}  # fmt: skip
+CAMERAS = Layout("camera", (("camera", 16), ("gate", 11), ("status", 10), ("age", 5)), ())
+
+
+def tracks(width: int) -> Layout:
+    """Return the columns of tracks for `width` cells."""
+    return _WIDE_TRACKS if width >= _WIDE else _TRACKS
+
+
+def asset_cells(asset: AssetTelemetry, short: Mapping[str, str], look: Reliance) -> Cells:
+    """Return the cells of an asset; what an unreliable report says is dimmed and questioned."""
+    status, comms, state = look.asset(asset), term("comms", asset.comms), look.report(asset)
+    going = asset.at or (f"{arrow(asset.heading_deg)} {asset.post}" if asset.post else "between")
+    low = "▼" if asset.low_battery else ""
+    doubt = "" if state == "fresh" else "?"
+    calm = asset.task in ("idle", "holding")
+    return {
+        "": (short.get(asset.id, asset.id), "bold"),
+        "asset": (asset.id, ""),
+        "status": (f"{status.glyph} {status.word}", status.style),
+        "task": (f"{asset.task}{doubt}", QUIET if calm or doubt else ""),
+        "at / to": (_questioned(going, doubt), QUIET if doubt else "" if asset.at else WARN),
+        "batt": (f"{asset.battery_pct:3.0f}%{low or doubt}", WARN if low else QUIET * bool(doubt)),
+        "link": (f"{comms.glyph} {comms.word}", comms.style),
+        "age": age_cell(look.age(asset), old=state in ("stale", "silent")),
+    }
+
+
+def track_cells(track: Track, look: Reliance) -> Cells:
+    """Return the cells of a track; one that is not seen any more says so before all else."""
+    identity, intent = term("identity", track.identity), term("intent", track.intent)
+    lost = look.lost(track)
+    style = QUIET if lost else identity.style
+    sign = "■" if track.kind == "vehicle" else "▪"
+    return {
+        "track": (f"{sign} {track.id}", f"bold {style}"),
+        "gate": (track.gate, QUIET if lost else ""),
+        "dist": (f"{track.distance_m:.0f} m{'?' if lost else ''}", QUIET if lost else ""),
+        "identity": (f"{identity.glyph} {identity.word}", style),
+        "ident.": (f"{identity.glyph} {_BRIEFLY[track.identity]}", style),
+        "intent": (f"{intent.glyph} {intent.word}", intent.style),
+        "age": age_cell(look.age(track), old=lost),
+        NOTES: _track_notes(track, look),
+    }
+
+
+def _track_notes(track: Track, look: Reliance) -> tuple[str, str]:
+    """Return who says that it is hostile, what it does, and how sure its position is."""
+    urgent = track.intent == "hostile" or track.defiant
+    parts: list[str] = []
+    if look.lost(track):
+        parts.append("not seen now")
+    if track.hostile_by:
+        parts.append(f"by {few(_short(track.hostile_by))}")
+    if track.defiant:
+        parts.append("DEFIES warning")
+    elif track.warned:
+        parts.append("warned")
+    parts.append(track.status)
+    if track.noncombatants:
+        parts.append("noncombatants?")
+    if track.uncertainty_m >= 0.5:
+        parts.append(f"±{track.uncertainty_m:.0f} m")
+    seen = track.seen_by or track.observed_by
+    if seen and not track.hostile_by:
+        parts.append(f"seen by {few(_short(seen), 2)}")
+    return ", ".join(parts), BAD if urgent else QUIET
+
+
+def _short(names: Sequence[str]) -> list[str]:
+    return list(short_names(names).values())
+
+
+def camera_cells(name: str, camera: CameraReport, look: Reliance) -> Cells:
+    """Return the cells of a gate camera."""
+    state = look.camera(camera)
+    mark = term("camera", state)
+    return {
+        "camera": (name, "bold"),
+        "gate": (camera.gate, ""),
+        "status": (f"{mark.glyph} {mark.word}", mark.style),
+        "age": age_cell(look.age(camera), old=state == "unknown"),
+    }
+
+
+def _questioned(text: str, doubt: str, room: int = 11) -> str:
+    return text[: room - len(doubt)] + doubt
+
+
+def age_cell(age_s: float, *, old: bool) -> tuple[str, str]:
+    """Return the age of a report; one that is old carries a mark, never looks fine."""
+    if not old:
+        return f"{min(age_s, 99):.1f} s", QUIET
+    return f"{min(age_s, 999):.0f} s!", BAD
+
+
+def asset_words(asset: AssetTelemetry, short: Mapping[str, str], look: Reliance) -> str:
+    """Return the text in which a filter looks for its words."""
+    problem = "problem" if look.rank(asset) < FINE else "fine"
+    low = "low battery" if asset.low_battery else ""
+    return " ".join(
+        (asset.id, short.get(asset.id, ""), asset.kind, KIND_WORDS[asset.kind], "asset",
+         asset.at or "", asset.post or "", asset.task, look.asset(asset).word,
+         look.report(asset), asset.comms, low, problem)
+    ).lower()  # fmt: skip
+
+
+def track_words(track: Track, look: Reliance) -> str:
+    """Return the text in which a filter looks for its words."""
+    problem = "problem" if track_rank(track)[0] < 4 else "fine"
+    seen = "stale" if look.lost(track) else ""
+    warned = "warned" if track.warned else ""
+    return " ".join(
+        (track.id, "track", track.kind, track.gate, track.identity, track.intent, track.status,
+         seen, warned, problem)
+    ).lower()  # fmt: skip
+
+
+def camera_words(name: str, camera: CameraReport, look: Reliance) -> str:
+    """Return the text in which a filter looks for its words."""
+    state = look.camera(camera)
+    return (
+        f"{name} camera {camera.gate} {state} {'fine' if state == 'works' else 'problem'}".lower()
+    )
+
+
+class _Item(NamedTuple):
+    """A row: a heading has the title of its group as name, a note its text."""
+
+    kind: Literal["heading", "track", "asset", "camera", "note"]
+    name: str
+
+
+class Count(NamedTuple):
+    """How many rows there are, how many are shown, and how many of all need an eye."""
+
+    total: int = 0
+    shown: int = 0
+    problems: int = 0
+
+
+class AssetTable(VirtualRows):
+    """Status, place and age of the last report of everything; only rows in view are laid out."""
+
+    def __init__(self, world: World, **kwargs: str) -> None:
+        super().__init__(**kwargs)
+        self._short = short_names(world.assets)
+        self._stale_s = world.stale_s
+        self._picture: Picture | None = None
+        self._look: Reliance | None = None
+        self._items: list[_Item] = []
+        self._headings: list[int] = []
+        self._wanted: tuple[str, ...] = ()
+        self.count = Count()
+
+    def show(self, picture: Picture | None) -> None:
+        """Show another picture; filter and cursor stay."""
+        self._picture = picture
+        if picture is None:
+            self._items = [_Item("note", "no telemetry yet: unknown")]
+        else:
+            self._look = Reliance(picture, self._stale_s)
+            self._items = self._arranged(picture, self._look)
+        self._headings = [i for i, item in enumerate(self._items) if item.kind == "heading"]
+        plain = ("heading", "note")
+        self.set_keys(["" if item.kind in plain else item.name for item in self._items])
+
+    def filter(self, text: str) -> None:
+        """Show only rows that have every word of `text` in what is known of them."""
+        self._wanted = tuple(text.lower().split())
+        self.show(self._picture)
+
+    def _arranged(self, picture: Picture, look: Reliance) -> list[_Item]:
+        """Return the rows in order: what is most urgent first, equal ones as they were told."""
+        tracks = sorted(picture.tracks.values(), key=lambda t: (*track_rank(t), t.id))
+        ranks = {name: look.rank(asset) for name, asset in picture.assets.items()}
+        assets = sorted(picture.assets.values(), key=lambda a: ranks[a.id])
+        cameras = sorted(picture.cameras.items(), key=lambda c: look.camera(c[1]) == "works")
+        if self._wanted:
+            tracks = [t for t in tracks if self._lets_in(track_words(t, look))]
+            assets = [a for a in assets if self._lets_in(asset_words(a, self._short, look))]
+            cameras = [c for c in cameras if self._lets_in(camera_words(*c, look))]
+        items: list[_Item] = []
+        if tracks:
+            items += [_Item("heading", "tracks"), *(_Item("track", t.id) for t in tracks)]
+        if assets:
+            items += [_Item("heading", "assets"), *(_Item("asset", a.id) for a in assets)]
+        if cameras:
+            items += [_Item("heading", "cameras"), *(_Item("camera", name) for name, _ in cameras)]
+        down = sum(look.camera(camera) != "works" for camera in picture.cameras.values())
+        suspicious = sum(track_rank(track)[0] < 4 for track in picture.tracks.values())
+        self.count = Count(
+            total=len(picture.tracks) + len(picture.assets) + len(picture.cameras),
+            shown=len(tracks) + len(assets) + len(cameras),
+            problems=sum(rank < FINE for rank in ranks.values()) + down + suspicious,
+        )
+        return items or [_Item("note", "nothing passes the filter")]
+
+    def _lets_in(self, words: str) -> bool:
+        return all(word in words for word in self._wanted)
+
+    def row(self, index: int, width: int) -> Content:
+        """Return a heading or the row of a track, an asset or a camera."""
+        kind, name = self._items[index]
+        picture, look = self._picture, self._look
+        if kind == "heading":
+            layouts = {"tracks": tracks(width), "assets": ASSETS}
+            return layouts.get(name, CAMERAS).heading(width)
+        if picture is None or look is None or kind == "note":
+            return Content.styled(name, WARN if picture is None else QUIET)
+        if kind == "track":
+            return tracks(width).line(track_cells(picture.tracks[name], look), width)
+        if kind == "camera":
+            given = picture.cameras[name]
+            return CAMERAS.line(camera_cells(name, given, look), width)
+        asset = picture.assets[name]
+        return ASSETS.line(asset_cells(asset, self._short, look), width)
+
+    def sticky(self, first: int, width: int) -> Content | None:
+        """Return the heading of the group that is scrolled through."""
+        at = bisect_right(self._headings, first) - 1
+        return self.row(self._headings[at], width) if at >= 0 else None
+
+
+PROBLEMS = "problem"
+"""The word by which a filter finds what needs an eye."""
+
+
+class AssetPane(Vertical):
+    """Shows the table; a filter that is set is always named, so that nothing is missed unseen."""
+
+    BINDINGS = [Binding("escape", "clear", "No filter", show=False)]
+
+    def __init__(self, world: World, **kwargs: str) -> None:
+        super().__init__(id=kwargs.get("id"))
+        self._world = world
+        self._text = ""
+
+    def compose(self) -> ComposeResult:
+        """Yield the filter's line, hidden until it is used, and the table."""
+        yield LineField(
+            compact=True,
+            id="asset-filter",
+            placeholder="filter: uav, NorthGate, problem, stale, hostile, any text; Enter, Esc",
+        )
+        yield AssetTable(self._world, id="asset-rows")
+
+    def on_mount(self) -> None:
+        """Begin without a filter."""
+        field = self.query_one("#asset-filter", Input)
+        field.cursor_blink, field.display = False, False
+        self._label()
+
+    def show(self, picture: Picture | None) -> None:
+        """Show another picture."""
+        self.query_one(AssetTable).show(picture)
+        self._label()
+
+    def ask(self) -> None:
+        """Let the operator type a filter."""
+        field = self.query_one("#asset-filter", Input)
+        field.display = True
+        self.screen.set_focus(field)
+
+    def toggle_problems(self) -> None:
+        """Show only what needs an eye, or everything again."""
+        self._set("" if self._text == PROBLEMS else PROBLEMS)
+
+    @on(Input.Changed, "#asset-filter")
+    def _typed(self, event: Input.Changed) -> None:
+        event.stop()
+        self._text = event.value.strip()
+        self.query_one(AssetTable).filter(self._text)
+        self._label()
+
+    @on(Input.Submitted, "#asset-filter")
+    def _done(self, event: Input.Submitted) -> None:
+        event.stop()
+        self._leave()
+
+    def action_clear(self) -> None:
+        """Take the filter away."""
+        self._set("")
+        self._leave()
+
+    def _set(self, text: str) -> None:
+        self.query_one("#asset-filter", Input).value = text
+
+    def _leave(self) -> None:
+        field = self.query_one("#asset-filter", Input)
+        field.display = False
+        if field.has_focus or self.has_focus_within:
+            self.query_one(AssetTable).focus()
+
+    def _label(self) -> None:
+        count = self.query_one(AssetTable).count
+        title = "Assets and tracks"
+        if count.problems:
+            verb = "needs" if count.problems == 1 else "need"
+            title += f"  ▲ {count.problems} of {count.total} {verb} an eye"
+        if self._text:
+            title += f"  filter “{self._text}”: {count.shown} of {count.total}, Esc clears"
+        retitle(self, title)

@@ -1,0 +1,193 @@
+"""The lines of the screen: status, view names on a small terminal, the bar of a replay."""
+
+from itertools import groupby
+
+from textual import events
+from textual.content import Content
+from textual.message import Message
+from textual.widgets import Static
+
+from pa_console.schema.rule import RulesSeal
+from pa_console.session.replay.timeline import MarkKind, Timeline
+from pa_console.session.state.fold import SessionState
+from pa_console.tui.actions import first_key
+from pa_console.tui.report_condition import cover_state
+from pa_console.tui.status_words import QUIET, WARN, term
+from pa_console.tui.words import clock_text, few
+
+LEAST = 10
+
+
+class Scrubber(Static):
+    """One cell for each part of the recording, with the worst of what is marked there."""
+
+    class Asked(Message):
+        """The bar was clicked; `share` of the recording, 0 to 1, is before that place."""
+
+        def __init__(self, share: float) -> None:
+            super().__init__()
+            self.share = share
+
+    def __init__(self, timeline: Timeline, **kwargs: str) -> None:
+        super().__init__(id=kwargs.get("id"), markup=False)
+        self._timeline = timeline
+        self._marks: list[MarkKind | None] = []
+        self._position = 0.0
+
+    @property
+    def places(self) -> int:
+        """How many cells the bar has."""
+        return max(self.content_size.width, LEAST)
+
+    def show(self, position: float) -> None:
+        """Show that the replay stands at `position`, in seconds from the first event."""
+        self._position = position
+        if len(self._marks) != self.places:
+            self._marks = self._timeline.marks_by_place(self.places)
+        duration = self._timeline.duration
+        share = position / duration if duration > 0 else 0.0
+        now = min(int(share * self.places), self.places - 1)
+        parts: list[tuple[str, str]] = []
+        for place, kind in enumerate(self._marks):
+            glyph, style = ("━", WARN) if place < now else ("─", QUIET)
+            if kind is not None:
+                mark = term("mark", kind)
+                glyph, style = mark.glyph, f"bold {mark.style}"
+            elif place == now:
+                glyph, style = "┃", f"bold {WARN}"
+            parts.append((glyph, f"{style} reverse" if place == now else style))
+        runs = groupby(parts, key=lambda part: part[1])
+        joined = (("".join(glyph for glyph, _ in run), style) for style, run in runs)
+        self.update(Content.assemble(*joined), layout=False)
+
+    def on_resize(self, _event: events.Resize) -> None:
+        """Fit the bar to the new width."""
+        self.show(self._position)
+
+    def on_click(self, event: events.Click) -> None:
+        """Ask to go to the place that was clicked."""
+        place = event.get_content_offset(self)
+        if place is not None:
+            self.post_message(self.Asked((place.x + 0.5) / self.places))
+
+
+VIEWS = (
+    ("map", "F2 Map"), ("assets", "F3 Assets"), ("trace", "F4 Trace"), ("events", "F5 Events"),
+    ("alarms", "5 Alarms"),
+)  # fmt: skip
+
+
+class ViewBar(Static):
+    """Names the views and says which one is shown; a click on a name chooses it."""
+
+    class Chosen(Message):
+        """A view's name was clicked."""
+
+        def __init__(self, view: str) -> None:
+            super().__init__()
+            self.view = view
+
+    def show(self, current: str) -> None:
+        """Mark `current`."""
+        parts: list[tuple[str, str]] = []
+        for view, label in VIEWS:
+            text = f" {label} "
+            parts.append((text, "bold reverse $text-primary" if view == current else "$quiet"))
+        self.update(Content.assemble(*parts))
+
+    def on_click(self, event: events.Click) -> None:
+        """Choose the view whose name is at the pointer."""
+        end = 0
+        plain = str(self.content)
+        for view, label in VIEWS:
+            end = plain.find(label, end) + len(label) + 2
+            if event.x < end:
+                self.post_message(self.Chosen(view))
+                return
+
+
+STALE_AFTER_S = 5.0
+"""Wall seconds without telemetry after which the stream is called stale; the user may change it."""
+
+UNLOGGED = " LOG NOT WRITTEN: NOTHING IS DISPATCHED "
+
+
+class StatusBar(Static):
+    """Says at a glance whether this is live, how old the picture is, and what the model does."""
+
+    stale_after_s = STALE_AFTER_S
+
+    def show(
+        self, state: SessionState, title: str, mode: str, rate: float, silent_s: float
+    ) -> None:
+        """Show the session; `silent_s` is the wall time since the last telemetry."""
+        wide = self.size.width >= 100
+        time = clock_text(state.picture.time_s) if state.picture else "--:--"
+        stale = silent_s > self.stale_after_s and mode == "LIVE"
+        worker = term("worker", state.worker.state if state.worker else "none")
+        parts: list[tuple[str, str] | Content | str] = []
+        if wide:
+            parts.append(("PA Console  ", "bold $text-primary"))
+        if wide and state.active is None:
+            parts.append((f"{title}  ", QUIET))
+        clock = ("session ", QUIET) if mode == "REPLAY" else ""
+        parts += [self._mode(mode), "  ", clock, f"{time} ", (f"×{rate:g}", QUIET)]
+        if state.started is not None and (alarm := _rules_alarm(state.started.rules_seal)):
+            parts += ["  ", (f" {alarm} ", "bold reverse $text-error")]
+        if state.log_problem:
+            parts += ["  ", (UNLOGGED, "bold reverse $text-error")]
+        if stale:
+            parts.append((f"  ▲ no telemetry for {silent_s:.0f} s", "bold $text-error"))
+        if wide or worker.word != "ready":
+            parts += [("  model ", QUIET), (f"{worker.glyph} {worker.word}", worker.style)]
+        parts += ["  ", self._gates(state), "  ", self._mission(state, mode)]
+        self.update(Content.assemble(*parts), layout=False)
+
+    def _mode(self, mode: str) -> Content:
+        style = {"LIVE": "bold $text-success"}.get(mode, "bold reverse $text-warning")
+        return Content.styled("● LIVE" if mode == "LIVE" else f" {mode} ", style)
+
+    def _gates(self, state: SessionState) -> Content:
+        """Name the gates that are not covered; one of which nothing is known is not covered."""
+        if state.picture is None:
+            return Content.styled("? gates unknown", "$text-warning")
+        by: dict[str, list[str]] = {"uncovered": [], "unknown": [], "covered": []}
+        for name, cover in state.picture.gates.items():
+            by[cover_state(cover)].append(name)
+        parts: list[tuple[str, str]] = []
+        for name in ("uncovered", "unknown"):
+            if by[name]:
+                mark = term("gate", name)
+                gap = ", " if parts else ""
+                words = f"{gap}{mark.glyph} {few(by[name], 2)} {mark.word}"
+                parts.append((words, f"bold {mark.style}"))
+        if parts:
+            return Content.assemble(*parts)
+        mark = term("gate", "covered")
+        return Content.styled(f"{mark.glyph} all gates covered", mark.style)
+
+    def _mission(self, state: SessionState, mode: str) -> Content:
+        if state.ended:
+            return Content.styled(f"session ended: {state.ended}", "$text-warning")
+        if state.stop is not None:
+            how = f": {first_key('release')} releases it" if mode == "LIVE" else ""
+            return Content.styled(f"■ STOPPED{how}", "bold $text-error")
+        if state.active is None:
+            return Content.styled("no mission", QUIET)
+        trace = state.missions[state.active]
+        waiting = " ▲ WAITS FOR YOU" if trace.approval else ""
+        phase = f" {trace.phase}:" if trace.phase else ""
+        return Content.assemble(
+            f"{trace.mission.id}{phase} {trace.stage}", (waiting, "bold $text-accent")
+        )
+
+
+def _rules_alarm(seal: RulesSeal | None) -> str:
+    """Return what is wrong with the rules in force that nobody may overlook, "" for nothing."""
+    if seal is None:
+        return ""
+    if seal.altered:
+        return "RULES ALTERED"
+    if seal.no_critical_check:
+        return "RULES: NO CRITICAL CHECK"
+    return "RULES ACCEPTED, NOT VOUCHED FOR" if seal.accepted else ""

@@ -1,0 +1,189 @@
+"""Rows at whatever width there is: as text to select, or laid out only where in view."""
+
+from typing import ClassVar
+
+from textual import events
+from textual.binding import Binding, BindingType
+from textual.content import Content
+from textual.geometry import Region, Size
+from textual.message import Message
+from textual.scroll_view import ScrollView
+from textual.strip import Strip
+from textual.visual import Visual
+from textual.widget import Widget
+
+from pa_console.tui.trace.rows import Row, layout
+
+
+class Sheet(Widget):
+    """Shows rows with hanging indents; nothing in them is read as markup."""
+
+    DEFAULT_CSS = "Sheet { height: auto; width: 1fr; }"
+
+    def __init__(self, rows: tuple[Row, ...] = (), **kwargs: str | None) -> None:
+        super().__init__(id=kwargs.get("id"), classes=kwargs.get("classes"))
+        self._rows = rows
+        self._laid_out: tuple[int, Content] | None = None
+
+    def show(self, rows: tuple[Row, ...]) -> None:
+        """Show other rows; the same rows again cost nothing."""
+        if rows != self._rows:
+            self._rows, self._laid_out = rows, None
+            self.refresh(layout=True)
+
+    def _at(self, width: int) -> Content:
+        if self._laid_out is None or self._laid_out[0] != width:
+            self._laid_out = width, Content("\n").join(layout(self._rows, width))
+        return self._laid_out[1]
+
+    def get_content_height(self, container: Size, viewport: Size, width: int) -> int:  # noqa: ARG002
+        """Return the number of lines at `width` cells."""
+        return self._at(width).plain.count("\n") + 1 if self._rows else 0
+
+    def get_content_width(self, container: Size, viewport: Size) -> int:  # noqa: ARG002
+        """Return all the width there is."""
+        return container.width
+
+    def render(self) -> Content:
+        """Return the laid out rows."""
+        return self._at(self.content_size.width)
+
+
+class VirtualRows(ScrollView):
+    """A list with a cursor on one of its keys; subclasses say how a key's row looks.
+
+    A key may have several rows one below the other. The cursor stays on its key when rows move.
+    """
+
+    can_focus = True
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("up", "cursor(-1)", "Up", show=False),
+        Binding("down", "cursor(1)", "Down", show=False),
+        Binding("enter", "choose", "Choose", show=False),
+    ]
+
+    class Chosen(Message):
+        """Enter or a click on the row of `key`."""
+
+        def __init__(self, rows: "VirtualRows", key: str) -> None:
+            super().__init__()
+            self.rows, self.key = rows, key
+
+    def __init__(self, **kwargs: str) -> None:
+        super().__init__(id=kwargs.get("id"))
+        self.keys: list[str] = []
+        self._painted: dict[int, Content] = {}
+        self.cursor = ""
+
+    def row(self, index: int, width: int) -> Content:
+        """Return the row at `index`, `width` cells wide."""
+        raise NotImplementedError
+
+    def sticky(self, first: int, width: int) -> Content | None:
+        """Return what stays in the top line while row `first` is scrolled there, if anything."""
+        del first, width
+        return None
+
+    def selectable(self, key: str) -> bool:
+        """Whether the cursor may stand on `key`."""
+        return bool(key)
+
+    def set_keys(self, keys: list[str]) -> None:
+        """Show rows with these keys; only lines in view that look different are painted."""
+        if len(keys) != len(self.keys):
+            self.virtual_size = Size(self._room, len(keys))
+        self.keys = keys
+        if self.cursor not in keys or not self.selectable(self.cursor):
+            self.cursor = next((key for key in keys if self.selectable(key)), "")
+        self._repaint()
+
+    def _repaint(self) -> None:
+        if not self.is_mounted or not self.size.height:
+            self._painted = {}
+            return
+        width = self.size.width
+        changed: list[Region] = []
+        for y in range(self.size.height):
+            line = self._line(y)
+            known = self._painted.get(y)
+            if known is None or not known.is_same(line):
+                self._painted[y] = line
+                changed.append(Region(0, y, width, 1))
+        if changed:
+            self.refresh(*changed)
+
+    def _line(self, y: int) -> Content:
+        first, width = self.scroll_offset.y, self._room
+        index = y + first
+        if index >= len(self.keys):
+            return Content()
+        if y == 0 and first and (stays := self.sticky(first, width)) is not None:
+            return stays
+        line = self.row(index, width)
+        if self.has_focus and self.keys[index] == self.cursor:
+            line = line.pad_right(max(0, width - line.cell_length)).stylize("reverse")
+        return line
+
+    @property
+    def _room(self) -> int:
+        return max(20, self.scrollable_content_region.width or self.size.width)
+
+    def render_line(self, y: int) -> Strip:
+        """Return line `y` of what is in view."""
+        line = self._line(y)
+        self._painted[y] = line
+        if not line:
+            return Strip.blank(self.size.width, self.rich_style)
+        return Visual.to_strips(self, line, self.size.width, 1, self.visual_style)[0]
+
+    def on_resize(self, _event: events.Resize) -> None:
+        """Lay out for the new width."""
+        self._painted = {}
+        self.virtual_size = Size(self._room, len(self.keys))
+        self.refresh()
+
+    def on_focus(self) -> None:
+        """Show the cursor."""
+        self._repaint()
+
+    def on_blur(self) -> None:
+        """Hide the cursor."""
+        self._repaint()
+
+    def action_cursor(self, by: int) -> None:
+        """Move the cursor to the key before or after."""
+        keys = [key for key in dict.fromkeys(self.keys) if self.selectable(key)]
+        if keys:
+            at = keys.index(self.cursor) if self.cursor in keys else 0
+            self.point_at(keys[min(max(at + by, 0), len(keys) - 1)])
+
+    def point_at(self, key: str) -> None:
+        """Put the cursor on `key` and scroll it into view."""
+        if key not in self.keys:
+            return
+        self.cursor = key
+        top = self.keys.index(key)
+        last = top + self.keys.count(key) - 1
+        first, height = self.scroll_offset.y, self.size.height
+        if top <= first:
+            self.scroll_to(y=max(top - 1, 0), animate=False, immediate=True)
+        elif last >= first + height:
+            self.scroll_to(y=last - height + 1, animate=False, immediate=True)
+        self._repaint()
+
+    def action_choose(self) -> None:
+        """Tell that the row under the cursor was chosen."""
+        if self.cursor:
+            self.post_message(self.Chosen(self, self.cursor))
+
+    def on_click(self, event: events.Click) -> None:
+        """Choose the row that was clicked."""
+        index = event.y + self.scroll_offset.y
+        if index < len(self.keys) and self.selectable(self.keys[index]):
+            self.point_at(self.keys[index])
+            self.action_choose()
+
+    @property
+    def text(self) -> str:
+        """Every row as plain text, those out of view included."""
+        return "\n".join(self.row(i, self._room).plain for i in range(len(self.keys)))
