@@ -136,3 +136,12 @@ def test_every_library_that_is_asked_for_is_pinned_with_hashes_to_a_version_that
             versions = pins.get(name, set())
             assert versions, f"{name} is not in .constraints.txt: run python .ci/pins.py"
             assert all(asked.specifier.contains(version) for version in versions), name
+
+
+def test_the_version_and_the_style_checker_are_the_same_everywhere() -> None:
+    config = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    cited = (ROOT / ".github" / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\nversion: {config['version']}\n" in cited
+    hooks = (ROOT / ".pre-commit-config.yaml").read_text(encoding="utf-8")
+    (ruff,) = (line for line in config["optional-dependencies"]["dev"] if line.startswith("ruff"))
+    assert f"rev: v{ruff.partition('==')[2]}\n" in hooks
