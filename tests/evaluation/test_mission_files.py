@@ -18,6 +18,8 @@ from pa_console.sim.world_generator import generate_world
 from pa_console.training.playing import play, safeguards, words_findings
 from tests.evaluation.witness_play import plans, written
 
+pytestmark = pytest.mark.long
+
 FOLDER = data_folder() / "worlds" / "checkpoint"
 HOME = load_world(FOLDER / "world.yaml")
 RULES = load_rules(data_folder() / "rules" / "checkpoint.yaml")

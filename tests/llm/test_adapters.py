@@ -19,6 +19,8 @@ from pa_console.llm.errors import ModelError, ModelUnavailableError
 from pa_console.llm.request import Completed, Request
 from pa_console.llm.sources import PathSource
 
+pytestmark = pytest.mark.long
+
 TALK = Request(
     role="planner",
     system="You talk about the river gate and those who come to it. " * 8,
