@@ -52,7 +52,7 @@ console: $(VENV)/.installed-base
 
 test: $(VENV)/.installed-test
 	@$(BIN)/pa-console models pull $(TEST_MODEL)
-	@$(BIN)/pytest --numprocesses auto --maxprocesses 4 --dist loadfile $(ARGS)
+	@$(BIN)/pytest --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder $(ARGS)
 
 lint: $(VENV)/.installed-dev
 	@$(BIN)/ruff check .

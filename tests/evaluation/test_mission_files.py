@@ -19,6 +19,8 @@ from pa_console.training.proof.playing import words_findings
 from tests.evaluation.plan_play import play, safeguards
 from tests.evaluation.witness_play import plans, written
 
+pytestmark = pytest.mark.long
+
 FOLDER = data_folder() / "worlds" / "checkpoint"
 HOME = load_world(FOLDER / "world.yaml")
 RULES = load_rules(data_folder() / "rules" / "checkpoint.yaml")
