@@ -66,7 +66,7 @@ def _hanging(row: HangingRow) -> Table:
 
 
 def _text(spans: Iterable[Span]) -> Text:
-    """Return a laid out text in the terminal's colours, with what a terminal obeys as its escape."""
+    """Return a laid out text in the terminal's colours; what a terminal obeys is its escape."""
     return Text.assemble(
         *((visible(span.text), f"{span.stress} {_COLOURS[span.tone]}".strip()) for span in spans)
     )

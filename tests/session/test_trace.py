@@ -171,7 +171,7 @@ def test_who_had_a_part_in_the_only_answer_is_told_everywhere(
     assert "its commands given by the console" in words
 
 
-@pytest.mark.parametrize("front_end", (on_terminal, as_document))
+@pytest.mark.parametrize("front_end", [on_terminal, as_document])
 def test_what_a_terminal_would_obey_is_told_as_its_escape(
     front_end: Callable[[MissionTrace], str],
 ) -> None:
