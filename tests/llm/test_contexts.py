@@ -1,5 +1,6 @@
 """Which adapter a context has: also where a freed context's address is used again."""
 
+import ctypes
 from typing import Any
 
 import pytest
@@ -16,7 +17,7 @@ def test_a_context_at_the_address_of_a_freed_one_gets_its_adapter(
     switched: list[int] = []
 
     class Api:
-        llama_adapter_lora_p_ctypes = contexts.llama_cpp.llama_adapter_lora_p_ctypes
+        llama_adapter_lora_p_ctypes = ctypes.c_void_p
 
         @staticmethod
         def llama_adapter_lora_init(_model: Any, _path: bytes) -> int:
