@@ -7,7 +7,7 @@ a team: that something is not there must be sayable.
 
 A reason begins with what was asked, in words without a colon; what is stated of a place, an asset,
 a track or of who is free has its name before a colon. Such statements are taken from the digest,
-and whether the condition of an order is so is read from it (`condition.py`). All else is left to
+and whether the condition of an order is so is decided by it (`condition.py`). All else is left to
 the model.
 """
 
@@ -15,22 +15,20 @@ import re
 from collections.abc import Iterable, Iterator
 from re import escape
 
-from pa_console.llm.roles.compact_prompt import asset_state, standing, stands_at
-from pa_console.llm.roles.grammar import exactly
-from pa_console.llm.roles.prompt_facts import WORDS
-from pa_console.orders.condition import (
-    conditions,
-    evidence,
-    holds,
-    in_words,
+from pa_console.orders.clauses import NOWHERE, NamePatterns, clause_pattern
+from pa_console.orders.condition import holds, in_words
+from pa_console.orders.digest_assets import (
+    asset_state,
+    standing,
+    stands_at,
     told_assets,
     told_frames,
 )
+from pa_console.orders.digest_facts import DigestFacts, conditions, evidence
 from pa_console.orders.digest_tracks import tracks_of_digest
 from pa_console.orders.name_linking import link_names
-from pa_console.orders.reading import NOWHERE, NamePatterns, clause_pattern
 from pa_console.schema.telemetry import Digest
-from pa_console.schema.world import World
+from pa_console.schema.world import PLAIN_KINDS, World
 
 _UNDER = r"(if [ !#-9;-\[\]-~]+: )?"
 _NOW = r"now: [ !#-:<-\[\]-~]+"
@@ -40,6 +38,11 @@ _PLAIN = r"[a-z]+|[0-9]+|\([A-Z]+-[0-9]+\)"
 MOST_CLAUSES = 8
 _WORD = re.compile(r"[A-Za-z0-9_]+")
 _NUMBER = re.compile(r"\d+")
+
+
+def exactly(text: str) -> str:
+    """Return a regular expression (Rust's syntax, between slashes) for `text` as it is."""
+    return escape(text).replace("/", r"\/")
 
 
 def asked_pattern(world: World, digest: Digest, words: str, *, facts: bool = True) -> str:
@@ -90,7 +93,7 @@ def _teams(digest: Digest, said: Iterable[str]) -> str:
     That none of the kind is there must be sayable.
     """
     there = (exactly(frame) for frame, names in standing(digest).items() if names)
-    kinds = "|".join(WORDS.values())
+    kinds = "|".join(PLAIN_KINDS.values())
     return rf"(all|any|([0-9]+|all) ({kinds})s?)( from {_clauses_either((*there, *said))})?"
 
 
@@ -155,7 +158,7 @@ def asked_now(world: World, digest: Digest, asked: str) -> str:
     for condition in conditions(world, digest) if under else ():
         if meant.startswith(f"asked: if {in_words(condition)}: "):
             stay = "; others stay" if then.endswith("; others stay") else ""
-            so = _SO[holds(condition, digest)]
+            so = _SO[holds(condition, DigestFacts(digest))]
             stands = f"; now: {evidence(condition, digest)}, {so}{stay}"
             return meant + stands if so in ("so", "not so") else asked
     return asked
@@ -188,7 +191,7 @@ def _asked(world: World, digest: Digest, unconditional: str) -> str:
     """Return what was asked; `digest` decides each condition that it may be under."""
     under = (
         f"{escape(in_words(condition))}: {WORD}+, else: {WORD}+; "
-        f"now: {escape(evidence(condition, digest))}, {_SO[holds(condition, digest)]}"
+        f"now: {escape(evidence(condition, digest))}, {_SO[holds(condition, DigestFacts(digest))]}"
         for condition in conditions(world, digest)
     )
     return f"asked: ({unconditional}|if {_grounds_either(under)})"
@@ -217,7 +220,7 @@ def _grounds_facts(world: World, digest: Digest) -> Iterator[str]:
         ways += ["no track"] * (not any(contact.here for contact in here))
         yield f"At {frame}: {_grounds_either(ways)}"
     for kind, names in digest.free.items():
-        yield f"Free {WORDS[kind]}: ({_grounds_names(names)}none( to look first)?)"
+        yield f"Free {PLAIN_KINDS[kind]}: ({_grounds_names(names)}none( to look first)?)"
     every = [name for names in digest.free.values() for name in names]
     yield f"Free: ({_grounds_names(every)}none)"
 

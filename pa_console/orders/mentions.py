@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Literal, NamedTuple
 
 from pa_console.orders.name_linking import link_names
-from pa_console.orders.reading import WishTask
+from pa_console.orders.order import Task
 from pa_console.orders.verb_lexicon import find_verbs
 from pa_console.orders.world_names import GATE, NUMBERS, WORD
 from pa_console.schema.world import AssetKind, World
@@ -95,9 +95,9 @@ class Mention(NamedTuple):
     said: str
     means: str
     asked: bool = True
-    tasks: frozenset[WishTask] = frozenset()
+    tasks: frozenset[Task] = frozenset()
     """What a verb goes with."""
-    supports: frozenset[WishTask] = frozenset()
+    supports: frozenset[Task] = frozenset()
     """What a verb means."""
 
 

@@ -4,9 +4,7 @@ from collections.abc import Iterator
 
 from pa_console.orchestrator.intake.alarm_causes import silence
 from pa_console.schema.telemetry import AssetTelemetry, Digest, Picture, Selection, Track
-from pa_console.schema.world import AssetKind, World
-
-KINDS: tuple[AssetKind, ...] = ("uav", "ugv", "robot")
+from pa_console.schema.world import KINDS, World
 
 
 def digest_picture(picture: Picture, world: World, selection: Selection | None = None) -> Digest:

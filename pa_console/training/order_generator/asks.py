@@ -1,6 +1,7 @@
 """Draws one ask of a task: mostly it fits what the picture shows; some must not be carried out."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Literal
 
 from pa_console.orders.order import Ask, Task, Who, Wrong
@@ -24,7 +25,7 @@ _PLAIN: tuple[Task, ...] = ("go", "look", "identify", "block", "home", "respond"
 def draw_wrong(wrong: Wrong, view: View) -> Ask | None:
     """Return an ask that is wrong in this way, None when the situation does not have it."""
     ask = _WRONG_DRAW[wrong](view)
-    return None if ask is None else ask.model_copy(update={"wrong": wrong})
+    return None if ask is None else replace(ask, wrong=wrong)
 
 
 def _meeting(task: Task, kind: AssetKind) -> Callable[[View], Ask | None]:
@@ -188,7 +189,7 @@ def _go(view: View) -> Ask | None:
     if view.chance(0.06):
         who = Who(kind=kind, count="all")
     elif who.origin == place:
-        who = who.model_copy(update={"origin": ""})
+        who = replace(who, origin="")
     return Ask(task="go", who=who, place=place)
 
 

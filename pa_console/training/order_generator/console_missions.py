@@ -12,6 +12,7 @@ from pa_console.resources import find_data
 from pa_console.schema.plan import Verb
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
+from pa_console.training.order_generator.asks import KIND_FOR
 
 ConsoleMission = tuple[str, Order, tuple[Verb, ...]]
 """The words, what they mean, and the only commands that may answer them; none means any."""
@@ -80,10 +81,8 @@ def _phases(world: World, picture: Picture, rulebook: Rulebook) -> Iterator[Cons
         task = _PHASE.get(phase.verbs[0]) if phase is not None and phase.verbs else None
         if phase is None or task is None:
             continue
-        kind = {"look": "uav", "block": "ugv"}.get(task, "robot")
         named = track if track in run.command() else ""
-        who = Who.model_validate({"kind": kind})
-        ask = Ask(task=task, who=who, place=run.gate, track_id=named)
+        ask = Ask(task=task, who=Who(kind=KIND_FOR[task]), place=run.gate, track_id=named)
         yield run.command(), Order(asks=(ask,)), phase.verbs
 
 

@@ -1,19 +1,17 @@
 """Who can be sent and who takes part, and why an ask cannot be carried out as it is meant."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from typing import NamedTuple
 
-from pa_console.llm.roles.compact_prompt import asset_state
-from pa_console.llm.roles.prompt_facts import WORDS
-from pa_console.orchestrator.planning.digest import KINDS
 from pa_console.orchestrator.tasking.obstacles import VERBS
-from pa_console.orders.condition_in_picture import tracks_at
+from pa_console.orders.digest_assets import asset_state
 from pa_console.orders.order import Ask, Task, Wrong
+from pa_console.orders.picture_facts import tracks_at
 from pa_console.schema.plan import COMMANDS
 from pa_console.schema.telemetry import Digest, Picture, Track
-from pa_console.schema.world import AssetKind, World
+from pa_console.schema.world import KINDS, PLAIN_KINDS, AssetKind, World
 
 Command = tuple[str, str]
 """An agent and its command."""
@@ -153,7 +151,7 @@ class Roster:
     def offered(self, names: Sequence[str], *, short: bool = False) -> str:
         """Return who is taken of the free ones, begun as the compact picture begins its list."""
         kinds = {self.kind(name) for name in names}
-        label = f"Free {WORDS[self.kind(names[0])]}" if len(kinds) == 1 else "Free"
+        label = f"Free {PLAIN_KINDS[self.kind(names[0])]}" if len(kinds) == 1 else "Free"
         few = ", ".join(names) if len(names) <= MOST_OFFERED else f"{len(names)} assets"
         return f"{label}: {'only ' if short else ''}{few}"
 
@@ -295,7 +293,7 @@ def teams(
 
 def only(ask: Ask, names: Sequence[str]) -> Ask:
     """Return `ask` for those of its assets that can do it."""
-    return ask.model_copy(update={"who": ask.who.model_copy(update={"names": tuple(names)})})
+    return replace(ask, who=replace(ask.who, names=tuple(names)))
 
 
 def fewer(draft: Draft, roster: Roster) -> list[Draft]:
@@ -314,7 +312,7 @@ def fewer(draft: Draft, roster: Roster) -> list[Draft]:
 
 def so_many(ask: Ask, team: Sequence[str]) -> Ask:
     """Return `ask` for as many assets as there are in `team`."""
-    return ask.model_copy(update={"who": ask.who.model_copy(update={"count": len(team)})})
+    return replace(ask, who=replace(ask.who, count=len(team)))
 
 
 def none_free(ask: Ask) -> str:
