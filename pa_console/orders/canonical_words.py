@@ -6,10 +6,10 @@ first says what it has understood. Text that is no order of the operator leaves 
 
 from collections.abc import Iterator
 
-from pa_console.orders.clauses import ASIDE, CLAUSES, NOWHERE, UNLAWFUL, written
+from pa_console.orders.clauses import ASIDE, CLAUSES, NOWHERE, TEAM, UNLAWFUL, counted, written
 from pa_console.orders.condition import in_words
 from pa_console.orders.digest_facts import evidence
-from pa_console.orders.order import Ask, Order, Who
+from pa_console.orders.order import ANYBODY, Ask, Order, Who
 from pa_console.orders.picture_facts import is_so
 from pa_console.schema.telemetry import Digest, Picture
 from pa_console.schema.world import PLAIN_KINDS, World
@@ -71,7 +71,7 @@ def _said(ask: Ask, world: World) -> Iterator[tuple[str, str]]:
     elif who := _who(ask.who):
         yield "who", who
     if ask.task == "mass" and ask.who.kind is not None:
-        yield "kind", f"{PLAIN_KINDS[ask.who.kind]}s"
+        yield "massed", f"{PLAIN_KINDS[ask.who.kind]}s"
     if ask.leaving:
         yield "guard", f"{ask.leaving} at {place}" if ask.place else ask.leaving
     if ask.track_id and ask.task in _OF_TRACKS:
@@ -87,8 +87,9 @@ def _who(who: Who) -> str:
     """Return who is meant, '' when it is left open."""
     if who.names:
         return ", ".join(who.names)
-    origin = f" from {who.origin}" if who.origin else ""
+    if who == ANYBODY:
+        return ""
+    said = {"origin": who.origin} if who.origin else {}
     if who.kind is None:
-        return f"all{origin}" if who.count == "all" else f"any{origin}" if origin else ""
-    word = PLAIN_KINDS[who.kind]
-    return f"{who.count} {word}{'' if who.count == 1 else 's'}{origin}"
+        return TEAM.write({**said, "every": "all" if who.count == "all" else "any"})
+    return TEAM.write({**said, **counted(who.kind, who.count)})

@@ -15,7 +15,7 @@ import re
 from collections.abc import Iterable, Iterator
 from re import escape
 
-from pa_console.orders.clauses import NOWHERE, NamePatterns, clause_pattern
+from pa_console.orders.clauses import NOWHERE, TEAM, TEAM_SLOTS, NamePatterns, clause_pattern
 from pa_console.orders.condition import holds, in_words
 from pa_console.orders.digest_assets import (
     asset_state,
@@ -93,8 +93,13 @@ def _teams(digest: Digest, said: Iterable[str]) -> str:
     That none of the kind is there must be sayable.
     """
     there = (exactly(frame) for frame, names in standing(digest).items() if names)
-    kinds = "|".join(PLAIN_KINDS.values())
-    return rf"(all|any|([0-9]+|all) ({kinds})s?)( from {_clauses_either((*there, *said))})?"
+    slots = {
+        **TEAM_SLOTS,
+        "count": f"({TEAM_SLOTS['count']})",
+        "kind": f"({TEAM_SLOTS['kind']})",
+        "origin": _clauses_either((*there, *said)),
+    }
+    return TEAM.pattern(slots)
 
 
 def _clauses_facts(assets: str, places: str, targets: str) -> str:

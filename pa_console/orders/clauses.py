@@ -16,13 +16,21 @@ from pa_console.schema.world import PLAIN_KINDS, AssetKind
 NOWHERE = "unknown place"
 """What a place is called that the world has not."""
 SOMEBODY = "somebody"
+TEAM = WordForm("({every}|{count} {kind}{plural})[ from {origin}]")
+"""How those are put who are not named; in plain words they come in the same order."""
+TEAM_SLOTS: Mapping[str, str] = {
+    "every": "all|any",
+    "count": "[0-9]+|all",
+    "kind": "|".join(PLAIN_KINDS.values()),
+    "plural": "s?",
+}
+"""What can stand in its slots but for the origin, as regular expressions without groups."""
 MOST_NAMES = 12
 """Assets that one clause can name."""
 KIND_FORMS: Mapping[str, AssetKind] = {
     form: kind for kind, word in PLAIN_KINDS.items() for form in (word, f"{word}s")
 }
 """Every form of the words for kinds of assets."""
-KIND_PATTERN = "|".join(KIND_FORMS)
 
 
 @dataclass(frozen=True)
@@ -30,10 +38,10 @@ class Clause:
     """How a task is put: in canonical `words`, and in plain words for people.
 
     The slots of `words` are: `who`, `place` (where an asset can be sent), `gate` (where something
-    can come, and a guard stand), `first` and `second` (assets), `kind` of those that are massed,
-    `thing` and `stranger` (vehicle or person), `track` (with where it is) and `guard` (with where
-    it stands). Those of `plain` are `who`, `place`, `first`, `second`, `kind`, `thing`, and the
-    names in `track` and `guard`: `track_id` and `leaving`.
+    can come, and a guard stand), `first` and `second` (assets), `massed` (a kind), `thing` and
+    `stranger` (vehicle or person), `track` (with where it is) and `guard` (with where it stands).
+    Those of `plain` are `who`, `place`, `first`, `second`, `massed`, `thing`, and the names in
+    `track` and `guard`: `track_id` and `leaving`.
     """
 
     task: Task
@@ -57,7 +65,7 @@ CLAUSES: tuple[Clause, ...] = (
     ),
     _clause("swap", "swap {first} and {second}", "let {first} and {second} change places"),
     _clause("stand_down", "stand down {gate}", "send home whoever reinforces {place}"),
-    _clause("mass", "all free[ {kind}] to {gate}", "send every free ({kind}|asset) to {place}"),
+    _clause("mass", "all free[ {massed}] to {gate}", "send every free ({massed}|asset) to {place}"),
     _clause("cover", "cover {gate}[ by {who}]", "(let {who} guard {place}|give {place} a guard)"),
     _clause(
         "cover",
@@ -121,6 +129,12 @@ def written(task: Task, said: Mapping[str, str], wrong: Wrong | None = None) -> 
     return form.write(said, _DEFAULTS)
 
 
+def counted(kind: AssetKind, count: int | str) -> dict[str, str]:
+    """Return so many of a kind by the slots of `TEAM`."""
+    plural = "" if count == 1 else "s"
+    return {"count": str(count), "kind": PLAIN_KINDS[kind], "plural": plural}
+
+
 class NamePatterns(NamedTuple):
     """What the names in clauses can be: a regular expression for each sort of them."""
 
@@ -168,7 +182,7 @@ def clause_patterns(
         "gate": group("place", f"{names.gate}|{NOWHERE}"),
         "first": group("first", asset),
         "second": group("second", asset),
-        "kind": group("kind", KIND_PATTERN),
+        "massed": group("massed", "|".join(KIND_FORMS)),
         "thing": group("thing", "vehicle|person"),
         "stranger": names.stranger,
         "track": names.track,

@@ -7,12 +7,15 @@ plain already, is told as it is written.
 import re
 from collections.abc import Mapping, Sequence
 
-from pa_console.orders.clauses import ASIDE, NOWHERE, UNLAWFUL
+from pa_console.orders.clauses import ASIDE, KIND_FORMS, NOWHERE, TEAM, UNLAWFUL
 from pa_console.orders.condition import CONDITIONS
 from pa_console.orders.reading import NAME, clause_of
-from pa_console.schema.world import PLAIN_KINDS
+from pa_console.schema.world import PLAIN_KINDS, AssetKind
 
-_KINDS = {"drone": "drone", "vehicle": "ground vehicle", "robot": "ground robot"}
+_KINDS: Mapping[AssetKind, str] = {
+    "uav": "drone", "ugv": "ground vehicle", "robot": "ground robot",
+}  # fmt: skip
+_EVERY = {"all": "everybody", "any": "somebody"}
 _CASE = re.compile(r"if (?P<condition>[^:]+): (?P<then>[^:]+), else: (?P<otherwise>[^:]+)")
 _OTHERS_STAY = "; others stay"
 _CONDITIONS = tuple(
@@ -80,25 +83,19 @@ def _condition(words: str) -> str:
 
 
 def _plainly(said: Mapping[str, str]) -> dict[str, str]:
-    """Return what a clause says by slot, as a sentence has it there."""
+    """Return what a clause or a condition says by slot, as a sentence has it there."""
     plain = {**said}
+    for slot in ("kind", "massed"):
+        if slot in said:
+            plain[slot] = _KINDS[KIND_FORMS[said[slot]]]
+    if "every" in said:
+        plain["every"] = _EVERY[said["every"]]
     if "who" in said:
-        plain["who"] = _team(said["who"])
-    if "kind" in said:
-        plain["kind"] = _KINDS[said["kind"].removesuffix("s")]
+        named = not {"every", "kind"} & said.keys()
+        plain["who"] = (
+            _listed(said["who"].split(", ")) if named else TEAM.write({"plural": "", **plain})
+        )
     return plain
-
-
-def _team(said: str) -> str:
-    """Return who is to do it: names, or how many of a kind."""
-    who, comes_from, origin = said.partition(" from ")
-    number, _, kind = who.partition(" ")
-    if kind.removesuffix("s") in _KINDS:
-        one = _KINDS[kind.removesuffix("s")]
-        who = f"{number} {one}{'s' * kind.endswith('s')}"
-    else:
-        who = {"all": "everybody", "any": "somebody"}.get(who) or _listed(who.split(", "))
-    return f"{who}{comes_from}{origin}"
 
 
 def _listed(parts: Sequence[str]) -> str:

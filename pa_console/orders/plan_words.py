@@ -2,10 +2,10 @@
 
 from collections.abc import Iterable, Sequence
 
-from pa_console.orders.clauses import written
+from pa_console.orders.clauses import TEAM, counted, written
 from pa_console.orders.order import TASK_OF
 from pa_console.schema.plan import Action
-from pa_console.schema.world import PLAIN_KINDS, World
+from pa_console.schema.world import KINDS, World
 
 MOST_NAMED = 4
 """More assets than these with one task are only counted."""
@@ -35,7 +35,5 @@ def _task(actions: Sequence[Action], world: World, by_name: bool) -> str:
 def _counted(names: Iterable[str], world: World) -> str:
     kinds = [world.assets[name].kind for name in names]
     return ", ".join(
-        f"{kinds.count(kind)} {PLAIN_KINDS[kind]}{'s' * (kinds.count(kind) > 1)}"
-        for kind in PLAIN_KINDS
-        if kind in kinds
+        TEAM.write(counted(kind, kinds.count(kind))) for kind in KINDS if kind in kinds
     )

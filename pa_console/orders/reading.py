@@ -13,9 +13,10 @@ from typing import Literal
 from pa_console.orders.clauses import (
     ASIDE,
     KIND_FORMS,
-    KIND_PATTERN,
     NOWHERE,
     SOMEBODY,
+    TEAM,
+    TEAM_SLOTS,
     UNLAWFUL,
     Clause,
     NamePatterns,
@@ -28,8 +29,9 @@ _ANY = NamePatterns(
     asset=NAME,
     place=NAME,
     gate=NAME,
-    team=rf"all( from (?P<origin>{NAME}))?|any( from (?P<origin2>{NAME}))?"
-    rf"|(?P<count>[0-9]+|all) (?P<kind>{KIND_PATTERN})( from (?P<origin3>{NAME}))?",
+    team=TEAM.pattern(
+        {slot: f"(?P<{slot}>{said})" for slot, said in (*TEAM_SLOTS.items(), ("origin", NAME))}
+    ),
     track=rf"(?P<track_id>{NAME}) at (?P<at>{NAME}|{NOWHERE})",
     guard=rf"(?P<leaving>{NAME})( at (?P<place>{NAME}|{NOWHERE}))?",
     stranger="(?P<stranger> vehicle| person)",
@@ -39,9 +41,7 @@ _CLAUSES: tuple[tuple[Clause, re.Pattern[str]], ...] = tuple(
     (clause, re.compile(pattern))
     for clause, pattern in clause_patterns(_ANY, lambda slot, what: f"(?P<{slot}>{what})")
 )
-_SLOTS: Mapping[str, str] = {
-    "at": "place", "stranger": "thing", "origin2": "origin", "origin3": "origin",
-}  # fmt: skip
+_SLOTS: Mapping[str, str] = {"at": "place", "stranger": "thing"}
 """The groups of an expression that are not called as the slot for which they stand."""
 _TRACKS: Mapping[str, Literal["vehicle", "person"]] = {"vehicle": "vehicle", "person": "person"}
 _UNDER = re.compile(
@@ -78,7 +78,7 @@ def read_asked(words: str) -> Reading | None:
 def clause_of(words: str) -> tuple[Clause, Mapping[str, str]] | None:
     """Return the form of a lawful clause and what it says by slot, None for what is no clause.
 
-    The slots are those of the plain form, and `who` is taken apart: `count`, `kind`, `origin`.
+    The slots are those of the plain form, and those of `TEAM` where nobody is named.
     """
     for clause, pattern in _CLAUSES:
         found = pattern.fullmatch(words)
@@ -153,13 +153,12 @@ def _who(clause: Clause, said: Mapping[str, str]) -> Who:
     if clause.task == "swap":
         return Who(names=(said["first"], said["second"]))
     if clause.task == "mass":
-        return Who(kind=KIND_FORMS.get(said.get("kind", "")), count="all")
-    who, origin = said.get("who", ""), said.get("origin", "")
+        return Who(kind=KIND_FORMS.get(said.get("massed", "")), count="all")
+    origin = said.get("origin", "")
     if "kind" in said:
         count = "all" if said["count"] == "all" else int(said["count"])
         return Who(kind=KIND_FORMS[said["kind"]], count=count, origin=origin)
-    if who in ("", SOMEBODY):
-        return ANYBODY
-    if who.split(" ")[0] in ("all", "any"):
-        return Who(count="all" if who.startswith("all") else 1, origin=origin)
-    return Who(names=tuple(who.split(", ")))
+    if "every" in said:
+        return Who(count="all" if said["every"] == "all" else 1, origin=origin)
+    who = said.get("who", SOMEBODY)
+    return ANYBODY if who == SOMEBODY else Who(names=tuple(who.split(", ")))
