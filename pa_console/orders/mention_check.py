@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterator, Sequence
 from typing import NamedTuple
 
 from pa_console.orders.clauses import NOWHERE
+from pa_console.orders.feasibility import KIND_FOR
 from pa_console.orders.mentions import Mention, Sort, find_mentions
 from pa_console.orders.order import TASK_OF, Ask, Reading, Task, Who
 from pa_console.orders.reading import read_asked
@@ -20,9 +21,6 @@ from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
 
 _STAYS: frozenset[Verb] = frozenset(("hold", "report"))
-_NEEDS: dict[Task, AssetKind] = {
-    "look": "uav", "identify": "robot", "warn": "robot", "block": "ugv",
-}  # fmt: skip
 _KIND_WORDS: dict[AssetKind, re.Pattern[str]] = {
     "uav": re.compile(r"\b(?:air\w*|aerial|fl(?:y|ies|ying|ight|ier)|sky|wings?|birds?|eyes?)\b"),
     "ugv": re.compile(
@@ -178,7 +176,7 @@ class _Made:
     def _has_kind(self, kind: str) -> bool:
         kinds: set[str | None] = {ask.who.kind for ask in self.asks}
         kinds |= {self._world.assets[name].kind for name in self._assets}
-        kinds |= {_NEEDS.get(task) for task in self._tasks}
+        kinds |= {KIND_FOR.get(task) for task in self._tasks}
         every = any(ask.who == Who(count="all") for ask in self.asks)
         return kind in kinds or every or not self.asks
 

@@ -3,72 +3,67 @@
 What could be done and is not planned is the judge's to object to (`fulfilment.py`).
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from pa_console.orchestrator.planning.plan_moves import PlanMoves
+from pa_console.orders.feasibility import (
+    VERB_FOR,
+    Obstacle,
+    asset_obstacles,
+    can_do,
+    obstacle,
+)
 from pa_console.orders.order import Ask, Reading, Task
-from pa_console.schema.plan import COMMANDS, Verb
+from pa_console.schema.plan import COMMANDS
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
-
-VERBS: Mapping[Task, Verb] = {
-    "look": "observe", "identify": "identify", "warn": "warn", "block": "block",
-}  # fmt: skip
-"""The command that a task is carried out with, where only some kinds of assets have it."""
-_PLACED: frozenset[Task] = frozenset(("go", "look", "identify", "warn", "block", "mass"))
 
 
 def obstacle_to(ask: Ask, world: World, picture: Picture) -> str:
     """Return why nothing of `ask` can be done, empty when at least a part can."""
     if ask.task == "refused":
         return "no order may have that"
-    if ask.place in world.zones:
-        return f"{ask.place} is closed (ROE-07)"
-    if ask.place not in world.frames and (ask.place or ask.task in _PLACED):
-        return "no such place (CAP-06)"
-    if ask.leaving and ask.leaving not in world.assets:
-        return f"no asset {ask.leaving} (CAP-10)"
-    names, kind = ask.who.names, ask.who.kind
-    problems = [why for name in names if (why := unfit(name, ask, world, picture))]
-    if problems and (len(problems) == len(names) or ask.task == "swap"):
-        return problems[0]
-    if names:
-        return ""
-    return (_incapable(kind, ask.task) if kind is not None else "") or _nobody(ask, picture)
+    found = obstacle(
+        ask, world, lambda name: next(asset_obstacles(name, ask, world, picture), None)
+    )
+    if found is not None:
+        return _told(found, ask.task)
+    return "" if ask.who.names else _nobody(ask, picture)
 
 
 def unfit(name: str, ask: Ask, world: World, picture: Picture) -> str:
     """Return why the asset of that name cannot do its part of `ask`, empty when it can."""
-    asset = picture.assets.get(name)
-    if asset is None:
-        return f"no asset {name} (CAP-10)"
-    if not asset.available:
-        return f"{name} is down"
-    stays = ask.task in ("home", "report", "hold") or ask.place == world.base
-    if asset.low_battery and not stays:
-        return f"{name} is low (CAP-04)"
-    if ask.task in VERBS and asset.comms != "ok":
-        return f"{name} has a poor link (CAP-05)"
-    return _incapable(asset.kind, ask.task)
+    found = next(asset_obstacles(name, ask, world, picture), None)
+    return "" if found is None else _told(found, ask.task)
+
+
+def _told(found: Obstacle, task: Task) -> str:
+    """Return an obstacle in words, with its rule where there is one."""
+    match found.problem:
+        case "closed":
+            return f"{found.subject} is closed (ROE-07)"
+        case "no place":
+            return "no such place (CAP-06)"
+        case "no asset":
+            return f"no asset {found.subject} (CAP-10)"
+        case "down":
+            return f"{found.subject} is down"
+        case "low":
+            return f"{found.subject} is low (CAP-04)"
+        case "poor link":
+            return f"{found.subject} has a poor link (CAP-05)"
+        case "wrong kind":
+            kind = "asset" if found.kind is None else PLAIN_KINDS[found.kind]
+            return f"no {kind} can {VERB_FOR[task]}"
 
 
 def _nobody(ask: Ask, picture: Picture) -> str:
     """Return that every asset which could do it is down."""
-    kind, verb = ask.who.kind, VERBS.get(ask.task)
+    kind, verb = ask.who.kind, VERB_FOR.get(ask.task)
     kinds = (kind,) if kind is not None else COMMANDS[verb].kinds if verb is not None else ()
     up = {asset.kind for asset in picture.assets.values() if asset.available}
     return "" if not kinds or up.intersection(kinds) else "whoever could do it is down (CAP-10)"
-
-
-def can_have(kind: AssetKind, task: Task) -> bool:
-    """Whether assets of a kind have the command that a task is carried out with."""
-    verb = VERBS.get(task)
-    return verb is None or kind in COMMANDS[verb].kinds
-
-
-def _incapable(kind: AssetKind, task: Task) -> str:
-    return "" if can_have(kind, task) else f"no {PLAIN_KINDS[kind]} can {VERBS[task]}"
 
 
 def post_of(moves: PlanMoves, ask: Ask) -> str:
@@ -145,9 +140,7 @@ def _carries_out(moves: PlanMoves, name: str, ask: Ask) -> bool:
     """Whether `name` moves for what is asked by `ask`, and not only to look first (WF-02)."""
     kind = moves.kind(name)
     asked = name in ask.who.names or ask.who.kind in (None, kind)
-    return (
-        may_move(moves, name, ask) and (name == ask.leaving or asked) and can_have(kind, ask.task)
-    )
+    return may_move(moves, name, ask) and (name == ask.leaving or asked) and can_do(kind, ask.task)
 
 
 _LOOKS: frozenset[Task] = frozenset(("look", "identify", "warn", "respond"))

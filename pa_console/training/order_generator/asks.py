@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Literal
 
+from pa_console.orders.feasibility import KIND_FOR
 from pa_console.orders.order import Ask, Task, Who, Wrong
 from pa_console.schema.world import AssetKind
 from pa_console.training.order_generator.order_view import View
@@ -163,9 +164,6 @@ _WRONG_DRAW: Mapping[Wrong, Callable[[View], Ask | None]] = {
 }
 
 
-KIND_FOR: Mapping[Task, AssetKind] = {
-    "look": "uav", "identify": "robot", "warn": "robot", "block": "ugv",
-}  # fmt: skip
 _ANY: tuple[AssetKind, ...] = ("uav", "ugv", "robot")
 
 

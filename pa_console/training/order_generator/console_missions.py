@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from functools import cache
 
 from pa_console.orchestrator.intake.alarm_causes import Cause, causes
+from pa_console.orders.feasibility import KIND_FOR
 from pa_console.orders.order import Ask, Order, Task, Who
 from pa_console.policy.ordering.moments import moment
 from pa_console.policy.ordering.workflow import WorkflowRun
@@ -12,7 +13,6 @@ from pa_console.resources import find_data
 from pa_console.schema.plan import Verb
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
-from pa_console.training.order_generator.asks import KIND_FOR
 
 ConsoleMission = tuple[str, Order, tuple[Verb, ...]]
 """The words, what they mean, and the only commands that may answer them; none means any."""

@@ -7,7 +7,7 @@ from typing import TypeVar
 
 from pa_console.orders.condition import Condition, Fact
 from pa_console.orders.order import Ask, Who
-from pa_console.orders.picture_facts import is_so
+from pa_console.orders.picture_facts import is_so, sole_covers
 from pa_console.schema.telemetry import Digest, Picture, Track
 from pa_console.schema.world import KINDS, AssetKind, World
 
@@ -61,8 +61,7 @@ class View:
     @property
     def alone(self) -> list[str]:
         """The assets on which a gate depends."""
-        covers = self.picture.gates.values()
-        return [c.by[0] for c in covers if len(c.by) == 1 and c.by[0] not in self.named]
+        return [name for name in sole_covers(self.picture).values() if name not in self.named]
 
     def free(self, kind: AssetKind | None = None) -> list[str]:
         """Return the free assets that the order does not speak of yet."""
