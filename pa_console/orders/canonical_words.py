@@ -6,7 +6,17 @@ first says what it has understood. Text that is no order of the operator leaves 
 
 from collections.abc import Iterator
 
-from pa_console.orders.clauses import ASIDE, CLAUSES, NOWHERE, TEAM, UNLAWFUL, counted, written
+from pa_console.orders.clauses import (
+    ASIDE,
+    CLAUSES,
+    NOTHING,
+    NOWHERE,
+    OTHERS_STAY,
+    TEAM,
+    UNLAWFUL,
+    counted,
+    written,
+)
 from pa_console.orders.condition import in_words
 from pa_console.orders.digest_facts import evidence
 from pa_console.orders.order import ANYBODY, Ask, Order, Who
@@ -49,12 +59,12 @@ def _depending(order: Order, world: World) -> str:
     words = _all(order.asks, world)
     if order.condition is None:
         return words
-    otherwise = _all(order.otherwise, world) if order.otherwise else "nothing"
+    otherwise = _all(order.otherwise, world) if order.otherwise else NOTHING
     return f"if {in_words(order.condition)}: {words}, else: {otherwise}"
 
 
 def _of_others(order: Order, words: str) -> str:
-    return f"{words}; others stay" if order.others_stay else words
+    return f"{words}; {OTHERS_STAY}" if order.others_stay else words
 
 
 def _all(asks: tuple[Ask, ...], world: World) -> str:

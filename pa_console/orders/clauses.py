@@ -13,6 +13,12 @@ from pa_console.orders.order import Task, Wrong
 from pa_console.orders.word_form import WordForm
 from pa_console.schema.world import PLAIN_KINDS, AssetKind
 
+ASKED = "asked: "
+"""How a reason or a feedback begins that says what was asked."""
+NOTHING = "nothing"
+"""Stands for the clauses of a case in which nothing is to be done."""
+OTHERS_STAY = "others stay"
+"""Ends what is asked where nobody else may move."""
 NOWHERE = "unknown place"
 """What a place is called that the world has not."""
 SOMEBODY = "somebody"

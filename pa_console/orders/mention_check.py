@@ -10,7 +10,7 @@ import re
 from collections.abc import Collection, Iterator, Sequence
 from typing import NamedTuple
 
-from pa_console.orders.clauses import NOWHERE
+from pa_console.orders.clauses import ASKED, NOTHING, NOWHERE, OTHERS_STAY
 from pa_console.orders.feasibility import KIND_FOR
 from pa_console.orders.mentions import Mention, Sort, find_mentions
 from pa_console.orders.order import TASK_OF, Ask, Reading, Task, Who
@@ -126,8 +126,8 @@ class _Made:
         self.subjects = _NAME.findall(under[1]) if under is not None else []
         """The names on which it depends what is to be done."""
         self.refused = bool(self.asks) and all(w.task == "refused" for w in self.asks)
-        self._others_stay = "others stay" in said or "others stay" in evidence
-        self._may_hold = self._others_stay or "else: nothing" in said or not self.asks
+        self._others_stay = OTHERS_STAY in said or OTHERS_STAY in evidence
+        self._may_hold = self._others_stay or f"else: {NOTHING}" in said or not self.asks
         acting = [action for action in plan.actions if action.verb not in _STAYS]
         doing = acting if asked else plan.actions
         self._tasks: set[Task] = {ask.task for ask in self.asks}
@@ -308,10 +308,10 @@ class _Words:
 
 def _asks(asked: str) -> Iterator[Ask]:
     """Yield what is asked in every case of a condition."""
-    words = asked.removeprefix("asked: ")
+    words = asked.removeprefix(ASKED)
     case = re.fullmatch(r"if [^:]+: (.+?), else: (.+)", words)
     for part in (case[1], case[2]) if case is not None else (words,):
-        reading = read_asked(f"asked: {part}") or Reading(())
+        reading = read_asked(f"{ASKED}{part}") or Reading(())
         yield from reading.asks
 
 

@@ -1,8 +1,8 @@
 """What the words of an order name: places, assets, tracks, kinds, how many, and verbs.
 
-Names are found as entity linking finds them (`linking.py`). A name is asked about, or only told,
-quoted or ruled out: *the east gate is quiet, send a drone to the west gate* asks for nothing at the
-east gate. Of an order that asks in no clause, every clause counts as asking.
+Names are found as entity linking finds them (`name_linking.py`). A name is asked about, or only
+told, quoted or ruled out: *the east gate is quiet, send a drone to the west gate* asks for nothing
+at the east gate. Of an order that asks in no clause, every clause counts as asking.
 """
 
 import re

@@ -7,7 +7,16 @@ plain already, is told as it is written.
 import re
 from collections.abc import Mapping, Sequence
 
-from pa_console.orders.clauses import ASIDE, KIND_FORMS, NOWHERE, TEAM, UNLAWFUL
+from pa_console.orders.clauses import (
+    ASIDE,
+    ASKED,
+    KIND_FORMS,
+    NOTHING,
+    NOWHERE,
+    OTHERS_STAY,
+    TEAM,
+    UNLAWFUL,
+)
 from pa_console.orders.condition import CONDITIONS
 from pa_console.orders.reading import NAME, clause_of
 from pa_console.schema.world import PLAIN_KINDS, AssetKind
@@ -17,7 +26,7 @@ _KINDS: Mapping[AssetKind, str] = {
 }  # fmt: skip
 _EVERY = {"all": "everybody", "any": "somebody"}
 _CASE = re.compile(r"if (?P<condition>[^:]+): (?P<then>[^:]+), else: (?P<otherwise>[^:]+)")
-_OTHERS_STAY = "; others stay"
+_STAY = f"; {OTHERS_STAY}"
 _CONDITIONS = tuple(
     (
         re.compile(
@@ -42,9 +51,9 @@ def plain_reading(asked: str) -> str:
     `asked: if EastGate uncovered: 1 drone to EastGate, else: nothing; now: ...` is *if EastGate
     has no guard, send 1 drone to EastGate, otherwise do nothing*.
     """
-    words, _, now = asked.removeprefix("asked: ").partition("; now: ")
-    others = words.endswith(_OTHERS_STAY) or now.endswith(_OTHERS_STAY)
-    words = words.removesuffix(_OTHERS_STAY)
+    words, _, now = asked.removeprefix(ASKED).partition("; now: ")
+    others = words.endswith(_STAY) or now.endswith(_STAY)
+    words = words.removesuffix(_STAY)
     case = _CASE.fullmatch(words)
     if case is None:
         told = _clauses(words)
@@ -61,7 +70,7 @@ def _clauses(words: str) -> str:
 
 def _clause(words: str) -> str:
     """Return one clause in plain words, and last what makes it one that no order may have done."""
-    if words == "nothing":
+    if words == NOTHING:
         return "do nothing"
     if words.startswith(ASIDE.words):
         return _clause(words.removeprefix(ASIDE.words)) + ASIDE.plain

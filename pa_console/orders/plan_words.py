@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
-from pa_console.orders.clauses import TEAM, counted, written
+from pa_console.orders.clauses import NOTHING, TEAM, counted, written
 from pa_console.orders.order import TASK_OF
 from pa_console.schema.plan import Action
 from pa_console.schema.world import KINDS, World
@@ -21,7 +21,7 @@ def planned(actions: Sequence[Action], world: World, *, by_name: bool) -> str:
     tasks: dict[str, list[Action]] = {}
     for action in actions:
         tasks.setdefault(action.command, []).append(action)
-    return "; ".join(_task(group, world, by_name) for group in tasks.values()) or "nothing"
+    return "; ".join(_task(group, world, by_name) for group in tasks.values()) or NOTHING
 
 
 def _task(actions: Sequence[Action], world: World, by_name: bool) -> str:

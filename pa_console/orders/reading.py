@@ -12,8 +12,11 @@ from typing import Literal
 
 from pa_console.orders.clauses import (
     ASIDE,
+    ASKED,
     KIND_FORMS,
+    NOTHING,
     NOWHERE,
+    OTHERS_STAY,
     SOMEBODY,
     TEAM,
     TEAM_SLOTS,
@@ -62,9 +65,9 @@ def asked_words(reason: str) -> str:
     """Return how `reason` begins: what was asked, up to the facts that decide; '' without that."""
     if read_reason(reason) is None:
         return ""
-    case = _UNDER.fullmatch(reason.removeprefix("asked: "))
+    case = _UNDER.fullmatch(reason.removeprefix(ASKED))
     if case is not None:
-        facts = (case["facts"] or "").removeprefix("others stay").removeprefix("; ")
+        facts = (case["facts"] or "").removeprefix(OTHERS_STAY).removeprefix("; ")
     else:
         facts = reason.rpartition("; ")[2] if "; " in reason else ""
     return reason.removesuffix(facts)
@@ -95,25 +98,25 @@ def _slots(found: re.Match[str]) -> Iterator[tuple[str, str]]:
 
 
 def _read(text: str, *, with_facts: bool) -> Reading | None:
-    if not text.startswith("asked: "):
+    if not text.startswith(ASKED):
         return None
-    words = text.removeprefix("asked: ")
+    words = text.removeprefix(ASKED)
     if words.startswith("if "):
         case = _UNDER.fullmatch(words)
         if case is None:
             return Reading((Ask(task="unreadable"),))
         clauses = _clauses(case["then"] if case["so"] == "so" else case["otherwise"])
-        return Reading(tuple(clauses), (case["facts"] or "").startswith("others stay"))
+        return Reading(tuple(clauses), (case["facts"] or "").startswith(OTHERS_STAY))
     parts = words.split("; ")
     if with_facts and len(parts) > 1:
         parts.pop()
-    stay = "others stay" in parts
-    return Reading(tuple(_clauses("; ".join(p for p in parts if p != "others stay"))), stay)
+    stay = OTHERS_STAY in parts
+    return Reading(tuple(_clauses("; ".join(p for p in parts if p != OTHERS_STAY))), stay)
 
 
 def _clauses(words: str) -> Iterator[Ask]:
     """Yield what the clauses of `words` ask for."""
-    if words != "nothing":
+    if words != NOTHING:
         yield from map(_ask, words.split("; "))
 
 
