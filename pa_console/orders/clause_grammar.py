@@ -26,15 +26,17 @@ from pa_console.orders.clauses import (
     clause_pattern,
 )
 from pa_console.orders.condition import holds, in_words
-from pa_console.orders.digest_assets import (
+from pa_console.orders.digest_facts import (
+    DigestFacts,
     asset_state,
+    conditions,
+    evidence,
     standing,
     stands_at,
     told_assets,
     told_frames,
+    tracks_of_digest,
 )
-from pa_console.orders.digest_facts import DigestFacts, conditions, evidence
-from pa_console.orders.digest_tracks import tracks_of_digest
 from pa_console.orders.name_linking import link_names
 from pa_console.schema.telemetry import Digest
 from pa_console.schema.world import PLAIN_KINDS, World

@@ -1,17 +1,116 @@
-"""The conditions on which an order can depend, as the digest tells of them.
+"""What a digest tells: of its tracks, of its assets, and of the conditions that an order can have.
 
 The words are those in which a trained planner says what it has understood; a reason can state
 nothing else.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from pa_console.orders.condition import Condition, Fact, TrackKind, decides
-from pa_console.orders.digest_assets import asset_state, standing, told_assets
-from pa_console.orders.digest_tracks import DigestTrack, tracks_of_digest
 from pa_console.schema.telemetry import Digest
 from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
+
+
+@dataclass(frozen=True)
+class DigestTrack:
+    """A track as its line in the digest tells of it; `facts` are what follows the distance."""
+
+    id: str
+    kind: str
+    status: str
+    gate: str
+    facts: frozenset[str]
+
+    @property
+    def here(self) -> bool:
+        """Whether it does not leave."""
+        return self.status != "leaving"
+
+    @property
+    def identity(self) -> str:
+        """Return authorized or unauthorized, '' while nobody knows."""
+        return next((one for one in ("authorized", "unauthorized") if one in self.facts), "")
+
+    @property
+    def intent(self) -> str:
+        """Return unknown, benign or hostile."""
+        words = (fact.partition("intent ")[2] for fact in self.facts)
+        return next(filter(None, words), "unknown")
+
+    @property
+    def step(self) -> str:
+        """Return in words how far the workflow has come with it (WF-01)."""
+        if "not observed" in self.facts:
+            return "not observed"
+        if not self.identity:
+            return "not identified"
+        return (
+            f"{self.intent}, warned" if "warned" in self.facts else f"{self.identity}, not warned"
+        )
+
+    @property
+    def known(self) -> str:
+        """Return in words who it is, as far as anybody knows."""
+        if self.identity:
+            return f"{self.identity}, intent {self.intent}"
+        return f"not identified{', intent hostile' if self.intent == 'hostile' else ''}"
+
+
+def tracks_of_digest(lines: Iterable[str]) -> list[DigestTrack]:
+    """Return the tracks of a digest, those that are hostile first, else in their order."""
+    return sorted(_read(lines), key=lambda contact: contact.intent != "hostile")
+
+
+def _read(lines: Iterable[str]) -> Iterator[DigestTrack]:
+    for line in lines:
+        name, _, told = line.partition(": ")
+        what, _, *facts = told.split(", ")
+        kind, where, *_, gate = what.split()
+        status = "approaching" if where == "approaches" else where
+        yield DigestTrack(name, kind, status, gate, frozenset(facts))
+
+
+def asset_state(digest: Digest, name: str) -> str:
+    """Return in a word or two whether an asset can be sent, as the compact picture has it."""
+    if name in digest.down:
+        return "down"
+    guards = name in digest.sole_cover.values()
+    if name in digest.low_battery:
+        return "low, alone" if guards else "low"
+    if guards:
+        return "alone"
+    return "free" if any(name in names for names in digest.free.values()) else "busy"
+
+
+def standing(digest: Digest) -> dict[str, list[str]]:
+    """Return who stands at each gate, and at each other frame where somebody does."""
+    stands: dict[str, list[str]] = {gate: [] for gate in digest.covered}
+    for name in digest.posts:
+        frame = stands_at(digest, name)
+        if frame:
+            stands.setdefault(frame, []).append(name)
+    return stands
+
+
+def stands_at(digest: Digest, name: str) -> str:
+    """Return the frame at which an asset stands, empty while it is on its way."""
+    return digest.posts[name].partition(" at ")[2]
+
+
+def told_assets(world: World, digest: Digest) -> list[str]:
+    """Return the assets of which `digest` tells: of a large world, those that were selected."""
+    if digest.selection is None:
+        return list(world.assets)
+    return [name for name in world.assets if name in digest.posts or name in digest.down]
+
+
+def told_frames(world: World, digest: Digest) -> Iterable[str]:
+    """Return the frames of which `digest` tells: of a large world, those that were selected."""
+    if digest.selection is None:
+        return world.frames
+    return dict.fromkeys((*digest.covered, *digest.selection.frames))
+
 
 _TRACKS: tuple[TrackKind, ...] = ("", "vehicle", "person")
 _PRESENCE: tuple[Fact, ...] = ("track_at", "no_track_at")

@@ -10,8 +10,7 @@ from llguidance import LLMatcher, LLTokenizer
 from pa_console.llm.roles.grammar import compact_opening_grammar, plan_grammar
 from pa_console.orders.clause_grammar import ASKED_ONCE, asked_now, grounded_asked, grounded_reason
 from pa_console.orders.condition import Condition, holds, in_words
-from pa_console.orders.digest_facts import DigestFacts, conditions, evidence
-from pa_console.orders.digest_tracks import tracks_of_digest
+from pa_console.orders.digest_facts import DigestFacts, conditions, evidence, tracks_of_digest
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Digest, Selection
 from tests.llm.site import WORLD, picture

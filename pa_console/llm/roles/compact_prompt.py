@@ -14,7 +14,7 @@ from pa_console.llm.roles.prompt_facts import (
     verification_facts,
 )
 from pa_console.llm.roles.prompts import Prompt, mission_line
-from pa_console.orders.digest_assets import asset_state, standing
+from pa_console.orders.digest_facts import asset_state, standing
 from pa_console.orders.name_linking import link_names
 from pa_console.schema.events.event import Role
 from pa_console.schema.mission import Mission, Verification
