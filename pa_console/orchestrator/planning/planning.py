@@ -8,7 +8,8 @@ from pa_console.orchestrator.planning.judging import PlanCase, judge_plan
 from pa_console.orchestrator.planning.proposal import Proposing
 from pa_console.orchestrator.planning.safeguards import Examination, examine
 from pa_console.orders.mention_check import NOTHING_SAID, MentionCheck, check_mentions
-from pa_console.orders.reading import Reading, asked_words, read_asked, read_reason
+from pa_console.orders.order import Reading
+from pa_console.orders.reading import asked_words, read_asked, read_reason
 from pa_console.policy.ordering.monitor import Monitor
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Mission
