@@ -14,11 +14,12 @@ from pa_console.schema.world import World
 from pa_console.session.replay.player import Player
 from pa_console.session.state.fold import SessionState
 from pa_console.tui.actions import ActionContext, find_action
-from pa_console.tui.plain_output import PlainConsole, VisibleLines
+from pa_console.tui.plain_output import PlainConsole
 from pa_console.tui.protocols import Clock, LiveStation, RuleScorer, ShownRules
 from pa_console.tui.refresh import ALL_VIEWS, FRAME_S, views_of
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.screens.recording import RecordingScreen
+from pa_console.tui.visible_lines import VisibleLines
 
 LOOK_S = 1.0
 """How often the age of the telemetry is looked at, in wall seconds."""

@@ -23,6 +23,8 @@ from pa_console.schema.events.event import Event
 from pa_console.schema.mission import Mission
 from pa_console.session.state.fold import MissionTrace, SessionState
 
+pytestmark = pytest.mark.long
+
 
 @pytest_asyncio.fixture(scope="module", loop_scope="module")
 async def engine() -> AsyncGenerator[Engine]:

@@ -174,7 +174,13 @@ class OurWay:
 
     def _services(self, sim: Checkpoint) -> Services:
         variant = Variant(repairs=0, workflows=False)
-        return Services.open(SimulatedFleet(sim), self._site.rulebook, self._engine, variant)
+        return Services.open(
+            SimulatedFleet(sim),
+            self._site.rulebook,
+            self._engine,
+            variant,
+            retriever=self._retriever,
+        )
 
     async def _best(self, context: MissionContext) -> Candidate:
         """Return the plan that comes of steps 2 to 6, a report where the planner's is blocked."""

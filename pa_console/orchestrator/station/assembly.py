@@ -4,6 +4,7 @@ import hashlib
 import secrets
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from pa_console.orchestrator.station.rules_in_force import RulesWatch
 from pa_console.orchestrator.station.station import Station
 from pa_console.orchestrator.station.ticking import Clock
 from pa_console.policy.expressions.deadlines import DEADLINE_S
+from pa_console.policy.retrieval.retriever import DEFAULT_METHOD, Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.policy.trust.core_rules import with_core
 from pa_console.policy.trust.pinned_rules import RulesPins
@@ -47,6 +49,17 @@ class Site:
     def world_sha256(self) -> str:
         """SHA-256 of the world file."""
         return hashlib.sha256(read_bytes(self.world_path)).hexdigest()
+
+    @cached_property
+    def retriever(self) -> Retriever:
+        """Finds rules by the default method; indexed once for all stations of the site."""
+        return Retriever(self.rulebook.rules)
+
+    def retriever_by(self, method: str) -> Retriever:
+        """Return what finds rules by `method`; raises ValueError for an unknown one."""
+        if method == DEFAULT_METHOD:
+            return self.retriever
+        return Retriever(self.rulebook.rules, method)
 
 
 @dataclass(frozen=True)
@@ -130,7 +143,8 @@ def open_station(
     elif scenario is not None and not isinstance(fleet, Simulated):
         raise ValueError(f"scenario {scenario.scenario.name} is for a simulated fleet only")
     variant = variant or Variant()
-    services = Services.open(fleet, site.rulebook, engine, variant)
+    retriever = site.retriever_by(variant.method or DEFAULT_METHOD)
+    services = Services.open(fleet, site.rulebook, engine, variant, retriever=retriever)
     grammar = plan_grammar(site.world, fleet.picture(), tuple(site.world.assets)[:MAX_ACTIONS])
     started = SessionStarted(
         session=new_session_id(),
