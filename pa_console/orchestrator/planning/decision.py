@@ -10,7 +10,12 @@ from dataclasses import dataclass
 from pa_console.llm.roles.grammar import PLANNED
 from pa_console.orchestrator.execution.premises import way_to_safety
 from pa_console.orchestrator.mission.services import MissionContext
-from pa_console.orchestrator.planning.approval import inadmissible, request_approval
+from pa_console.orchestrator.planning.approval import (
+    CheckedPlan,
+    OrderAsRead,
+    inadmissible,
+    request_approval,
+)
 from pa_console.orchestrator.planning.candidate import Candidate
 from pa_console.orchestrator.planning.planning import Planned
 from pa_console.orchestrator.planning.proposal import other_readings
@@ -83,20 +88,20 @@ async def ask_operator(
 ) -> Decided:
     """Step 6: request approval until there is an admissible decision."""
     shown = planned.best
+    found = shown.examination
     request = request_approval(
         f"{context.mission.id}.{shown.attempt}",
         shown.attempt,
-        shown.examination.plan,
-        shown.examination.findings,
-        shown.verdict,
-        shown.judge_error,
+        CheckedPlan(found.plan, found.findings, shown.verdict, shown.judge_error),
+        OrderAsRead(
+            asked=readings.own,
+            readings=readings.offered,
+            gaps=shown.mentions.gaps,
+            confidence=shown.agreed,
+            read_apart=read_apart(shown),
+        ),
         judging=context.services.variant.judging,
-        asked=readings.own,
-        readings=readings.offered,
         if_halted=_way_to_safety(shown, context.services.fleet.world),
-        gaps=shown.mentions.gaps,
-        confidence=shown.agreed,
-        read_apart=read_apart(shown),
     )
     context.emit(request)
     while True:
