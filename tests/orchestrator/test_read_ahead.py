@@ -2,15 +2,13 @@
 
 import asyncio
 
+from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.roles.dialect import DIALECTS
-from pa_console.llm.roles.judge import Judge
-from pa_console.llm.roles.planner import Planner
 from pa_console.orchestrator.mission.services import Services
 from pa_console.orchestrator.planning.read_ahead import ReadAhead
 from pa_console.orchestrator.station.assembly import Site, open_station
 from pa_console.orchestrator.station.headless import run_missions, standing_approver
 from pa_console.orchestrator.station.ticking import SteppedClock
-from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.schema.events.event import Event, Role
 from pa_console.schema.incident import FailAsset
 from pa_console.session.state.fold import SessionState
@@ -34,15 +32,8 @@ class SlowEngine(ScriptedEngine):
 
 
 def services(site: Site, engine: ScriptedEngine, sim: Checkpoint | None = None) -> Services:
-    return Services(
-        sim=sim or Checkpoint(site.world),
-        rulebook=site.rulebook,
-        retriever=Retriever(site.rulebook.rules),
-        engine=engine.engine(),
-        planner=Planner(engine.engine()),
-        judge=Judge(engine.engine()),
-        dialect=DIALECTS["compact"],
-    )
+    fleet = SimulatedFleet(sim or Checkpoint(site.world))
+    return Services.open(fleet, site.rulebook, engine.engine(), dialect=DIALECTS["compact"])
 
 
 async def typed(ahead: ReadAhead, text: str = "w") -> None:
@@ -65,12 +56,12 @@ async def test_every_role_reads_its_beginning_and_typing_reads_nothing_twice(rig
 
 async def test_a_picture_that_changed_is_read_while_somebody_types(rig: Rig) -> None:
     engine = ScriptedEngine([])
-    made = services(rig.site, engine)
-    ahead = ReadAhead(made)
+    sim = Checkpoint(rig.site.world)
+    ahead = ReadAhead(services(rig.site, engine, sim))
     await ahead.load()
-    made.sim.inject(FailAsset(asset=next(iter(rig.site.world.assets))))
+    sim.inject(FailAsset(asset=next(iter(rig.site.world.assets))))
     for _ in range(round(3 / rig.site.world.dt_s)):
-        made.sim.step()
+        sim.step()
     await typed(ahead)
     again = engine.warmed[3:]
     assert [role for role, _, _ in again] == ["planner", "judge"]

@@ -29,6 +29,11 @@ class ReadAhead:
         self._wanted = asyncio.Event()
         self._turn = asyncio.Lock()
 
+    def use(self, services: Services) -> None:
+        """Read with these from now on, and what was read with others again."""
+        self._services = services
+        self._read.clear()
+
     async def load(self) -> None:
         """Load the model and the dictionary and read the beginning of every role's prompts."""
         async with self._turn:
@@ -69,17 +74,17 @@ class ReadAhead:
         In a world too large to be told whole, what is told depends on the mission.
         """
         services = self._services
-        sim = services.sim
-        whole = is_small(sim.world)
-        digest = digest_picture(sim.picture(), sim.world) if whole else None
+        fleet = services.fleet
+        whole = is_small(fleet.world)
+        digest = digest_picture(fleet.picture(), fleet.world) if whole else None
         if services.engine.busy or self._read.get(role) == (digest, words):
             return
         self._read[role] = (digest, words)
-        prompt = services.dialect.ahead(role, sim.world, digest)
+        prompt = services.dialect.ahead(role, fleet.world, digest)
         if services.dialect.typed is not None and digest is not None and words.strip():
             hits = services.retriever.retrieve(words, services.top_k)
             rules = [services.rulebook.get(hit.rule_id) for hit in hits]
-            prompt = services.dialect.typed(role, sim.world, digest, rules, words)
+            prompt = services.dialect.typed(role, fleet.world, digest, rules, words)
         await services.engine.warm(role, prompt.system, prompt.user)
 
 
