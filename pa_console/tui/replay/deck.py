@@ -6,7 +6,7 @@ from pa_console.session.replay.player import RATES, Player
 from pa_console.session.replay.timeline import MARK_KINDS, MarkKind
 from pa_console.tui.protocols import Clock
 from pa_console.tui.refresh import ALL_VIEWS, views_of
-from pa_console.tui.replay_position import read_position
+from pa_console.tui.replay.position import read_position
 from pa_console.tui.status_words import QUIET, term
 from pa_console.tui.words import clock_text
 
