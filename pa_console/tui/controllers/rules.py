@@ -8,7 +8,7 @@ from pa_console.schema.rule import Rule, RulesSeal
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.kept_input import Drafts
 from pa_console.tui.protocols import RuleScorer, ShownRules
-from pa_console.tui.rule_rows import Workbench
+from pa_console.tui.rules_view.workbench import Workbench
 
 if TYPE_CHECKING:
     from pa_console.tui.screens.policies import PolicyScreen
