@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from inspect import isawaitable
 from pathlib import Path
 
 from textual import on
@@ -130,13 +129,11 @@ class ConsoleApp(App[None]):
             return False
         return super().check_action(action, parameters)
 
-    async def action_carry_out(self, name: str) -> None:
+    def action_carry_out(self, name: str) -> None:
         """Let the controller that the registry names carry out the action with the id `name`."""
         does = action_of(name).does
         if callable(does):
-            done = does(self.controllers)
-            if isawaitable(done):
-                await done
+            does(self.controllers)
 
     def action_help_quit(self) -> None:
         """Say how to leave; `^c` copies what is selected and never leaves."""

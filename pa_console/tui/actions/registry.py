@@ -55,7 +55,7 @@ class ConsoleAction:
     label: str
     help: str
     group: Group
-    does: "Callable[[Controllers], object] | str"
+    does: "Callable[[Controllers], None] | str"
     needs: tuple[Need, ...] = ()
     footer: bool = False
     palette: bool = True
