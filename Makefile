@@ -10,6 +10,8 @@ BIN := $(VENV)/bin
 PIP := PYTHONUNBUFFERED=1 $(BIN)/python -m pip install --disable-pip-version-check
 LLAMA := $(shell sed -n 's/^ *"\(llama-cpp-python==[^"]*\)".*/\1/p' pyproject.toml)
 TEST_MODEL := smollm2-135m
+PINS := .constraints.txt
+SITE := build/site
 
 # Keeps pip's whole output in the log $(1) and shows only how far it is: on a terminal in one
 # line that is written over, elsewhere every 20th compiled file. Shows the end of the log when
@@ -29,13 +31,17 @@ define calmly
 || { tail -n 25 $(1); echo; echo "The installation failed; the whole output is in $(1)."
 endef
 
+# Prints the sections $(1) of the pinned libraries.
+sections = awk -v wanted=' $(1) ' '/^\# /{on = index(wanted, " " $$2 " ")} on' $(PINS)
+
 .DEFAULT_GOAL := help
-.PHONY: help console test lint clean
+.PHONY: help console test lint site clean
 
 help:
 	@echo "make console   open the console (the first time installs it and fetches the model)"
 	@echo "make test      run the tests            ARGS=... is passed on to pytest"
 	@echo "make lint      check style, formatting, types and import contracts (of the trainer, where torch is)"
+	@echo "make site      render the manual as a static site, in $(SITE)"
 	@echo "make clean     remove .venv and everything generated; fetched models stay"
 	@echo
 	@echo "PYTHON=...     the Python to install with, 3.11 or newer (now: $(PYTHON))"
@@ -46,7 +52,7 @@ console: $(VENV)/.installed-base
 
 test: $(VENV)/.installed-test
 	@$(BIN)/pa-console models pull $(TEST_MODEL)
-	@$(BIN)/pytest --numprocesses auto --maxprocesses 4 --dist loadfile $(ARGS)
+	@$(BIN)/pytest --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder $(ARGS)
 
 lint: $(VENV)/.installed-dev
 	@$(BIN)/ruff check .
@@ -54,6 +60,10 @@ lint: $(VENV)/.installed-dev
 	@$(BIN)/pyright
 	@! $(BIN)/python -c "import torch" 2>/dev/null || $(BIN)/pyright pa_console/training/gpu pa_console/training/lora tests/training/lora
 	@$(BIN)/lint-imports --no-logo
+
+site: $(VENV)/.installed-site
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict --config-file .mkdocs.yml
+	@echo "$(SITE)/index.html"
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .ruff_cache .hypothesis .import_linter_cache
@@ -78,18 +88,33 @@ $(BIN)/python:
 $(VENV)/.$(LLAMA): | $(BIN)/python
 	@printf '%s\n' '# Half of the build time, and not part of the package that is installed.' \
 		'set(LLAMA_BUILD_COMMON OFF)' > $(VENV)/llama-build.cmake
+	@sed -n '/^$(LLAMA) /,/[^\]$$/p' $(PINS) > $(VENV)/llama.txt
 	@echo "Building llama.cpp, once, about 2 minutes on two cores (pip keeps it for other clones)"
 	@set -o pipefail; \
 	CMAKE_ARGS="$$CMAKE_ARGS -DLLAVA_BUILD=OFF '-DCMAKE_PROJECT_llama.cpp_INCLUDE=$(CURDIR)/$(VENV)/llama-build.cmake'" \
-	$(PIP) --verbose --no-deps "$(LLAMA)" $(call calmly,$(VENV)/llama-build.log); \
+	$(PIP) --verbose --no-deps --require-hashes --requirement $(VENV)/llama.txt \
+		$(call calmly,$(VENV)/llama-build.log); \
 		echo "It needs a C and C++ compiler; on Debian and Ubuntu: apt install build-essential"; exit 1; }
 	@touch $@
 	@echo "llama.cpp is ready"
 
-$(VENV)/.installed-base: EXTRA :=
-$(VENV)/.installed-test: EXTRA := [test]
-$(VENV)/.installed-dev: EXTRA := [dev]
-$(VENV)/.installed-%: pyproject.toml $(VENV)/.$(LLAMA)
-	@echo "Installing PA Console$(EXTRA) and its libraries, about a minute"
-	@set -o pipefail; $(PIP) --editable '.$(EXTRA)' $(call calmly,$(VENV)/install.log); exit 1; }
+# Libraries come in the versions and with the hashes of $(PINS), which has a section for each
+# target; only the project itself, which is a folder, can have no hash.
+$(VENV)/.installed-base: SECTIONS := console
+$(VENV)/.installed-test: SECTIONS := console test
+$(VENV)/.installed-dev: SECTIONS := console test lint
+$(VENV)/.installed-%: pyproject.toml $(PINS) $(VENV)/.$(LLAMA)
+	@echo "Installing PA Console and its libraries ($(SECTIONS)), about a minute"
+	@$(call sections,$(SECTIONS)) > $(VENV)/pins.txt
+	@set -o pipefail; { \
+		$(PIP) --require-hashes --requirement $(VENV)/pins.txt && \
+		$(PIP) --no-deps --no-build-isolation --editable .; \
+	} $(call calmly,$(VENV)/install.log); exit 1; }
+	@touch $@
+
+$(VENV)/.installed-site: $(PINS) | $(BIN)/python
+	@echo "Installing what renders the manual"
+	@$(call sections,site) > $(VENV)/site-pins.txt
+	@set -o pipefail; $(PIP) --require-hashes --requirement $(VENV)/site-pins.txt \
+		$(call calmly,$(VENV)/install.log); exit 1; }
 	@touch $@

@@ -1,12 +1,17 @@
 """Nothing that the user of this machine has chosen reaches a test; each worker has its cores."""
 
+import gc
 import os
 import signal
+import sys
 from collections.abc import Iterator
+from itertools import count
+from pathlib import Path
 
 import pytest
 
 from pa_console.settings.schema import describe_settings
+from tests.quick_textual import quicken
 
 KEPT = ("cache",)
 """The tests' model is looked for where the user keeps models."""
@@ -17,7 +22,11 @@ def pytest_configure() -> None:
 
     Models that compute on the same cores wait for each other's threads at every layer. A shell that
     starts the suite behind its back has it ignore Ctrl-C, and so would every command under test.
+    What is imported is compiled once, even where the user keeps no compiled modules: the suite
+    starts many processes that import the same ones.
     """
+    sys.dont_write_bytecode = False
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     worker = os.environ.get("PYTEST_XDIST_WORKER", "")
@@ -27,11 +36,36 @@ def pytest_configure() -> None:
         os.sched_setaffinity(0, own or os.sched_getaffinity(0))
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _quick_textual() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        quicken(patch)
+        yield
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the long files, so that no worker is left with one at the end."""
+    items.sort(key=lambda item: item.get_closest_marker("long") is None)
+
+
+def pytest_collection_finish() -> None:
+    """Spare the garbage collector the modules and tests, which stay to the end."""
+    gc.collect()
+    gc.freeze()
+
+
+@pytest.fixture(scope="session")
+def _states(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Return folders that do not exist yet, one after the other."""
+    folder = tmp_path_factory.mktemp("states")
+    return (folder / str(number) for number in count())
+
+
 @pytest.fixture(autouse=True)
-def _no_state_of_the_users(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+def _no_state_of_the_users(_states: Iterator[Path]) -> Iterator[None]:
     """Keep what a console remembers, such as the rules used before, to the test."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        patch.setenv("XDG_STATE_HOME", str(next(_states)))
         yield
 
 

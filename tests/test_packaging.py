@@ -7,9 +7,11 @@ import sys
 import tomllib
 import zipfile
 from importlib.metadata import packages_distributions
+from itertools import chain
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 import pa_console
 from pa_console.llm.models.catalogue import Catalog
@@ -113,3 +115,33 @@ def test_every_library_that_is_imported_is_asked_for() -> None:
     for module, path in libraries_imported().items():
         names = {name.lower().replace("_", "-") for name in distributions.get(module, [module])}
         assert names & declared, f"{path} imports {module}, which pyproject.toml does not ask for"
+
+
+def test_every_library_that_is_asked_for_is_pinned_with_hashes_to_a_version_that_will_do() -> None:
+    text = (ROOT / ".constraints.txt").read_text(encoding="utf-8")
+    pins: dict[str, set[str]] = {}
+    for name, version, hashes in re.findall(
+        r"^([a-z0-9-]+)==([^ ]+).*((?:\n    --hash=sha256:[0-9a-f]{64}.*)+)", text, re.MULTILINE
+    ):
+        assert hashes
+        pins.setdefault(name, set()).add(version)
+    assert sum(map(len, pins.values())) == len(set(re.findall(r"^[a-z0-9].*==[^ ]+", text, re.M)))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = project["optional-dependencies"]
+    installed = (extras[name] for name in ("test", "dev", "docs"))
+    for line in chain(project["dependencies"], *installed):
+        asked = Requirement(line)
+        name = asked.name.lower().replace("_", "-")
+        if name != project["name"]:
+            versions = pins.get(name, set())
+            assert versions, f"{name} is not in .constraints.txt: run python .ci/pins.py"
+            assert all(asked.specifier.contains(version) for version in versions), name
+
+
+def test_the_version_and_the_style_checker_are_the_same_everywhere() -> None:
+    config = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    cited = (ROOT / ".github" / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\nversion: {config['version']}\n" in cited
+    hooks = (ROOT / ".pre-commit-config.yaml").read_text(encoding="utf-8")
+    (ruff,) = (line for line in config["optional-dependencies"]["dev"] if line.startswith("ruff"))
+    assert f"rev: v{ruff.partition('==')[2]}\n" in hooks

@@ -32,11 +32,12 @@ from pa_console.tui.controllers.rules import RulesController
 from pa_console.tui.controllers.session_feed import SessionFeed
 from pa_console.tui.controllers.settings import SettingsController
 from pa_console.tui.kept_input import History, history_file
-from pa_console.tui.plain_output import PlainConsole, VisibleLines
+from pa_console.tui.plain_output import PlainConsole
 from pa_console.tui.protocols import Clock, LiveStation, RuleScorer, ShownRules
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.theme import VARIABLES
+from pa_console.tui.visible_lines import VisibleLines
 from pa_console.tui.widgets.approval import ApprovalPanel
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
 from pa_console.tui.widgets.row_views import VirtualRows

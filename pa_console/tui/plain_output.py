@@ -1,4 +1,4 @@
-"""Text of others as it is: no markup, and nothing that a terminal obeys."""
+"""A Rich console that prints text of others as it is: no markup, nothing a terminal obeys."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -7,22 +7,8 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
 from rich.status import Status
 from rich.text import Text
-from textual.color import Color
-from textual.filter import LineFilter
 
-from pa_console.schema.visible_text import visible, visible_line
-
-
-class VisibleLines(LineFilter):
-    """Shows characters that would be obeyed or not be seen as escapes; a line stays as wide."""
-
-    def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
-        """Return the line as it may be shown: what no longer fits is cut off at its end."""
-        del background
-        shown = [Segment(visible_line(text), style) for text, style, _ in segments]
-        if all(new.text == old.text for new, old in zip(shown, segments, strict=True)):
-            return segments
-        return Segment.adjust_line_length(shown, Segment.get_line_length(segments))
+from pa_console.schema.visible_text import visible
 
 
 class PlainConsole(Console):

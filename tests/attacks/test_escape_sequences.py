@@ -38,6 +38,8 @@ from tests.tui import story
 from tests.tui.scripted import ScriptedStation, console, settle
 from tests.tui.story import stamped
 
+pytestmark = pytest.mark.long
+
 UNSEEN_ONLY = ("\u200b", "\u200d", "\u2060", "\ufeff", "\u00ad")
 """Pieces that join or part letters in honest text: a file may hold them, and they are shown."""
 MISSION = "Go [/x]\x1b]52;c;aGk=\x07\u202e"

@@ -19,6 +19,8 @@ from pa_console.sim.worlds.world_file import load_world
 from tests.attacks.hostile_files import KINDS, bomb
 from tests.attacks.read_hostile import costs
 
+pytestmark = pytest.mark.long
+
 WORKFLOW = """\
 name: own
 rules:

@@ -24,6 +24,8 @@ from tests.cli.test_replay_verb import SCENARIO
 from tests.evaluation.sessions import IDENTIFY, RECON, WARN, play
 from tests.scripted import ScriptedEngine
 
+pytestmark = pytest.mark.long
+
 QUIET = 10
 """So many events at the end of the session tell little that is new."""
 

@@ -8,6 +8,8 @@ from pa_console.session.log.verification import verify
 from tests.cli.inside import Call
 from tests.scripted import ScriptedEngine
 
+pytestmark = pytest.mark.long
+
 MODEL = ("--model", "smollm2-135m", "--json")
 EXIT = {"verified": 0, "unverified": 4, "refused": 3, "rejected": 3, "held": 3, "failed": 1}
 

@@ -1,7 +1,6 @@
 """Every verb as a user runs it: what it prints, its exit code, and that no traceback appears."""
 
 import os
-import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -15,6 +14,7 @@ from pa_console import __version__
 from pa_console.cli.examples import EXAMPLES
 from pa_console.cli.main import app
 from tests.cli.inside import Call
+from tests.cli.parsing import left_over
 
 RULE = "{id: WF-99, domain: WF, priority: high, text: t, check: CHECK, message: m}"
 
@@ -87,17 +87,7 @@ def test_every_verb_has_help(call: Call, words: tuple[str, ...]) -> None:
 
 @pytest.mark.parametrize("example", EXAMPLES.values())
 def test_every_example_is_a_call_that_the_verb_takes(example: str) -> None:
-    command, words = get_command(app), shlex.split(example)[1:]
-    context = None
-    while True:
-        context = command.make_context("pa-console", words, parent=context)
-        words = [*context._protected_args, *context.args]  # pyright: ignore[reportPrivateUsage]
-        if not isinstance(command, TyperGroup) or not words:
-            break
-        _, below, words = command.resolve_command(context, words)
-        assert below is not None
-        command = below
-    assert not words
+    assert not left_over(example)
 
 
 def test_the_shell_is_told_what_verbs_there_are() -> None:

@@ -15,8 +15,11 @@ from pa_console.schema.evaluation import GeneratedWorld, MissionCase
 from pa_console.schema.world import World
 from pa_console.sim.worlds.world_file import load_world
 from pa_console.sim.worlds.world_generator import generate_world
-from pa_console.training.proof.playing import play, safeguards, words_findings
+from pa_console.training.proof.playing import words_findings
+from tests.evaluation.plan_play import play, safeguards
 from tests.evaluation.witness_play import plans, written
+
+pytestmark = pytest.mark.long
 
 FOLDER = data_folder() / "worlds" / "checkpoint"
 HOME = load_world(FOLDER / "world.yaml")

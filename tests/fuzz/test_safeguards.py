@@ -4,6 +4,8 @@ import pytest
 
 from tests.fuzz.campaign import campaign
 
+pytestmark = pytest.mark.long
+
 
 @pytest.mark.parametrize("seed", [11, 12])
 async def test_no_drawn_plan_escapes(seed: int) -> None:

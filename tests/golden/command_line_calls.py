@@ -312,8 +312,7 @@ def _merged(one: Any, other: Any) -> Any:
         if empty in (one, other):
             return cast(Any, other if one == empty else one)
         return [_merged(one[0], other[0])]
-    kinds = {kind for each in (one, other) for kind in _kinds(each)}
-    return "|".join(sorted(kinds))
+    return "|".join(sorted({*_kinds(cast(Any, one)), *_kinds(other)}))
 
 
 def _merged_keys(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:

@@ -1,17 +1,25 @@
 """Rewrites the golden data: `python -m tests.golden.record [PART ...]`, by default all parts.
 
 `python -m tests.golden.record show MISSION [NAME]` prints a text that a model is given, as it is
-now. Outcomes take minutes and a model; they are recorded only when they are named.
+now. Outcomes take minutes and the default model; they are recorded only when they are named.
 """
 
 import sys
 
-from tests.golden import test_command_line, test_prompts, test_state_hash
+from tests.golden import (
+    test_command_line,
+    test_outcomes,
+    test_prompts,
+    test_session_logs,
+    test_state_hash,
+)
 
 PARTS = {
     "prompts": test_prompts.record,
     "state_hash": test_state_hash.record,
     "command_line": test_command_line.record,
+    "session_logs": test_session_logs.record,
+    "outcomes": test_outcomes.record,
 }
 LONG = ("outcomes",)
 

@@ -12,6 +12,8 @@ import pytest
 
 _Object = dict[str, Any]
 HERE = Path(__file__).parent
+SHOWN, BEFORE = 160, 40
+"""Characters of a value that are shown, and how many of them before the first that differs."""
 HOW = "If the change is meant, record it anew: python -m tests.golden.record {part}"
 
 
@@ -73,6 +75,12 @@ def differences(stored: Any, now: Any, where: str = "") -> Iterator[str]:
                 yield f"{place}: is gone: {_short(old)}"
             else:
                 yield from differences(old, new, place)
+    elif isinstance(stored, str) and isinstance(now, str) and stored != now:
+        pairs = enumerate(zip(stored, now, strict=False))
+        same = next((n for n, (a, b) in pairs if a != b), min(len(stored), len(now)))
+        begin = max(0, same - BEFORE) if max(len(stored), len(now)) > SHOWN else 0
+        at = f" at character {same}" if begin else ""
+        yield f"{where}{at}: was {_short(stored[begin:])}, is {_short(now[begin:])}"
     elif stored != now:
         yield f"{where}: was {_short(stored)}, is {_short(now)}"
 
@@ -93,4 +101,4 @@ def _of_mappings(stored: _Object, now: _Object, where: str) -> Iterator[str]:
 
 def _short(value: Any) -> str:
     text = json.dumps(value, ensure_ascii=False)
-    return text if len(text) <= 160 else f"{text[:160]}…"
+    return text if len(text) <= SHOWN else f"{text[:SHOWN]}…"

@@ -18,6 +18,8 @@ from pa_console.llm.models.adapters import AdapterFile, LocalAdapter, check_adap
 from pa_console.llm.models.cache import hash_file
 from pa_console.llm.models.catalogue import LocalModel, ModelEntry, PathSource, find_model
 
+pytestmark = pytest.mark.long
+
 TALK = Request(
     role="planner",
     system="You talk about the river gate and those who come to it. " * 8,

@@ -30,7 +30,7 @@ from pa_console.llm.roles.prompts import planner_prompt
 from pa_console.schema.plan import Plan
 from tests.llm.site import DIGEST, RULE, WORLD, mission, picture
 
-pytestmark = pytest.mark.asyncio(loop_scope="module")
+pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.long]
 
 ENDLESS = "start: /[a-z ]{2000,3000}/"
 SHORT = Request(

@@ -24,6 +24,8 @@ from pa_console.schema.mission import Mission
 from pa_console.session.state.fold import MissionTrace, SessionState
 from pa_console.sim.checkpoint import Checkpoint
 
+pytestmark = pytest.mark.long
+
 
 @pytest_asyncio.fixture(scope="module", loop_scope="module")
 async def engine() -> AsyncGenerator[Engine]:

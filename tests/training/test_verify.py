@@ -14,7 +14,7 @@ from pa_console.resources import data_folder
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.incident import FailAsset, Incident, SpawnTrack
 from pa_console.schema.plan import Action, Plan
-from pa_console.training.proof.verify import Batch, Trial, verify, verify_batches, verify_plan_only
+from pa_console.training.proof.verify import verify, verify_plan_only
 from pa_console.training.situations.situations import Situation, settled
 from pa_console.training.situations.worlds import shipped_world
 from tests.scripted import ScriptedEngine
@@ -111,14 +111,3 @@ def test_it_comes_to_the_same_as_a_run_of_the_whole_console(
     record = asyncio.run(make_run(job, memo, Score(strict=False), None))
     assert (record.status, record.strict) == (found.status, found.score.strict)
     assert (record.failed, record.broken) == (found.score.failed, found.score.broken)
-
-
-def test_another_process_comes_to_the_same() -> None:
-    there = place(VISITOR)
-    case = there.case("A", "Send a drone to the east gate.", (AT_EAST,))
-    trials = [Trial(case, plan(f"Drone_T04 move_to {gate}")) for gate in ("EastGate", "WestGate")]
-    batches = [Batch(there, trials), Batch(place(), trials[:1])]
-    results = list(verify_batches(batches, RULES_FILE, processes=1))
-    assert [[found.right for found in batch] for batch in results] == [[True, False], [True]]
-    alone = verify(case, there, trials[0].plan, RULES)
-    assert results[0][0].done == alone.done

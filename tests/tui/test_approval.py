@@ -15,6 +15,8 @@ from pa_console.tui.widgets.row_views import Sheet
 from tests.tui import story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, notices, settle
 
+pytestmark = pytest.mark.long
+
 SIZE = (120, 36)
 BLOCKED = "WF-03: a gate is left without cover"
 

@@ -24,6 +24,8 @@ from pa_console.tui.widgets.trace_pane import TracePane
 from tests.tui import runs, story
 from tests.tui.scripted import ScriptedStation, console, settle
 
+pytestmark = pytest.mark.long
+
 Compare = Callable[..., bool]
 SIZE = (120, 36)
 SIZES = {"80x24": (80, 24), "120x36": (120, 36)}

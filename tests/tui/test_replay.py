@@ -31,6 +31,8 @@ from tests.tui.scripted import FakeClock, console, settle, until
 from tests.tui.site import RULES, WORLD
 from tests.tui.story import stamped
 
+pytestmark = pytest.mark.long
+
 SIZE = (80, 24)
 
 

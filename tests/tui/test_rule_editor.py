@@ -23,6 +23,8 @@ from pa_console.tui.widgets.row_views import Sheet
 from tests.tui import story
 from tests.tui.scripted import ScriptedStation, console, notices, settle, until
 
+pytestmark = pytest.mark.long
+
 RULES = """\
 # The rules of the house.
 name: house

@@ -17,6 +17,8 @@ from tests.tui.scripted import FakeClock, ScriptedStation, console, settle
 from tests.tui.site import RULES, WORLD
 from tests.tui.story import stamped
 
+pytestmark = pytest.mark.long
+
 Compare = Callable[..., bool]
 SIZES = {"80x24": (80, 24), "120x36": (120, 36)}
 BLOCKED = {

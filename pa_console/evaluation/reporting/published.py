@@ -7,7 +7,6 @@ a value that only a figure would show is missing here, not guessed.
 
 from typing import Literal, NamedTuple
 
-SOURCE = "Solanki et al., A Policy-Aware Edge LLM-RAG Framework for IoBT Mission Orchestration"
 MISSION_SET = "paper"
 """The mission set that holds the paper's ten commands; only runs of it are comparable."""
 

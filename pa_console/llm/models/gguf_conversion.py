@@ -5,8 +5,8 @@ Gemma 3 270M, 168 million are its 262,144 rows. What is left out is written in s
 bytes, as a name in another script is.
 
 `python -m pa_console.llm.models.gguf_conversion SOURCE TARGET TYPE PIECES` ends with 0 when TARGET
-is complete; it is a process of its own that can be stopped. A TYPE of `stored` leaves the weights as they are, 0
-PIECES the vocabulary.
+is complete; it is a process of its own that can be stopped. A TYPE of `stored`
+leaves the weights as they are, 0 PIECES the vocabulary.
 """
 
 import sys

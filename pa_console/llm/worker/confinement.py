@@ -3,7 +3,7 @@
 A GGUF file is parsed, and a grammar compiled, by large C and C++ libraries. Whoever finds a hole in
 them finds no network, no other program, no file to write, no key in the environment, and no more
 memory than the model needs. The model is computed on the CPU: the devices of a GPU are files that
-are opened to be written to, and stay closed too. 
+are opened to be written to, and stay closed too.
 `python -m pa_console.llm.worker.confinement` tries what it says.
 """
 

@@ -4,6 +4,7 @@ import hashlib
 import secrets
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
 
@@ -50,6 +51,17 @@ class Site:
     def world_sha256(self) -> str:
         """SHA-256 of the world file."""
         return hashlib.sha256(read_bytes(self.world_path)).hexdigest()
+
+    @cached_property
+    def retriever(self) -> Retriever:
+        """Finds rules by the default method; indexed once for all stations of the site."""
+        return Retriever(self.rulebook.rules)
+
+    def retriever_by(self, method: str) -> Retriever:
+        """Return what finds rules by `method`; raises ValueError for an unknown one."""
+        if method == DEFAULT_METHOD:
+            return self.retriever
+        return Retriever(self.rulebook.rules, method)
 
 
 @dataclass(frozen=True)
@@ -132,7 +144,7 @@ def open_station(
     services = Services(
         sim=sim,
         rulebook=site.rulebook,
-        retriever=Retriever(site.rulebook.rules, variant.method or DEFAULT_METHOD),
+        retriever=site.retriever_by(variant.method or DEFAULT_METHOD),
         engine=engine,
         planner=Planner(engine, max_tokens=dialect.plan_tokens),
         judge=Judge(engine, max_tokens=dialect.verdict_tokens),

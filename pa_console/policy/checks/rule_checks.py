@@ -116,16 +116,12 @@ def check_rule(
     return _decide_all(entry, _contexts(variables, mission))
 
 
-def broken_orderings(monitor: Monitor, rehearsal: Rehearsal) -> Mapping[str, Finding]:
+def _broken_orderings(ahead: Monitor, rehearsal: Rehearsal) -> Mapping[str, Finding]:
     """Return by rule id what the rehearsed plan breaks on top of the mission so far.
 
-    What is wrong at the rehearsal's first moment, before any command, is not the plan's doing.
+    `ahead` goes on by itself. What is wrong at the rehearsal's first moment, before any command,
+    is not the plan's doing.
     """
-    return _broken_orderings(monitor.copy(running_limits=False), rehearsal)
-
-
-def _broken_orderings(ahead: Monitor, rehearsal: Rehearsal) -> Mapping[str, Finding]:
-    """Return the same for a monitor that goes on by itself."""
     found: dict[str, Finding] = {}
     moments = list(rehearsal.moments)
     if moments:

@@ -150,11 +150,6 @@ class LogWriter:
         """Why the log, or its signed head, cannot be written at present; None while it can."""
         return self._refused or self._headless
 
-    @property
-    def unwritten(self) -> int:
-        """Records that are in memory only."""
-        return self._records
-
     def news(self) -> str | None:
         """Return what has become of the witness since this was last asked; None for nothing new."""
         return self._witness.news() if self._witness is not None else None

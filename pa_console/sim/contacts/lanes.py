@@ -51,7 +51,3 @@ class LaneLine:
         part = (at - self._marks[leg]) / (self._marks[leg + 1] - self._marks[leg])
         point = (ax + (bx - ax) * part, ay + (by - ay) * part)
         return point, math.atan2(by - ay, bx - ax)
-
-    def gap_to_gate(self, travelled_m: float) -> float:
-        """Return the straight distance to the gate's frame, metres."""
-        return math.dist(self.locate(travelled_m)[0], self._gate)

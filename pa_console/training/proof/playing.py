@@ -1,14 +1,11 @@
 """Plays plans in the simulation without any model, for the strict scorer to judge."""
 
-import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from datetime import UTC, datetime
 
-from pa_console.evaluation.scoring.idle_run import watch
-from pa_console.evaluation.scoring.score import RunRecorder, Score, score_run
+from pa_console.evaluation.scoring.score import RunRecorder
 from pa_console.orchestrator.execution.dispatch import Dispatch
 from pa_console.orchestrator.planning.rehearsal import device_commands
-from pa_console.orchestrator.planning.safeguards import examine
 from pa_console.policy.checks.rule_checks import check_mission
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.evaluation import MissionCase
@@ -18,13 +15,8 @@ from pa_console.schema.plan import Plan
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 
-PATIENCE_S = 12
-"""So long the next of several plans may take to become admissible, simulated seconds."""
 LIMIT_S = 240.0
 """A command that has not ended by then is left behind."""
-
-Objects = Callable[[Checkpoint, Plan], list[str]]
-"""What keeps everybody from approving a plan now."""
 
 Look = Callable[[Dispatch], bool]
 """Looks at every new picture while a plan is carried out; False gives the plan up."""
@@ -38,49 +30,6 @@ def mission_of(case: MissionCase) -> Mission:
 def words_findings(world: World, case: MissionCase, rulebook: Rulebook) -> tuple[Finding, ...]:
     """Return the findings that refuse the mission for its words alone."""
     return tuple(f for f in check_mission(rulebook, mission_of(case), world) if f.blocking)
-
-
-def safeguards(case: MissionCase, rulebook: Rulebook) -> Objects:
-    """Return the console's own objections to plans for `case`."""
-
-    def objects(sim: Checkpoint, plan: Plan) -> list[str]:
-        findings = asyncio.run(examine(plan, mission_of(case), sim, rulebook)).findings
-        return [f"{f.rule_id}: {f.message}" for f in findings if f.blocking]
-
-    return objects
-
-
-def anything_goes(_sim: Checkpoint, _plan: Plan) -> list[str]:
-    """Return no objection at all."""
-    return []
-
-
-def play(
-    case: MissionCase,
-    sim: Checkpoint,
-    enforced: frozenset[str],
-    todo: Sequence[Plan],
-    objects: Objects = anything_goes,
-) -> tuple[Score, list[str]]:
-    """Carry out the plans one after another; return the score and what is objected to a plan.
-
-    `sim` is as it is when the command is given; it is stepped. Each plan waits until nothing is
-    objected to it, at most PATIENCE_S. The first that stays inadmissible is not carried out, nor
-    is what follows.
-    """
-    recorder = RunRecorder(sim, case.command)
-    against: list[str] = []
-    for number, plan in enumerate(todo):
-        against = objects(sim, plan)
-        for _ in range(PATIENCE_S if number else 0):
-            if against:
-                watch(sim, recorder, 1.0)
-                against = objects(sim, plan)
-        if against:
-            break
-        carry_out(sim, recorder, plan, f"plan{number}")
-    watch(sim, recorder, case.watch_s - recorder.film.final.time_s)
-    return score_run(case, recorder, "verified", enforced), against
 
 
 def carry_out(  # noqa: PLR0917

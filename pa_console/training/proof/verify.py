@@ -1,19 +1,15 @@
 """Whether a plan is right in a situation: checked, rehearsed, carried out and strictly scored."""
 
 import asyncio
-from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
-from multiprocessing import get_context
-from pathlib import Path
 from typing import Literal, NamedTuple
 
 from pa_console.evaluation.runs.one_run import enforced_rules
 from pa_console.evaluation.scoring.idle_run import watch
 from pa_console.evaluation.scoring.score import RunRecorder, Score, score_run
 from pa_console.orchestrator.planning.safeguards import Examination, examine
-from pa_console.policy.rulebook import Rulebook, load_rules
+from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.evaluation import MissionCase
 from pa_console.schema.finding import Finding
 from pa_console.schema.incident import Incident
@@ -92,21 +88,6 @@ class Verified:
         return (*self.checked.reasons, *(Reason("halted", "", text) for text in halted), *wrong)
 
 
-class Trial(NamedTuple):
-    """A plan that is to be verified for a case; with `follow`, the workflow goes on after it."""
-
-    case: MissionCase
-    plan: Plan
-    follow: bool = False
-
-
-class Batch(NamedTuple):
-    """Trials in one situation."""
-
-    situation: Situation
-    trials: Sequence[Trial]
-
-
 def verify_plan_only(
     case: MissionCase, situation: Situation, plan: Plan, rulebook: Rulebook
 ) -> Checked:
@@ -145,31 +126,3 @@ def verify(
     watch(sim, recorder, case.watch_s - recorder.film.final.time_s)
     score = score_run(case, recorder, status, enforced_rules(rulebook))
     return Verified(checked, tuple(follower.done), status, score)
-
-
-def verify_batches(
-    batches: Iterable[Batch], rules: Path, processes: int = 2
-) -> Iterator[list[Verified]]:
-    """Yield what `verify` says of every batch's trials, in order, from several processes.
-
-    Every process loads the rule file `rules`; situations are rebuilt there from their recipe.
-    Raises DocumentError when the rule file is broken.
-    """
-    load_rules(rules)
-    context = get_context("spawn")
-    with ProcessPoolExecutor(processes, mp_context=context) as pool:
-        yield from pool.map(_verify_batch, ((batch, rules) for batch in batches))
-
-
-def _verify_batch(job: tuple[Batch, Path]) -> list[Verified]:
-    batch, rules = job
-    rulebook = _rulebook(rules)
-    return [
-        verify(trial.case, batch.situation, trial.plan, rulebook, follow=trial.follow)
-        for trial in batch.trials
-    ]
-
-
-@cache
-def _rulebook(rules: Path) -> Rulebook:
-    return load_rules(rules)

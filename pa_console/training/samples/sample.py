@@ -1,7 +1,7 @@
 """Training samples: a prompt, the answer that is wanted, and where the sample came from."""
 
 import gzip
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
 
@@ -53,16 +53,6 @@ def make_sample(  # noqa: PLR0917
         kind=kind,
         given=given,
     )
-
-
-def write_samples(path: Path, samples: Iterable[Sample]) -> int:
-    """Write `samples` to `path`, one JSON object a line, and return how many there were."""
-    count = 0
-    with path.open("w", encoding="utf-8") as stream:
-        for sample in samples:
-            stream.write(sample.model_dump_json() + "\n")
-            count += 1
-    return count
 
 
 def read_samples(path: Path, task: Literal["planner", "judge", ""] = "") -> Iterator[Sample]:

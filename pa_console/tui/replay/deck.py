@@ -6,7 +6,6 @@ from pa_console.session.replay.player import RATES, Player
 from pa_console.session.replay.timeline import MARK_KINDS, MarkKind
 from pa_console.tui.protocols import Clock
 from pa_console.tui.refresh import ALL_VIEWS, views_of
-from pa_console.tui.replay.position import read_position
 from pa_console.tui.status_words import QUIET, term
 from pa_console.tui.words import clock_text
 
@@ -77,10 +76,6 @@ class ReplayDeck:
         """Go to just after event `index`."""
         self.views = ALL_VIEWS
         self.player.to_event(index)
-
-    def to_moment(self, text: str) -> None:
-        """Go to what somebody typed; raises ValueError that says what may be typed."""
-        self.to_event(read_position(text, self.player) - 1)
 
     def to_share(self, share: float) -> None:
         """Go to a part of the whole, 0 to 1."""

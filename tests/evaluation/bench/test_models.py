@@ -34,6 +34,8 @@ from pa_console.schema.base import StrictModel
 from pa_console.schema.events.event import Role
 from tests.scripted import ScriptedEngine, plan
 
+pytestmark = pytest.mark.long
+
 N_CTX = 512
 SHORT_VERDICT = '{"feedback": "it fits", "violated": [], "verdict": "Success"}'
 

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.training.samples.sample import Sample, write_samples
+from pa_console.training.samples.sample import Sample
+from tests.training.lora.sample_files import write_samples
 from tests.training.lora.tiny import write_tiny
 
 

@@ -7,8 +7,9 @@ import pytest
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.training.lora.config import TrainConfig
 from pa_console.training.lora.material import Pack, Tokeniser, packs_held_out, packs_to_learn
-from pa_console.training.samples.sample import Sample, write_samples
+from pa_console.training.samples.sample import Sample
 from tests.llm.conftest import smallest_model
+from tests.training.lora.sample_files import write_samples
 
 __all__ = ["smallest_model"]
 

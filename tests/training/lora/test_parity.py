@@ -9,9 +9,9 @@ from pa_console.llm.models.catalogue import LocalModel
 from pa_console.training.lora.adapter import BASE_SHA256, Adapter
 from pa_console.training.lora.config import TrainConfig
 from pa_console.training.lora.export import write_adapter
-from pa_console.training.lora.parity import compare
 from pa_console.training.lora.shape import ARCHITECTURES, open_gguf
 from tests.llm.conftest import smallest_model
+from tests.training.lora.parity import compare
 from tests.training.lora.tiny import write_tiny
 
 __all__ = ["smallest_model"]

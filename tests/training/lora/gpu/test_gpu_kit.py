@@ -20,6 +20,8 @@ from pa_console.training.lora.model import gradients, hidden
 from tests.training.lora.test_parity import busy_adapter
 from tests.training.lora.tiny import write_tiny
 
+pytestmark = pytest.mark.long
+
 
 def random_packs(count: int, seed: int) -> list[Pack]:
     drawn = np.random.default_rng(seed)
