@@ -171,7 +171,7 @@ async def test_what_cannot_be_used_does_not_keep_the_console_from_starting(
     def tell(text: str, title: str, bad: bool = False) -> None:
         told.append(text)
 
-    monkeypatch.setattr(app, "tell", tell)
+    monkeypatch.setattr(app.session, "tell", tell)
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
         assert app.theme == DEFAULT_THEME
