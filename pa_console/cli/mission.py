@@ -1,6 +1,7 @@
 """`pa-console mission`: one mission through all eight steps, without the screen."""
 
 from asyncio import CancelledError
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -36,12 +37,13 @@ from pa_console.orchestrator.station.headless import exit_code, run_missions, st
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.policy.trust.pinned_rules import RulesPins
 from pa_console.schema.document import Document
-from pa_console.schema.events.event import ApprovalRequested, Event
+from pa_console.schema.events.event import ApprovalRequested, Event, MissionFinished
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision
 from pa_console.session.log.chain import LogError
 from pa_console.session.log.writer import LogWriter
 from pa_console.session.state.fold import SessionState
+from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.signing import load_signer
 
 
@@ -145,7 +147,7 @@ def mission(
     except (CancelledError, KeyboardInterrupt):
         if not endable.ended_by:
             raise
-    path, traces = writer.path, list(progress.state.missions.values())
+    path, traces = writer.path, progress.traces
     if endable.ended_by:
         errors.print(f"the session was ended; log: {path}", markup=False, soft_wrap=True)
         raise typer.Exit(exit_code_of(endable.ended_by))
@@ -189,12 +191,24 @@ class _Progress:
         self._writer, self._status = writer, errors.status("starting")
         self.state = SessionState()
         """The session as it was told last."""
+        self._recorded: set[str] = set()
 
-    def show(self, _: Event, state: SessionState) -> None:
+    @property
+    def traces(self) -> list[MissionTrace]:
+        """All missions; one whose end is not in the log has not ended for anybody."""
+        missions = self.state.missions.items()
+        return [t if name in self._recorded else replace(t, status=None) for name, t in missions]
+
+    def show(self, event: Event, state: SessionState) -> None:
         """Take in one event; raises LogError when the log is behind."""
         self.state = state
+        finished = event.mission if isinstance(event.data, MissionFinished) else None
+        if finished is not None:
+            self._writer.flush()
         if self._writer.error is not None:
             raise self._writer.error
+        if finished is not None:
+            self._recorded.add(finished)
         trace = state.current
         if trace is not None:
             attempt = f", attempt {len(trace.attempts)}" if len(trace.attempts) > 1 else ""
