@@ -120,9 +120,10 @@ def mission(
         respond=alarms if alarms is not None else played is not None,
     )
     writer = open_log(settings.values, station.session, signer, _cannot_write, log, witness)
-    endable, progress = EndableRun(), _Progress(writer)
+    endable = EndableRun()
+    progress = _Progress(writer, endable)
     approver = (
-        (lambda request: progress.ask(request, endable))
+        progress.ask
         if approve is Approve.ask
         else standing_approver(
             approve.value, override_reason, least=settings.values.standing_confidence
@@ -187,8 +188,9 @@ def _cannot_write(error: LogError) -> None:
 class _Progress:
     """Keeps one line on the terminal up to date; ends a session that cannot be logged."""
 
-    def __init__(self, writer: LogWriter) -> None:
-        self._writer, self._status = writer, errors.status("starting")
+    def __init__(self, writer: LogWriter, endable: EndableRun) -> None:
+        self._writer, self._endable = writer, endable
+        self._status = errors.status("starting")
         self.state = SessionState()
         """The session as it was told last."""
         self._recorded: set[str] = set()
@@ -216,11 +218,11 @@ class _Progress:
         elif state.worker is not None:
             self._status.update(f"model {state.worker.state} {state.worker.detail}")
 
-    def ask(self, request: ApprovalRequested, endable: EndableRun) -> Decision:
+    def ask(self, request: ApprovalRequested) -> Decision:
         """Return the operator's answer on the terminal, the progress line out of the way."""
         self._status.stop()
         try:
-            with endable.asking():
+            with self._endable.asking():
                 return ask_decision(request, self.state.current)
         finally:
             self._status.start()
