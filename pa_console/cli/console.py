@@ -21,6 +21,7 @@ from pa_console.cli.output import (
     require_keys,
 )
 from pa_console.cli.settings_defaults import settings_of
+from pa_console.end_signals import end_signals, exit_code_of
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.session.log.chain import LogError
@@ -116,20 +117,23 @@ def console(
         app.notify(str(error), title="Session log", severity="error", timeout=30, markup=False)
 
     writer = open_log(settings.values, station.session, signer, cannot_write, witness=witness)
-    with writer as log:
-        station.write_to(log)
-        app = ConsoleApp(
-            site.world,
-            station,
-            site.rulebook,
-            station.retriever,
-            readonly=readonly,
-            settings=settings,
-            rules_file=file,
-        )
+    app = ConsoleApp(
+        site.world,
+        station,
+        site.rulebook,
+        station.retriever,
+        readonly=readonly,
+        settings=settings,
+        rules_file=file,
+    )
+    leaving = app.controllers.leaving
+    with end_signals(leaving.end), writer:
+        station.write_to(writer)
         app.run(mouse=mouse)
     tell_of_witness(writer)
     out.print(f"session log: {writer.path}", markup=False, soft_wrap=True)
+    if leaving.ended_by:
+        raise typer.Exit(exit_code_of(leaving.ended_by))
 
 
 def _accepted(error: ValueError) -> bool:

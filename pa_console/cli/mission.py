@@ -1,16 +1,17 @@
 """`pa-console mission`: one mission through all eight steps, without the screen."""
 
-import asyncio
+from asyncio import CancelledError
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from pydantic import TypeAdapter, ValidationError
-from rich.status import Status
 
 from pa_console.cli.mission_trace import print_trace
 from pa_console.cli.output import (
+    BAD_INPUT,
     AcceptRulesOption,
     JsonOption,
     ModelOption,
@@ -28,6 +29,7 @@ from pa_console.cli.output import (
 from pa_console.cli.session_log import open_log, tell_of_witness
 from pa_console.cli.settings_defaults import settings_of
 from pa_console.cli.terminal_approval import ask_decision
+from pa_console.end_signals import EndableRun, end_signals, exit_code_of
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.orchestrator.station.assembly import load_site, open_scenario, open_station
@@ -35,7 +37,7 @@ from pa_console.orchestrator.station.headless import exit_code, run_missions, st
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.policy.trust.pinned_rules import RulesPins
 from pa_console.schema.document import Document
-from pa_console.schema.events.event import ApprovalRequested, Event
+from pa_console.schema.events.event import ApprovalRequested, Event, MissionFinished
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision
 from pa_console.session.log.chain import LogError
@@ -117,39 +119,49 @@ def mission(
         scenario=played,
         respond=alarms if alarms is not None else played is not None,
     )
-    with (
-        open_log(settings.values, station.session, signer, _cannot_write, log, witness) as writer,
-        errors.status("starting") as status,
-    ):
-        station.write_to(writer)
-        progress = _Progress(writer, status)
-        approver = (
-            progress.ask
-            if approve is Approve.ask
-            else standing_approver(
-                approve.value,
-                override_reason,
-                least=settings.values.standing_confidence,
-            )
+    writer = open_log(settings.values, station.session, signer, _cannot_write, log, witness)
+    endable = EndableRun()
+    progress = _Progress(writer, endable)
+    approver = (
+        progress.ask
+        if approve is Approve.ask
+        else standing_approver(
+            approve.value, override_reason, least=settings.values.standing_confidence
         )
-        traces = asyncio.run(
-            run_missions(
-                station,
-                [text] if text is not None else [],
-                approver,
-                progress.show,
-                setup,
-                duration_s=played.scenario.duration_s if played else 0.0,
+    )
+    unlogged: LogError | None = None
+    try:
+        with end_signals(endable.end), writer, progress:
+            station.write_to(writer)
+            endable.run(
+                run_missions(
+                    station,
+                    [text] if text is not None else [],
+                    approver,
+                    progress.show,
+                    setup,
+                    duration_s=played.scenario.duration_s if played else 0.0,
+                )
             )
-        )
+    except LogError as error:
+        unlogged = error
+    except (CancelledError, KeyboardInterrupt):
+        if not endable.ended_by:
+            raise
+    path, traces = writer.path, progress.traces
+    if endable.ended_by:
+        errors.print(f"the session was ended; log: {path}", markup=False, soft_wrap=True)
+        raise typer.Exit(exit_code_of(endable.ended_by))
     tell_of_witness(writer)
-    path = writer.path
-    code = exit_code([trace.status for trace in traces])
+    code = exit_code([trace.status for trace in traces]) if unlogged is None else BAD_INPUT
     if json:
         single = played is None and len(traces) == 1
         found = {"mission": traces[0]} if single else {"missions": traces}
-        print_json({"exit_code": code, "log": str(path), **found})
-    else:
+        problem = {} if unlogged is None else {"log_problem": str(unlogged)}
+        print_json({"exit_code": code, "log": str(path), **problem, **found})
+    if unlogged is not None:
+        raise unlogged
+    if not json:
         for trace in traces:
             print_trace(out, trace)
         if not traces:
@@ -176,15 +188,30 @@ def _cannot_write(error: LogError) -> None:
 class _Progress:
     """Keeps one line on the terminal up to date; ends a session that cannot be logged."""
 
-    def __init__(self, writer: LogWriter, status: Status) -> None:
-        self._writer, self._status = writer, status
-        self._trace: MissionTrace | None = None
+    def __init__(self, writer: LogWriter, endable: EndableRun) -> None:
+        self._writer, self._endable = writer, endable
+        self._status = errors.status("starting")
+        self.state = SessionState()
+        """The session as it was told last."""
+        self._recorded: set[str] = set()
 
-    def show(self, _: Event, state: SessionState) -> None:
+    @property
+    def traces(self) -> list[MissionTrace]:
+        """All missions; one whose end is not in the log has not ended for anybody."""
+        missions = self.state.missions.items()
+        return [t if name in self._recorded else replace(t, status=None) for name, t in missions]
+
+    def show(self, event: Event, state: SessionState) -> None:
         """Take in one event; raises LogError when the log is behind."""
+        self.state = state
+        finished = event.mission if isinstance(event.data, MissionFinished) else None
+        if finished is not None:
+            self._writer.flush()
         if self._writer.error is not None:
             raise self._writer.error
-        trace = self._trace = state.current
+        if finished is not None:
+            self._recorded.add(finished)
+        trace = state.current
         if trace is not None:
             attempt = f", attempt {len(trace.attempts)}" if len(trace.attempts) > 1 else ""
             self._status.update(f"{trace.mission.id}: {trace.stage}{attempt}")
@@ -195,6 +222,13 @@ class _Progress:
         """Return the operator's answer on the terminal, the progress line out of the way."""
         self._status.stop()
         try:
-            return ask_decision(request, self._trace)
+            with self._endable.asking():
+                return ask_decision(request, self.state.current)
         finally:
             self._status.start()
+
+    def __enter__(self) -> None:
+        self._status.start()
+
+    def __exit__(self, *_: object) -> None:
+        self._status.stop()

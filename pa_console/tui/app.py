@@ -27,6 +27,7 @@ from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.controllers import Controllers
 from pa_console.tui.controllers.copying import CopyController
 from pa_console.tui.controllers.leaving import LeavingController
+from pa_console.tui.controllers.log_alarm import LogAlarmController
 from pa_console.tui.controllers.replay import ReplayController
 from pa_console.tui.controllers.rules import RulesController
 from pa_console.tui.controllers.session_feed import SessionFeed
@@ -98,6 +99,7 @@ class ConsoleApp(App[None]):
         user = SettingsController(session, settings or load_settings())
         rules = RulesController(session, rulebook, retriever, rules_file, drafts)
         commands = CommandController(session, self.feed)
+        self._log_alarm = LogAlarmController(session)
         self.controllers = Controllers(
             browsing=BrowsingController(session, user, evaluations),
             copying=CopyController(session, rules, copies),
@@ -182,9 +184,11 @@ class ConsoleApp(App[None]):
         self.controllers.settings.use(self.controllers.settings.loaded)
         self.feed.start()
         self.controllers.leaving.watch_terminal()
+        self._log_alarm.watch_screens()
 
     def _painted(self) -> None:
         self.controllers.approval.close_void_editor()
+        self._log_alarm.show()
 
     # What arrives
 

@@ -89,8 +89,8 @@ class LiveStation(Protocol):
         """Change the simulated checkpoint; raises ValueError for an unknown asset or gate."""
         ...
 
-    async def close(self) -> None:
-        """End the session."""
+    async def close(self, reason: str = ...) -> None:
+        """End the session, for a reason that its log tells."""
         ...
 
 

@@ -167,7 +167,7 @@ class ScriptedStation:
         self._refuse()
         self.injected.append(incident)
 
-    async def close(self) -> None:
+    async def close(self, reason: str = "") -> None:
         """End the stream."""
         self.closed = True
         self.end()

@@ -3,8 +3,11 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import typer
+
 from pa_console.cli.output import errors, require_keys
 from pa_console.cli.progress_bars import read_recording
+from pa_console.end_signals import end_signals, exit_code_of
 from pa_console.orchestrator.station.assembly import Site, load_site
 from pa_console.orchestrator.station.session_site import SessionSites
 from pa_console.resources import find_data
@@ -41,7 +44,11 @@ def run_console(
         settings=settings,
         opening=opening,
     )
-    app.run(mouse=settings.values.mouse)
+    leaving = app.controllers.leaving
+    with end_signals(leaving.end):
+        app.run(mouse=settings.values.mouse)
+    if leaving.ended_by:
+        raise typer.Exit(exit_code_of(leaving.ended_by))
 
 
 def site_of(recording: Recording, log: Path, world: str | None) -> Site:

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable, Sequence
+from contextlib import aclosing
 from typing import Literal
 
 from pa_console.orchestrator.station.station import Station
@@ -121,30 +122,31 @@ async def run_missions(  # noqa: PLR0917
         return given
 
     try:
-        async for event in station.run():
-            state.apply(event)
-            sink(event, state)
-            match event.data:
-                case ev.TelemetryReceived() if not begun:
-                    begun = True
-                    if setup:
-                        for incident in setup:
-                            station.inject(incident)
-                        await station.advance(SETUP_SETTLE_S)
-                    mine = await submit()
-                    ending = asyncio.create_task(_end(station, duration_s, all_given))
-                case ev.ApprovalRequested():
-                    request = event.data
-                    answer(request)
-                case ev.DecisionMade(accepted=False) if request is not None:
-                    answer(request)
-                case ev.AllStopped():
-                    waiting.clear()
-                    all_given.set()
-                case ev.MissionFinished() if event.mission == mine and waiting:
-                    mine = await submit()
-                case _:
-                    pass
+        async with aclosing(station.run()) as events:
+            async for event in events:
+                state.apply(event)
+                sink(event, state)
+                match event.data:
+                    case ev.TelemetryReceived() if not begun:
+                        begun = True
+                        if setup:
+                            for incident in setup:
+                                station.inject(incident)
+                            await station.advance(SETUP_SETTLE_S)
+                        mine = await submit()
+                        ending = asyncio.create_task(_end(station, duration_s, all_given))
+                    case ev.ApprovalRequested():
+                        request = event.data
+                        answer(request)
+                    case ev.DecisionMade(accepted=False) if request is not None:
+                        answer(request)
+                    case ev.AllStopped():
+                        waiting.clear()
+                        all_given.set()
+                    case ev.MissionFinished() if event.mission == mine and waiting:
+                        mine = await submit()
+                    case _:
+                        pass
     finally:
         if ending is not None:
             ending.cancel()

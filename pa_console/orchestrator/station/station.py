@@ -60,6 +60,7 @@ class Station:
         self._background = Background(self._broken)
         self._ticking = Ticking(parts, clock, self._worker)
         self._closed = False
+        self._ending: asyncio.Task[None] | None = None
 
     @property
     def session(self) -> str:
@@ -103,7 +104,10 @@ class Station:
         self._journal.open(log, self._emit)
 
     async def run(self) -> AsyncGenerator[ev.Event]:
-        """Yield every event of the session until `close`; stopping the iteration closes it too."""
+        """Yield every event of the session until `close`; stopping the iteration closes it too.
+
+        However it stops, the log ends with the end of the session.
+        """
         self._emit(self._started)
         self._emit(ev.TelemetryReceived(picture=self._ticking.first))
         self._services.engine.on_state = self.worker_changed
@@ -120,7 +124,7 @@ class Station:
             while (event := await self._events.get()) is not None:
                 yield event
         finally:
-            await self._background.stop()
+            await self.close("broken off")
             self._fleet.close()
             if not self._keep_engine:
                 await self._services.engine.close()
@@ -253,9 +257,16 @@ class Station:
         self._emit(ev.WorkerChanged(state=state, detail=detail))
 
     async def close(self, reason: str = "closed by the operator") -> None:
-        """End the stream after a last event; safe to call twice."""
-        if not self._closed:
-            self._closed = True
+        """Bring assets under way to safety and end the stream after a last event.
+
+        Safe to call twice, and to cancel: the last event is told all the same.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            await self._background.stop()
+        finally:
             self._emit(ev.SessionEnded(reason=reason))
             self._events.put_nowait(None)
 
@@ -275,5 +286,4 @@ class Station:
 
     def _broken(self, error: BaseException) -> None:
         """End the session in order when one of its own tasks broke."""
-        self._emit(ev.SessionEnded(reason=f"internal error: {error}"))
-        self._events.put_nowait(None)
+        self._ending = asyncio.create_task(self.close(f"internal error: {error}"))

@@ -1,11 +1,13 @@
 """Leaves the console: after a question while a mission is active, or when the terminal is gone."""
 
 import asyncio
+import signal
 import sys
 from contextlib import suppress
 
 from textual.actions import SkipAction
 
+from pa_console.end_signals import leave_terminal
 from pa_console.tui.actions.keymap import shown_keys
 from pa_console.tui.actions.registry import action_of
 from pa_console.tui.controllers.console_session import ConsoleSession
@@ -21,15 +23,32 @@ class LeavingController:
 
     def __init__(self, session: ConsoleSession, settings: SettingsController) -> None:
         self._session, self._app, self._settings = session, session.app, settings
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self.ended_by = 0
+        """The signal that ended the console, 0 for none."""
 
     def watch_terminal(self) -> None:
         """Leave without a question once nobody is at the terminal to answer it."""
+        self._loop = asyncio.get_running_loop()
+        if self.ended_by:
+            self._leave_unasked()
         if sys.__stdin__ is not None and not self._app.is_headless:
             when_hung_up(sys.__stdin__.fileno(), self._hung_up)
 
+    def end(self, number: int) -> None:
+        """Leave without a question because of the signal `number`; any thread may call this."""
+        self.ended_by = number
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._app.call_later, self._leave_unasked)
+
     def _hung_up(self) -> None:
-        if self._app.is_running:
-            self._app.call_from_thread(self._app.run_worker, self._close(), exit_on_error=False)
+        leave_terminal()
+        if not self.ended_by:
+            self.end(signal.SIGHUP)
+
+    def _leave_unasked(self) -> None:
+        why = "the terminal is gone" if self.ended_by == signal.SIGHUP else "told to end by SIGTERM"
+        self._app.run_worker(self._close(why), exit_on_error=False)
 
     def leave(self) -> None:
         """Leave, after a question when a mission is active."""
@@ -60,8 +79,8 @@ class LeavingController:
             f"{back}{keys} leaves the console, after a question while a mission is active", "Leave?"
         )
 
-    async def _close(self) -> None:
+    async def _close(self, reason: str = "closed by the operator") -> None:
         if self._session.station is not None:
             with suppress(Exception):
-                await asyncio.wait_for(self._session.station.close(), CLOSE_WITHIN_S)
+                await asyncio.wait_for(self._session.station.close(reason), CLOSE_WITHIN_S)
         self._app.exit()

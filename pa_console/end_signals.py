@@ -1,0 +1,97 @@
+"""What ends a session from outside: SIGTERM, and SIGHUP of a terminal that is gone."""
+
+import asyncio
+import os
+import signal
+import stat
+from collections.abc import Callable, Coroutine, Generator
+from contextlib import contextmanager, suppress
+from types import FrameType
+from typing import TypeVar
+
+T = TypeVar("T")
+ENDING = (signal.SIGTERM, signal.SIGHUP)
+
+
+@contextmanager
+def end_signals(end: Callable[[int], None]) -> Generator[None]:
+    """Give the number of the first of these signals to `end`; a second one ends the process.
+
+    A signal that is ignored stays so: `nohup` lets a session outlive its terminal. `end` is called
+    between two steps of the main thread.
+    """
+    before = {number: signal.getsignal(number) for number in ENDING}
+    heeded = [number for number, handler in before.items() if handler is not signal.SIG_IGN]
+
+    def heed(number: int, _: FrameType | None) -> None:
+        for each in heeded:
+            signal.signal(each, signal.SIG_DFL)
+        if number == signal.SIGHUP:
+            leave_terminal()
+        end(number)
+
+    for number in heeded:
+        signal.signal(number, heed)
+    try:
+        yield
+    finally:
+        for number in heeded:
+            signal.signal(number, before[number])
+
+
+def leave_terminal() -> None:
+    """Let standard streams that lead to a terminal lead nowhere: to write there is an error now."""
+    nowhere = os.open(os.devnull, os.O_RDWR)
+    for number in range(3):
+        with suppress(OSError):  # a stream that is closed
+            if stat.S_ISCHR(os.fstat(number).st_mode):  # a lost terminal says that it is none
+                os.dup2(nowhere, number)
+    os.close(nowhere)
+
+
+def exit_code_of(number: int) -> int:
+    """Return the exit code of a process that the signal `number` has ended, as shells have it."""
+    return 128 + number
+
+
+class EndableRun:
+    """Runs a session without a screen, which `end` ends in order."""
+
+    def __init__(self) -> None:
+        self.ended_by = 0
+        """The signal that `end` was called for, 0 for none."""
+        self._cancel: Callable[[], object] = _interrupt
+        self._asking = False
+
+    def run(self, session: Coroutine[None, None, T]) -> T:
+        """Return what comes of `session`; after `end` CancelledError or KeyboardInterrupt."""
+        return asyncio.run(self._main(session))
+
+    @contextmanager
+    def asking(self) -> Generator[None]:
+        """Let `end` interrupt the block at once: nothing else runs while it waits for an answer."""
+        self._asking = True
+        try:
+            yield
+        finally:
+            self._asking = False
+
+    def end(self, number: int) -> None:
+        """End the session because of the signal `number`; one that is over stays as it is."""
+        self.ended_by = number
+        if self._asking:
+            _interrupt()
+        self._cancel()
+
+    async def _main(self, session: Coroutine[None, None, T]) -> T:
+        loop, task = asyncio.get_running_loop(), asyncio.current_task()
+        assert task is not None
+        self._cancel = lambda: loop.call_soon_threadsafe(task.cancel)
+        try:
+            return await session
+        finally:
+            self._cancel = lambda: None
+
+
+def _interrupt() -> None:
+    raise KeyboardInterrupt

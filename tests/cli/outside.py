@@ -1,0 +1,132 @@
+"""Runs `pa-console` with a scripted LLM as a process, if wanted in a terminal of its own."""
+
+import fcntl
+import json
+import os
+import pty
+import struct
+import subprocess
+import sys
+import termios
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from pa_console.signing import KEY_VARIABLE
+
+PROGRAM = """
+import asyncio, sys
+from pa_console.cli import console, mission
+from pa_console.cli.main import main
+from tests.scripted import ScriptedEngine, plan
+
+answer = sys.argv.pop(1)
+engine = ScriptedEngine([None if answer == "none" else plan(("Drone_T04", "move_to EastGate"))])
+if answer == "never-closed":
+    engine.close = asyncio.Event().wait
+for verb in (console, mission):
+    verb.find_model = lambda *_: engine.model
+    verb.Engine = lambda _: engine
+main()
+"""
+WITHIN_S = 60.0
+"""What has not happened by then never will, also on a busy machine."""
+
+
+class Outside:
+    """One `pa-console`, whose session log is the only one in `logs`.
+
+    `answers` is "plan" for a sound plan, "none" for a model that never answers, "never-closed" for
+    one that cannot be closed. With `terminal`, its streams are a terminal that controls it.
+    """
+
+    def __init__(
+        self, folder: Path, *words: str, answers: str = "plan", terminal: bool = False
+    ) -> None:
+        self.logs = folder / "logs"
+        self._terminal = -1
+        self._shown = bytearray()
+        environment = {
+            **os.environ,
+            KEY_VARIABLE: str(folder / "key" / "key.pem"),
+            "TERM": "xterm-256color",
+            **{f"XDG_{name}_HOME": str(folder / name) for name in ("STATE", "CONFIG", "DATA")},
+        }
+        command = [sys.executable, "-c", PROGRAM, answers, "--set", f"logs={self.logs}", *words]
+        if not terminal:
+            pipe = subprocess.PIPE
+            self.process = subprocess.Popen(
+                command, env=environment, stdin=subprocess.DEVNULL, stdout=pipe, stderr=pipe
+            )
+            return
+        self._terminal, its = pty.openpty()
+        fcntl.ioctl(its, termios.TIOCSWINSZ, struct.pack("HHHH", 36, 120, 0, 0))
+        self.process = subprocess.Popen(
+            command, env=environment, stdin=its, stdout=its, stderr=its, start_new_session=True,
+            preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),  # noqa: PLW1509 - no threads yet
+        )  # fmt: skip
+        os.close(its)
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self) -> None:
+        try:
+            while read := os.read(self._terminal, 65536):
+                self._shown += read
+        except OSError:  # the terminal is closed
+            pass
+
+    @property
+    def shown(self) -> str:
+        """All that came to the terminal."""
+        return self._shown.decode(errors="replace")
+
+    def type(self, text: str) -> None:
+        """Type on the terminal."""
+        os.write(self._terminal, text.encode())
+
+    def hang_up(self) -> None:
+        """Take the terminal away, as a window that is closed does."""
+        self.type("x")  # so that the reader looks up
+        terminal, self._terminal = self._terminal, -1
+        os.close(terminal)
+
+    @property
+    def log(self) -> Path:
+        """The session log; raises ValueError while there is none."""
+        (log,) = self.logs.glob("*.jsonl")
+        return log
+
+    @property
+    def records(self) -> list[dict[str, Any]]:
+        """The whole records of the log, none while there is no log."""
+        if not any(self.logs.glob("*.jsonl")):
+            return []
+        return [json.loads(line) for line in self.log.read_bytes().split(b"\n")[:-1]]
+
+    @property
+    def kinds(self) -> list[str]:
+        """What the log tells, in order."""
+        return [record["kind"] for record in self.records]
+
+    def until(self, kind: str, meanwhile: Callable[[], object] = lambda: None) -> None:
+        """Wait until the log tells of `kind`, and do something again and again meanwhile."""
+        self._until(lambda: kind in self.kinds, meanwhile)
+
+    def until_shown(self, text: str) -> None:
+        """Wait until `text` is on the terminal."""
+        self._until(lambda: text in self.shown, lambda: None)
+
+    def _until(self, done: Callable[[], bool], meanwhile: Callable[[], object]) -> None:
+        end = time.monotonic() + WITHIN_S
+        while not done():
+            assert self.process.poll() is None, self.shown
+            assert time.monotonic() < end, (self.kinds, self.shown)
+            meanwhile()
+            time.sleep(0.05)
+
+    def close(self) -> None:
+        """End the process if it goes on."""
+        self.process.kill()
+        self.process.wait()

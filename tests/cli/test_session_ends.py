@@ -1,0 +1,125 @@
+"""A session that is ended from outside ends in order: its log is whole, its assets are safe."""
+
+import signal
+from collections.abc import Callable, Generator
+from pathlib import Path
+
+import pytest
+
+from pa_console.cli.main import INTERRUPTED
+from pa_console.signing import KEY_VARIABLE
+from tests.cli.inside import Call
+from tests.cli.outside import WITHIN_S, Outside
+
+Start = Callable[..., Outside]
+ORDER = "Fill the gap at EastGate."
+LAST = ("command_sent", "session_ended")
+QUICK = ("--set", "approval_delay_s=0.2")
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Generator[Start]:
+    """Return what starts a `pa-console`, which is ended after the test."""
+    started: list[Outside] = []
+
+    def begin(*words: str, **how: str | bool) -> Outside:
+        started.append(Outside(tmp_path, *words, **how))  # type: ignore[arg-type]
+        return started[-1]
+
+    yield begin
+    for program in started:
+        program.close()
+
+
+@pytest.fixture
+def verified(tmp_path: Path, call: Call, monkeypatch: pytest.MonkeyPatch) -> Callable[[Path], int]:
+    """Return what verifies a log as the operator does, and returns the exit code."""
+    monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "key" / "key.pem"))
+    return lambda log: call("replay", str(log), "--verify").code
+
+
+def _events(program: Outside) -> list[str]:
+    return [kind for kind in program.kinds if kind not in ("log_signed", "telemetry")]
+
+
+def _moving(console: Outside) -> None:
+    """Have an asset move."""
+    console.until("telemetry")
+    console.type(f"{ORDER}\r")
+    console.until("approval_requested")
+    console.until("command_replied", lambda: console.type("a"))
+
+
+@pytest.mark.parametrize(
+    ("how", "code", "reason"),
+    [("SIGTERM", 143, "SIGTERM"), ("hang-up", 129, "the terminal is gone")],
+)
+def test_a_console_that_is_ended_from_outside_brings_its_assets_to_safety_first(
+    start: Start, verified: Callable[[Path], int], how: str, code: int, reason: str
+) -> None:
+    console = start(*QUICK, "console", "--no-alarms", terminal=True)
+    _moving(console)
+    if how == "SIGTERM":
+        console.process.send_signal(signal.SIGTERM)
+    else:
+        console.hang_up()
+    assert console.process.wait(WITHIN_S) == code
+    assert _events(console)[-2:] == list(LAST)
+    hold, end = [record["data"] for record in console.records if record["kind"] in LAST][-2:]
+    assert hold["command"]["agent"] == "Drone_T04"
+    assert hold["command"]["verb"] == "hold"
+    assert reason in end["reason"]
+    assert verified(console.log) == 0
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129),
+                                              (signal.SIGINT, INTERRUPTED)])  # fmt: skip
+def test_a_mission_that_is_ended_from_outside_ends_its_session(
+    start: Start, verified: Callable[[Path], int], number: signal.Signals, code: int
+) -> None:
+    mission = start("mission", ORDER, "--json", answers="none")
+    mission.until("mission_received")
+    mission.process.send_signal(number)
+    printed, told = mission.process.communicate(timeout=WITHIN_S)
+    assert mission.process.returncode == code
+    assert printed == b""
+    assert b"Traceback" not in told
+    assert _events(mission)[-1] == "session_ended"
+    assert verified(mission.log) == 0
+
+
+@pytest.mark.parametrize("how", ["SIGTERM", "hang-up"])
+def test_a_mission_ends_while_it_asks_on_the_terminal(
+    start: Start, verified: Callable[[Path], int], how: str
+) -> None:
+    mission = start("--set", "standing_confidence=0", "mission", ORDER, terminal=True)
+    mission.until_shown("Approve?")
+    if how == "SIGTERM":
+        mission.process.send_signal(signal.SIGTERM)
+    else:
+        mission.hang_up()
+    assert mission.process.wait(WITHIN_S) == (143 if how == "SIGTERM" else 129)
+    assert "command_sent" not in mission.kinds
+    assert _events(mission)[-1] == "session_ended"
+    assert verified(mission.log) == 0
+
+
+def test_a_second_signal_does_not_wait_for_the_session_to_end(start: Start) -> None:
+    mission = start("mission", ORDER, answers="never-closed")
+    mission.until("approval_requested")
+    mission.process.send_signal(signal.SIGTERM)
+    mission.until("session_ended")
+    mission.process.send_signal(signal.SIGTERM)
+    assert mission.process.wait(WITHIN_S) == -signal.SIGTERM
+
+
+def test_a_session_under_nohup_outlives_its_terminal(start: Start) -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        mission = start("mission", ORDER, answers="none")
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    mission.until("mission_received")
+    mission.process.send_signal(signal.SIGHUP)
+    mission.process.send_signal(signal.SIGTERM)
+    assert mission.process.wait(WITHIN_S) == 143
