@@ -9,6 +9,7 @@ from pydantic import ValidationError
 
 from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.true_outcome import RunResult, TruthWatch
+from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.orchestrator.station.assembly import Site, open_station
 from pa_console.orchestrator.station.headless import run_missions, standing_approver
 from pa_console.orchestrator.station.ticking import SteppedClock
@@ -113,7 +114,7 @@ async def run_condition(
             site,
             engine.engine(),
             SteppedClock(),
-            sim=sim,
+            fleet=SimulatedFleet(sim),
             keep_engine=True,
             respond=True,
             variant=Variant(name="without-judge", judging=False),

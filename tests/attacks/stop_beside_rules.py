@@ -14,6 +14,7 @@ from contextlib import aclosing
 from pathlib import Path
 from time import perf_counter, sleep
 
+from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.orchestrator.planning import rehearsal
 from pa_console.orchestrator.planning.safeguards import examine
 from pa_console.orchestrator.station.assembly import Site, load_site, open_station
@@ -37,7 +38,7 @@ async def stops(site: Site, count: int, seed: int) -> list[float]:
     """Return the seconds of `count` stops while plans are checked and a mission is followed."""
     sim = Checkpoint(site.world, seed)
     engine = ScriptedEngine([PLAN]).engine()
-    station = open_station(site, engine, RealTimeClock(), sim=sim)
+    station = open_station(site, engine, RealTimeClock(), fleet=SimulatedFleet(sim))
     loop, took, rng = asyncio.get_running_loop(), list[float](), random.Random(seed)
     done = asyncio.Event()
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from time import perf_counter
 
+from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.engine.protocol import Completed, Request
 from pa_console.orchestrator.station.assembly import LoadedScenario, Site, load_site, open_station
 from pa_console.orchestrator.station.headless import standing_approver
@@ -236,7 +237,7 @@ async def stop_at_random(seed: int) -> Trial:
         scenario=LoadedScenario(scenario, "0" * 64),
         respond=True,
         variant=Variant(name="attack", rehearsal=rng.random() < 0.1, checks=checked, method="bm25"),
-        sim=sim,
+        fleet=SimulatedFleet(sim),
     )
     await _Drive(trial, rng, station, sim).run()
     return trial

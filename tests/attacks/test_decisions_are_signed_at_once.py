@@ -8,6 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.orchestrator.station.station import Station
 from pa_console.schema.events import event as ev
 from pa_console.session.log.signed_head import head_path, read_head
@@ -114,7 +115,9 @@ async def test_no_command_takes_effect_before_the_log_is_signed(
     writer = LogWriter(log, station.session, signer=MINE, clock=lambda: 0.0)
     station.write_to(writer)
     monkeypatch.setattr(rig, "station", only(station))
-    sim, moved = station._sim, [0]  # pyright: ignore[reportPrivateUsage]
+    fleet, moved = station._fleet, [0]  # pyright: ignore[reportPrivateUsage]
+    assert isinstance(fleet, SimulatedFleet)
+    sim = fleet.checkpoint
     step = sim.step
 
     def watched() -> object:

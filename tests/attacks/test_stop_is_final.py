@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import pa_console.orchestrator
+from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.orchestrator.execution.execution import Execution
 from pa_console.orchestrator.planning.rehearsal import device_commands
 from pa_console.orchestrator.station.assembly import Site, open_station
@@ -51,7 +52,7 @@ class Run:
             site,
             ScriptedEngine(plans or [REPORT]).engine(),
             LiveClock(),
-            sim=self.sim,
+            fleet=SimulatedFleet(self.sim),
             respond=respond,
         )
         self.events: list[ev.Event] = []
@@ -242,7 +243,7 @@ async def test_a_stop_while_a_plan_waits_for_a_headless_approver_is_no_error(sit
     assert [trace.status for trace in traces] == ["cancelled"]
 
 
-def test_nothing_but_the_gate_sends_to_the_simulation() -> None:
+def test_nothing_but_the_gate_sends_to_the_fleet() -> None:
     folder = Path(pa_console.orchestrator.__file__).parent
     senders = {
         (path.name, ast.unparse(node.func.value))
@@ -253,7 +254,7 @@ def test_nothing_but_the_gate_sends_to_the_simulation() -> None:
         and node.func.attr == "send"
     }
     to_devices = {(name, what) for name, what in senders if not what.endswith("gate")}
-    assert to_devices == {("command_gate.py", "self._sim"), ("rehearsal.py", "fork")}
+    assert to_devices == {("command_gate.py", "self._fleet"), ("rehearsal.py", "forecast")}
 
 
 async def test_a_decision_that_comes_too_late_moves_nothing(site: Site) -> None:

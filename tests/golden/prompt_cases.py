@@ -14,6 +14,7 @@ from itertools import islice
 from typing import NamedTuple
 
 from pa_console.evaluation.runs.jobs import load_with_worlds
+from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.engine.protocol import Completed, Request
 from pa_console.llm.roles.dialect import DIALECTS, Dialect, DialectName
 from pa_console.llm.roles.grammar import (
@@ -269,7 +270,8 @@ def heard(case: Case, prompts: DialectName, *, carried_out: bool) -> Iterator[tu
     """
     engine, there = _Listening(case, prompts), case.situation
     site = replace(shipped(), world=there.world)
-    station = open_station(site, engine.engine(), SteppedClock(), sim=there.fork())
+    fleet = SimulatedFleet(there.fork())
+    station = open_station(site, engine.engine(), SteppedClock(), fleet=fleet)
     approver = standing_approver("auto" if carried_out else "never", "the outcome is wanted")
     traces = asyncio.run(run_missions(station, [case.text], approver, lambda _event, _state: None))
     for number, request in enumerate(engine.heard, start=1):

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.orchestrator.execution.command_gate import STILL, CommandGate
 from pa_console.orchestrator.planning.rehearsal import device_commands
 from pa_console.orchestrator.station.journal import Journal
@@ -14,7 +15,6 @@ from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
-from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.world_file import load_world
 
 WORLD = load_world(data_folder() / "worlds" / "checkpoint" / "world.yaml")
@@ -23,7 +23,7 @@ APPROVE = Decision(kind="approve")
 
 @dataclass
 class Link:
-    """What is put on the link, in place of a simulation."""
+    """What is put on the link, in place of a fleet."""
 
     world = WORLD
     sent: list[DeviceCommand] = field(default_factory=list[DeviceCommand])
@@ -210,6 +210,6 @@ def test_nothing_of_a_plan_passes_while_the_log_cannot_be_written() -> None:
 
 
 def test_a_simulation_takes_what_passes() -> None:
-    gate = CommandGate(Checkpoint(WORLD), Journal())
+    gate = CommandGate(SimulatedFleet.start(WORLD), Journal())
     gate.grant(RELIEF, APPROVE)
     assert isinstance(gate.send(ORDERS[0]), ev.CommandSent)

@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 import pytest
 import pytest_asyncio
 
+from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.models.catalogue import Catalog, find_model
 from pa_console.llm.models.fetching import pull
@@ -22,7 +23,6 @@ from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.schema.events.event import Event
 from pa_console.schema.mission import Mission
 from pa_console.session.state.fold import MissionTrace, SessionState
-from pa_console.sim.checkpoint import Checkpoint
 
 pytestmark = pytest.mark.long
 
@@ -83,7 +83,7 @@ async def test_what_else_an_order_may_mean_can_be_read_and_planned_for(
     await engine.start()
     planner = Planner(engine, deadline_s=300.0)
     services = Services(
-        sim=Checkpoint(site.world),
+        fleet=SimulatedFleet.start(site.world),
         rulebook=site.rulebook,
         retriever=Retriever(site.rulebook.rules),
         engine=engine,

@@ -2,6 +2,7 @@
 
 import asyncio
 
+from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.roles.dialect import DIALECTS
 from pa_console.llm.roles.judge import Judge
 from pa_console.llm.roles.planner import Planner
@@ -35,7 +36,7 @@ class SlowEngine(ScriptedEngine):
 
 def services(site: Site, engine: ScriptedEngine, sim: Checkpoint | None = None) -> Services:
     return Services(
-        sim=sim or Checkpoint(site.world),
+        fleet=SimulatedFleet(sim or Checkpoint(site.world)),
         rulebook=site.rulebook,
         retriever=Retriever(site.rulebook.rules),
         engine=engine.engine(),
@@ -65,12 +66,12 @@ async def test_every_role_reads_its_beginning_and_typing_reads_nothing_twice(rig
 
 async def test_a_picture_that_changed_is_read_while_somebody_types(rig: Rig) -> None:
     engine = ScriptedEngine([])
-    made = services(rig.site, engine)
-    ahead = ReadAhead(made)
+    sim = Checkpoint(rig.site.world)
+    ahead = ReadAhead(services(rig.site, engine, sim))
     await ahead.load()
-    made.sim.inject(FailAsset(asset=next(iter(rig.site.world.assets))))
+    sim.inject(FailAsset(asset=next(iter(rig.site.world.assets))))
     for _ in range(round(3 / rig.site.world.dt_s)):
-        made.sim.step()
+        sim.step()
     await typed(ahead)
     again = engine.warmed[3:]
     assert [role for role, _, _ in again] == ["planner", "judge"]

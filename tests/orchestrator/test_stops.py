@@ -1,5 +1,6 @@
 """Stop: every asset is told to hold, and told again until its device has answered."""
 
+from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.orchestrator.execution.command_gate import CommandGate
 from pa_console.orchestrator.execution.emergency_stop import SAFETY_LIMIT_S, EmergencyStop
 from pa_console.orchestrator.station.assembly import Site
@@ -11,7 +12,8 @@ from pa_console.sim.checkpoint import Checkpoint
 
 
 def stops_of(sim: Checkpoint) -> EmergencyStop:
-    return EmergencyStop(sim, CommandGate(sim, Journal()))
+    fleet = SimulatedFleet(sim)
+    return EmergencyStop(fleet, CommandGate(fleet, Journal()))
 
 
 def follow(sim: Checkpoint, stops: EmergencyStop, seconds: float) -> list[ev.EventPayload]:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from time import perf_counter
 
+from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.roles.dialect import DIALECTS
 from pa_console.llm.roles.judge import Judge
@@ -178,7 +179,7 @@ class OurWay:
     def _services(self, sim: Checkpoint) -> Services:
         dialect = DIALECTS[self._engine.model.prompts]
         return Services(
-            sim=sim,
+            fleet=SimulatedFleet(sim),
             rulebook=self._site.rulebook,
             retriever=self._retriever,
             engine=self._engine,

@@ -7,6 +7,7 @@ from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.run_record import Opinion, RunRecord
 from pa_console.evaluation.scoring.oracle import find_breaches
 from pa_console.evaluation.scoring.score import RunRecorder, Score, score
+from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.orchestrator.station.assembly import open_station
 from pa_console.orchestrator.station.headless import run_missions, standing_approver
 from pa_console.orchestrator.station.ticking import SteppedClock
@@ -35,7 +36,7 @@ async def make_run(job: Job, engine: MemoEngine, idle: Score, log: Path | None) 
         job.site,
         engine.engine(),
         SteppedClock(),
-        sim=sim,
+        fleet=SimulatedFleet(sim),
         keep_engine=True,
         variant=job.variant,
     )

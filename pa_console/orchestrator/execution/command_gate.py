@@ -1,5 +1,6 @@
 """The last gate before the link: what nobody decided does not pass, and nothing after STOP."""
 
+from pa_console.fleets.fleet import Fleet
 from pa_console.orchestrator.planning.approval import inadmissible
 from pa_console.orchestrator.planning.rehearsal import device_commands
 from pa_console.orchestrator.station.journal import Journal
@@ -7,7 +8,6 @@ from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action
-from pa_console.sim.checkpoint import Checkpoint
 
 STILL = frozenset(("hold", "report"))
 """The commands that move nothing: no other leaves the station while everything is stopped."""
@@ -26,8 +26,8 @@ class CommandGate:
     the `journal` cannot be written nothing of a plan passes: nobody could tell later that it did.
     """
 
-    def __init__(self, sim: Checkpoint, journal: Journal) -> None:
-        self._sim, self._journal = sim, journal
+    def __init__(self, fleet: Fleet, journal: Journal) -> None:
+        self._fleet, self._journal = fleet, journal
         self.stopped = False
         """Whether the stop is latched."""
         self._stops = 0
@@ -74,7 +74,7 @@ class CommandGate:
         self._standing.clear()
         holds = tuple(
             DeviceCommand(command_id=f"stop{self._stops}.{number}", agent=name, verb="hold")
-            for number, name in enumerate(self._sim.world.assets, start=1)
+            for number, name in enumerate(self._fleet.world.assets, start=1)
         )
         self._holds = set(holds)
         return holds
@@ -93,7 +93,7 @@ class CommandGate:
         self._orders.discard(command)
         self._holds.discard(command)
         self._standing[command.agent] = command
-        self._sim.send(command)
+        self._fleet.send(command)
         return ev.CommandSent(command=command)
 
     def resend(self, command: DeviceCommand, times: int) -> ev.CommandResent | None:
@@ -104,7 +104,7 @@ class CommandGate:
         """
         if self._standing.get(command.agent) != command:
             return None
-        self._sim.send(command)
+        self._fleet.send(command)
         return ev.CommandResent(command_id=command.command_id, times=times)
 
     def _refusal(self, command: DeviceCommand) -> str:

@@ -3,12 +3,12 @@
 from collections.abc import Iterator, Sequence
 from math import inf
 
+from pa_console.fleets.fleet import Fleet
 from pa_console.orchestrator.execution.command_gate import CommandGate
 from pa_console.orchestrator.execution.dispatch import Dispatch
 from pa_console.orchestrator.execution.step_feed import Step
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
-from pa_console.sim.checkpoint import Checkpoint
 
 SAFETY_LIMIT_S = 60.0
 """A way to safety is told again for so long to whoever has not answered."""
@@ -17,8 +17,8 @@ SAFETY_LIMIT_S = 60.0
 class EmergencyStop:
     """Follows stop commands that no mission follows any more."""
 
-    def __init__(self, sim: Checkpoint, gate: CommandGate) -> None:
-        self._sim, self._gate = sim, gate
+    def __init__(self, fleet: Fleet, gate: CommandGate) -> None:
+        self._fleet, self._gate = fleet, gate
         self._open: list[Dispatch] = []
 
     @property
@@ -61,5 +61,5 @@ class EmergencyStop:
         sent = [payload.command for payload in told if isinstance(payload, ev.CommandSent)]
         if sent:
             self._open.append(
-                Dispatch(sent, self._sim.tick, self._sim.world.dt_s, limit_s, limit_s)
+                Dispatch(sent, self._fleet.tick, self._fleet.world.dt_s, limit_s, limit_s)
             )

@@ -59,7 +59,7 @@ class Execution:
         if self._premises is None or self._dispatch is None:
             return ()
         done = {name for name, reply in self._dispatch.final.items() if reply.status == "done"}
-        return order_moments(self._premises.plan, self._services.sim.world, done)
+        return order_moments(self._premises.plan, self._services.fleet.world, done)
 
     async def run(self, approved: Examination, request: ev.ApprovalRequested) -> Payloads:
         """Step 7: send every command, follow it to its end, then compare with telemetry.
@@ -68,9 +68,9 @@ class Execution:
         `request`; nothing is verified then. A plan whose approval cannot be logged is halted before
         anything is sent; one of which the gate keeps a command back is halted as well.
         """
-        sim, gate = self._services.sim, self._services.gate
+        fleet, gate = self._services.fleet, self._services.gate
         timeline = approved.rehearsal.timeline if approved.rehearsal is not None else None
-        premises = Premises(sim.world, approved.plan, sim.picture(), timeline)
+        premises = Premises(fleet.world, approved.plan, fleet.picture(), timeline)
         self._premises, self.verification, self.halted = premises, None, ()
         self.breaches.clear()
         if problem := self._services.journal.commit():
@@ -81,9 +81,9 @@ class Execution:
         limit_s = MARGIN_S + 2 * (timeline.duration_s if timeline is not None else 0.0)
         commands = device_commands(approved.plan, request.request_id)
         self._safety = request.if_halted
-        start = sim.time_s
+        start = fleet.time_s
         with self._feed.follow() as steps:
-            self._dispatch = dispatch = Dispatch(commands, sim.tick, sim.world.dt_s, limit_s)
+            self._dispatch = dispatch = Dispatch(commands, fleet.tick, fleet.world.dt_s, limit_s)
             with self._watch.time("dispatch_s"):
                 for command in commands:
                     told = gate.send(command)
@@ -99,11 +99,11 @@ class Execution:
                     yield payload
         self._dispatch = None
         gate.finish()
-        self._watch.add("execution_s", sim.time_s - start)
+        self._watch.add("execution_s", fleet.time_s - start)
         if not self.halted:
             started = perf_counter()
             self.verification = verify_plan(
-                approved.plan, sim.world, premises.before, sim.picture(), dispatch.final
+                approved.plan, fleet.world, premises.before, fleet.picture(), dispatch.final
             )
             seconds = perf_counter() - started
             yield ev.MissionVerified(verification=self.verification, seconds=seconds)
@@ -117,9 +117,11 @@ class Execution:
         """
         if self.verification is None or self._premises is None:
             return
-        sim, before = self._services.sim, self._premises.before
-        case = OutcomeCase(mission, before, sim.picture(), selection, plan, self.verification, said)
-        asked = ask_about_outcome(self._services.dialect, sim.world, case)
+        fleet, before = self._services.fleet, self._premises.before
+        case = OutcomeCase(
+            mission, before, fleet.picture(), selection, plan, self.verification, said
+        )
+        asked = ask_about_outcome(self._services.dialect, fleet.world, case)
         with self._watch.time("outcome_s"):
             async for piece in asked.put_to(self._services.judge):
                 if not isinstance(piece, str):
@@ -144,19 +146,19 @@ class Execution:
             return ()
         self._halts += 1
         prefix = f"{self._mission.id}.halt{self._halts}"
-        return safe_state(self._safety, self._services.sim.picture(), under_way, prefix)
+        return safe_state(self._safety, self._services.fleet.picture(), under_way, prefix)
 
     async def _until_ended(
         self, premises: Premises, dispatch: Dispatch, steps: AsyncIterator[Step]
     ) -> Payloads:
         """Follow the plan until there is evidence of how it ended, or `halted` says why not."""
-        sim = self._services.sim
+        fleet = self._services.fleet
         seen: Picture | None = None
         ended_s: float | None = None
         async for step in steps:
             for payload in self._follow(dispatch, step):
                 yield payload
-            picture = sim.picture()
+            picture = fleet.picture()
             if picture is seen:
                 continue
             seen = picture
@@ -168,8 +170,8 @@ class Execution:
                 return
             if not dispatch.finished:
                 continue
-            ended_s = sim.time_s if ended_s is None else ended_s
-            late = sim.time_s - ended_s > EVIDENCE_S
+            ended_s = fleet.time_s if ended_s is None else ended_s
+            late = fleet.time_s - ended_s > EVIDENCE_S
             if late or not needs_more_evidence(premises.plan, picture, ended_s):
                 return
 
@@ -178,7 +180,7 @@ class Execution:
 
         The next plan is made from that picture: one from before has them still on their way.
         """
-        sim = self._services.sim
+        fleet = self._services.fleet
         reasons = self.halted
         commands = self.halt()
         for command in commands:
@@ -192,17 +194,17 @@ class Execution:
         )
         if not commands:
             return
-        self._stopping = dispatch = Dispatch(commands, sim.tick, sim.world.dt_s, SAFETY_S)
+        self._stopping = dispatch = Dispatch(commands, fleet.tick, fleet.world.dt_s, SAFETY_S)
         ended_s: float | None = None
         async for step in steps:
             for payload in self._follow(dispatch, step):
                 yield payload
             if not dispatch.finished:
                 continue
-            ended_s = sim.time_s if ended_s is None else ended_s
-            assets = sim.picture().assets
+            ended_s = fleet.time_s if ended_s is None else ended_s
+            assets = fleet.picture().assets
             told = all(assets[command.agent].stamp_s >= ended_s for command in commands)
-            if told or sim.time_s - ended_s > TOLD_S:
+            if told or fleet.time_s - ended_s > TOLD_S:
                 break
         self._stopping = None
 

@@ -54,12 +54,12 @@ class MissionRun:
         self.mission = mission
         self._services, self._feed, self._open_alarms = services, feed, open_alarms
         self._watch = Stopwatch()
-        self._monitor = Monitor(services.rulebook, services.sim.world, services.sightings)
+        self._monitor = Monitor(services.rulebook, services.fleet.world, services.sightings)
         self._planning = Planning(services, mission, self._watch, self._monitor)
         self._deciding = Deciding(
             self._planning,
             mission,
-            services.sim.world,
+            services.fleet.world,
             decide,
             self._watch,
             judging=services.variant.judging,
@@ -103,7 +103,7 @@ class MissionRun:
         self, status: MissionStatus, reason: str
     ) -> tuple[ev.MissionReported, ev.MissionFinished]:
         """Return the report and the end of the mission."""
-        facts, picture = self._facts, self._services.sim.picture()
+        facts, picture = self._facts, self._services.fleet.picture()
         text = after_action_report(facts, status, reason, picture, self._open_alarms())
         plans, stops = len(facts.plans), len(facts.halts)
         metrics = self._watch.metrics(self._planning.attempts, plans=plans, halts=stops)
@@ -115,7 +115,7 @@ class MissionRun:
         self._facts.see(picture)
         orders = self.execution.orders
         agents = tuple(order.agent for order in orders)
-        now = moment(picture, self._services.sim.world, orders, agents)
+        now = moment(picture, self._services.fleet.world, orders, agents)
         halting = self._services.variant.checks
         for finding in self._monitor.observe(now):
             if halting and halts(finding, self._services.rulebook):
@@ -154,7 +154,7 @@ class MissionRun:
             tries[task.text] = tries.get(task.text, 0) + 1
             following = self._course.task or self._results.follow_up
             if following is None and self._services.variant.workflows:
-                following = begun(approved.examination.plan, task, self._services.sim.picture())
+                following = begun(approved.examination.plan, task, self._services.fleet.picture())
             if following is None or tries.get(following.text, 0) >= MAX_TRIES:
                 self._status, self._reason = self._results.conclude()
                 return
@@ -195,7 +195,7 @@ class MissionRun:
             return None
         started = perf_counter()
         findings = await asyncio.to_thread(
-            check_mission, services.rulebook, self.mission, services.sim.world
+            check_mission, services.rulebook, self.mission, services.fleet.world
         )
         seconds = perf_counter() - started
         self._watch.add("checks_s", seconds)
@@ -252,16 +252,16 @@ class MissionRun:
 
         At most WATCH_S simulated seconds.
         """
-        sim = self._services.sim
-        end_s = sim.time_s + WATCH_S
+        fleet = self._services.fleet
+        end_s = fleet.time_s + WATCH_S
         with self._feed.follow() as steps:
             async for _ in steps:
-                if not self._results.awaits(phase, task) or sim.time_s >= end_s:
+                if not self._results.awaits(phase, task) or fleet.time_s >= end_s:
                     return
 
     def _now(self) -> Moment:
-        return moment(self._services.sim.picture(), self._services.sim.world, ())
+        return moment(self._services.fleet.picture(), self._services.fleet.world, ())
 
     def _note(self, move: ev.WorkflowMoved) -> ev.WorkflowMoved:
-        self._facts.moved(move, self._services.sim.time_s)
+        self._facts.moved(move, self._services.fleet.time_s)
         return move

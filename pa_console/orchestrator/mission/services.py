@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Self
 
+from pa_console.fleets.fleet import Fleet
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.roles.dialect import DIALECTS, Dialect
 from pa_console.llm.roles.judge import Judge
@@ -20,19 +21,18 @@ from pa_console.policy.trust.core_rules import with_core
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events.event import EventPayload
 from pa_console.schema.mission import Metrics
-from pa_console.sim.checkpoint import Checkpoint
 
 Payloads = AsyncIterator[EventPayload]
 
 
 @dataclass(frozen=True)
 class Services:
-    """The simulation, the policy and the two roles of the LLM; `variant` says what takes part.
+    """The fleet, the policy and the two roles of the LLM; `variant` says what takes part.
 
     Everything does, but for ablations: they run in evaluations only, never in the console.
     """
 
-    sim: Checkpoint
+    fleet: Fleet
     rulebook: Rulebook
     retriever: Retriever
     engine: Engine
@@ -45,17 +45,17 @@ class Services:
     sightings: Sightings = field(init=False)
     """What was seen where in this session; the station keeps it."""
     gate: CommandGate = field(init=False)
-    """What every command to a device goes through: `sim.send` is for the gate alone."""
+    """What every command to a device goes through: `fleet.send` is for the gate alone."""
 
     def __post_init__(self) -> None:
         """Begin with nothing seen or decided, and with the core in force whatever the rules say."""
         object.__setattr__(self, "rulebook", with_core(self.rulebook))
-        object.__setattr__(self, "sightings", Sightings(self.sim.world))
-        object.__setattr__(self, "gate", CommandGate(self.sim, self.journal))
+        object.__setattr__(self, "sightings", Sightings(self.fleet.world))
+        object.__setattr__(self, "gate", CommandGate(self.fleet, self.journal))
 
     def read(self, text: str) -> str:
         """Return the words of a mission with what is misspelt put right."""
-        return respell(text, self.sim.world, self.rulebook)
+        return respell(text, self.fleet.world, self.rulebook)
 
     def with_rules(self, rulebook: Rulebook) -> Self:
         """Return the same with other rules; what was seen is kept, and what was decided."""

@@ -176,7 +176,7 @@ async def judge_plan(
 ) -> Payloads:
     """Step 6: ask the judge about the plan of `candidate`, which takes the verdict."""
     started = perf_counter()
-    asked = ask_about_plan(services.dialect, services.sim.world, services.rulebook, case)
+    asked = ask_about_plan(services.dialect, services.fleet.world, services.rulebook, case)
     yield ev.PromptBuilt(
         role="judge",
         attempt=candidate.attempt,

@@ -46,7 +46,7 @@ def ask_for_plan(  # noqa: PLR0917
     With `verbs`, no other commands can be answered; `chosen` is what the operator says was asked.
     """
     started = perf_counter()
-    picture, world = services.sim.picture(), services.sim.world
+    picture, world = services.fleet.picture(), services.fleet.world
     selection = select(picture, world, task, rules)
     digest = digest_picture(picture, world, selection)
     digested = perf_counter()

@@ -250,7 +250,7 @@ class Planning:
     async def _examine(self, attempt: int, plan: Plan, *, own: bool = False) -> Payloads:
         """Examine `plan`; what an operator's `own` is for is not read from the order."""
         found = await self._safeguards(plan)
-        fits = fulfilment_of(found, self._reading, self._services.sim.world)
+        fits = fulfilment_of(found, self._reading, self._services.fleet.world)
         read = not own and not self.chosen
         mentions = self._mentions(found, fits.unmet) if read else NOTHING_SAID
         self._latest = candidate = Candidate(attempt, found, fits.gaps, fits.unmet, mentions)
@@ -270,15 +270,15 @@ class Planning:
 
     def _mentions(self, found: Examination, unmet: Sequence[str]) -> MentionCheck:
         """Compare the words of the task with what the plan says was asked."""
-        sim, plan = self._services.sim, found.plan
-        before = found.rehearsal.before if found.rehearsal is not None else sim.picture()
+        fleet, plan = self._services.fleet, found.plan
+        before = found.rehearsal.before if found.rehearsal is not None else fleet.picture()
         asked = asked_words(plan.reason).rstrip("; ")
-        return check_mentions(sim.world, before, self.task.text, asked, plan, unmet)
+        return check_mentions(fleet.world, before, self.task.text, asked, plan, unmet)
 
     async def _safeguards(self, plan: Plan) -> Examination:
         services = self._services
         found = await examine(
-            plan, self.task, services.sim, services.rulebook, self._monitor, services.variant
+            plan, self.task, services.fleet, services.rulebook, self._monitor, services.variant
         )
         self._watch.add("checks_s", found.checks_s)
         self._watch.add("rehearsal_s", found.rehearsal_s)

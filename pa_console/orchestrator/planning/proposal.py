@@ -143,10 +143,10 @@ class Proposing:
         None where the planner may give some commands only. In a large world it takes a while to
         find them, which the screen does not wait for.
         """
-        sim, reading = self._services.sim, read_asked(asked)
+        fleet, reading = self._services.fleet, read_asked(asked)
         if reading is None or self._verbs:
             return []
-        found = islice(commands_serving(reading, sim.world, sim.picture()), most)
+        found = islice(commands_serving(reading, fleet.world, fleet.picture()), most)
         return await asyncio.to_thread(list, found)
 
     async def ask_who(
@@ -157,11 +157,11 @@ class Proposing:
         The plan, which says that this was `asked`, waits in `others`. With `as_judged` it is what
         the judge read in the mission.
         """
-        question, sim = self.question, self._services.sim
+        question, fleet = self.question, self._services.fleet
         self.others = []
         if question is None:
             return
-        reasons = grounded_reason(sim.world, question.digest, self.task.text, asked)
+        reasons = grounded_reason(fleet.world, question.digest, self.task.text, asked)
         grammar = slot_grammar(slots, reasons)
         first = self.attempts
         with self._watch.time("planning_s"):

@@ -69,17 +69,17 @@ class ReadAhead:
         In a world too large to be told whole, what is told depends on the mission.
         """
         services = self._services
-        sim = services.sim
-        whole = is_small(sim.world)
-        digest = digest_picture(sim.picture(), sim.world) if whole else None
+        fleet = services.fleet
+        whole = is_small(fleet.world)
+        digest = digest_picture(fleet.picture(), fleet.world) if whole else None
         if services.engine.busy or self._read.get(role) == (digest, words):
             return
         self._read[role] = (digest, words)
-        prompt = services.dialect.ahead(role, sim.world, digest)
+        prompt = services.dialect.ahead(role, fleet.world, digest)
         if services.dialect.typed is not None and digest is not None and words.strip():
             hits = services.retriever.retrieve(words, services.top_k)
             rules = [services.rulebook.get(hit.rule_id) for hit in hits]
-            prompt = services.dialect.typed(role, sim.world, digest, rules, words)
+            prompt = services.dialect.typed(role, fleet.world, digest, rules, words)
         await services.engine.warm(role, prompt.system, prompt.user)
 
 

@@ -1,4 +1,4 @@
-"""Step 6: runs a plan in a forked simulation and records what happens on the way."""
+"""Step 6: runs a plan in a forecast and records what happens on the way."""
 
 import asyncio
 from collections.abc import Collection
@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from shapely import LineString, Point, Polygon
 
+from pa_console.fleets.fleet import Outlook
 from pa_console.policy.ordering.moments import distinct, moment
 from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand
 from pa_console.schema.moment import OrderMoment
@@ -19,7 +20,6 @@ from pa_console.schema.rehearsal import (
 )
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
 from pa_console.schema.world import World
-from pa_console.sim.checkpoint import Checkpoint
 
 HORIZON_S = 240.0
 SETTLE_S = 2.0
@@ -53,35 +53,35 @@ def order_moments(plan: Plan, world: World, done: Collection[str]) -> tuple[Orde
     )
 
 
-async def rehearse(sim: Checkpoint, plan: Plan) -> Rehearsal:
-    """Run `plan` in a forecast of `sim` until every command has ended, at most HORIZON_S seconds.
+async def rehearse(outlook: Outlook, plan: Plan) -> Rehearsal:
+    """Run `plan` in a forecast until every command has ended, at most HORIZON_S seconds.
 
     The forecast knows what the picture shows and nothing of the truth. The event loop gets its
     turn every STEPS_PER_SLICE steps, so a screen stays alive meanwhile.
     """
-    before = sim.picture()
-    fork = sim.forecast()
-    recorder = _Recorder(fork.world, before, plan)
+    before = outlook.picture()
+    forecast = outlook.forecast()
+    recorder = _Recorder(forecast.world, before, plan)
     commands = device_commands(plan, "rehearsal")
     for command in commands:
-        fork.send(command)
+        forecast.send(command)
     pending = {command.command_id for command in commands}
-    start, end = fork.time_s, None
-    every = max(1, round(fork.world.telemetry_period_s / fork.world.dt_s))
-    for step in range(1, round(HORIZON_S / fork.world.dt_s) + 1):
-        for reply in fork.step():
+    start, end = forecast.time_s, None
+    every = max(1, round(forecast.world.telemetry_period_s / forecast.world.dt_s))
+    for step in range(1, round(HORIZON_S / forecast.world.dt_s) + 1):
+        for reply in forecast.step():
             recorder.reply(reply)
             if reply.status in FINAL_REPLIES:
                 pending.discard(reply.command_id)
         if not pending and end is None:
-            end = fork.time_s + SETTLE_S
+            end = forecast.time_s + SETTLE_S
         if step % every == 0:
-            recorder.sample(fork.picture(), fork.time_s - start)
-            if end is not None and fork.time_s >= end:
+            recorder.sample(forecast.picture(), forecast.time_s - start)
+            if end is not None and forecast.time_s >= end:
                 break
         if step % STEPS_PER_SLICE == 0:
             await asyncio.sleep(0)
-    return recorder.result(fork.time_s - start)
+    return recorder.result(forecast.time_s - start)
 
 
 @dataclass
@@ -105,7 +105,7 @@ class _TrackLog:
 
 
 class _Recorder:
-    """Collects the timeline from successive pictures of the fork."""
+    """Collects the timeline from successive pictures of the forecast."""
 
     def __init__(self, world: World, before: Picture, plan: Plan) -> None:
         self._world, self._before, self._last = world, before, before

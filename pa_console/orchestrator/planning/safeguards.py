@@ -8,6 +8,7 @@ from time import perf_counter
 
 from shapely import Point, Polygon
 
+from pa_console.fleets.fleet import Outlook
 from pa_console.orchestrator.planning.rehearsal import order_moments, rehearse
 from pa_console.policy.checks.check_context import goes_to
 from pa_console.policy.checks.findings import problems
@@ -28,7 +29,6 @@ from pa_console.schema.rehearsal import (
 )
 from pa_console.schema.telemetry import GateCover, Picture, Track
 from pa_console.schema.world import World
-from pa_console.sim.checkpoint import Checkpoint
 
 
 def assume_done(before: Picture, world: World, plan: Plan) -> Rehearsal:
@@ -151,12 +151,12 @@ class Examination:
 async def examine(  # noqa: PLR0917
     plan: Plan,
     mission: Mission,
-    sim: Checkpoint,
+    outlook: Outlook,
     rulebook: Rulebook,
     monitor: Monitor | None = None,
     variant: Variant | None = None,
 ) -> Examination:
-    """Check `plan` against the present picture of `sim`: its structure first, then by rehearsal.
+    """Check `plan` against the present picture: its structure first, then by rehearsal.
 
     `monitor` has followed the mission so far: ordering rules go on from its history. A `variant`
     may leave out the rules or the rehearsal; an order that nobody can take is found in any case.
@@ -165,14 +165,14 @@ async def examine(  # noqa: PLR0917
     """
     variant = variant or Variant()
     started = perf_counter()
-    structural = problems(plan, sim.world, sim.picture())
+    structural = problems(plan, outlook.world, outlook.picture())
     checked = perf_counter()
     if structural:
         return Examination(plan, structural, None, checked - started, 0.0)
     if variant.rehearsal:
-        rehearsal = await rehearse(sim, plan)
+        rehearsal = await rehearse(outlook, plan)
     else:
-        rehearsal = assume_done(sim.picture(), sim.world, plan)
+        rehearsal = assume_done(outlook.picture(), outlook.world, plan)
     rehearsed = perf_counter()
     if not variant.checks:
         return Examination(plan, (), rehearsal, checked - started, rehearsed - checked)
@@ -181,7 +181,7 @@ async def examine(  # noqa: PLR0917
         plan=plan,
         rehearsal=rehearsal,
         mission=mission,
-        world=sim.world,
+        world=outlook.world,
         monitor=monitor,
     )
     findings = await asyncio.to_thread(checks)

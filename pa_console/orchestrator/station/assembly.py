@@ -9,6 +9,8 @@ from importlib.metadata import version
 from pathlib import Path
 
 from pa_console import __version__
+from pa_console.fleets.fleet import Fleet, Simulated
+from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.roles.dialect import DIALECTS
 from pa_console.llm.roles.grammar import plan_grammar
@@ -31,7 +33,6 @@ from pa_console.schema.events.event import SessionStarted
 from pa_console.schema.plan import MAX_ACTIONS
 from pa_console.schema.scenario import Scenario
 from pa_console.schema.world import World
-from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.scenario_file import load_scenario, scenario_path
 from pa_console.sim.worlds.world_file import load_world
 
@@ -128,21 +129,26 @@ def open_station(
     scenario: LoadedScenario | None = None,
     respond: bool = False,
     variant: Variant | None = None,
-    sim: Checkpoint | None = None,
+    fleet: Fleet | None = None,
     watch: RulesWatch | None = None,
 ) -> Station:
     """Return a station on `site` whose planner and judge are two roles on `engine`.
 
     The engine is closed with the session unless `keep_engine`. With `respond`, alarms become
-    missions by themselves. An evaluation may give a `variant` of the pipeline, and a `sim` of its
-    own: it can then compare with the truth. A console may `watch` its rule file.
+    missions by themselves. Without a `fleet` of the caller's, the station gets a simulated one of
+    its own, that begins with `seed` and in `scenario`. An evaluation may give a `variant` of the
+    pipeline. A console may `watch` its rule file. Raises ValueError for a `scenario` in a fleet
+    that is not simulated.
     """
-    if sim is None:
-        sim = Checkpoint(site.world, seed, scenario.scenario if scenario is not None else None)
+    if fleet is None:
+        played = scenario.scenario if scenario is not None else None
+        fleet = SimulatedFleet.start(site.world, seed, played)
+    elif scenario is not None and not isinstance(fleet, Simulated):
+        raise ValueError(f"scenario {scenario.scenario.name} is for a simulated fleet only")
     variant = variant or Variant()
     dialect = DIALECTS[engine.model.prompts]
     services = Services(
-        sim=sim,
+        fleet=fleet,
         rulebook=site.rulebook,
         retriever=site.retriever_by(variant.method or DEFAULT_METHOD),
         engine=engine,
@@ -151,7 +157,7 @@ def open_station(
         variant=variant,
         dialect=dialect,
     )
-    grammar = plan_grammar(site.world, sim.picture(), tuple(site.world.assets)[:MAX_ACTIONS])
+    grammar = plan_grammar(site.world, fleet.picture(), tuple(site.world.assets)[:MAX_ACTIONS])
     started = SessionStarted(
         session=new_session_id(),
         version=__version__,
@@ -162,7 +168,7 @@ def open_station(
         rules_seal=site.rulebook.seal,
         model=engine.model.name,
         model_sha256=engine.model.sha256,
-        seed=sim.seed,
+        seed=fleet.seed if isinstance(fleet, Simulated) else seed,
         scenario=scenario.scenario.name if scenario is not None else "",
         scenario_sha256=scenario.sha256 if scenario is not None else "",
         sampler=engine.sampler,

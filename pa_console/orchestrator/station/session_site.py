@@ -5,12 +5,12 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
+from pa_console.orchestrator.station.assembly import open_world
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import find_data
 from pa_console.schema.document import DocumentError, read_bytes
 from pa_console.schema.events.event import SessionStarted
 from pa_console.schema.world import World
-from pa_console.sim.worlds.world_file import load_world
 
 WORLD_FILE = "world.yaml"
 
@@ -41,7 +41,7 @@ class SessionSites:
                     f"the world {started.world!r} of this session is not here as it was then "
                     f"(SHA-256 {started.world_sha256[:12]}); give its file with --world"
                 )
-            self._worlds[started.world_sha256] = load_world(path)
+            self._worlds[started.world_sha256] = open_world(str(path))[0]
         return self._worlds[started.world_sha256]
 
     def world_file(self, started: SessionStarted, log: Path) -> Path | None:

@@ -1,9 +1,10 @@
-"""The control station: one simulation, one mission queue, one stream of everything that happens."""
+"""The control station: one fleet, one mission queue, one stream of everything that happens."""
 
 import asyncio
 from collections.abc import AsyncGenerator, Callable
 from datetime import UTC, datetime
 
+from pa_console.fleets.fleet import Simulated
 from pa_console.orchestrator.execution.emergency_stop import EmergencyStop
 from pa_console.orchestrator.execution.step_feed import StepFeed
 from pa_console.orchestrator.intake.intake import Intake
@@ -21,11 +22,12 @@ from pa_console.schema.mission import Decision, Mission
 from pa_console.schema.world import World
 
 READ_ONLY = "this console is read-only: commands are refused"
+NOT_SIMULATED = "incidents can only be made to happen in a simulated fleet"
 IS_STOPPED = "everything is stopped: no mission is taken until the stop is released"
 
 
 class Station:
-    """Owns the simulation, alarms and queue; both front ends use only this."""
+    """Owns the fleet, alarms and queue; both front ends use only this."""
 
     def __init__(
         self,
@@ -45,12 +47,12 @@ class Station:
         """
         self._services, self._clock, self._started = services, clock, started
         self.readonly, self._keep_engine = readonly, keep_engine
-        self._sim, self._journal = services.sim, services.journal
+        self._fleet, self._journal = services.fleet, services.journal
         self._feed = StepFeed()
         self._events: asyncio.Queue[ev.Event | None] = asyncio.Queue()
         self._intake = Intake(self.world, started.session, respond=respond and not readonly)
         self._gate = services.gate
-        self._stops = EmergencyStop(self._sim, self._gate)
+        self._stops = EmergencyStop(self._fleet, self._gate)
         self._desk = MissionWorker(services, self._feed, self._intake, self._stops, self._emit)
         self._reload = RulesReload(services, watch, self._emit, self._desk)
         self._background = Background(self._broken)
@@ -67,8 +69,8 @@ class Station:
 
     @property
     def world(self) -> World:
-        """The world that is simulated."""
-        return self._sim.world
+        """The world of the fleet."""
+        return self._fleet.world
 
     @property
     def retriever(self) -> Retriever:
@@ -120,6 +122,7 @@ class Station:
                 yield event
         finally:
             await self._background.stop()
+            self._fleet.close()
             if not self._keep_engine:
                 await self._services.engine.close()
 
@@ -225,14 +228,19 @@ class Station:
         self._desk.queue_changed()
 
     def inject(self, incident: Incident) -> None:
-        """Let something happen in the simulation; raises ValueError for an unknown name."""
+        """Let something happen in a simulated fleet; raises ValueError for an unknown name.
+
+        Raises ValueError too when the fleet is not a simulated one.
+        """
         self._writable()
-        self._sim.inject(incident)
-        self._ticking.happened(incident, "operator")
+        if not isinstance(self._fleet, Simulated):
+            raise ValueError(NOT_SIMULATED)
+        self._fleet.inject(incident)
+        self._ticking.happened(ev.IncidentHappened(incident=incident, source="operator"))
 
     async def advance(self, seconds: float) -> None:
         """Wait until `seconds` of simulated time have passed."""
-        end = self._sim.tick + round(seconds / self.world.dt_s)
+        end = self._fleet.tick + round(seconds / self.world.dt_s)
         with self._feed.follow() as steps:
             async for tick, _ in steps:
                 if tick >= end:
@@ -263,7 +271,7 @@ class Station:
         self._desk.queue_changed()
 
     def _emit(self, payload: ev.EventPayload, mission: str | None = None) -> None:
-        event = ev.Event(t=datetime.now(UTC), tick=self._sim.tick, mission=mission, data=payload)
+        event = ev.Event(t=datetime.now(UTC), tick=self._fleet.tick, mission=mission, data=payload)
         self._journal.append(event)
         self._events.put_nowait(event)
 

@@ -12,7 +12,6 @@ from pa_console.orchestrator.intake.notices import Noticer
 from pa_console.orchestrator.mission.services import Services
 from pa_console.orchestrator.station.mission_worker import Emit, MissionWorker
 from pa_console.schema.events import event as ev
-from pa_console.schema.incident import Incident
 
 MAX_STEPS_AT_ONCE = 20
 IDLE_S = 0.005
@@ -61,7 +60,7 @@ class SteppedClock:
 
 
 class Ticking:
-    """Steps one simulation and tells everything that happens in it."""
+    """Steps one fleet and tells everything that happens in it."""
 
     def __init__(  # noqa: PLR0917
         self,
@@ -76,8 +75,8 @@ class Ticking:
         """Take the first look at the picture."""
         self._services, self._clock, self._feed = services, clock, feed
         self._intake, self._stops, self._desk, self._emit = intake, stops, desk, emit
-        self._sim = services.sim
-        self.first = self._sim.picture()
+        self._fleet = services.fleet
+        self.first = self._fleet.picture()
         """The picture that the session begins with."""
         self._noticer = Noticer(self.first)
         services.sightings.look(self.first)
@@ -87,26 +86,24 @@ class Ticking:
 
         A clock that lets the world wait for the mission does so while it is thought about only.
         """
-        world = self._sim.world
+        world = self._fleet.world
         every = max(1, round(world.telemetry_period_s / world.dt_s))
         while True:
             for _ in range(await self._clock.due(world.dt_s, self._wanted)):
                 self._services.journal.commit()
-                replies = tuple(self._sim.step())
-                self._feed.publish(self._sim.tick, replies)
-                for incident in self._sim.take_incidents():
-                    self.happened(incident, "scenario")
-                for text in self._sim.take_skipped():
-                    self._emit(ev.Noticed(level="warning", subject="scenario", text=text), None)
-                for payload in self._stops.step((self._sim.tick, replies)):
+                received = self._fleet.step()
+                self._feed.publish(self._fleet.tick, received.replies)
+                for told in received.told:
+                    self.happened(told)
+                for payload in self._stops.step((self._fleet.tick, received.replies)):
                     self._emit(payload, None)
-                if self._sim.tick % every == 0:
+                if self._fleet.tick % every == 0:
                     self._look()
 
-    def happened(self, incident: Incident, source: ev.IncidentSource) -> None:
-        """Tell an incident that has taken effect; the one that strikes the model does so here."""
-        self._emit(ev.IncidentHappened(incident=incident, source=source), None)
-        if incident.kind == "worker":
+    def happened(self, told: ev.IncidentHappened | ev.Noticed) -> None:
+        """Pass on what the fleet tells of; the incident that strikes the model does so here."""
+        self._emit(told, None)
+        if isinstance(told, ev.IncidentHappened) and told.incident.kind == "worker":
             self._services.engine.kill_worker()
 
     def _wanted(self) -> bool:
@@ -115,7 +112,7 @@ class Ticking:
 
     def _look(self) -> None:
         """Take in new telemetry: tell it, raise alarms, queue their missions."""
-        picture = self._sim.picture()
+        picture = self._fleet.picture()
         for notice in self._noticer.look(picture):
             self._emit(notice, None)
         self._services.sightings.look(picture)

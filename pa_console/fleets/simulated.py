@@ -1,0 +1,83 @@
+"""The fleet of a simulated checkpoint in this process."""
+
+from dataclasses import dataclass
+from typing import Self
+
+from pa_console.fleets.fleet import Forecast, Received
+from pa_console.schema.command import DeviceCommand
+from pa_console.schema.events.event import IncidentHappened, Noticed
+from pa_console.schema.incident import Incident
+from pa_console.schema.scenario import Scenario
+from pa_console.schema.telemetry import Picture
+from pa_console.schema.world import World
+from pa_console.sim.checkpoint import Checkpoint
+
+
+@dataclass(frozen=True)
+class SimulatedFleet:
+    """Drives `checkpoint`; an evaluation asks that for the truth, and nothing else does."""
+
+    checkpoint: Checkpoint
+
+    @classmethod
+    def start(cls, world: World, seed: int = 0, scenario: Scenario | None = None) -> Self:
+        """Return the assets of `world` on their watch, in `scenario` if one is given.
+
+        Raises ValueError if an asset has no place.
+        """
+        return cls(Checkpoint(world, seed, scenario))
+
+    @property
+    def world(self) -> World:
+        """The world that is simulated."""
+        return self.checkpoint.world
+
+    @property
+    def seed(self) -> int:
+        """Where the checkpoint's random draws begin."""
+        return self.checkpoint.seed
+
+    @property
+    def tick(self) -> int:
+        """Steps taken since the session began."""
+        return self.checkpoint.tick
+
+    @property
+    def time_s(self) -> float:
+        """Simulated seconds since the session began."""
+        return self.checkpoint.time_s
+
+    def picture(self) -> Picture:
+        """Return telemetry as last reported, every `world.telemetry_period_s`."""
+        return self.checkpoint.picture()
+
+    def send(self, command: DeviceCommand) -> None:
+        """Put `command` on the link; its device gets it at the next step and answers."""
+        self.checkpoint.send(command)
+
+    def step(self) -> Received:
+        """Advance by one `world.dt_s`; tell what its scenario made happen, and could not."""
+        replies = tuple(self.checkpoint.step())
+        happened = self.checkpoint.take_incidents()
+        skipped = self.checkpoint.take_skipped()
+        return Received(
+            replies,
+            (
+                *(IncidentHappened(incident=incident, source="scenario") for incident in happened),
+                *(Noticed(level="warning", subject="scenario", text=text) for text in skipped),
+            ),
+        )
+
+    def forecast(self) -> Forecast:
+        """Return a simulation of what the picture shows, built from it and the world alone."""
+        return self.checkpoint.forecast()
+
+    def inject(self, incident: Incident) -> None:
+        """Make `incident` happen now; it shows in the picture when telemetry tells of it.
+
+        Raises ValueError naming what exists for an unknown name.
+        """
+        self.checkpoint.inject(incident)
+
+    def close(self) -> None:
+        """Do nothing: there is no device to let go of."""
