@@ -86,6 +86,30 @@ def open_world(name: str) -> tuple[World, Path]:
     return load_world(path), path
 
 
+def open_rules(
+    name: str,
+    *,
+    unsigned: bool = False,
+    pins: RulesPins | None = None,
+    accept: bool = False,
+    deadline_s: float = DEADLINE_S,
+) -> tuple[Rulebook, Path]:
+    """Load rules by installed name or path, with their file; raises DocumentError.
+
+    Rules that were altered since they were signed raise AlteredRulesError, unless `unsigned`. With
+    `pins`, rules that are less than those used before raise RefusedRulesError, unless the operator
+    does `accept` them. The core is in force whatever the file says; a check may take `deadline_s`.
+    """
+    path = find_data("rules", name, "rules.yaml")
+    rulebook = load_rules(path, deadline_s)
+    if not unsigned:
+        refuse_altered(path, rulebook.seal)
+    if pins is not None:
+        seal = pins.admit(rulebook.name, rulebook.seal, accept=accept or unsigned)
+        rulebook = rulebook.sealed(seal)
+    return with_core(rulebook, deadline_s), path
+
+
 def load_site(
     world: str,
     rules: str,
@@ -95,21 +119,11 @@ def load_site(
     accept: bool = False,
     deadline_s: float = DEADLINE_S,
 ) -> Site:
-    """Load a world and a rule file by installed name or path; raises DocumentError.
-
-    Rules that were altered since they were signed raise AlteredRulesError, unless `unsigned`. With
-    `pins`, rules that are less than those used before raise RefusedRulesError, unless the operator
-    does `accept` them. The core is in force whatever the file says; a check may take `deadline_s`.
-    """
+    """Load a world and rules by installed name or path, as `open_world` and `open_rules` do."""
     loaded, world_path = open_world(world)
-    rules_path = find_data("rules", rules, "rules.yaml")
-    rulebook = load_rules(rules_path, deadline_s)
-    if not unsigned:
-        refuse_altered(rules_path, rulebook.seal)
-    if pins is not None:
-        seal = pins.admit(rulebook.name, rulebook.seal, accept=accept or unsigned)
-        rulebook = rulebook.sealed(seal)
-    rulebook = with_core(rulebook, deadline_s)
+    rulebook, rules_path = open_rules(
+        rules, unsigned=unsigned, pins=pins, accept=accept, deadline_s=deadline_s
+    )
     return Site(loaded, world_path, rulebook, rules_path)
 
 
