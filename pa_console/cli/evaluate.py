@@ -62,7 +62,7 @@ from pa_console.llm.models.catalogue import LocalModel, find_model
 from pa_console.llm.worker.threads import physical_cores
 from pa_console.orchestrator.station.assembly import load_site
 from pa_console.policy.trust.pinned_rules import RulesPins
-from pa_console.tui.words import count
+from pa_console.schema.quantities import count
 
 
 class EvalProgress(LiveBar):

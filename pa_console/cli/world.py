@@ -7,10 +7,10 @@ import typer
 
 from pa_console.cli.output import errors, out, print_document
 from pa_console.orchestrator.station.assembly import open_world
+from pa_console.schema.quantities import count
 from pa_console.session.log.log_file import refuse_audit_file
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.world_generator import generate_world, world_yaml
-from pa_console.tui.words import count
 
 app = typer.Typer(no_args_is_help=True, help="Generate a checkpoint world, or check one.")
 

@@ -10,9 +10,9 @@ from typing import BinaryIO, get_args
 from pa_console.export.replayed_screen import ReplayedScreen, Size
 from pa_console.schema.events.base import Payload
 from pa_console.schema.events.event import EventPayload, MissionReceived
+from pa_console.schema.quantities import clock_text
 from pa_console.schema.visible_text import visible_json, visible_line
 from pa_console.session.replay.recording import Recording
-from pa_console.tui.words import clock_text
 
 JUST_BEFORE_S = 5e-7
 """Half of the microsecond that time stamps are exact to."""

@@ -2,12 +2,12 @@
 
 from textual.content import Content
 
+from pa_console.schema.quantities import clock_text, count
 from pa_console.session.replay.comparison import ENDED, Difference, SessionComparison
 from pa_console.session.replay.recording import Recording
 from pa_console.session.wording import event_in_words, kind_in_words
 from pa_console.tui.status_words import BAD, GOOD, NOTE, QUIET, WARN
 from pa_console.tui.trace.rows import Row, row
-from pa_console.tui.words import clock_text, count
 
 SHORT = 40
 """Two values that are no longer than this together stand in one row."""

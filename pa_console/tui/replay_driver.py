@@ -2,12 +2,12 @@
 
 from textual.content import Content
 
+from pa_console.schema.quantities import clock_text
 from pa_console.session.replay.player import RATES, Player
 from pa_console.session.replay.timeline import MARK_KINDS, MarkKind
 from pa_console.tui.protocols import Clock
 from pa_console.tui.refresh import ALL_VIEWS, views_of
 from pa_console.tui.status_words import QUIET, term
-from pa_console.tui.words import clock_text
 
 MISSIONS = frozenset[MarkKind](("mission",))
 FINDINGS = frozenset(MARK_KINDS) - MISSIONS

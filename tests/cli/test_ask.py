@@ -26,7 +26,7 @@ def test_rules_plan_and_verdict_are_shown_before_the_question(
 ) -> None:
     assert decided(monkeypatch, "y\n").kind == "approve"
     told, _, _ = capsys.readouterr().err.partition("Approve?")
-    for words in ("WF-03", "identify NorthGate", "judge: Success"):
+    for words in ("WF-03", "identify NorthGate", "Judge  ✔ Success"):
         assert words in told
 
 
@@ -35,7 +35,8 @@ def test_what_of_the_order_is_left_out_is_shown_before_the_question(
 ) -> None:
     unmet = ("1 drone to WestGate: nobody can be spared",)
     decided(monkeypatch, "n\n", unmet=unmet)
-    assert f"not met: {unmet[0]}" in capsys.readouterr().err.partition("Approve?")[0]
+    told, _, _ = capsys.readouterr().err.partition("Approve?")
+    assert f"not met {unmet[0]}" in " ".join(told.split())
 
 
 def test_an_order_that_may_be_misread_is_told_before_the_question(

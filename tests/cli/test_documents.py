@@ -9,8 +9,8 @@ import pytest
 import yaml
 
 from pa_console.cli.verbs import VERBS
-from pa_console.evaluation.mission_set import load_with_worlds
-from pa_console.sim.world_file import load_world
+from pa_console.evaluation.runs.jobs import load_with_worlds
+from pa_console.sim.worlds.world_file import load_world
 from tests.cli.conftest import Call
 from tests.cli.parsing import left_over
 
@@ -160,7 +160,6 @@ def test_the_readme_names_every_verb() -> None:
     assert set(VERBS) <= named
 
 
-@pytest.mark.xfail(strict=True, reason="the packages of the map come with the move")
 def test_every_package_of_the_map_exists() -> None:
     named = re.findall(r"`(pa_console/\w+/)`", text_of(README))
     assert [name for name in named if not (ROOT / name).is_dir()] == []

@@ -53,8 +53,8 @@ def test_markdown_holds_the_whole_trace(call: Call, log: Path, tmp_path: Path) -
     text = target.read_text(encoding="utf-8")
     tokens = MarkdownIt("gfm-like").parse(text)
     heads = [tokens[n + 1].content for n, t in enumerate(tokens) if t.type == "heading_open"]
-    for head in ("Rules retrieved", "Picture", "Plan", "Checks", "Rehearsal", "Verdict",
-                 "Decision", "Commands", "Verification", "Report", "Measured"):  # fmt: skip
+    for head in ("Rules retrieved", "Picture", "Plan", "Checks", "Rehearsal", "Judge", "Decision",
+                 "Commands", "Verification", "After-action report", "Outcome"):  # fmt: skip
         assert head in heads, head
     code = "".join(token.content for token in tokens if token.type == "fence")
     recorded = events(log)

@@ -102,7 +102,7 @@ class Case(NamedTuple):
 @cache
 def shipped() -> Site:
     """Return the shipped world and rules."""
-    return load_site("checkpoint", "checkpoint")
+    return load_site("checkpoint", "checkpoint", deadline_s=60.0)
 
 
 @cache

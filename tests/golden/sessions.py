@@ -12,13 +12,13 @@ from contextlib import aclosing
 from pathlib import Path
 from typing import Any, cast
 
-from pa_console.orchestrator.clock import SteppedClock
-from pa_console.orchestrator.compose import load_site, open_station
-from pa_console.orchestrator.headless import standing_approver
-from pa_console.schema import event as ev
+from pa_console.orchestrator.station.assembly import load_site, open_station
+from pa_console.orchestrator.station.headless import standing_approver
+from pa_console.orchestrator.station.ticking import SteppedClock
+from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset, SpawnTrack
 from pa_console.schema.mission import Decision
-from pa_console.session.log import LogWriter
+from pa_console.session.log.writer import LogWriter
 from tests.golden.stored import sha256
 from tests.scripted import FAILURE, SUCCESS, ScriptedEngine, plan
 from tests.session.tamper import MINE
@@ -47,7 +47,7 @@ class Session:
     ) -> None:
         """`plans` and `verdicts` are what the model answers, the last one again and again."""
         engine = ScriptedEngine(plans, verdicts)
-        site = load_site("checkpoint", "checkpoint")
+        site = load_site("checkpoint", "checkpoint", deadline_s=60.0)
         self.station = open_station(site, engine.engine(), SteppedClock(), respond=respond)
         self.log = LogWriter(log, self.station.session, signer=MINE, clock=lambda: 0.0)
         self.station.write_to(self.log)

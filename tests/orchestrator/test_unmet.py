@@ -12,10 +12,10 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset, Incident, SetBattery
 from pa_console.schema.plan import Action, Plan
 from pa_console.session.state.mission_trace import Attempt
+from pa_console.session.trace.hanging_rows import rows_of
+from pa_console.session.trace.planning import plan as section_of
 from pa_console.session.wording import event_in_words
 from pa_console.training.samples.planner_samples import Recipe, make_group
-from pa_console.tui.trace.planning import plan as section_of
-from pa_console.tui.trace.rows import layout
 from tests.orchestrator.test_fulfilment import CAR, moves
 
 NO_DRONE = (FailAsset(asset="Drone_T04"),)
@@ -97,7 +97,10 @@ def test_of_whole_orders_with_proven_plans_nothing_is_told(number: int) -> None:
 def test_the_trace_and_the_log_say_it_beside_the_plan() -> None:
     reason, hold = "asked: look at A; free", Action(agent="Drone_T04", command="hold")
     attempt = Attempt(1, plan=Plan(reason=reason, actions=(hold,)), unmet=("look at A: nobody",))
-    rows = layout(section_of(attempt).rows, 60)
-    assert any(line.plain.split() == ["not", "met", "look", "at", "A:", "nobody"] for line in rows)
+    rows = [
+        "".join(span.text for span in (*row.lead, *row.body))
+        for row in rows_of(section_of(attempt))
+    ]
+    assert any(text.split() == ["not", "met", "look", "at", "A:", "nobody"] for text in rows)
     data = ev.PlanChecked(attempt=1, findings=(), seconds=0.0, unmet=attempt.unmet)
     assert event_in_words(data) == "no rule broken; not met: look at A: nobody"

@@ -5,9 +5,9 @@ from hypothesis import strategies as st
 
 from pa_console.schema.events import event as ev
 from pa_console.session.state.fold import SessionState
+from pa_console.session.trace.standing import standing
 from pa_console.tui.trace.rows import layout, plain
-from pa_console.tui.trace.sections import headline, progress, sections
-from pa_console.tui.trace.workflow import standing
+from pa_console.tui.trace.sections import content, headline, progress, sections
 from pa_console.tui.widgets.alarms import summary
 from tests.schema.strategies import PAYLOADS, models
 from tests.tui import living, story
@@ -38,9 +38,11 @@ def test_where_in_the_workflow_the_mission_is_stands_in_its_head() -> None:
 
 def test_skipped_phases_and_the_end_are_told() -> None:
     moves = [living.move(0), living.move(2, skipped=("identify",))]
-    assert standing(moves).plain == "Track_01 ✔ recon – identify ▶ warn · escalate"
+    assert content(standing(moves)).plain == "Track_01 ✔ recon – identify ▶ warn · escalate"
     over = [*moves, living.move(4, skipped=("identify",), outcome="it left")]
-    assert standing(over).plain == "Track_01 ✔ recon – identify ✔ warn – escalate ■ it left"
+    assert (
+        content(standing(over)).plain == "Track_01 ✔ recon – identify ✔ warn – escalate ■ it left"
+    )
 
 
 def test_earlier_phases_are_folded_with_their_outcome_and_the_last_is_spread() -> None:

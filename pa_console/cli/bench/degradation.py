@@ -30,7 +30,7 @@ from pa_console.llm.engine.engine import Engine
 from pa_console.llm.models.cache import cache_folder
 from pa_console.llm.models.catalogue import find_model
 from pa_console.orchestrator.station.assembly import Site, load_site
-from pa_console.tui.words import count
+from pa_console.schema.quantities import count
 
 
 def degradation(

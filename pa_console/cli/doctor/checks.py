@@ -22,13 +22,13 @@ from pa_console.llm.worker.confinement import Restriction, try_out
 from pa_console.llm.worker.threads import physical_cores
 from pa_console.private_files import loose
 from pa_console.schema.document import DocumentError
+from pa_console.schema.quantities import count
 from pa_console.session.log.chain import LogError
 from pa_console.session.log.session_index import check_index
 from pa_console.session.log.writer import default_folder
 from pa_console.settings.folders import nearest_existing, unwritable
 from pa_console.settings.sources import Loaded, default_settings, load_settings, unknown_variables
 from pa_console.signing import SigningError, key_path, known_keys
-from pa_console.tui.words import count
 
 State = Literal["ok", "warning", "missing"]
 PACKAGE = "pa-console"

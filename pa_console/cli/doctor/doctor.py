@@ -19,8 +19,8 @@ from pa_console.cli.doctor.checks import (
     load_or_default,
 )
 from pa_console.cli.output import FAILED, JsonOption, errors, out, print_json
+from pa_console.schema.quantities import count
 from pa_console.session.log.writer import default_folder
-from pa_console.tui.words import count
 
 STYLES = {"ok": "green", "warning": "yellow", "missing": "bold red"}
 

@@ -15,10 +15,11 @@ from pa_console.cli.export.source import (
     written,
 )
 from pa_console.cli.output import errors, print_document
+from pa_console.export.markdown import mission_document
 from pa_console.export.mcap_file import write_mcap
 from pa_console.export.source_log import choose_mission, rules_of, whole_file, world_of
+from pa_console.schema.quantities import count
 from pa_console.schema.visible_text import visible
-from pa_console.tui.words import count
 
 app = typer.Typer(
     help="Write a recorded session as Markdown, MCAP, SVG or asciinema cast.",
@@ -46,8 +47,6 @@ def markdown(
 
     Prompts, answers and rules that were not broken are folded away.
     """
-    from pa_console.export.markdown import mission_document  # noqa: PLC0415 - loads the screens
-
     session = opened(log)
     trace = choose_mission(session.final_state().missions, mission)
     known, note = rules_of(session.started, rules)

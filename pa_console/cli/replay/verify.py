@@ -11,6 +11,7 @@ from pa_console.cli.output import BAD_INPUT, FAILED, errors, out, print_json
 from pa_console.cli.progress_bars import read_recording
 from pa_console.cli.replay.play import run_console, site_of
 from pa_console.cli.replay.run_again import Again, Place, print_again, run_again
+from pa_console.schema.quantities import count
 from pa_console.session.log.session_index import check_index, index_path
 from pa_console.session.log.signed_head import head_path
 from pa_console.session.log.verification import VerifyResult, verify
@@ -20,7 +21,6 @@ from pa_console.session.replay.recording import Recording
 from pa_console.session.wording import event_in_words, kind_in_words
 from pa_console.settings.sources import Loaded
 from pa_console.signing import is_fingerprint, known_keys
-from pa_console.tui.words import count
 
 CHANGES = 12
 """So many values that differ are printed; --json has all."""

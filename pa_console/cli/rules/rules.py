@@ -14,8 +14,8 @@ from pa_console.policy.retrieval.retriever import DEFAULT_METHOD, METHODS, Retri
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.policy.trust.core_rules import differing_core
 from pa_console.resources import find_data
+from pa_console.schema.quantities import count
 from pa_console.schema.rule import Rule
-from pa_console.tui.words import count
 
 BROKEN = 2
 

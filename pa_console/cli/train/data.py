@@ -9,11 +9,11 @@ from rich.table import Table
 from pa_console.cli.output import errors, out, print_json
 from pa_console.cli.train.progress import DataProgress, ReadingProgress
 from pa_console.resources import find_data, training_data
+from pa_console.schema.quantities import count
 from pa_console.training.samples.data_report import DataReport, fingerprint, write_report
 from pa_console.training.samples.data_set import REPORT, DataFolder, Job, Made, Part, build
 from pa_console.training.samples.planner_samples import Recipe
 from pa_console.training.samples.reading_samples import write_readings
-from pa_console.tui.words import count
 
 MOST_REASONS = 12
 """Reasons for drops that are printed; the report has them all."""

@@ -14,8 +14,8 @@ from rich.progress import (
 
 from pa_console.cli.output import errors
 from pa_console.cli.progress_bars import LiveBar
+from pa_console.schema.quantities import count
 from pa_console.training.samples.data_set import Made
-from pa_console.tui.words import count
 
 if TYPE_CHECKING:  # it needs torch, which only training itself may import
     from pa_console.training.lora.loop import Progress as Step

@@ -2,8 +2,6 @@
 
 Only the worker process imports this. A switch costs about 3 ms at the next evaluation (135M
 weights, two cores).
-
-Only the worker process imports this.
 """
 
 import ctypes
@@ -39,6 +37,10 @@ class AdapterSwitch:
         if _api.llama_set_adapters_lora(context, adapters, count, scales) != 0:
             raise ValueError("llama.cpp could not switch to the adapter of another role")
         self._active[context] = wanted
+
+    def forget(self, context: Any) -> None:
+        """Forget a context that is freed: the next one may stand at the same address."""
+        self._active.pop(context, None)
 
 
 def _load(model: Any, path: str) -> Any:
@@ -103,6 +105,7 @@ class SharedContext:
     def close(self) -> None:
         """Give the memory back; the context must not be used afterwards."""
         _api.llama_batch_free(self._batch)
+        self._adapters.forget(self.context)
         _api.llama_free(self.context)
 
     def adopt(self, state: State, lengths: Sequence[int], sequence: int) -> None:

@@ -10,9 +10,9 @@ from pa_console.evaluation.reporting.statistics import Rate
 from pa_console.evaluation.runs.run_record import Opinion, RunRecord
 from pa_console.schema.evaluation import Expectation
 from pa_console.schema.mission import Metrics
+from pa_console.schema.quantities import count, duration_text
 from pa_console.tui.status_words import BAD, NOTE, QUIET, WARN, term
 from pa_console.tui.trace.rows import Part, Row, column, row
-from pa_console.tui.words import count, duration_text
 
 Kind = Literal["all", "strict", "judge", "rules", "refuse"]
 """A kind of runs; all but the first and the last are failures."""

@@ -10,6 +10,7 @@ from textual.content import Content
 from textual.screen import ModalScreen
 from textual.widgets import Input, Static
 
+from pa_console.schema.quantities import clock_text
 from pa_console.session.log.chain import LogError
 from pa_console.session.replay.recording import Recording
 from pa_console.session.replay.search import Hit, search
@@ -18,7 +19,6 @@ from pa_console.tui.status_words import NOTE, QUIET
 from pa_console.tui.trace.rows import column
 from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.row_views import VirtualRows
-from pa_console.tui.words import clock_text
 
 MOST = 500
 STEP = 20_000

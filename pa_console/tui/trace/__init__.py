@@ -1,1 +1,1 @@
-"""The trace of a mission as sections of rows, for the screen and for copying alike."""
+"""The trace of a mission drawn on the screen, and rows with a hanging indent for every pane."""

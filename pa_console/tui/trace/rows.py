@@ -36,11 +36,6 @@ def row(lead: Sequence[Part] | Part = "", *body: Part) -> Row:
     return Row(Content.assemble(cast(Part, lead)), Content.assemble(*body))
 
 
-def text_rows(text: str, style: str = "", indent: int = 2) -> tuple[Row, ...]:
-    """Return a row for each line of a text that somebody else wrote, e.g. a prompt."""
-    return tuple(row(" " * indent, (line, style)) for line in text.splitlines())
-
-
 def column(text: str, width: int, style: str = "") -> tuple[str, str]:
     """Return `text` cut or padded to `width` cells and one more, for the lead of a row."""
     cut = text if len(text) <= width else text[: width - 1] + "…"

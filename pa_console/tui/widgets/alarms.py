@@ -7,13 +7,13 @@ from textual.content import Content
 from textual.widgets import Static
 
 from pa_console.schema.alarm import QueueEntry
+from pa_console.schema.quantities import clock_text
 from pa_console.session.state.fold import OpenAlarm, SessionState, Stop
 from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.tui.refresh import retitle
 from pa_console.tui.status_words import BAD, CALM, NOTE, QUIET, WARN, term
 from pa_console.tui.trace.rows import column
 from pa_console.tui.widgets.row_views import VirtualRows
-from pa_console.tui.words import clock_text
 
 _FILL = {BAD: "$error", WARN: "$warning", CALM: "$primary", QUIET: "$quiet"}
 """What is behind a sign that must not be overlooked, by the sign's own colour."""

@@ -11,6 +11,7 @@ from textual.containers import Vertical
 from textual.content import Content
 from textual.widgets import Input
 
+from pa_console.schema.quantities import few
 from pa_console.schema.telemetry import AssetTelemetry, CameraReport, Identity, Picture, Track
 from pa_console.schema.world import World
 from pa_console.tui.map.scene import arrow
@@ -20,7 +21,7 @@ from pa_console.tui.status_words import BAD, QUIET, WARN, term
 from pa_console.tui.trace.rows import column
 from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.row_views import VirtualRows
-from pa_console.tui.words import KIND_WORDS, few, short_names
+from pa_console.tui.words import KIND_WORDS, short_names
 
 Cells = Mapping[str, tuple[str, str]]
 """Text and style by column."""

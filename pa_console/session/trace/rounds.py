@@ -2,12 +2,9 @@
 
 from dataclasses import dataclass, field
 
-from textual.content import Content
-
 from pa_console.schema.events.event import DecisionMade, PlanHalted
 from pa_console.session.state.mission_trace import Attempt, CommandTrace, MissionTrace, VerifiedPlan
-from pa_console.tui.status_words import BAD, NOTE, QUIET, Term, term
-from pa_console.tui.words import count
+from pa_console.session.status_words import Status, status_of
 
 
 @dataclass
@@ -23,25 +20,18 @@ class Round:
     voided: str = ""
 
     @property
-    def outcome(self) -> Term:
-        """How the plan ended."""
-        if self.halts:
-            return Term("■", "HALTED", BAD)
-        if self.verified:
-            return term("outcome", self.verified[-1].verification.outcome)
-        return Term("–", "not carried out", QUIET)
+    def name(self) -> str:
+        """The phase of a workflow that the plan is for, else which plan of the mission it is."""
+        phase = self.attempts[-1].phase if self.attempts else ""
+        return f"Phase {phase}" if phase else f"Plan {self.number + 1}"
 
     @property
-    def title(self) -> Content:
-        """Phase, outcome and how many attempts and commands it took."""
-        phase = self.attempts[-1].phase if self.attempts else ""
-        name = f"Phase {phase}" if phase else f"Plan {self.number + 1}"
-        mark = self.outcome
-        numbers = ", ".join(str(attempt.number) for attempt in self.attempts)
-        note = f"  attempt {numbers}; {count(len(self.commands), 'command')}"
-        return Content.assemble(
-            (name, f"bold {NOTE}"), (f"  {mark.glyph} {mark.word}", mark.style), (note, QUIET)
-        )
+    def outcome(self) -> Status:
+        """How the plan ended."""
+        if self.halts:
+            return status_of("outcome", "halted")
+        ended = self.verified[-1].verification.outcome if self.verified else "none"
+        return status_of("outcome", ended)
 
 
 def rounds(trace: MissionTrace) -> list[Round]:
@@ -63,11 +53,13 @@ def rounds(trace: MissionTrace) -> list[Round]:
     return result
 
 
-def latest(trace: MissionTrace) -> Round:
-    """Return the plan that the mission is at."""
-    return rounds(trace)[-1]
-
-
-def earlier(trace: MissionTrace) -> list[Round]:
-    """Return the plans before it that came to something."""
-    return [given for given in rounds(trace)[:-1] if given.attempts or given.commands]
+def chosen_attempt(trace: MissionTrace, now: Round) -> Attempt | None:
+    """Return the attempt that is up for approval or was decided on, else the latest."""
+    number = None
+    if trace.approval is not None:
+        number = trace.approval.attempt
+    else:
+        taken = [made for made in now.decisions if made.accepted and made.decision.settles]
+        number = taken[-1].attempt if taken else None
+    found = next((attempt for attempt in now.attempts if attempt.number == number), None)
+    return found or (now.attempts[-1] if now.attempts else None)

@@ -1,0 +1,166 @@
+"""Steps 2 to 5 of a mission's trace: rules, picture, prompt, plan."""
+
+from collections.abc import Iterator, Mapping
+
+from pa_console.schema.finding import Usage
+from pa_console.schema.quantities import count, duration_text
+from pa_console.schema.rule import SHORT, Rule
+from pa_console.schema.telemetry import Digest, Selection
+from pa_console.session.state.mission_trace import Attempt, MissionTrace
+from pa_console.session.status_words import Status, Tone, status_of
+from pa_console.session.trace.parts import (
+    Block,
+    Column,
+    Detail,
+    Line,
+    Section,
+    Span,
+    Text,
+    TraceOptions,
+    labelled,
+    said,
+    table,
+)
+from pa_console.session.wording import safety_in_words
+
+Rules = Mapping[str, Rule]
+"""The rules of the session by id; one that is not among them is told as unknown."""
+
+_LABEL = 10
+
+
+def retrieved_rules(trace: MissionTrace, rules: Rules, options: TraceOptions) -> Section:
+    """Step 2: each retrieved rule with every part of its score, its text, and of which set."""
+    places = 3 if options.detail >= Detail.RECORD else 2
+    columns = [
+        Column("rule", 7, stress="bold"),
+        Column("score", 4, "calm"),
+        Column("pinned", tone="note"),
+        Column("components", tone="quiet"),
+    ]
+    rows = [
+        [
+            hit.rule_id,
+            f"{hit.score:.{places}f}",
+            "pinned" if hit.pinned else "",
+            " ".join(f"{name} {value:.{places}f}" for name, value in hit.components.items()),
+        ]
+        for hit in trace.hits
+    ]
+    if options.detail >= Detail.FULL:
+        columns.append(Column("text", below=4))
+        for row, hit in zip(rows, trace.hits, strict=True):
+            rule = rules.get(hit.rule_id)
+            row.append(rule.text if rule else "(not in this rulebook)")
+    under = f", set {trace.rules[:SHORT]}" if trace.rules else ""
+    note = f"{len(trace.hits)} by {trace.method}, {duration_text(trace.retrieval_s)}{under}"
+    return Section("rules", "Rules retrieved", (table(columns, rows),), step=2, note=note)
+
+
+def pictures(given: Digest, options: TraceOptions, key: str = "") -> Iterator[Section]:
+    """Step 3: the picture as the models were given it; `key` tells it from another attempt's."""
+    yield _digest(given, options, f"digest{key}")
+    if given.selection is not None:
+        yield _selection(given.selection, f"selection{key}")
+
+
+def _digest(given: Digest, options: TraceOptions, key: str) -> Section:
+    cover = "  ".join(f"{gate}×{number}" for gate, number in given.covered.items())
+    free = [f"{kind}: {', '.join(names) or 'none'}" for kind, names in given.free.items()]
+    sole = [f"{asset} for {gate}" for gate, asset in given.sole_cover.items()]
+    lines = [
+        _fact("cover", cover),
+        _fact("uncovered", ", ".join(given.uncovered), "bad"),
+        _fact("free", "; ".join(free)),
+        _fact("sole cover", ", ".join(sole)),
+        _fact("down", ", ".join(given.down), "bad"),
+        *(_fact("unknown", line, "warn") for line in given.unknown),
+        _fact("low", ", ".join(given.low_battery), "warn"),
+        _fact("weak link", ", ".join(given.degraded_comms), "warn"),
+        *(_fact("track", line, "warn") for line in given.tracks),
+    ]
+    if options.detail >= Detail.RECORD:
+        lines += [_fact("post", f"{asset}: {post}") for asset, post in given.posts.items()]
+    lost = status_of("gate", "uncovered") if given.uncovered else None
+    return Section(key, "Picture", tuple(lines), step=3, mark=lost)
+
+
+def _fact(label: str, text: str, tone: Tone = "") -> Line:
+    span = Span(text, tone) if text else Span("none", "quiet")
+    return Line((span,), label, "quiet", width=_LABEL)
+
+
+def _selection(given: Selection, key: str) -> Section:
+    """The part of the picture that the prompt speaks of, and why; the rest as numbers."""
+    kinds = (("gate", given.gates), ("track", given.tracks), ("asset", given.assets))
+    columns = (
+        Column("kind", 6, "quiet"),
+        Column("name", 11, stress="bold"),
+        Column("why", tone="quiet"),
+    )
+    rows = [(kind, name, why) for kind, names in kinds for name, why in names.items()]
+    left = [count(number, kind[:-1]) for kind, number in given.left_out.items() if number]
+    rest = f"left out: {', '.join(left) or 'nothing'}"
+    picked = ", ".join(count(len(names), kind) for kind, names in kinds)
+    note = f"{picked}; left out {', '.join(left) or 'nothing'}"
+    blocks = (table(columns, rows), said(rest, "note"))
+    return Section(key, "Shown to the model", blocks, step=3, note=note, collapsed=True)
+
+
+def prompt(attempt: Attempt) -> Section:
+    """Step 4: the whole prompt, as it was sent."""
+    blocks = (
+        Text(attempt.system, "system", verbatim=True),
+        Text(attempt.user, "user", verbatim=True),
+    )
+    note = f"{len(attempt.system) + len(attempt.user)} characters"
+    key = f"prompt-{attempt.number}"
+    return Section(key, "Prompt", blocks, step=4, note=note, collapsed=True)
+
+
+def plan(attempt: Attempt) -> Section:
+    """Step 5: the answer as it streams, then the plan that was read from it."""
+    usage, read, key = attempt.usage, attempt.plan, f"plan-{attempt.number}"
+    if read is None:
+        unreadable = Status("✘", "unreadable", "bad")
+        mark = unreadable if attempt.error else status_of("step", "active")
+        blocks: list[Block] = [Text(attempt.text, verbatim=True)] if attempt.text else []
+        blocks += [said(attempt.error, "bad")] if attempt.error else []
+        return Section(key, "Plan", tuple(blocks), step=5, mark=mark)
+    blocks = [Line((Span(read.reason, stress="italic"),))]
+    columns = (
+        Column("#", 2, "quiet"),
+        Column("asset", 11, stress="bold"),
+        Column("command", tone="calm"),
+        Column("target"),
+    )
+    actions = [
+        (f"{number}", action.agent, action.verb, action.target or "")
+        for number, action in enumerate(read.actions, start=1)
+    ]
+    blocks.append(
+        table(columns, actions) if actions else said("no action: nothing would move", "quiet")
+    )
+    if attempt.if_halted:
+        blocks.append(labelled("if halted", safety_in_words(attempt.if_halted)))
+    blocks += [_warning("not met", text) for text in attempt.unmet]
+    blocks += [_warning("unsure", attempt.doubt)] if attempt.doubt else []
+    spent = f"{count(usage.completion_tokens, 'token')}, {duration_text(usage.seconds)}"
+    note = "by the operator" if attempt.author == "operator" else spent
+    return Section(key, "Plan", tuple(blocks), step=5, note=note)
+
+
+def _warning(label: str, text: str) -> Line:
+    return Line((Span(text),), label, "warn", width=_LABEL + 1)
+
+
+def answer(key: str, title: str, text: str, usage: Usage, step: int) -> Section:
+    """A model's answer word for word, and what it cost."""
+    cost = (
+        f"{usage.prompt_tokens} prompt tokens ({usage.cached_tokens} cached), "
+        f"{usage.completion_tokens} written, first after {duration_text(usage.first_token_s)}, "
+        f"{duration_text(usage.seconds)} in all"
+    )
+    note = cost if usage.completion_tokens else ""
+    blocks = (Text(text, verbatim=True),)
+    return Section(key, title, blocks, step=step, note=note, collapsed=True)

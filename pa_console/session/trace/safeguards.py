@@ -1,0 +1,227 @@
+"""Step 6 of a mission's trace: rehearsal, checks, the telemetry they saw, verdict, approval."""
+
+from collections.abc import Iterator
+
+from pa_console.orders.plain_words import plain_reading
+from pa_console.schema.events.event import ApprovalRequested
+from pa_console.schema.finding import Finding, Verdict
+from pa_console.schema.quantities import count, duration_text
+from pa_console.schema.rehearsal import (
+    AssetTimeline,
+    GateTimeline,
+    Rehearsal,
+    Timeline,
+    TrackTimeline,
+)
+from pa_console.schema.rule import PRIORITIES
+from pa_console.session.state.mission_trace import Attempt
+from pa_console.session.state.rule_trail import Evidence
+from pa_console.session.status_words import Status, status_of
+from pa_console.session.trace.parts import (
+    Block,
+    Column,
+    Detail,
+    Line,
+    Section,
+    Span,
+    Table,
+    Text,
+    TraceOptions,
+    labelled,
+    said,
+    sign,
+    table,
+)
+from pa_console.session.trace.planning import Rules
+
+MOST_GATES = 12
+"""With more gates than this, a rehearsal lists only those that it concerns."""
+
+_MOST_URGENT_FIRST = {priority: rank for rank, priority in enumerate(PRIORITIES)}
+
+
+def rehearsal(attempt: Attempt, run: Rehearsal, options: TraceOptions) -> Section:
+    """What the rehearsed plan did to each gate, asset and track."""
+    timeline = run.timeline
+    gates = timeline.gates
+    everything = len(gates) <= MOST_GATES or options.detail >= Detail.RECORD
+    shown = gates if everything else _concerned(attempt, timeline)
+    columns = (Column("gate", 11), Column("state", 12), Column("gap", tone="quiet"))
+    rows = [(gate, *_gate(line)) for gate, line in shown.items()]
+    blocks: list[Block] = [table(columns, rows)]
+    if left := len(gates) - len(shown):
+        blocks.append(said(f"{count(left, 'more gate')}: covered, no gap", "quiet"))
+    if timeline.assets:
+        columns = (Column("asset", 11), Column("state", 12), Column("rehearsed", tone="quiet"))
+        rows = [(asset, *_asset(line)) for asset, line in timeline.assets.items()]
+        blocks.append(table(columns, rows))
+    if timeline.tracks and options.detail >= Detail.RECORD:
+        blocks.append(_tracks(timeline))
+    lost = [gate for gate, line in gates.items() if not line.covered_after]
+    mark = (
+        Status("✘", f"loses {', '.join(lost)}", "bad")
+        if lost
+        else Status("✔", "all gates covered", "good")
+    )
+    note = f"{timeline.duration_s:.0f} s rehearsed in {duration_text(attempt.rehearsal_s)}"
+    key = f"rehearsal-{attempt.number}"
+    return Section(key, "Rehearsal", tuple(blocks), step=6, mark=mark, note=note)
+
+
+def _gate(line: GateTimeline) -> tuple[Status, str]:
+    mark = status_of("gate", "covered" if line.covered_after else "uncovered")
+    gap = f"longest gap {line.longest_gap_s:.0f} s" if line.longest_gap_s else "no gap"
+    return mark, gap if line.covered_before else f"not covered before, {gap}"
+
+
+def _asset(line: AssetTimeline) -> tuple[Status, str]:
+    facts = [f"{line.travelled_m:.0f} m", f"battery {line.least_battery_pct:.0f} %"]
+    facts += [f"entered {zone}" for zone in line.entered_zones]
+    facts += ["left the perimeter"] if line.left_perimeter else []
+    facts += [line.detail] if line.detail else []
+    return status_of("reply", "done" if line.finished else "failed"), ", ".join(facts)
+
+
+def _concerned(attempt: Attempt, timeline: Timeline) -> dict[str, GateTimeline]:
+    """Return the gates that the plan goes to, and all that are not covered the whole time."""
+    actions = attempt.plan.actions if attempt.plan is not None else ()
+    named = {action.target for action in actions}
+    return {
+        gate: line
+        for gate, line in timeline.gates.items()
+        if gate in named or line.longest_gap_s or not line.covered_after
+    }
+
+
+def _tracks(timeline: Timeline) -> Table:
+    """When in the rehearsal what was done about each track, and how near anybody came to it."""
+    columns = (Column("track", 11), Column("rehearsed", tone="quiet"))
+    return table(columns, ((name, _track(line)) for name, line in timeline.tracks.items()))
+
+
+def _track(line: TrackTimeline) -> str:
+    times = (
+        ("observed", line.observed_s),
+        ("ground contact", line.ground_contact_s),
+        ("identified", line.identified_s),
+        ("warned", line.warned_s),
+        ("blocked", line.blocked_s),
+    )
+    facts = [f"{what} after {seconds:.1f} s" for what, seconds in times if seconds is not None]
+    if line.least_distance_m is not None:
+        facts.append(f"never nearer than {line.least_distance_m:.1f} m")
+    return ", ".join(facts) or "nothing done about it"
+
+
+def checks(attempt: Attempt, rules: Rules, *, with_rest: bool) -> Iterator[Section]:
+    """Broken rules first, most urgent first, with the reason; those that stand apart from them."""
+    found = attempt.findings
+    broken = sorted(
+        (item for item in found if item.broken), key=lambda f: _MOST_URGENT_FIRST[f.priority]
+    )
+    rest = [item for item in found if not item.broken]
+    mark = (
+        Status("✘", f"{len(broken)} broken", "bad")
+        if broken
+        else Status("✔", "no rule broken", "good")
+    )
+    note = f"{count(len(found), 'rule')}, {duration_text(attempt.checks_s)}"
+    key = f"checks-{attempt.number}"
+    stands = said("every checked rule holds or does not apply", "quiet")
+    block = _findings(broken, rules) if broken else stands
+    yield Section(key, "Checks", (block,), step=6, mark=mark, note=note)
+    if rest and with_rest:
+        held = sum(item.status == "complies" for item in rest)
+        yield Section(
+            f"{key}-rest",
+            "Rules that stand",
+            (_findings(rest, rules),),
+            step=6,
+            note=f"{held} comply, {len(rest) - held} other",
+            collapsed=True,
+        )
+
+
+def _findings(found: list[Finding], rules: Rules) -> Table:
+    columns = (
+        Column("", 1),
+        Column("rule", 7, stress="bold"),
+        Column("finding"),
+        Column("priority"),
+        Column("reason", below=12),
+    )
+    return table(columns, [_finding(item, rules) for item in found], gap="  ")
+
+
+def _finding(found: Finding, rules: Rules) -> tuple[Span | Status | str, ...]:
+    mark, urgency = status_of("finding", found.status), status_of("priority", found.priority)
+    known = rules.get(found.rule_id)
+    reason = found.message if found.broken else (known.text if known else found.message)
+    return (
+        Span(mark.glyph, mark.tone),
+        found.rule_id,
+        Span(mark.word, mark.tone),
+        urgency,
+        Span(reason, "" if found.broken else "quiet"),
+    )
+
+
+def evidence(attempt: Attempt, given: Evidence) -> Section:
+    """The telemetry that the checks were given of whatever plan and findings name."""
+    by = ", ".join(found.rule_id for found in given.deciding) or "no rule"
+    stands = "against it" if any(found.broken for found in given.deciding) else "for it"
+    columns = (Column("name", 11, stress="bold"), Column("telemetry", tone="quiet"))
+    facts = (table(columns, given.facts),) if given.facts else ()
+    note = f"tick {given.tick}, {given.time_s:.1f} s"
+    key = f"evidence-{attempt.number}"
+    blocks = (labelled(stands, by), *facts)
+    return Section(key, "Decided by this telemetry", blocks, step=6, note=note)
+
+
+def verdict(attempt: Attempt) -> Section:
+    """The JudgeLLM's opinion per rule and its feedback; no verdict means hold."""
+    given, key = attempt.verdict, f"verdict-{attempt.number}"
+    if not attempt.judged:
+        blocks = (Text(attempt.judge_text, verbatim=True),)
+        return Section(key, "Judge", blocks, step=6, mark=status_of("step", "active"))
+    if given is None:
+        blocks = (said(attempt.judge_error or "no reason given", "bad"),)
+        mark = status_of("verdict", "none")
+        return Section(key, "Judge", blocks, step=6, mark=mark, note="means hold")
+    mark = status_of("verdict", given.verdict)
+    took = duration_text(attempt.judge_usage.seconds)
+    return Section(key, "Judge", opinions(given), step=6, mark=mark, note=took)
+
+
+def opinions(given: Verdict) -> tuple[Block, ...]:
+    """A verdict's feedback, and its opinion on each rule."""
+    feedback = (said(given.feedback),) if given.feedback else ()
+    if not given.rules:
+        return feedback
+    marks = [(item.rule_id, status_of("opinion", item.opinion)) for item in given.rules]
+    columns = (Column("", 1), Column("rule", 7, stress="bold"), Column("opinion"))
+    rows = [(Span(m.glyph, m.tone), name, Span(m.word, m.tone)) for name, m in marks]
+    return (*feedback, table(columns, rows))
+
+
+def approval(asked: ApprovalRequested) -> Section:
+    """The operator's turn: what stands in the way, what is needed, what else may be meant."""
+    blocks: list[Block] = [
+        Line((Span(reason, "bad"),), "blocked", "bad") for reason in asked.blocked_by
+    ]
+    if asked.acknowledge:
+        blocks.append(labelled("to be acknowledged", ", ".join(asked.acknowledge), "warn"))
+    if asked.needs_override:
+        blocks.append(labelled("to be overridden, with a reason", "the judge's Failure", "warn"))
+    blocks += [labelled("read as", plain_reading(asked.asked))] if asked.asked else []
+    blocks += [labelled("may also mean", plain_reading(words)) for words in asked.readings]
+    mark = Status("▶", f"plan {asked.attempt} waits for the operator", "note")
+    return Section("approval", "Approval", tuple(blocks), step=6, mark=mark)
+
+
+def outcome_verdict(given: Verdict | None, error: str) -> tuple[Line, ...]:
+    """The judge's verdict on an outcome and the rules it finds broken, or why there is none."""
+    mark = status_of("verdict", given.verdict if given else "none")
+    line = Line((Span(given.feedback if given else error),), "judge", mark=sign(mark))
+    against = [item.rule_id for item in given.rules if item.opinion == "violates"] if given else []
+    return (line, labelled("against", ", ".join(against), "bad", depth=1)) if against else (line,)

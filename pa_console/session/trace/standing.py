@@ -1,0 +1,111 @@
+"""Where a mission stands: its headline, its step, and its phase in each workflow (WF-01)."""
+
+from collections.abc import Sequence
+
+from pa_console.schema.events.event import WorkflowMoved
+from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.session.status_words import Status, status_of
+from pa_console.session.trace.parts import (
+    Block,
+    Column,
+    Detail,
+    Line,
+    Section,
+    Span,
+    Spans,
+    TraceOptions,
+    labelled,
+    table,
+)
+
+STEPS = (
+    "queued", "retrieve", "picture", "prompt", "plan", "safeguards", "judge", "decide",
+    "execute", "verify", "report",
+)  # fmt: skip
+"""The stages of a mission, in order."""
+
+
+def headline(trace: MissionTrace) -> tuple[Spans, ...]:
+    """Return the mission's id, origin and text, how it was read, and where it stands, by line."""
+    mission = trace.mission
+    origin = (Span(" by alarm", "warn"),) if mission.source == "alarm" else ()
+    head = (Span(mission.id, "note", "bold"), *origin, Span(f" {mission.said}"))
+    read = ((Span(f"read as: {mission.text}", "quiet"),),) if mission.typed else ()
+    return (head, *read, *(standing(moves) for moves in by_track(trace).values()))
+
+
+def step_of(trace: MissionTrace) -> int:
+    """Return how many of STEPS are behind the mission."""
+    return STEPS.index(trace.stage) if trace.stage in STEPS else 0
+
+
+def progress(trace: MissionTrace) -> Spans:
+    """Say how far the mission is, or how it ended and why."""
+    if trace.status is not None:
+        mark = status_of("mission", trace.status)
+        return Span(mark.text, mark.tone), Span(f"  {trace.reason}", "quiet")
+    if step := step_of(trace):
+        return (Span(f"step {step} of {len(STEPS) - 1}: {trace.stage}"),)
+    return (Span(f"waits: {trace.preempted}" if trace.preempted else "waits in the queue"),)
+
+
+def phase_mark(moves: Sequence[WorkflowMoved], number: int) -> Status:
+    """Return whether phase `number` is done, current, skipped or to come, after `moves`.
+
+    A workflow that ended early never came to the phases after its last one: they are skipped.
+    """
+    last = moves[-1]
+    if last.phases[number] in last.skipped:
+        return status_of("phase", "skipped")
+    if number == last.phase:
+        return status_of("phase", "current")
+    if last.phase < len(last.phases):
+        return status_of("phase", "done" if number < last.phase else "pending")
+    reached = max((move.phase for move in moves[:-1]), default=-1)
+    return status_of("phase", "done" if number <= reached or not last.outcome else "skipped")
+
+
+def standing(moves: Sequence[WorkflowMoved]) -> Spans:
+    """Return the track of `moves` and every phase with its sign, in one line."""
+    move = moves[-1]
+    parts = [Span(move.track, "note", "bold")]
+    for number, name in enumerate(move.phases):
+        mark = phase_mark(moves, number)
+        stress = "bold" if number == move.phase else ""
+        parts.append(Span(f" {mark.glyph} {name}", mark.tone, stress))
+    if move.outcome:
+        parts.append(Span(f" ■ {move.outcome}", "note"))
+    return tuple(parts)
+
+
+def by_track(trace: MissionTrace) -> dict[str, list[WorkflowMoved]]:
+    """Return the moves of each track's workflow, oldest first."""
+    result: dict[str, list[WorkflowMoved]] = {}
+    for move in trace.workflow:
+        result.setdefault(move.track, []).append(move)
+    return result
+
+
+def workflow(trace: MissionTrace, options: TraceOptions) -> Section:
+    """Every phase of every workflow, what it is about now, and what came of it."""
+    blocks: list[Block] = []
+    for moves in by_track(trace).values():
+        move = moves[-1]
+        blocks.append(Line(standing(moves)))
+        if move.command:
+            blocks.append(labelled("now", move.command, depth=1))
+        if move.skipped:
+            blocks.append(labelled("skipped", ", ".join(move.skipped), "quiet", depth=1))
+        if move.outcome:
+            blocks.append(labelled("outcome", move.outcome, depth=1))
+    if options.detail >= Detail.RECORD:
+        heads = (Column("track", 11, stress="bold"), Column("phase", 10), Column("command"))
+        blocks.append(
+            table(heads, ((move.track, _phase(move), move.command) for move in trace.workflow))
+        )
+    rules = ", ".join(dict.fromkeys(move.rule_id for move in trace.workflow))
+    return Section("workflow", "Workflow", tuple(blocks), step=1, note=f"by {rules}")
+
+
+def _phase(move: WorkflowMoved) -> str:
+    return move.phases[move.phase] if 0 <= move.phase < len(move.phases) else "over"
