@@ -18,11 +18,10 @@ DIED = EngineDiedError("the model's process died")
 
 
 async def asked(engine: ScriptedEngine) -> tuple[str, ModelAnswer]:
-    """Return the pieces joined, and the one Answer that must come last."""
-    items = [item async for item in ask_model(engine.engine(), REQUEST)]
-    answers = [item for item in items if isinstance(item, ModelAnswer)]
-    assert answers == items[-1:]
-    return "".join(item for item in items if isinstance(item, str)), answers[0]
+    """Return the pieces joined, and the whole answer."""
+    pieces: list[str] = []
+    answer = await ask_model(engine.engine(), REQUEST, pieces.append)
+    return "".join(pieces), answer
 
 
 async def test_a_worker_that_dies_once_is_asked_again() -> None:

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pa_console.llm.engine.protocol import Chance, confidence
-from pa_console.llm.roles.planner import Planner, Proposal
+from pa_console.llm.roles.planner import Planner
 from pa_console.llm.roles.prompts import Prompt
 from tests.scripted import ScriptedEngine, plan
 
@@ -42,7 +42,5 @@ def test_without_chances_or_without_the_words_nothing_is_said(
 )
 async def test_a_planner_is_as_sure_as_of_what_it_says_was_asked(at: int, sure: float) -> None:
     engine = ScriptedEngine([ANSWER], chances=[(at, math.log(0.25))])
-    found = [item async for item in Planner(engine.engine()).plan(Prompt("s", "u"), "grammar")]
-    last = found[-1]
-    assert isinstance(last, Proposal)
-    assert last.confidence == sure
+    proposal = await Planner(engine.engine()).plan(Prompt("s", "u"), "grammar")
+    assert proposal.confidence == sure

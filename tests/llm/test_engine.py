@@ -25,7 +25,7 @@ from pa_console.llm.errors import (
 from pa_console.llm.models.cache import hash_file
 from pa_console.llm.models.catalogue import Catalog, LocalModel
 from pa_console.llm.roles.grammar import judge_grammar, plan_grammar
-from pa_console.llm.roles.planner import Planner, Proposal
+from pa_console.llm.roles.planner import Planner
 from pa_console.llm.roles.prompts import planner_prompt
 from pa_console.schema.plan import Plan
 from tests.llm.site import DIGEST, RULE, WORLD, mission, picture
@@ -178,11 +178,11 @@ async def compare_with_fresh_context(engine: Engine, model: LocalModel) -> None:
 
 async def test_a_planner_prompt_gives_a_plan_whatever_the_model_thinks(engine: Engine):
     prompt = planner_prompt(WORLD, DIGEST, [RULE], mission("Watch the hill gate."))
-    items = [item async for item in Planner(engine).plan(prompt, plan_grammar(WORLD, picture()))]
-    last = items[-1]
-    assert isinstance(last, Proposal)
-    assert isinstance(last.plan, Plan), last.error
-    assert "".join(item for item in items if isinstance(item, str)) == last.text
+    pieces: list[str] = []
+    grammar = plan_grammar(WORLD, picture())
+    proposal = await Planner(engine).plan(prompt, grammar, pieces.append)
+    assert isinstance(proposal.plan, Plan), proposal.error
+    assert "".join(pieces) == proposal.text
 
 
 async def test_cancel_ends_the_answer_and_keeps_the_worker(engine: Engine):

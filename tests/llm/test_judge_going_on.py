@@ -6,7 +6,7 @@ import math
 import pytest
 
 from pa_console.llm.errors import EngineError
-from pa_console.llm.roles.judge import Judge, Judgement
+from pa_console.llm.roles.judge import Judge, Judgement, JudgeQuestion
 from pa_console.llm.roles.prompts import Prompt
 from tests.scripted import Answer, ScriptedEngine
 
@@ -17,16 +17,16 @@ WHOLE = OPENING + '1 drone home; it fits", "violated": ["WF-03"], "verdict": "Su
 async def judged(*answers: Answer) -> tuple[str, Judgement, list[str]]:
     """Return what was streamed, the judgement, and the grammars that were asked with."""
     engine = ScriptedEngine([], answers)
-    text, last = "", None
-    async for item in Judge(engine.engine()).judge(
-        Prompt("s", "u"), "opening", "judge", ["WF-03", "ROE-01"], lambda said: f"whole of {said}"
-    ):
-        if isinstance(item, str):
-            text += item
-        else:
-            last = item
-    assert last is not None
-    return text, last, [request.grammar for request in engine.requests]
+    pieces: list[str] = []
+    question = JudgeQuestion(
+        "judge",
+        Prompt("s", "u"),
+        "opening",
+        ("WF-03", "ROE-01"),
+        lambda said: f"whole of {said}",
+    )
+    found = await Judge(engine.engine()).judge(question, pieces.append)
+    return "".join(pieces), found, [request.grammar for request in engine.requests]
 
 
 async def test_the_whole_answer_is_streamed_once() -> None:
@@ -44,10 +44,8 @@ async def test_a_judge_is_as_sure_as_of_what_it_says_was_asked() -> None:
     chances = [(OPENING.index("drone"), math.log(0.5)), (len(OPENING) + 1, math.log(0.5))]
     engine = ScriptedEngine([], [OPENING, WHOLE], chances=chances)
     judge = Judge(engine.engine())
-    asked = judge.judge(Prompt("s", "u"), "opening", "judge", (), lambda said: said)
-    last = [item async for item in asked][-1]
-    assert isinstance(last, Judgement)
-    assert last.confidence == 0.5
+    question = JudgeQuestion("judge", Prompt("s", "u"), "opening", (), lambda said: said)
+    assert (await judge.judge(question)).confidence == 0.5
 
 
 async def test_both_parts_are_paid_for() -> None:

@@ -8,7 +8,7 @@ import pytest
 from pa_console.llm.engine.protocol import Completed, Finish
 from pa_console.llm.errors import EngineDiedError, EngineError
 from pa_console.llm.models.catalogue import LocalModel
-from pa_console.llm.roles.judge import Judge, Judgement, read_verdict
+from pa_console.llm.roles.judge import Judge, Judgement, JudgeQuestion, read_verdict
 from pa_console.llm.roles.planner import Planner, Proposal, read_plan
 from pa_console.llm.roles.prompts import Prompt
 from pa_console.schema.finding import Usage
@@ -30,21 +30,17 @@ def script(text: str, finish: Finish = "stop") -> Script:
 
 
 async def propose(items: Script) -> tuple[str, Proposal]:
-    streamed = ""
-    async for item in Planner(ScriptedEngine(MODEL, items)).plan(PROMPT, "grammar"):
-        if isinstance(item, Proposal):
-            return streamed, item
-        streamed += item
-    raise AssertionError("no Proposal came")
+    pieces: list[str] = []
+    planner = Planner(ScriptedEngine(MODEL, items))
+    proposal = await planner.plan(PROMPT, "grammar", pieces.append)
+    return "".join(pieces), proposal
 
 
 async def judge(items: Script) -> tuple[str, Judgement]:
-    streamed = ""
-    async for item in Judge(ScriptedEngine(MODEL, items)).judge(PROMPT, "grammar"):
-        if isinstance(item, Judgement):
-            return streamed, item
-        streamed += item
-    raise AssertionError("no Judgement came")
+    pieces: list[str] = []
+    question = JudgeQuestion("judge", PROMPT, "grammar")
+    judgement = await Judge(ScriptedEngine(MODEL, items)).judge(question, pieces.append)
+    return "".join(pieces), judgement
 
 
 async def test_a_complete_answer_becomes_a_plan_with_its_text_and_cost():

@@ -206,5 +206,5 @@ def test_a_surer_judge_is_believed_where_the_planner_is_unsure(
     examination = Examination(orders, (), None, 0.0, 0.0)
     says = f"{SAYS_EAST.partition('; planned')[0]}; planned: 1 drone to WestGate; not asked for"
     verdict = Verdict(rules=(), feedback=says, verdict="Failure")
-    candidate = Candidate(1, examination, verdict=verdict, judge_confidence=judge)
-    assert candidate.second_reading(sure) == asked
+    candidate = Candidate(1, examination, confidence=sure, verdict=verdict, judge_confidence=judge)
+    assert candidate.second_reading == asked

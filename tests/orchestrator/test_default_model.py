@@ -11,15 +11,14 @@ from pa_console.llm.engine.engine import Engine
 from pa_console.llm.models.catalogue import Catalog, find_model
 from pa_console.llm.models.fetching import pull
 from pa_console.llm.roles.dialect import DIALECTS
-from pa_console.llm.roles.judge import Judge
-from pa_console.llm.roles.planner import Planner, Proposal
+from pa_console.llm.roles.planner import Planner
 from pa_console.orchestrator.mission.services import Services
-from pa_console.orchestrator.planning.planner_question import ask_for_plan
+from pa_console.orchestrator.planning.proposal import ask_for_plan
+from pa_console.orchestrator.planning.understanding import Retrieved
 from pa_console.orchestrator.station.assembly import Site, open_station
 from pa_console.orchestrator.station.headless import run_missions, standing_approver
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.orders.reading import asked_words, read_asked
-from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.schema.events.event import Event
 from pa_console.schema.mission import Mission
 from pa_console.session.state.fold import MissionTrace, SessionState
@@ -82,18 +81,11 @@ async def test_what_else_an_order_may_mean_can_be_read_and_planned_for(
 ) -> None:
     await engine.start()
     planner = Planner(engine, deadline_s=300.0)
-    services = Services(
-        fleet=SimulatedFleet.start(site.world),
-        rulebook=site.rulebook,
-        retriever=Retriever(site.rulebook.rules),
-        engine=engine,
-        planner=planner,
-        judge=Judge(engine),
-        dialect=DIALECTS["compact"],
-    )
+    fleet = SimulatedFleet.start(site.world)
+    services = Services.open(fleet, site.rulebook, engine, dialect=DIALECTS["compact"])
     text = "Drone_T02 should go home unless NorthGate is empty"
     task = Mission(id="M1", text=text, created=datetime(2026, 1, 1, tzinfo=UTC))
-    question = ask_for_plan(services, task, [])
+    question = ask_for_plan(services, Retrieved(task, ()))
     found, usage = await planner.readings(question.prompt, question.reasons, 4)
     assert found
     assert len(set(found)) == len(found)
@@ -102,8 +94,7 @@ async def test_what_else_an_order_may_mean_can_be_read_and_planned_for(
         assert reading is not None
         assert reading.readable
     assert usage.completion_tokens > 0
-    again = ask_for_plan(services, task, [], chosen=found[-1])
-    async for piece in planner.plan(again.prompt, again.grammar):
-        if isinstance(piece, Proposal):
-            assert piece.plan is not None
-            assert asked_words(piece.plan.reason).rstrip("; ") == found[-1]
+    again = ask_for_plan(services, Retrieved(task, (), chosen=found[-1]))
+    proposal = await planner.plan(again.prompt, again.grammar)
+    assert proposal.plan is not None
+    assert asked_words(proposal.plan.reason).rstrip("; ") == found[-1]

@@ -4,14 +4,11 @@ import asyncio
 
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.roles.dialect import DIALECTS
-from pa_console.llm.roles.judge import Judge
-from pa_console.llm.roles.planner import Planner
 from pa_console.orchestrator.mission.services import Services
 from pa_console.orchestrator.planning.read_ahead import ReadAhead
 from pa_console.orchestrator.station.assembly import Site, open_station
 from pa_console.orchestrator.station.headless import run_missions, standing_approver
 from pa_console.orchestrator.station.ticking import SteppedClock
-from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.schema.events.event import Event, Role
 from pa_console.schema.incident import FailAsset
 from pa_console.session.state.fold import SessionState
@@ -35,15 +32,8 @@ class SlowEngine(ScriptedEngine):
 
 
 def services(site: Site, engine: ScriptedEngine, sim: Checkpoint | None = None) -> Services:
-    return Services(
-        fleet=SimulatedFleet(sim or Checkpoint(site.world)),
-        rulebook=site.rulebook,
-        retriever=Retriever(site.rulebook.rules),
-        engine=engine.engine(),
-        planner=Planner(engine.engine()),
-        judge=Judge(engine.engine()),
-        dialect=DIALECTS["compact"],
-    )
+    fleet = SimulatedFleet(sim or Checkpoint(site.world))
+    return Services.open(fleet, site.rulebook, engine.engine(), dialect=DIALECTS["compact"])
 
 
 async def typed(ahead: ReadAhead, text: str = "w") -> None:

@@ -3,7 +3,7 @@
 from datetime import UTC, datetime
 from typing import Any
 
-from pa_console.orchestrator.mission.report import ReportFacts, after_action_report
+from pa_console.orchestrator.mission.report import PlanFacts, ReportFacts, after_action_report
 from pa_console.schema.alarm import Alarm
 from pa_console.schema.events.event import WorkflowMoved
 from pa_console.schema.finding import Verdict
@@ -37,9 +37,16 @@ def test_a_mission_in_phases_is_told_from_alarm_to_outcome() -> None:
         "phases": ("recon", "identify"),
     }  # fmt: skip
     facts.moved(WorkflowMoved(**steps, phase=0), 13.0)
-    facts.decided(Decision(kind="approve", reason="looks right"), ["1 drone home: none is spared"])
-    facts.executed(PLAN, MISSION, None, ["D1 failed on its way"])
-    facts.executed(PLAN, MISSION.model_copy(update={"text": "Identify it."}), seen("pass"), ())
+    facts.plans += [
+        PlanFacts(
+            PLAN,
+            MISSION.text,
+            halted=("D1 failed on its way",),
+            decision=Decision(kind="approve", reason="looks right"),
+            unmet=("1 drone home: none is spared",),
+        ),
+        PlanFacts(PLAN, "Identify it.", seen("pass")),
+    ]
     facts.judged(Verdict(verdict="Success", feedback="served"))
     facts.moved(WorkflowMoved(**steps, phase=2, outcome="it left"), 61.0)
     text = after_action_report(facts, "verified", "", COVERED)
@@ -64,7 +71,7 @@ def test_a_mission_in_phases_is_told_from_alarm_to_outcome() -> None:
 
 def test_an_answered_alarm_that_clears_later_is_not_told_as_open() -> None:
     facts = ReportFacts(MISSION, alarm=ALARM)
-    facts.executed(PLAN, MISSION, seen("pass"), ())
+    facts.plans.append(PlanFacts(PLAN, MISSION.text, seen("pass")))
     other = ALARM.model_copy(update={"id": "A002", "text": "Track_02: another"})
     lines = after_action_report(facts, "verified", "", COVERED, [ALARM, other]).splitlines()
     clears = "it clears when the track is gone, leaves or is known to be harmless"
@@ -90,7 +97,7 @@ def test_what_is_unknown_is_never_called_covered() -> None:
     facts = ReportFacts(MISSION)
     facts.see(now)
     facts.see(now.model_copy(update={"time_s": 14.0}))
-    facts.executed(PLAN, MISSION, seen("unknown"), ())
+    facts.plans.append(PlanFacts(PLAN, MISSION.text, seen("unknown")))
     text = after_action_report(facts, "unverified", "D3 is silent", now, [ALARM])
     assert "All gates covered" not in text
     assert "Gates whose cover is unknown: WestGate" in text

@@ -9,12 +9,8 @@ from pa_console.evaluation.reporting.statistics import Confusion, Rate, spread
 from pa_console.evaluation.runs.run_record import Opinion
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.llm.roles.dialect import DIALECTS
-from pa_console.llm.roles.judge import Judge, Judgement
-from pa_console.orchestrator.planning.judging import (
-    JudgeQuestion,
-    ask_about_outcome,
-    ask_about_plan,
-)
+from pa_console.llm.roles.judge import Judge, JudgeQuestion
+from pa_console.orchestrator.planning.judging import ask_about_outcome, ask_about_plan
 from pa_console.schema.base import StrictModel
 from pa_console.schema.finding import Verdict
 
@@ -78,18 +74,16 @@ async def judge_cases(
 
 
 async def _answer(judge: Judge, question: JudgeQuestion) -> JudgeAnswer:
-    async for item in question.put_to(judge):
-        if isinstance(item, Judgement):
-            verdict = item.verdict
-            rules = verdict.rules if verdict is not None else ()
-            return JudgeAnswer(
-                verdict=_opinion(verdict),
-                feedback=verdict.feedback if verdict is not None else "",
-                violated=tuple(rule.rule_id for rule in rules if rule.opinion == "violates"),
-                error=item.error,
-                seconds=item.usage.seconds,
-            )
-    raise RuntimeError("the judge ended without a judgement")
+    judgement = await judge.judge(question)
+    verdict = judgement.verdict
+    rules = verdict.rules if verdict is not None else ()
+    return JudgeAnswer(
+        verdict=_opinion(verdict),
+        feedback=verdict.feedback if verdict is not None else "",
+        violated=tuple(rule.rule_id for rule in rules if rule.opinion == "violates"),
+        error=judgement.error,
+        seconds=judgement.usage.seconds,
+    )
 
 
 def _is_own(case: JudgedCase, model: LocalModel) -> bool:

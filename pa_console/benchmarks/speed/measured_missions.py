@@ -6,21 +6,20 @@ from time import perf_counter
 
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.engine.engine import Engine
-from pa_console.llm.roles.dialect import DIALECTS
-from pa_console.llm.roles.judge import Judge
-from pa_console.llm.roles.planner import Planner
 from pa_console.llm.roles.prompt_facts import plan_facts
-from pa_console.orchestrator.mission.services import Payloads, Services, Stopwatch
+from pa_console.orchestrator.mission.services import MissionContext, Services
+from pa_console.orchestrator.planning.candidate import Candidate
 from pa_console.orchestrator.planning.judging import OutcomeCase, ask_about_outcome
-from pa_console.orchestrator.planning.planner_question import Question, ask_for_plan
-from pa_console.orchestrator.planning.planning import Planning
+from pa_console.orchestrator.planning.planning import Unplanned, judge, plan, take
+from pa_console.orchestrator.planning.proposal import Question, ask_for_plan
 from pa_console.orchestrator.planning.read_ahead import ReadAhead
+from pa_console.orchestrator.planning.understanding import Retrieved, retrieve
 from pa_console.orchestrator.station.assembly import Site
 from pa_console.orchestrator.station.headless import SETUP_SETTLE_S
 from pa_console.policy.ordering.monitor import Monitor
 from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.schema.evaluation import Variant
-from pa_console.schema.events.event import PlanJudged, PlanProposed, PromptBuilt
+from pa_console.schema.events.event import EventPayload, PlanJudged, PlanProposed, PromptBuilt
 from pa_console.schema.finding import Usage
 from pa_console.schema.incident import SetBattery, SpawnTrack
 from pa_console.schema.mission import Mission, Verification
@@ -127,19 +126,19 @@ class OurWay:
         With `read_ahead`, time runs from when the model has read the picture and all words but the
         last one, as it has in the console for an operator who typed the mission.
         """
-        services, watch = self._services(mission.sim), Stopwatch()
+        services, events = self._services(mission.sim), list[EventPayload]()
         monitor = Monitor(self._site.rulebook, self._site.world)
-        planning = Planning(services, _task(mission), watch, monitor)
+        context = MissionContext(services, _task(mission), events.append, monitor)
         if read_ahead:
             await ReadAhead(services).read_now(mission.text)
         started = perf_counter()
-        events = [event async for event in self._steps(planning)]
+        best = await self._best(context)
         seconds = perf_counter() - started
+        watch = context.stopwatch
         prompts = {event.role: event for event in events if isinstance(event, PromptBuilt)}
         proposed = next(e for e in events if isinstance(e, PlanProposed) and e.author == "planner")
         judged = next((event for event in events if isinstance(event, PlanJudged)), None)
-        best = planning.best
-        if judged is None or best is None or "judge" not in prompts:
+        if judged is None or "judge" not in prompts:
             raise ValueError(
                 f"{self._site.world.name}: not even a report can be judged under these rules; "
                 f"measure another world, or other parts with --only"
@@ -161,8 +160,7 @@ class OurWay:
     def question(self, mission: BenchMission) -> Question:
         """Return what the planner is asked."""
         hits = self._retriever.retrieve(mission.text)
-        rules = [self._site.rulebook.get(hit.rule_id) for hit in hits]
-        return ask_for_plan(self._services(mission.sim), _task(mission), rules)
+        return ask_for_plan(self._services(mission.sim), Retrieved(_task(mission), hits))
 
     async def ask_the_rest(self, mission: BenchMission) -> None:
         """Ask what else a mission may need: other plans at once, and a verdict on the outcome."""
@@ -172,33 +170,24 @@ class OurWay:
         done = Verification(outcome="pass", actions=())
         picture = mission.sim.picture()
         case = OutcomeCase(_task(mission), picture, picture, None, _report(self._site.world), done)
-        asked = ask_about_outcome(services.dialect, self._site.world, case)
-        async for _ in asked.put_to(services.judge):
-            pass
+        await services.judge.judge(ask_about_outcome(services.dialect, self._site.world, case))
 
     def _services(self, sim: Checkpoint) -> Services:
-        dialect = DIALECTS[self._engine.model.prompts]
-        return Services(
-            fleet=SimulatedFleet(sim),
-            rulebook=self._site.rulebook,
+        variant = Variant(repairs=0, workflows=False)
+        return Services.open(
+            SimulatedFleet(sim),
+            self._site.rulebook,
+            self._engine,
+            variant,
             retriever=self._retriever,
-            engine=self._engine,
-            planner=Planner(self._engine, max_tokens=dialect.plan_tokens),
-            judge=Judge(self._engine, max_tokens=dialect.verdict_tokens),
-            variant=Variant(repairs=0, workflows=False),
-            dialect=dialect,
         )
 
-    async def _steps(self, planning: Planning) -> Payloads:
-        async for event in planning.retrieve(planning.task):
-            yield event
-        async for event in planning.propose():
-            yield event
-        if planning.best is None or planning.best.examination.blocked:
-            async for event in planning.take(_report(self._site.world)):
-                yield event
-        async for event in planning.judge():
-            yield event
+    async def _best(self, context: MissionContext) -> Candidate:
+        """Return the plan that comes of steps 2 to 6, a report where the planner's is blocked."""
+        planned = await plan(context, retrieve(context, context.mission))
+        if isinstance(planned, Unplanned) or planned.best.examination.blocked:
+            planned = await take(context, planned.answered, _report(self._site.world))
+        return (await judge(context, planned)).best
 
 
 def _task(mission: BenchMission) -> Mission:

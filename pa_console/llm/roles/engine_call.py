@@ -1,6 +1,6 @@
 """One question to the engine, with every way it can fail turned into words (fail closed)."""
 
-from collections.abc import AsyncGenerator
+from collections.abc import Callable
 from contextlib import aclosing
 from dataclasses import dataclass
 
@@ -8,6 +8,9 @@ from pa_console.llm.engine.engine import Engine
 from pa_console.llm.engine.protocol import Chance, Completed, Request
 from pa_console.llm.errors import EngineDiedError, EngineError
 from pa_console.schema.finding import Usage
+
+OnText = Callable[[str], object]
+"""Is given an answer piece by piece while it is written."""
 
 
 @dataclass(frozen=True)
@@ -22,32 +25,34 @@ class ModelAnswer:
     chances: tuple[Chance, ...] = ()
 
 
-async def ask_model(engine: Engine, request: Request) -> AsyncGenerator[str | ModelAnswer]:
-    """Give the answer in pieces, then one Answer; EngineError becomes its `error`.
+async def ask_model(engine: Engine, request: Request, on_text: OnText | None = None) -> ModelAnswer:
+    """Return the whole answer, which `on_text` gets in pieces; EngineError becomes its `error`.
 
     When the model's process dies in the middle it is started again and asked once more; what was
     given before is not given twice (decoding is greedy: it comes again).
     """
-    given = 0
-    for last in (False, True):
+    given, again = 0, False
+    while True:
         text = ""
+        whole = ModelAnswer(text, Usage(), "the model ended without an answer", fatal=True)
         try:
             async with aclosing(engine.generate(request)) as pieces:
                 async for item in pieces:
-                    if isinstance(item, str):
-                        text += item
-                        if len(text) > given:
-                            yield text[given:]
-                            given = len(text)
-                    else:
-                        yield _answer(item, request)
-            return
+                    if isinstance(item, Completed):
+                        whole = _answer(item, request)
+                        continue
+                    text += item
+                    if on_text is not None and len(text) > given:
+                        on_text(text[given:])
+                    given = max(given, len(text))
         except EngineDiedError as error:
-            if last:
-                yield ModelAnswer(text, Usage(), str(error), fatal=True)
+            if again:
+                return ModelAnswer(text, Usage(), str(error), fatal=True)
+            again = True
         except EngineError as error:
-            yield ModelAnswer(text, Usage(), str(error), fatal=True)
-            return
+            return ModelAnswer(text, Usage(), str(error), fatal=True)
+        else:
+            return whole
 
 
 def _answer(item: Completed, request: Request) -> ModelAnswer:

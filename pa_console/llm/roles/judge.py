@@ -1,6 +1,6 @@
 """The judge role (paper, Section IV-F): an independent verdict on a plan or an outcome."""
 
-from collections.abc import AsyncGenerator, Callable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -8,11 +8,10 @@ from pydantic import Field, ValidationError
 
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.engine.protocol import Request, confidence
-from pa_console.llm.roles.engine_call import ModelAnswer, ask_model
+from pa_console.llm.roles.engine_call import ModelAnswer, OnText, ask_model
 from pa_console.llm.roles.grammar import COMPARED_CHARS
 from pa_console.llm.roles.prompts import Prompt
 from pa_console.schema.base import StrictModel
-from pa_console.schema.events.event import Role
 from pa_console.schema.finding import JudgeOpinion, RuleOpinion, Usage, Verdict
 
 MAX_TOKENS = 900
@@ -32,6 +31,25 @@ class Judgement:
     by itself: to what it says was asked."""
 
 
+@dataclass(frozen=True)
+class JudgeQuestion:
+    """A prompt for the judge and the grammar of its answer; opinions are wanted on `rule_ids`.
+
+    `role` says whose fixed part the prompt begins with: of plans, or of outcomes.
+    """
+
+    role: Literal["judge", "outcome"]
+    prompt: Prompt
+    grammar: str
+    rule_ids: tuple[str, ...] = ()
+    goes_on: Callable[[str], str] | None = None
+    """Where `grammar` is of the beginning alone: the grammar of the whole, for what it begins with.
+    """
+    hint: str = ""
+    """What the answer may repeat: the planner's words for what was asked. They save time only; the
+    judge writes what it would have written without them."""
+
+
 class Judge:
     """Judges plans with the model of `engine`, each within `deadline_s` seconds."""
 
@@ -40,60 +58,48 @@ class Judge:
     ) -> None:
         self._engine, self._max_tokens, self._deadline_s = engine, max_tokens, deadline_s
 
-    async def judge(  # noqa: PLR0917
-        self,
-        prompt: Prompt,
-        grammar: str,
-        role: Role = "judge",
-        rule_ids: Sequence[str] = (),
-        goes_on: Callable[[str], str] | None = None,
-        hint: str = "",
-    ) -> AsyncGenerator[str | Judgement]:
-        """Give the answer to `prompt` in pieces, then one Judgement; never raises EngineError.
-
-        `role` says whose fixed part the prompt begins with: of plans, or of outcomes. `rule_ids`
-        are the rules on which an opinion is wanted. With `goes_on`, `grammar` is of the beginning
-        of the answer; given that, it returns the grammar of the whole, which begins with it.
-        `hint` is what the answer may repeat: it makes it faster and nothing else.
-        """
+    async def judge(self, asked: JudgeQuestion, on_text: OnText | None = None) -> Judgement:
+        """Return the answer, which `on_text` gets in pieces; never raises EngineError."""
+        grammar, said = asked.grammar, ""
         begun: ModelAnswer | None = None
-        if goes_on is not None:
-            async for item in self._ask(prompt, grammar, role, hint):
-                if isinstance(item, str):
-                    yield item
-                    continue
-                if item.error:
-                    yield Judgement(item.text, None, item.error, item.usage)
-                    return
-                begun, grammar = item, goes_on(item.text)
-        said = begun.text if begun is not None else ""
-        text, given = "", len(said)
-        async for item in self._ask(prompt, grammar, role, hint, said):
-            if isinstance(item, str):
-                text += item
-                if len(text) > given:
-                    yield text[given:]
-                    given = len(text)
-                continue
-            usage = item.usage if begun is None else begun.usage.going_on(item.usage)
-            sure = confidence(begun.chances, begun.text, begun.text) if begun is not None else None
-            verdict, error = (None, item.error) if item.error else read_verdict(item.text, rule_ids)
-            yield Judgement(item.text, verdict, error, usage, sure)
+        if asked.goes_on is not None:
+            begun = await self._ask(asked, grammar, on_text=on_text)
+            if begun.error:
+                return Judgement(begun.text, None, begun.error, begun.usage)
+            grammar, said = asked.goes_on(begun.text), begun.text
+        whole = await self._ask(asked, grammar, said, on_text)
+        verdict, error = (
+            (None, whole.error) if whole.error else read_verdict(whole.text, asked.rule_ids)
+        )
+        if begun is None:
+            return Judgement(whole.text, verdict, error, whole.usage)
+        sure = confidence(begun.chances, begun.text, begun.text)
+        return Judgement(whole.text, verdict, error, begun.usage.going_on(whole.usage), sure)
 
-    def _ask(
-        self, prompt: Prompt, grammar: str, role: Role, hint: str, begun: str = ""
-    ) -> AsyncGenerator[str | ModelAnswer]:
+    async def _ask(
+        self, asked: JudgeQuestion, grammar: str, begun: str = "", on_text: OnText | None = None
+    ) -> ModelAnswer:
+        """Ask for an answer that begins with `begun`, of which `on_text` has been told already."""
         request = Request(
-            role,
-            prompt.system,
-            prompt.user,
+            asked.role,
+            asked.prompt.system,
+            asked.prompt.user,
             grammar,
             self._max_tokens,
             self._deadline_s,
-            hint=hint,
+            hint=asked.hint,
             begun=begun,
         )
-        return ask_model(self._engine, request)
+        text, given = "", len(begun)
+
+        def pass_on(piece: str) -> None:
+            nonlocal text, given
+            text += piece
+            if on_text is not None and len(text) > given:
+                on_text(text[given:])
+                given = len(text)
+
+        return await ask_model(self._engine, request, pass_on)
 
 
 class _Opinion(StrictModel):

@@ -1,6 +1,6 @@
 """The planner role: a prompt in, text as it comes, then a plan or why there is none."""
 
-from collections.abc import AsyncGenerator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from json import JSONDecoder
 
@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.engine.protocol import Request, confidence
-from pa_console.llm.roles.engine_call import ask_model
+from pa_console.llm.roles.engine_call import OnText, ask_model
 from pa_console.llm.roles.grammar import READ, begun_reason, reason_grammar
 from pa_console.llm.roles.prompts import Prompt
 from pa_console.orders.reading import asked_words
@@ -45,21 +45,18 @@ class Planner:
     ) -> None:
         self._engine, self._max_tokens, self._deadline_s = engine, max_tokens, deadline_s
 
-    async def plan(self, prompt: Prompt, grammar: str) -> AsyncGenerator[str | Proposal]:
-        """Give the answer to `prompt` in pieces, then one Proposal; never raises EngineError."""
+    async def plan(self, prompt: Prompt, grammar: str, on_text: OnText | None = None) -> Proposal:
+        """Return the answer, which `on_text` gets in pieces; never raises EngineError."""
         request = Request(
             "planner", prompt.system, prompt.user, grammar, self._max_tokens, self._deadline_s
         )
-        async for item in ask_model(self._engine, request):
-            if isinstance(item, str):
-                yield item
-            elif item.error:
-                yield Proposal(item.text, None, item.error, item.fatal, item.usage)
-            else:
-                plan, error = read_plan(item.text)
-                asked = asked_words(plan.reason) if plan is not None else ""
-                sure = confidence(item.chances, item.text, asked)
-                yield Proposal(item.text, plan, error, usage=item.usage, confidence=sure)
+        answer = await ask_model(self._engine, request, on_text)
+        if answer.error:
+            return Proposal(answer.text, None, answer.error, answer.fatal, answer.usage)
+        plan, error = read_plan(answer.text)
+        asked = asked_words(plan.reason) if plan is not None else ""
+        sure = confidence(answer.chances, answer.text, asked)
+        return Proposal(answer.text, plan, error, usage=answer.usage, confidence=sure)
 
     async def several(
         self, prompt: Prompt, grammar: str, count: int, begun: str = ""
@@ -79,17 +76,13 @@ class Planner:
             count,
             begun=begun,
         )
-        texts: tuple[str, ...] = ()
-        usage = Usage()
-        async for item in ask_model(self._engine, request):
-            if not isinstance(item, str):
-                texts, usage = item.texts, item.usage
+        answer = await ask_model(self._engine, request)
         plans: dict[tuple[Action, ...], Proposal] = {}
-        for text in texts:
+        for text in answer.texts:
             plan, _ = read_plan(text)
             if plan is not None:
                 plans.setdefault(plan.actions, Proposal(text, plan))
-        return list(plans.values()), usage
+        return list(plans.values()), answer.usage
 
     async def readings(
         self, prompt: Prompt, reasons: Sequence[str], count: int, within: str = ""
@@ -111,13 +104,9 @@ class Planner:
             within=within,
             stop=READ,
         )
-        texts: tuple[str, ...] = ()
-        usage = Usage()
-        async for item in ask_model(self._engine, request):
-            if not isinstance(item, str):
-                texts, usage = item.texts, item.usage
-        found = (asked_words(begun_reason(text)) for text in texts)
-        return list(dict.fromkeys(asked.rstrip("; ") for asked in found if asked)), usage
+        answer = await ask_model(self._engine, request)
+        found = (asked_words(begun_reason(text)) for text in answer.texts)
+        return list(dict.fromkeys(asked.rstrip("; ") for asked in found if asked)), answer.usage
 
 
 def read_plan(text: str) -> tuple[Plan | None, str]:

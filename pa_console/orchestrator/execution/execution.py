@@ -1,22 +1,22 @@
-"""Step 7 of a mission: dispatch, follow to the end or halt, verify by telemetry, judge."""
+"""Step 7 of a mission: dispatch, follow to the end or halt, verify by telemetry."""
 
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Iterator, Sequence
+from dataclasses import dataclass
 from time import perf_counter
 
 from pa_console.orchestrator.execution.dispatch import TIMED_OUT, Dispatch
 from pa_console.orchestrator.execution.premises import Premises, safe_state
 from pa_console.orchestrator.execution.step_feed import Step, StepFeed
 from pa_console.orchestrator.execution.verification import needs_more_evidence, verify_plan
-from pa_console.orchestrator.mission.services import Payloads, Services, Stopwatch
-from pa_console.orchestrator.planning.judging import OutcomeCase, ask_about_outcome
+from pa_console.orchestrator.mission.services import MissionContext
 from pa_console.orchestrator.planning.rehearsal import device_commands, order_moments
 from pa_console.orchestrator.planning.safeguards import Examination
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
-from pa_console.schema.mission import Mission, Verification
+from pa_console.schema.mission import Verification
 from pa_console.schema.moment import OrderMoment
-from pa_console.schema.plan import Action, Plan
-from pa_console.schema.telemetry import Picture, Selection
+from pa_console.schema.plan import Action
+from pa_console.schema.telemetry import Picture
 
 MARGIN_S = 20.0
 EVIDENCE_S = 8.0
@@ -29,29 +29,28 @@ TOLD_S = 2.0
 """How long telemetry is waited for in which whoever was brought to a safe state is there."""
 
 
-class Execution:
-    """Carries out one approved plan after another; `verification` is of the last one."""
+@dataclass(frozen=True)
+class Executed:
+    """What became of an approved plan; `before` is the picture that it began in."""
 
-    def __init__(
-        self, services: Services, mission: Mission, stopwatch: Stopwatch, feed: StepFeed
-    ) -> None:
-        self._services, self._mission, self._watch = services, mission, stopwatch
-        self._feed = feed
+    before: Picture
+    verification: Verification | None = None
+    """None when the plan was halted."""
+    halted: tuple[str, ...] = ()
+    """Why the plan was halted; empty when it ran to its end."""
+
+
+class Execution:
+    """Carries out one approved plan after another of a mission."""
+
+    def __init__(self, context: MissionContext, feed: StepFeed) -> None:
+        self._context, self._services, self._feed = context, context.services, feed
         self._premises: Premises | None = None
         self._dispatch: Dispatch | None = None
         self._safety: tuple[Action, ...] = ()
         self._stopping: Dispatch | None = None
         self._halts = 0
-        self.verification: Verification | None = None
-        self.halted: tuple[str, ...] = ()
-        """Why the last plan was halted; empty when it ran to its end."""
-        self.breaches: list[str] = []
-        """Orderings that were broken while the plan ran; whoever monitors them puts them here."""
-
-    @property
-    def under_way(self) -> tuple[str, ...]:
-        """The agents that are still carrying out a command of the plan."""
-        return self._dispatch.open_agents if self._dispatch is not None else ()
+        self._breaches: list[str] = []
 
     @property
     def orders(self) -> tuple[OrderMoment, ...]:
@@ -61,73 +60,48 @@ class Execution:
         done = {name for name, reply in self._dispatch.final.items() if reply.status == "done"}
         return order_moments(self._premises.plan, self._services.fleet.world, done)
 
-    async def run(self, approved: Examination, request: ev.ApprovalRequested) -> Payloads:
+    def breach(self, broken: str) -> None:
+        """Note an ordering that was broken while the plan ran: that halts it."""
+        self._breaches.append(broken)
+
+    async def run(self, approved: Examination, request: ev.ApprovalRequested) -> Executed:
         """Step 7: send every command, follow it to its end, then compare with telemetry.
 
         A broken premise or ordering halts the plan to the safe state that was approved with it in
         `request`; nothing is verified then. A plan whose approval cannot be logged is halted before
         anything is sent; one of which the gate keeps a command back is halted as well.
         """
-        fleet, gate = self._services.fleet, self._services.gate
+        fleet, gate, emit = self._services.fleet, self._services.gate, self._context.emit
         timeline = approved.rehearsal.timeline if approved.rehearsal is not None else None
         premises = Premises(fleet.world, approved.plan, fleet.picture(), timeline)
-        self._premises, self.verification, self.halted = premises, None, ()
-        self.breaches.clear()
+        self._premises = premises
+        self._breaches.clear()
         if problem := self._services.journal.commit():
             gate.halt()
-            self.halted = (problem,)
-            yield ev.PlanHalted(attempt=request.attempt, reasons=self.halted)
-            return
+            emit(ev.PlanHalted(attempt=request.attempt, reasons=(problem,)))
+            return Executed(premises.before, halted=(problem,))
         limit_s = MARGIN_S + 2 * (timeline.duration_s if timeline is not None else 0.0)
         commands = device_commands(approved.plan, request.request_id)
         self._safety = request.if_halted
         start = fleet.time_s
         with self._feed.follow() as steps:
             self._dispatch = dispatch = Dispatch(commands, fleet.tick, fleet.world.dt_s, limit_s)
-            with self._watch.time("dispatch_s"):
-                for command in commands:
-                    told = gate.send(command)
-                    yield told
-                    if isinstance(told, ev.CommandRefused):
-                        self.halted = (f"{command.agent} {command.verb}: {told.reason}",)
-                        break
-            if not self.halted:
-                async for payload in self._until_ended(premises, dispatch, steps):
-                    yield payload
-            if self.halted:
-                async for payload in self._to_safety(request.attempt, steps):
-                    yield payload
+            halted = self._send(commands)
+            if not halted:
+                halted = await self._until_ended(premises, dispatch, steps)
+            if halted:
+                await self._to_safety(request.attempt, halted, steps)
         self._dispatch = None
         gate.finish()
-        self._watch.add("execution_s", fleet.time_s - start)
-        if not self.halted:
-            started = perf_counter()
-            self.verification = verify_plan(
-                approved.plan, fleet.world, premises.before, fleet.picture(), dispatch.final
-            )
-            seconds = perf_counter() - started
-            yield ev.MissionVerified(verification=self.verification, seconds=seconds)
-
-    async def judge_outcome(
-        self, plan: Plan, mission: Mission, selection: Selection | None, said: str
-    ) -> Payloads:
-        """Step 7: the JudgeLLM says from telemetry whether `mission` was accomplished.
-
-        `said` is what it said of the `plan`, '' when it was not asked.
-        """
-        if self.verification is None or self._premises is None:
-            return
-        fleet, before = self._services.fleet, self._premises.before
-        case = OutcomeCase(
-            mission, before, fleet.picture(), selection, plan, self.verification, said
+        self._context.stopwatch.add("execution_s", fleet.time_s - start)
+        if halted:
+            return Executed(premises.before, halted=halted)
+        started = perf_counter()
+        verification = verify_plan(
+            approved.plan, fleet.world, premises.before, fleet.picture(), dispatch.final
         )
-        asked = ask_about_outcome(self._services.dialect, fleet.world, case)
-        with self._watch.time("outcome_s"):
-            async for piece in asked.put_to(self._services.judge):
-                if not isinstance(piece, str):
-                    yield ev.OutcomeJudged(
-                        verdict=piece.verdict, error=piece.error, usage=piece.usage
-                    )
+        emit(ev.MissionVerified(verification=verification, seconds=perf_counter() - started))
+        return Executed(premises.before, verification)
 
     def halt(self) -> tuple[DeviceCommand, ...]:
         """End the plan; return the commands that bring whoever is under way to a safe state.
@@ -136,7 +110,8 @@ class Execution:
         plan that was halted before, they are those that were not answered yet.
         """
         stopping, self._stopping = self._stopping, None
-        under_way, self._dispatch = self.under_way, None
+        under_way = self._dispatch.open_agents if self._dispatch is not None else ()
+        self._dispatch = None
         self._services.gate.halt()
         if self._services.gate.stopped:
             return ()
@@ -145,60 +120,72 @@ class Execution:
         if not under_way:
             return ()
         self._halts += 1
-        prefix = f"{self._mission.id}.halt{self._halts}"
+        prefix = f"{self._context.mission.id}.halt{self._halts}"
         return safe_state(self._safety, self._services.fleet.picture(), under_way, prefix)
+
+    def _send(self, commands: Sequence[DeviceCommand]) -> tuple[str, ...]:
+        """Send every command; return why the plan is halted if the gate keeps one back."""
+        with self._context.stopwatch.time("dispatch_s"):
+            for command in commands:
+                told = self._services.gate.send(command)
+                self._context.emit(told)
+                if isinstance(told, ev.CommandRefused):
+                    return (f"{command.agent} {command.verb}: {told.reason}",)
+        return ()
 
     async def _until_ended(
         self, premises: Premises, dispatch: Dispatch, steps: AsyncIterator[Step]
-    ) -> Payloads:
-        """Follow the plan until there is evidence of how it ended, or `halted` says why not."""
+    ) -> tuple[str, ...]:
+        """Follow the plan until there is evidence of how it ended; return why it is halted."""
         fleet = self._services.fleet
         seen: Picture | None = None
         ended_s: float | None = None
         async for step in steps:
-            for payload in self._follow(dispatch, step):
-                yield payload
+            self._follow(dispatch, step)
             picture = fleet.picture()
             if picture is seen:
                 continue
             seen = picture
-            self.halted = tuple(gave_up(dispatch))
+            halted = tuple(gave_up(dispatch))
             if not dispatch.finished and self._services.variant.checks:
                 broken = premises.broken(picture, dispatch.open_agents)
-                self.halted = (*self.halted, *broken, *dict.fromkeys(self.breaches))
-            if self.halted:
-                return
+                halted = (*halted, *broken, *dict.fromkeys(self._breaches))
+            if halted:
+                return halted
             if not dispatch.finished:
                 continue
             ended_s = fleet.time_s if ended_s is None else ended_s
             late = fleet.time_s - ended_s > EVIDENCE_S
             if late or not needs_more_evidence(premises.plan, picture, ended_s):
-                return
+                break
+        return ()
 
-    async def _to_safety(self, attempt: int, steps: AsyncIterator[Step]) -> Payloads:
+    async def _to_safety(
+        self, attempt: int, reasons: tuple[str, ...], steps: AsyncIterator[Step]
+    ) -> None:
         """Bring the agents under way to a safe state and follow them until telemetry shows it.
 
         The next plan is made from that picture: one from before has them still on their way.
         """
         fleet = self._services.fleet
-        reasons = self.halted
         commands = self.halt()
         for command in commands:
-            yield self._services.gate.send(command)
-        yield ev.PlanHalted(
-            attempt=attempt,
-            reasons=reasons,
-            safe_state=tuple(
-                f"{c.agent} {c.verb}{f' {c.target}' if c.target else ''}" for c in commands
-            ),
+            self._context.emit(self._services.gate.send(command))
+        self._context.emit(
+            ev.PlanHalted(
+                attempt=attempt,
+                reasons=reasons,
+                safe_state=tuple(
+                    f"{c.agent} {c.verb}{f' {c.target}' if c.target else ''}" for c in commands
+                ),
+            )
         )
         if not commands:
             return
         self._stopping = dispatch = Dispatch(commands, fleet.tick, fleet.world.dt_s, SAFETY_S)
         ended_s: float | None = None
         async for step in steps:
-            for payload in self._follow(dispatch, step):
-                yield payload
+            self._follow(dispatch, step)
             if not dispatch.finished:
                 continue
             ended_s = fleet.time_s if ended_s is None else ended_s
@@ -208,15 +195,15 @@ class Execution:
                 break
         self._stopping = None
 
-    def _follow(self, dispatch: Dispatch, step: Step) -> Iterator[ev.EventPayload]:
+    def _follow(self, dispatch: Dispatch, step: Step) -> None:
         """Take in one step's replies and send again what was not answered."""
         tick, replies = step
         for reply in dispatch.advance(tick, replies):
-            yield ev.CommandReplied(reply=reply)
+            self._context.emit(ev.CommandReplied(reply=reply))
         for command, times in dispatch.resends(tick):
             resent = self._services.gate.resend(command, times)
             if resent is not None:
-                yield resent
+                self._context.emit(resent)
 
 
 def gave_up(dispatch: Dispatch) -> Iterator[str]:

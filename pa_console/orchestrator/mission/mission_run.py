@@ -1,28 +1,44 @@
-"""The eight steps for one mission, as a stream of event payloads (paper, Section III).
+"""The eight steps for one mission (paper, Section III).
 
 A mission may take several plans: one for each phase of a workflow, and another one whenever a
 premise of the running plan breaks. Each is planned, checked, judged and approved on its own.
 """
 
 import asyncio
-from collections.abc import Callable, Iterator, Sequence
-from time import perf_counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 
-from pa_console.orchestrator.execution.execution import Execution
-from pa_console.orchestrator.execution.results import Results, begun
+from pa_console.orchestrator.execution.execution import Executed, Execution
 from pa_console.orchestrator.execution.step_feed import StepFeed
-from pa_console.orchestrator.mission.report import ReportFacts, after_action_report
-from pa_console.orchestrator.mission.services import Payloads, Services, Stopwatch
+from pa_console.orchestrator.mission.outcome import Outcome, Results, begun
+from pa_console.orchestrator.mission.report import PlanFacts, ReportFacts, after_action_report
+from pa_console.orchestrator.mission.services import Emit, MissionContext, Services
 from pa_console.orchestrator.mission.workflow_progress import WorkflowProgress
-from pa_console.orchestrator.planning.candidate import Candidate
-from pa_console.orchestrator.planning.decision import Decide, Deciding
-from pa_console.orchestrator.planning.planning import Planning
-from pa_console.policy.checks.rule_checks import check_mission
+from pa_console.orchestrator.planning.decision import (
+    Approved,
+    Decide,
+    NotApproved,
+    Readings,
+    ask_operator,
+    reconsider,
+    rejection,
+)
+from pa_console.orchestrator.planning.judging import OutcomeCase, judge_outcome
+from pa_console.orchestrator.planning.planning import (
+    Planned,
+    Unplanned,
+    judge,
+    plan,
+    reexamine,
+    take,
+)
+from pa_console.orchestrator.planning.understanding import Refused, Retrieved, retrieve, understand
 from pa_console.policy.ordering.moments import moment
 from pa_console.policy.ordering.monitor import Monitor, halts
 from pa_console.schema.alarm import Alarm
+from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
-from pa_console.schema.mission import Mission, MissionStatus
+from pa_console.schema.mission import Mission
 from pa_console.schema.moment import Moment
 from pa_console.schema.telemetry import Picture
 
@@ -35,217 +51,217 @@ WATCH_S = 12.0
 """How long the situation is watched after a plan for what it led to."""
 
 
-class MissionRun:
-    """Works on one mission from retrieval to report; the caller logs and shows what it yields.
+@dataclass(frozen=True)
+class StationSide:
+    """What a mission has of its station: time and replies, the operator, and the open alarms."""
 
-    `payloads` may be asked for again after the mission had to give way to an emergency: it goes
-    on where the workflow stands, with a new plan.
+    feed: StepFeed
+    decide: Decide
+    open_alarms: Callable[[], Sequence[Alarm]]
+
+
+class MissionRun:
+    """Works on one mission from its words to the report.
+
+    `work` may be called again after the mission had to give way to an emergency: it goes on where
+    the workflow stands, with a new plan.
     """
 
     def __init__(
-        self,
-        services: Services,
-        mission: Mission,
-        feed: StepFeed,
-        decide: Decide,
-        open_alarms: Callable[[], Sequence[Alarm]],
+        self, services: Services, mission: Mission, emit: Emit, station: StationSide
     ) -> None:
-        """`decide` is awaited for the operator's answer once approval was requested."""
         self.mission = mission
-        self._services, self._feed, self._open_alarms = services, feed, open_alarms
-        self._watch = Stopwatch()
+        self._services, self._station, self._emit = services, station, emit
         self._monitor = Monitor(services.rulebook, services.fleet.world, services.sightings)
-        self._planning = Planning(services, mission, self._watch, self._monitor)
-        self._deciding = Deciding(
-            self._planning,
-            mission,
-            services.fleet.world,
-            decide,
-            self._watch,
-            judging=services.variant.judging,
-            readings=services.variant.readings,
-        )
-        self._course = WorkflowProgress(services.rulebook, mission)
-        self.execution = Execution(services, mission, self._watch, feed)
+        self._context = MissionContext(services, mission, emit, self._monitor)
+        self._progress = WorkflowProgress(services.rulebook, mission)
+        self._execution = Execution(self._context, station.feed)
+        self._retrieved: Retrieved | None = None
+        self._readings = Readings()
         self.moving = False
         """Whether the mission waits for the world, not the world for the mission."""
-        self._status: MissionStatus = "held"
-        self._reason = ""
-        alarm = next((a for a in open_alarms() if a.id == mission.alarm), None)
+        alarm = next((a for a in station.open_alarms() if a.id == mission.alarm), None)
         self._facts = ReportFacts(mission, alarm, warnings=services.rulebook.seal.warnings)
-        self._results = Results(mission, self._course, self._monitor, open_alarms)
+        self._results = Results(mission, self._progress, self._monitor, station.open_alarms)
 
     @property
     def subjects(self) -> frozenset[str]:
         """What the mission deals with: its own subject and the tracks of its workflows."""
         own = (self.mission.subject,) if self.mission.subject is not None else ()
-        return frozenset((*own, *self._course.tracks))
+        return frozenset((*own, *self._progress.tracks))
 
-    async def payloads(self) -> Payloads:
-        """Yield everything that happens; a plan is executed only after an admissible approval."""
+    async def work(self) -> None:
+        """Carry the mission out; a plan is executed only after an admissible approval."""
         seal = self._services.rulebook.seal
-        yield ev.MissionStarted(
-            rules_content_sha256=seal.content_sha256, rules_warnings=seal.warnings
+        self._emit(
+            ev.MissionStarted(
+                rules_content_sha256=seal.content_sha256, rules_warnings=seal.warnings
+            )
         )
-        refused = await self._refused_at_intake()
-        if refused is not None:
-            yield refused
+        understood = await understand(self._context)
+        if isinstance(understood, Refused):
+            outcome = Outcome("refused", understood.reason)
         else:
             if self._services.variant.workflows:
-                for move in self._course.begin(self._now()):
-                    yield self._note(move)
-            async for payload in self._plan_after_plan():
-                yield payload
-        for payload in self.close(self._status, self._reason):
-            yield payload
+                self._tell(self._progress.begin(self._now()))
+            outcome = await self._plan_after_plan()
+        self.close(outcome)
 
-    def close(
-        self, status: MissionStatus, reason: str
-    ) -> tuple[ev.MissionReported, ev.MissionFinished]:
-        """Return the report and the end of the mission."""
+    def close(self, outcome: Outcome) -> None:
+        """Step 8: tell the report and the end of the mission."""
         facts, picture = self._facts, self._services.fleet.picture()
-        text = after_action_report(facts, status, reason, picture, self._open_alarms())
-        plans, stops = len(facts.plans), len(facts.halts)
-        metrics = self._watch.metrics(self._planning.attempts, plans=plans, halts=stops)
-        finished = ev.MissionFinished(status=status, reason=reason, metrics=metrics)
-        return ev.MissionReported(text=text), finished
+        status, reason = outcome.status, outcome.reason
+        text = after_action_report(facts, status, reason, picture, self._station.open_alarms())
+        metrics = self._context.stopwatch.metrics(
+            self._context.attempts, plans=len(facts.plans), halts=len(facts.halts)
+        )
+        self._emit(ev.MissionReported(text=text))
+        self._emit(ev.MissionFinished(status=status, reason=reason, metrics=metrics))
 
-    def see(self, picture: Picture) -> Iterator[ev.WorkflowMoved]:
+    def see(self, picture: Picture) -> None:
         """Take in new telemetry: orderings are monitored, workflows move on."""
         self._facts.see(picture)
-        orders = self.execution.orders
+        orders = self._execution.orders
         agents = tuple(order.agent for order in orders)
         now = moment(picture, self._services.fleet.world, orders, agents)
         halting = self._services.variant.checks
         for finding in self._monitor.observe(now):
             if halting and halts(finding, self._services.rulebook):
-                self.execution.breaches.append(f"{finding.rule_id}: {finding.message}")
-        for move in self._course.observe(now):
-            yield self._note(move)
+                self._execution.breach(f"{finding.rule_id}: {finding.message}")
+        self._tell(self._progress.observe(now))
 
-    async def _plan_after_plan(self) -> Payloads:
+    def halt(self) -> tuple[DeviceCommand, ...]:
+        """End the running plan; return the commands that bring its agents to a safe state."""
+        return self._execution.halt()
+
+    async def _plan_after_plan(self) -> Outcome:
         """Steps 2 to 8, once for every plan that the mission takes."""
-        task = self._course.task or self.mission
+        task = self._progress.task or self.mission
         reasons: tuple[str, ...] = ()
         tries: dict[str, int] = {}
         while True:
-            phase = self._course.phase
-            async for payload in self._planning.retrieve(task, self._course.verbs):
-                yield payload
-            self._facts.rules = self._planning.rule_ids
-            async for payload in self._until_approved(reasons):
-                yield payload
-            approved, request = self._deciding.approved, self._deciding.request
-            decision = self._deciding.decision
-            if approved is None or request is None or decision is None:
-                self._stop_short(phase, reasons)
-                return
-            self._services.gate.grant(request, decision)
-            self._facts.decided(decision, approved.unmet)
-            async for payload in self._carry_out(approved, request, task):
-                yield payload
-            reasons = self.execution.halted
+            phase = self._progress.phase
+            retrieved = self._retrieve(task)
+            approved = await self._until_approved(retrieved, reasons)
+            if isinstance(approved, NotApproved):
+                return self._stopped_short(approved, phase, reasons)
+            executed = await self._carry_out(approved, task)
+            reasons = executed.halted
             if reasons:
                 if len(self._facts.halts) > MAX_HALTS:
-                    self._status, self._reason = "unverified", f"halted: {'; '.join(reasons)}"
-                    return
-                task = self._course.task or task
+                    return Outcome("unverified", f"halted: {'; '.join(reasons)}")
+                task = self._progress.task or task
                 continue
             tries[task.text] = tries.get(task.text, 0) + 1
-            following = self._course.task or self._results.follow_up
+            following = self._progress.task or self._results.follow_up
             if following is None and self._services.variant.workflows:
-                following = begun(approved.examination.plan, task, self._services.fleet.picture())
+                carried_out = approved.planned.best.examination.plan
+                following = begun(carried_out, task, self._services.fleet.picture())
             if following is None or tries.get(following.text, 0) >= MAX_TRIES:
-                self._status, self._reason = self._results.conclude()
-                return
+                return self._results.conclude()
             reasons, task = self._results.lacking(following, task), following
 
-    def _stop_short(self, phase: str, halted: Sequence[str]) -> None:
-        """Say what a mission comes to whose next plan was not approved."""
-        status, reason = self._deciding.status, self._deciding.reason
-        self._status, self._reason = status, f"phase {phase}: {reason}" if phase else reason
+    def _retrieve(self, task: Mission) -> Retrieved:
+        """Step 2; what the operator has said that a task asks stands for the same words."""
+        before = self._retrieved
+        chosen = before.chosen if before is not None and before.task.text == task.text else ""
+        retrieved = retrieve(self._context, task, self._progress.verbs, chosen)
+        self._retrieved, self._facts.rules = retrieved, retrieved.rule_ids
+        return retrieved
+
+    async def _until_approved(
+        self, retrieved: Retrieved, reasons: Sequence[str]
+    ) -> Approved | NotApproved:
+        """Steps 3 to 6: plan and decide, and again if the situation changed meanwhile."""
+        previous, changed = "", ""
+        for _ in range(MAX_VOIDED):
+            planned = await plan(self._context, retrieved, reasons, previous)
+            approved = await self._decide(planned)
+            if isinstance(approved, NotApproved):
+                return approved
+            shown = approved.planned.best
+            fresh = await reexamine(self._context, retrieved.task, shown.examination.plan)
+            if fresh is None:
+                return approved
+            changed = f"the situation changed: {'; '.join(fresh.broken)}"
+            self._emit(ev.PlanVoided(attempt=shown.attempt, reason=changed))
+            reasons, previous = fresh.broken, fresh.plan.answer
+            retrieved = approved.planned.answered.retrieved
+        return NotApproved("held", changed)
+
+    async def _decide(self, planned: Planned | Unplanned) -> Approved | NotApproved:
+        """Step 6: judge and ask; go round again for the operator's own plan, or reading."""
+        while not isinstance(planned, Unplanned):
+            planned = await judge(self._context, planned)
+            self._readings = await reconsider(self._context, planned, self._readings)
+            decided = await ask_operator(
+                self._context, planned, self._readings, self._station.decide
+            )
+            decision = decided.decision
+            if decision.kind == "approve":
+                return Approved(planned, decided)
+            if decision.kind == "choose":
+                chosen = replace(planned.answered.retrieved, chosen=decision.asked)
+                self._retrieved = chosen
+                planned = await plan(self._context, chosen)
+            elif decision.kind == "reject" or decision.plan is None:
+                return rejection(planned.best, decided)
+            else:
+                planned = await take(self._context, planned.answered, decision.plan)
+        return NotApproved("held", planned.error or "the planner gave no plan")
+
+    def _stopped_short(self, stopped: NotApproved, phase: str, halted: Sequence[str]) -> Outcome:
+        """Return what a mission comes to whose next plan was not approved."""
+        status, reason = stopped.status, stopped.reason
         if halted and self._facts.plans:
             why = f"{'; '.join(halted)}; the next plan was {status}: {reason}"
-            self._status, self._reason = "unverified", why
+            return Outcome("unverified", why)
+        return Outcome(status, f"phase {phase}: {reason}" if phase else reason)
 
-    async def _until_approved(self, reasons: Sequence[str]) -> Payloads:
-        """Steps 3 to 6: plan and decide, and again if the situation changed meanwhile."""
-        previous = ""
-        for _ in range(MAX_VOIDED):
-            async for payload in self._planning.propose(reasons, previous):
-                yield payload
-            async for payload in self._deciding.settle():
-                yield payload
-            candidate = self._deciding.approved
-            if candidate is None:
-                return
-            fresh = await self._planning.reexamine()
-            if fresh is None:
-                return
-            reason = f"the situation changed: {'; '.join(fresh.broken)}"
-            self._deciding.approved = None
-            self._deciding.status, self._deciding.reason = "held", reason
-            yield ev.PlanVoided(attempt=candidate.attempt, reason=reason)
-            reasons, previous = fresh.broken, fresh.plan.answer
-
-    async def _refused_at_intake(self) -> ev.PlanChecked | None:
-        """Decide the rules that concern the mission's words alone, before any model is asked."""
-        services = self._services
-        if not services.variant.checks:
-            return None
-        started = perf_counter()
-        findings = await asyncio.to_thread(
-            check_mission, services.rulebook, self.mission, services.fleet.world
-        )
-        seconds = perf_counter() - started
-        self._watch.add("checks_s", seconds)
-        blocking = [f"{f.rule_id}: {f.message}" for f in findings if f.blocking]
-        if not blocking:
-            return None
-        self._status, self._reason = "refused", "; ".join(blocking)
-        return ev.PlanChecked(attempt=1, findings=findings, seconds=seconds)
-
-    async def _carry_out(
-        self, approved: Candidate, request: ev.ApprovalRequested, task: Mission
-    ) -> Payloads:
-        """Step 7 and 8 for one plan: execute, see what comes of it, judge the outcome."""
-        phase = self._course.phase
+    async def _carry_out(self, approved: Approved, task: Mission) -> Executed:
+        """Step 7 for one plan: execute, see what comes of it, judge the outcome."""
+        decided, shown = approved.decided, approved.planned.best
+        self._services.gate.grant(decided.request, decided.decision)
+        phase, carried_out = self._progress.phase, shown.examination.plan
         self.moving = True
         try:
-            async for payload in self._execute(approved, request, task):
-                yield payload
-            if self.execution.verification is None:
-                return
+            executed = await self._execute(approved, task)
+            if executed.verification is None:
+                return executed
             if self._services.variant.workflows:
-                for move in self._course.join(approved.examination.plan, self._now()):
-                    yield self._note(move)
+                self._tell(self._progress.join(carried_out, self._now()))
                 await self._watch_outcome(phase, task)
         finally:
             self.moving = False
         if self._services.variant.judging:
-            said = approved.verdict.feedback if approved.verdict is not None else ""
-            async for payload in self.execution.judge_outcome(
-                approved.examination.plan, task, self._planning.selection, said
-            ):
-                if isinstance(payload, ev.OutcomeJudged):
-                    self._facts.judged(payload.verdict)
-                yield payload
+            case = OutcomeCase(
+                task,
+                executed.before,
+                self._services.fleet.picture(),
+                approved.planned.answered.selection,
+                carried_out,
+                executed.verification,
+                shown.verdict.feedback if shown.verdict is not None else "",
+            )
+            self._facts.judged(await judge_outcome(self._context, case))
+        return executed
 
-    async def _execute(
-        self, approved: Candidate, request: ev.ApprovalRequested, task: Mission
-    ) -> Payloads:
+    async def _execute(self, approved: Approved, task: Mission) -> Executed:
         """Execute a plan and note for the report what became of it, also when it is cut short."""
-        plan = approved.examination.plan
+        decided, shown = approved.decided, approved.planned.best
+        facts = PlanFacts(
+            shown.examination.plan, task.text, decision=decided.decision, unmet=shown.unmet
+        )
         try:
-            async for payload in self.execution.run(approved.examination, request):
-                yield payload
+            executed = await self._execution.run(shown.examination, decided.request)
         except asyncio.CancelledError:
-            self._facts.executed(plan, task, None, ("interrupted before its end",))
+            self._facts.plans.append(replace(facts, halted=("interrupted before its end",)))
             raise
-        verification = self.execution.verification
-        self._facts.executed(plan, task, verification, self.execution.halted)
+        verification = executed.verification
+        self._facts.plans.append(replace(facts, verification=verification, halted=executed.halted))
         if verification is not None:
             self._results.verifications.append(verification)
+        return executed
 
     async def _watch_outcome(self, phase: str, task: Mission) -> None:
         """Let the world go on until `phase` or `task` is over and its outcome known.
@@ -254,7 +270,7 @@ class MissionRun:
         """
         fleet = self._services.fleet
         end_s = fleet.time_s + WATCH_S
-        with self._feed.follow() as steps:
+        with self._station.feed.follow() as steps:
             async for _ in steps:
                 if not self._results.awaits(phase, task) or fleet.time_s >= end_s:
                     return
@@ -262,6 +278,7 @@ class MissionRun:
     def _now(self) -> Moment:
         return moment(self._services.fleet.picture(), self._services.fleet.world, ())
 
-    def _note(self, move: ev.WorkflowMoved) -> ev.WorkflowMoved:
-        self._facts.moved(move, self._services.fleet.time_s)
-        return move
+    def _tell(self, moves: Iterable[ev.WorkflowMoved]) -> None:
+        for move in moves:
+            self._facts.moved(move, self._services.fleet.time_s)
+            self._emit(move)

@@ -25,7 +25,7 @@ class PlanFacts:
 
     plan: Plan
     task: str
-    verification: Verification | None
+    verification: Verification | None = None
     halted: tuple[str, ...] = ()
     decision: Decision | None = None
     unmet: tuple[str, ...] = ()
@@ -49,25 +49,11 @@ class ReportFacts:
     gaps_s: dict[str, float] = field(default_factory=dict[str, float])
     """Longest time without known cover per gate."""
     seen_from_s: float | None = None
-    _decision: Decision | None = None
-    _unmet: tuple[str, ...] = ()
 
     @property
     def halts(self) -> tuple[PlanFacts, ...]:
         """The plans that were halted."""
         return tuple(facts for facts in self.plans if facts.halted)
-
-    def decided(self, decision: Decision | None, unmet: Sequence[str]) -> None:
-        """Note who decided on the next plan that is executed, and what it leaves `unmet`."""
-        self._decision, self._unmet = decision, tuple(unmet)
-
-    def executed(
-        self, plan: Plan, task: Mission, verification: Verification | None, halted: Sequence[str]
-    ) -> None:
-        """Note a plan that was carried out for `task`, to its end or until it was `halted`."""
-        facts = PlanFacts(plan, task.text, verification, tuple(halted), self._decision, self._unmet)
-        self.plans.append(facts)
-        self._decision, self._unmet = None, ()
 
     def judged(self, verdict: Verdict | None) -> None:
         """Note the judge's verdict on the outcome of the last plan."""

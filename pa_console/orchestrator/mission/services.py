@@ -1,6 +1,6 @@
-"""What every mission is worked on with, and the stopwatch that its metrics come from."""
+"""What every mission is worked on with, and what every step of one mission is given."""
 
-from collections.abc import AsyncIterator, Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from time import perf_counter
@@ -15,14 +15,16 @@ from pa_console.orchestrator.execution.command_gate import CommandGate
 from pa_console.orchestrator.intake.spelling_correction import respell
 from pa_console.orchestrator.station.journal import Journal
 from pa_console.policy.checks.sightings import Sightings
-from pa_console.policy.retrieval.retriever import Retriever
+from pa_console.policy.ordering.monitor import Monitor
+from pa_console.policy.retrieval.retriever import DEFAULT_METHOD, Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.policy.trust.core_rules import with_core
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events.event import EventPayload
-from pa_console.schema.mission import Metrics
+from pa_console.schema.mission import Metrics, Mission
 
-Payloads = AsyncIterator[EventPayload]
+Emit = Callable[[EventPayload], None]
+"""Tells the station what happens; it is in the log before anybody else hears of it."""
 
 
 @dataclass(frozen=True)
@@ -38,20 +40,48 @@ class Services:
     engine: Engine
     planner: Planner
     judge: Judge
-    top_k: int = 3
-    variant: Variant = field(default_factory=Variant)
-    dialect: Dialect = DIALECTS["examples"]
-    journal: Journal = field(default_factory=Journal)
-    sightings: Sightings = field(init=False)
-    """What was seen where in this session; the station keeps it."""
-    gate: CommandGate = field(init=False)
+    dialect: Dialect
+    variant: Variant
+    journal: Journal
+    gate: CommandGate
     """What every command to a device goes through: `fleet.send` is for the gate alone."""
+    sightings: Sightings
+    """What was seen where in this session; the station keeps it."""
+    top_k: int = 3
 
-    def __post_init__(self) -> None:
-        """Begin with nothing seen or decided, and with the core in force whatever the rules say."""
-        object.__setattr__(self, "rulebook", with_core(self.rulebook))
-        object.__setattr__(self, "sightings", Sightings(self.fleet.world))
-        object.__setattr__(self, "gate", CommandGate(self.fleet, self.journal))
+    @classmethod
+    def open(
+        cls,
+        fleet: Fleet,
+        rulebook: Rulebook,
+        engine: Engine,
+        variant: Variant | None = None,
+        *,
+        dialect: Dialect | None = None,
+        retriever: Retriever | None = None,
+    ) -> Self:
+        """Begin with nothing seen or decided, and with the core in force whatever the rules say.
+
+        Planner and judge are two roles on `engine`, in the `dialect` of its model unless one is
+        given. A `retriever` that has read the rules already saves the time to index them.
+        """
+        dialect, variant = dialect or DIALECTS[engine.model.prompts], variant or Variant()
+        if retriever is None:
+            retriever = Retriever(rulebook.rules, variant.method or DEFAULT_METHOD)
+        journal = Journal()
+        return cls(
+            fleet=fleet,
+            rulebook=with_core(rulebook),
+            retriever=retriever,
+            engine=engine,
+            planner=Planner(engine, max_tokens=dialect.plan_tokens),
+            judge=Judge(engine, max_tokens=dialect.verdict_tokens),
+            dialect=dialect,
+            variant=variant,
+            journal=journal,
+            gate=CommandGate(fleet, journal),
+            sightings=Sightings(fleet.world),
+        )
 
     def read(self, text: str) -> str:
         """Return the words of a mission with what is misspelt put right."""
@@ -59,10 +89,8 @@ class Services:
 
     def with_rules(self, rulebook: Rulebook) -> Self:
         """Return the same with other rules; what was seen is kept, and what was decided."""
-        changed = replace(self, rulebook=rulebook, retriever=self.retriever.over(rulebook.rules))
-        object.__setattr__(changed, "sightings", self.sightings)
-        object.__setattr__(changed, "gate", self.gate)
-        return changed
+        retriever = self.retriever.over(rulebook.rules)
+        return replace(self, rulebook=with_core(rulebook), retriever=retriever)
 
 
 @dataclass
@@ -96,3 +124,22 @@ class Stopwatch:
                 "halts": halts,
             }
         )
+
+
+@dataclass
+class MissionContext:
+    """What every step of one mission is given; `emit` tells what happens in the meantime."""
+
+    services: Services
+    mission: Mission
+    emit: Emit
+    monitor: Monitor
+    """What has followed the mission so far; steps only read it."""
+    stopwatch: Stopwatch = field(default_factory=Stopwatch)
+    attempts: int = 0
+    """Plans so far: answers of the planner and plans of the operator, numbered from 1."""
+
+    def next_attempt(self) -> int:
+        """Return the number of one more plan."""
+        self.attempts += 1
+        return self.attempts

@@ -10,12 +10,12 @@ from pa_console.orchestrator.tasking.fulfilment import gaps
 from pa_console.orchestrator.tasking.obstacles import unmet_wishes
 from pa_console.orders.mention_check import NOTHING_SAID, MentionCheck
 from pa_console.orders.reading import Reading, read_asked, read_reason
-from pa_console.schema.events.event import UNSURE
+from pa_console.schema.events.event import UNSURE, told_confidence
 from pa_console.schema.finding import Verdict
 from pa_console.schema.world import World
 
 
-@dataclass
+@dataclass(frozen=True)
 class Candidate:
     """A plan that went through the safeguards, and the judge's answer once there is one."""
 
@@ -27,6 +27,8 @@ class Candidate:
     """What of that no plan can do now, and why."""
     mentions: MentionCheck = NOTHING_SAID
     """Whether that accounts for the words of the order."""
+    confidence: float | None = None
+    """The chance that its planner gave to what it says was asked."""
     verdict: Verdict | None = None
     judge_error: str = ""
     judge_confidence: float | None = None
@@ -38,10 +40,32 @@ class Candidate:
         blocking, warnings = self.examination.badness
         return blocking, len(self.gaps), warnings
 
-    def second_reading(self, sure: float | None) -> str:
+    @property
+    def sound(self) -> bool:
+        """Whether nothing blocks it, and it is what its planner says was asked."""
+        return not any(self.badness[:2])
+
+    @property
+    def sure(self) -> float | None:
+        """How sure planner and judge were of what was asked; None: they did not tell."""
+        told = (self.confidence, self.judge_confidence)
+        return min((sure for sure in told if sure is not None), default=None)
+
+    @property
+    def agreed(self) -> float | None:
+        """The same, None where not both of them have read the order for themselves.
+
+        It is less where the words of the order and its reading do not match.
+        """
+        if self.confidence is None or self.judge_confidence is None:
+            return None
+        return told_confidence(self.sure, self.mentions.gaps)
+
+    @property
+    def second_reading(self) -> str:
         """What the judge says was asked, where it is the likelier reading; '' otherwise.
 
-        It objects to the plan, and the planner was unsure of its own reading and less `sure` than
+        It objects to the plan, and the planner was unsure of its own reading and less sure than
         the judge, or the plan does nothing: orders are given to be carried out, so of two readings
         the one after which nothing is left to do is the likelier mistake. Of two chances the better
         one says nothing where the judge's reading asks for less: what is left out costs none. A
@@ -56,6 +80,7 @@ class Candidate:
         if judged is None:
             return ""
         less = own is not None and len(judged.wishes) < len(own.wishes)
+        sure = self.confidence
         unsure = sure is not None and sure < min(UNSURE, self.judge_confidence or 0.0)
         idle = all(action.verb == "hold" for action in plan.actions)
         return asked if idle or (unsure and not less) else ""
@@ -84,3 +109,8 @@ def fulfilment_of(found: Examination, reading: Reading | None, world: World) -> 
         return Fulfilment()
     moves = PlanMoves(world, found.rehearsal.before, found.plan)
     return Fulfilment(gaps(moves, reading), unmet_wishes(moves, reading))
+
+
+def better(first: Candidate | None, other: Candidate) -> Candidate:
+    """Return the one that there is less to say against, the `first` of two that are alike."""
+    return other if first is None or other.badness < first.badness else first

@@ -1,167 +1,133 @@
-"""Step 6 of a mission: judge the best plan, ask the operator, take another plan or reading.
+"""Step 6 of a mission: what else the order may mean, and the operator's decision on the plan.
 
 Which of several readings is right cannot be told from the models' own chances (README, Measured);
 the operator knows what was meant.
 """
 
 from collections.abc import Awaitable, Callable, Iterable
+from dataclasses import dataclass
 
 from pa_console.llm.roles.grammar import PLANNED
 from pa_console.orchestrator.execution.premises import way_to_safety
-from pa_console.orchestrator.mission.services import Payloads, Stopwatch
+from pa_console.orchestrator.mission.services import MissionContext
 from pa_console.orchestrator.planning.approval import inadmissible, request_approval
 from pa_console.orchestrator.planning.candidate import Candidate
-from pa_console.orchestrator.planning.planning import Planning
+from pa_console.orchestrator.planning.planning import Planned
+from pa_console.orchestrator.planning.proposal import other_readings
 from pa_console.orders.reading import Reading, Wish, asked_words, read_asked
 from pa_console.schema.events import event as ev
 from pa_console.schema.events.event import MOST_READINGS, UNSURE
-from pa_console.schema.mission import Decision, Mission, MissionStatus
+from pa_console.schema.mission import Decision, MissionStatus
 from pa_console.schema.plan import Action
 from pa_console.schema.world import World
 
 Decide = Callable[[], Awaitable[Decision]]
+"""Waits for the operator's answer once approval was requested."""
 
 
-class Deciding:
-    """Asks until there is an admissible decision; `approved` is the plan to execute, if any."""
-
-    def __init__(
-        self,
-        planning: Planning,
-        mission: Mission,
-        world: World,
-        decide: Decide,
-        stopwatch: Stopwatch,
-        *,
-        judging: bool = True,
-        readings: int = 0,
-    ) -> None:
-        """`decide` is awaited for the operator's answer once approval was requested.
-
-        Without `judging` no verdict is asked for (benchmarks only). Where the models are unsure of
-        what was asked, `readings` ways to read it are looked at.
-        """
-        self._planning, self._mission, self._judging = planning, mission, judging
-        self._world = world
-        self._rereading = Rereading(planning, readings)
-        self._decide, self._watch = decide, stopwatch
-        self.approved: Candidate | None = None
-        self.request: ev.ApprovalRequested | None = None
-        """What was asked last; `decision` is the answer to it."""
-        self.decision: Decision | None = None
-        self.status: MissionStatus = "held"
-        self.reason = ""
-        """With no plan approved: what the mission comes to, and why."""
-
-    async def settle(self) -> Payloads:
-        """Judge and ask; go round again for the operator's own plan, or reading of the order."""
-        self.approved = None
-        while True:
-            candidate = self._planning.best
-            if candidate is None:
-                self.status = "held"
-                self.reason = self._planning.error or "the planner gave no plan"
-                return
-            async for payload in self._planning.judge():
-                yield payload
-            candidate = self._planning.best or candidate
-            await self._rereading.reconsider()
-            found = candidate.examination
-            request = request_approval(
-                f"{self._mission.id}.{candidate.attempt}",
-                candidate.attempt,
-                found.plan,
-                found.findings,
-                candidate.verdict,
-                candidate.judge_error,
-                judging=self._judging,
-                asked=self._rereading.own,
-                readings=self._rereading.offered,
-                if_halted=self._way_to_safety(candidate),
-                gaps=candidate.mentions.gaps,
-                confidence=self._planning.agreed,
-                read_apart=read_apart(candidate),
-            )
-            self.request = request
-            yield request
-            decision = self.decision = None
-            while decision is None:
-                with self._watch.time("decision_s"):
-                    answer = await self._decide()
-                problem = inadmissible(request, answer)
-                yield ev.DecisionMade(
-                    attempt=candidate.attempt,
-                    decision=answer,
-                    accepted=not problem,
-                    detail=problem,
-                )
-                decision = self.decision = None if problem else answer
-            if decision.kind == "approve":
-                self.approved = candidate
-                return
-            if decision.kind == "choose":
-                async for payload in self._rereading.choose(decision.asked):
-                    yield payload
-                continue
-            if decision.kind == "reject" or decision.plan is None:
-                self._reject(candidate, request, decision)
-                return
-            async for payload in self._planning.take(decision.plan):
-                yield payload
-
-    def _way_to_safety(self, candidate: Candidate) -> tuple[Action, ...]:
-        """Return what is approved with a plan: what its agents do if it is halted."""
-        rehearsal = candidate.examination.rehearsal
-        if rehearsal is None:
-            return ()
-        return way_to_safety(candidate.examination.plan, self._world, rehearsal.before)
-
-    def _reject(
-        self, candidate: Candidate, request: ev.ApprovalRequested, decision: Decision
-    ) -> None:
-        if candidate.examination.blocked:
-            self.status, self.reason = "refused", "; ".join(request.blocked_by)
-        elif request.blocked_by:
-            self.status, self.reason = "held", "; ".join(request.blocked_by)
-        else:
-            self.status = "rejected"
-            self.reason = decision.reason or f"rejected by {decision.by}"
-
-
-class Rereading:
+@dataclass(frozen=True)
+class Readings:
     """The readings that are `offered` beside the one on show, the likeliest first."""
 
-    def __init__(self, planning: Planning, looked_at: int) -> None:
-        """`looked_at` ways in which the planner might have read the order; 0 offers nothing."""
-        self._planning, self._looked_at = planning, looked_at
-        self._known: list[str] = []
-        self.own = ""
-        """What the plan on show is for; '' where nothing else is offered."""
-        self.offered: tuple[str, ...] = ()
+    own: str = ""
+    """What the plan on show is for; '' where nothing else is offered."""
+    offered: tuple[str, ...] = ()
 
-    async def reconsider(self) -> None:
-        """Find what else the order may mean: what the judge has read, and other readings.
 
-        Those are looked for where the models are unsure. What an operator has chosen is not read
-        anew: what was read before remains on offer.
-        """
-        planning, shown = self._planning, self._planning.best
-        self.own, self.offered = "", ()
-        if shown is None or not self._looked_at:
-            return
-        own = said_by_planner(shown) or planning.said
-        if not planning.chosen:
-            self._known = [said_by_judge(shown), planning.said]
-            if planning.sure is not None and planning.sure < UNSURE:
-                self._known += await planning.other_readings(self._looked_at)
-        self.offered = distinct(own, self._known)[:MOST_READINGS]
-        self.own = own if self.offered else ""
-        self._known = [own, *self.offered] if self.offered else []
+@dataclass(frozen=True)
+class Decided:
+    """An admissible decision, and the request that it answers."""
 
-    async def choose(self, asked: str) -> Payloads:
-        """Plan again, for what the operator says was `asked`."""
-        async for payload in self._planning.plan_for(asked):
-            yield payload
+    request: ev.ApprovalRequested
+    decision: Decision
+
+
+@dataclass(frozen=True)
+class Approved:
+    """The plan to execute, and who decided that on which request."""
+
+    planned: Planned
+    decided: Decided
+
+
+@dataclass(frozen=True)
+class NotApproved:
+    """No plan is to be executed: what the mission comes to, and why."""
+
+    status: MissionStatus
+    reason: str
+
+
+async def reconsider(context: MissionContext, planned: Planned, before: Readings) -> Readings:
+    """Find what else the order may mean: what the judge has read, and other readings.
+
+    Those are looked for where the models are unsure. What an operator has chosen is not read
+    anew: what was read `before` remains on offer.
+    """
+    looked_at, shown = context.services.variant.readings, planned.best
+    if not looked_at:
+        return Readings()
+    said = planned.answered.said
+    own = said_by_planner(shown) or said
+    known = [before.own, *before.offered] if before.offered else []
+    if not planned.answered.retrieved.chosen:
+        known = [said_by_judge(shown), said]
+        if shown.sure is not None and shown.sure < UNSURE:
+            known += await other_readings(context, planned.answered, looked_at)
+    offered = distinct(own, known)[:MOST_READINGS]
+    return Readings(own, offered) if offered else Readings()
+
+
+async def ask_operator(
+    context: MissionContext, planned: Planned, readings: Readings, decide: Decide
+) -> Decided:
+    """Step 6: request approval until there is an admissible decision."""
+    shown = planned.best
+    request = request_approval(
+        f"{context.mission.id}.{shown.attempt}",
+        shown.attempt,
+        shown.examination.plan,
+        shown.examination.findings,
+        shown.verdict,
+        shown.judge_error,
+        judging=context.services.variant.judging,
+        asked=readings.own,
+        readings=readings.offered,
+        if_halted=_way_to_safety(shown, context.services.fleet.world),
+        gaps=shown.mentions.gaps,
+        confidence=shown.agreed,
+        read_apart=read_apart(shown),
+    )
+    context.emit(request)
+    while True:
+        with context.stopwatch.time("decision_s"):
+            decision = await decide()
+        problem = inadmissible(request, decision)
+        context.emit(
+            ev.DecisionMade(
+                attempt=shown.attempt, decision=decision, accepted=not problem, detail=problem
+            )
+        )
+        if not problem:
+            return Decided(request, decision)
+
+
+def rejection(shown: Candidate, decided: Decided) -> NotApproved:
+    """Return what a mission comes to whose plan was rejected."""
+    blocked_by, decision = decided.request.blocked_by, decided.decision
+    if shown.examination.blocked:
+        return NotApproved("refused", "; ".join(blocked_by))
+    if blocked_by:
+        return NotApproved("held", "; ".join(blocked_by))
+    return NotApproved("rejected", decision.reason or f"rejected by {decision.by}")
+
+
+def _way_to_safety(shown: Candidate, world: World) -> tuple[Action, ...]:
+    """Return what is approved with a plan: what its agents do if it is halted."""
+    rehearsal = shown.examination.rehearsal
+    if rehearsal is None:
+        return ()
+    return way_to_safety(shown.examination.plan, world, rehearsal.before)
 
 
 def said_by_planner(shown: Candidate) -> str:

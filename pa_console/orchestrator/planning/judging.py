@@ -6,10 +6,10 @@ model ends with its verdict.
 """
 
 import json
-from collections.abc import AsyncGenerator, Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 from pa_console.llm.roles.dialect import Dialect
 from pa_console.llm.roles.grammar import (
@@ -19,9 +19,8 @@ from pa_console.llm.roles.grammar import (
     exactly,
     hinted,
 )
-from pa_console.llm.roles.judge import Judge, Judgement
-from pa_console.llm.roles.prompts import Prompt
-from pa_console.orchestrator.mission.services import Payloads, Services, Stopwatch
+from pa_console.llm.roles.judge import JudgeQuestion
+from pa_console.orchestrator.mission.services import MissionContext
 from pa_console.orchestrator.planning.candidate import Candidate
 from pa_console.orchestrator.planning.digest import digest_picture
 from pa_console.orchestrator.planning.plan_moves import PlanMoves
@@ -31,7 +30,7 @@ from pa_console.orders.plan_words import planned
 from pa_console.orders.reading import read_asked
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
-from pa_console.schema.finding import Finding
+from pa_console.schema.finding import Finding, Verdict
 from pa_console.schema.mission import Mission, Verification
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import Rehearsal
@@ -128,28 +127,6 @@ class OutcomeCase:
     said: str = ""
 
 
-@dataclass(frozen=True)
-class JudgeQuestion:
-    """A prompt for the judge and the grammar of its answer; opinions are wanted on `rule_ids`."""
-
-    role: Literal["judge", "outcome"]
-    prompt: Prompt
-    grammar: str
-    rule_ids: tuple[str, ...] = ()
-    goes_on: Callable[[str], str] | None = None
-    """Where `grammar` is of the beginning alone: the grammar of the whole, for what it begins with.
-    """
-    hint: str = ""
-    """What the answer may repeat: the planner's words for what was asked. They save time only; the
-    judge writes what it would have written without them."""
-
-    def put_to(self, judge: Judge) -> AsyncGenerator[str | Judgement]:
-        """Ask `judge`; gives the answer in pieces, then one Judgement."""
-        return judge.judge(
-            self.prompt, self.grammar, self.role, self.rule_ids, self.goes_on, self.hint
-        )
-
-
 def ask_about_plan(
     dialect: Dialect, world: World, rulebook: Rulebook, case: PlanCase
 ) -> JudgeQuestion:
@@ -171,33 +148,55 @@ def ask_about_plan(
     return JudgeQuestion("judge", prompt, opening, ids, goes_on, hint=hinted(case.plan.reason))
 
 
-async def judge_plan(
-    services: Services, watch: Stopwatch, case: PlanCase, candidate: Candidate
-) -> Payloads:
-    """Step 6: ask the judge about the plan of `candidate`, which takes the verdict."""
-    started = perf_counter()
-    asked = ask_about_plan(services.dialect, services.fleet.world, services.rulebook, case)
-    yield ev.PromptBuilt(
-        role="judge",
-        attempt=candidate.attempt,
-        system=asked.prompt.system,
-        user=asked.prompt.user,
-        seconds=perf_counter() - started,
+async def judge_plan(context: MissionContext, case: PlanCase, candidate: Candidate) -> Candidate:
+    """Step 6: return `candidate` with the judge's verdict on its plan."""
+    services, started = context.services, perf_counter()
+    question = ask_about_plan(services.dialect, services.fleet.world, services.rulebook, case)
+    context.emit(
+        ev.PromptBuilt(
+            role="judge",
+            attempt=candidate.attempt,
+            system=question.prompt.system,
+            user=question.prompt.user,
+            seconds=perf_counter() - started,
+        )
     )
-    with watch.time("judging_s"):
-        async for piece in asked.put_to(services.judge):
-            if isinstance(piece, str):
-                yield ev.TextStreamed(role="judge", attempt=candidate.attempt, text=piece)
-            else:
-                candidate.verdict, candidate.judge_error = piece.verdict, piece.error
-                candidate.judge_confidence = None if case.asked else piece.confidence
-                yield ev.PlanJudged(
-                    attempt=candidate.attempt,
-                    verdict=piece.verdict,
-                    error=piece.error,
-                    usage=piece.usage,
-                    confidence=candidate.judge_confidence,
-                )
+
+    def on_text(piece: str) -> None:
+        context.emit(ev.TextStreamed(role="judge", attempt=candidate.attempt, text=piece))
+
+    with context.stopwatch.time("judging_s"):
+        judgement = await services.judge.judge(question, on_text)
+        sure = None if case.asked else judgement.confidence
+        context.emit(
+            ev.PlanJudged(
+                attempt=candidate.attempt,
+                verdict=judgement.verdict,
+                error=judgement.error,
+                usage=judgement.usage,
+                confidence=sure,
+            )
+        )
+    return replace(
+        candidate,
+        verdict=judgement.verdict,
+        judge_error=judgement.error,
+        judge_confidence=sure,
+    )
+
+
+async def judge_outcome(context: MissionContext, case: OutcomeCase) -> Verdict | None:
+    """Step 7: let the judge say from telemetry whether the task was accomplished."""
+    services = context.services
+    question = ask_about_outcome(services.dialect, services.fleet.world, case)
+    with context.stopwatch.time("outcome_s"):
+        judgement = await services.judge.judge(question)
+        context.emit(
+            ev.OutcomeJudged(
+                verdict=judgement.verdict, error=judgement.error, usage=judgement.usage
+            )
+        )
+    return judgement.verdict
 
 
 def ask_about_outcome(dialect: Dialect, world: World, case: OutcomeCase) -> JudgeQuestion:

@@ -29,6 +29,11 @@ class ReadAhead:
         self._wanted = asyncio.Event()
         self._turn = asyncio.Lock()
 
+    def use(self, services: Services) -> None:
+        """Read with these from now on, and what was read with others again."""
+        self._services = services
+        self._read.clear()
+
     async def load(self) -> None:
         """Load the model and the dictionary and read the beginning of every role's prompts."""
         async with self._turn:

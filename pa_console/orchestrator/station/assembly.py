@@ -12,10 +12,7 @@ from pa_console import __version__
 from pa_console.fleets.fleet import Fleet, Simulated
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.engine.engine import Engine
-from pa_console.llm.roles.dialect import DIALECTS
 from pa_console.llm.roles.grammar import plan_grammar
-from pa_console.llm.roles.judge import Judge
-from pa_console.llm.roles.planner import Planner
 from pa_console.orchestrator.mission.services import Services
 from pa_console.orchestrator.station.rules_in_force import RulesWatch
 from pa_console.orchestrator.station.station import Station
@@ -160,17 +157,8 @@ def open_station(
     elif scenario is not None and not isinstance(fleet, Simulated):
         raise ValueError(f"scenario {scenario.scenario.name} is for a simulated fleet only")
     variant = variant or Variant()
-    dialect = DIALECTS[engine.model.prompts]
-    services = Services(
-        fleet=fleet,
-        rulebook=site.rulebook,
-        retriever=site.retriever_by(variant.method or DEFAULT_METHOD),
-        engine=engine,
-        planner=Planner(engine, max_tokens=dialect.plan_tokens),
-        judge=Judge(engine, max_tokens=dialect.verdict_tokens),
-        variant=variant,
-        dialect=dialect,
-    )
+    retriever = site.retriever_by(variant.method or DEFAULT_METHOD)
+    services = Services.open(fleet, site.rulebook, engine, variant, retriever=retriever)
     grammar = plan_grammar(site.world, fleet.picture(), tuple(site.world.assets)[:MAX_ACTIONS])
     started = SessionStarted(
         session=new_session_id(),

@@ -1,29 +1,42 @@
-"""The desk at which missions are worked on: one at a time, in the queue's order."""
+"""Works on missions, one at a time, in the queue's order."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
 
 from pa_console.orchestrator.execution.emergency_stop import EmergencyStop
 from pa_console.orchestrator.execution.step_feed import StepFeed
 from pa_console.orchestrator.intake.intake import Intake
-from pa_console.orchestrator.mission.mission_run import MissionRun
+from pa_console.orchestrator.mission.mission_run import MissionRun, StationSide
+from pa_console.orchestrator.mission.outcome import Outcome
 from pa_console.orchestrator.mission.services import Services
 from pa_console.orchestrator.station.background import Background
 from pa_console.schema.events import event as ev
-from pa_console.schema.mission import Decision, Mission, MissionStatus
+from pa_console.schema.mission import Decision, Mission
 from pa_console.schema.telemetry import Picture
 
-Emit = Callable[[ev.EventPayload, str | None], None]
+EmitFor = Callable[[ev.EventPayload, str | None], None]
+"""Tells what happens, and in which mission."""
+
+
+@dataclass(frozen=True)
+class StationParts:
+    """What the parts of one station share."""
+
+    services: Services
+    feed: StepFeed
+    intake: Intake
+    emergency_stop: EmergencyStop
+    emit: EmitFor
 
 
 class MissionWorker:
     """Takes missions out of the intake and works on them; tells everything through `emit`."""
 
-    def __init__(
-        self, services: Services, feed: StepFeed, intake: Intake, stops: EmergencyStop, emit: Emit
-    ) -> None:
-        self._services, self._feed = services, feed
-        self._intake, self._stops, self._emit = intake, stops, emit
+    def __init__(self, parts: StationParts) -> None:
+        self._services, self._intake = parts.services, parts.intake
+        self._emergency_stop, self._emit = parts.emergency_stop, parts.emit
+        self._side = StationSide(parts.feed, self._decided, lambda: self._intake.open_alarms)
         self.idle = asyncio.Event()
         """Set while no mission is worked on and none waits."""
         self.idle.set()
@@ -109,8 +122,7 @@ class MissionWorker:
         if self._run is None or self._work is None or self._work.done():
             return
         mission = self._run.mission
-        for move in self._run.see(picture):
-            self._emit(move, mission.id)
+        self._run.see(picture)
         entry = None if self._gives_way else self._intake.emergency(mission)
         if entry is not None:
             self._gives_way = True
@@ -121,19 +133,19 @@ class MissionWorker:
     def drop(self, mission: Mission, reason: str) -> None:
         """End a mission that waits and will not get its turn."""
         run = self._runs.pop(mission.id, None) or self._new_run(mission)
-        self._end(run, "cancelled", reason)
+        run.close(Outcome("cancelled", reason))
 
     async def _work_on(self, run: MissionRun) -> None:
-        """Emit everything a mission yields; an interrupted or broken one is brought to safety."""
+        """Work on a mission; an interrupted or broken one is brought to safety."""
         try:
-            async for payload in run.payloads():
-                self._emit(payload, run.mission.id)
+            await run.work()
         except asyncio.CancelledError:
             self._to_safety(run)
             raise
         except Exception as error:  # a defect must neither end the session nor move an asset
             self._to_safety(run)
-            self._end(run, "failed", f"internal error: {type(error).__name__}: {error}")
+            reason = f"internal error: {type(error).__name__}: {error}"
+            run.close(Outcome("failed", reason))
 
     def _leave(self, run: MissionRun, *, interrupted: bool) -> None:
         """Let go of a mission: it is over, gave way and waits again, or was cancelled."""
@@ -142,20 +154,17 @@ class MissionWorker:
         self._runs.pop(run.mission.id, None)
         if interrupted:
             why = "its cause is gone" if self._gives_way else "cancelled by the operator"
-            self._end(run, "cancelled", why)
+            run.close(Outcome("cancelled", why))
 
     def _to_safety(self, run: MissionRun) -> None:
-        for payload in self._stops.follow(run.execution.halt()):
-            self._emit(payload, run.mission.id)
-
-    def _end(self, run: MissionRun, status: MissionStatus, reason: str) -> None:
-        for payload in run.close(status, reason):
+        for payload in self._emergency_stop.follow(run.halt()):
             self._emit(payload, run.mission.id)
 
     def _new_run(self, mission: Mission) -> MissionRun:
-        return MissionRun(
-            self._services, mission, self._feed, self._decided, lambda: self._intake.open_alarms
-        )
+        def emit(payload: ev.EventPayload) -> None:
+            self._emit(payload, mission.id)
+
+        return MissionRun(self._services, mission, emit, self._side)
 
     async def _decided(self) -> Decision:
         """Wait for `decide`."""

@@ -9,7 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from pa_console.orchestrator.mission.services import Services
-from pa_console.orchestrator.station.mission_worker import Emit, MissionWorker
+from pa_console.orchestrator.planning.read_ahead import ReadAhead
+from pa_console.orchestrator.station.mission_worker import EmitFor, MissionWorker
 from pa_console.policy.authoring.differences import compare_rules
 from pa_console.policy.expressions.deadlines import DEADLINE_S
 from pa_console.policy.rulebook import Rulebook, load_rules
@@ -110,10 +111,16 @@ class RulesReload:
     """Tells every change of the rules, and why one could not be made."""
 
     def __init__(
-        self, services: Services, watch: RulesWatch | None, emit: Emit, desk: MissionWorker
+        self,
+        services: Services,
+        watch: RulesWatch | None,
+        emit: EmitFor,
+        worker: MissionWorker,
+        ahead: ReadAhead,
     ) -> None:
         """Without `watch` the rules stay as they are."""
-        self._services, self._watch, self._emit, self._desk = services, watch, emit, desk
+        self._services, self._watch, self._emit = services, watch, emit
+        self._worker, self._ahead = worker, ahead
         self._turn = asyncio.Lock()
         self._offered: Rulebook | None = None
         self.offered = ""
@@ -180,7 +187,8 @@ class RulesReload:
         if rulebook.seal == old.seal:
             return
         self._services = await asyncio.to_thread(self._services.with_rules, rulebook)
-        self._desk.use(self._services)
+        self._worker.use(self._services)
+        self._ahead.use(self._services)
         changes = tuple(_changes(before, after))
         self._emit(
             ev.RulesReplaced(
@@ -193,7 +201,7 @@ class RulesReload:
             None,
         )
         level: ev.Level = "alarm" if rulebook.seal.warnings else "warning"
-        self._tell(level, _in_words(rulebook, changes, self._desk.worked_on))
+        self._tell(level, _in_words(rulebook, changes, self._worker.worked_on))
 
     def _tell(self, level: ev.Level, text: str) -> None:
         self._emit(ev.Noticed(level=level, subject="rules", text=text), None)

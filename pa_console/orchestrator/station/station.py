@@ -12,7 +12,7 @@ from pa_console.orchestrator.mission.services import Services
 from pa_console.orchestrator.planning.read_ahead import ReadAhead
 from pa_console.orchestrator.station.background import Background
 from pa_console.orchestrator.station.journal import Log
-from pa_console.orchestrator.station.mission_worker import MissionWorker
+from pa_console.orchestrator.station.mission_worker import MissionWorker, StationParts
 from pa_console.orchestrator.station.rules_in_force import RulesReload, RulesWatch
 from pa_console.orchestrator.station.ticking import Clock, Ticking
 from pa_console.policy.retrieval.retriever import Retriever
@@ -52,14 +52,13 @@ class Station:
         self._events: asyncio.Queue[ev.Event | None] = asyncio.Queue()
         self._intake = Intake(self.world, started.session, respond=respond and not readonly)
         self._gate = services.gate
-        self._stops = EmergencyStop(self._fleet, self._gate)
-        self._desk = MissionWorker(services, self._feed, self._intake, self._stops, self._emit)
-        self._reload = RulesReload(services, watch, self._emit, self._desk)
-        self._background = Background(self._broken)
+        self._emergency_stop = EmergencyStop(self._fleet, self._gate)
+        parts = StationParts(services, self._feed, self._intake, self._emergency_stop, self._emit)
+        self._worker = MissionWorker(parts)
         self._ahead = ReadAhead(services)
-        self._ticking = Ticking(
-            services, clock, self._feed, self._intake, self._stops, self._desk, self._emit
-        )
+        self._reload = RulesReload(services, watch, self._emit, self._worker, self._ahead)
+        self._background = Background(self._broken)
+        self._ticking = Ticking(parts, clock, self._worker)
         self._closed = False
 
     @property
@@ -99,7 +98,7 @@ class Station:
     @property
     def awaits_decision(self) -> bool:
         """Whether a plan waits for `decide`."""
-        return self._desk.awaits_decision
+        return self._worker.awaits_decision
 
     def write_to(self, log: Log) -> None:
         """Write every event of the session to `log`, before anybody else is told of it.
@@ -113,7 +112,7 @@ class Station:
         self._emit(self._started)
         self._emit(ev.TelemetryReceived(picture=self._ticking.first))
         self._services.engine.on_state = self.worker_changed
-        ahead, serving = self._ahead, self._desk.serve(self._background, self._ahead.load)
+        ahead, serving = self._ahead, self._worker.serve(self._background, self._ahead.load)
         for work in (
             self._ticking.run(),
             serving,
@@ -161,9 +160,9 @@ class Station:
         self._writable()
         if self.stopped:
             raise ValueError(IS_STOPPED)
-        mission, received = self._intake.submit(text, self._desk.busy, self._reload.services.read)
+        mission, received = self._intake.submit(text, self._worker.busy, self._reload.services.read)
         self._emit(received, mission.id)
-        self._desk.queue_changed()
+        self._worker.queue_changed()
         return mission
 
     def decide(self, decision: Decision) -> None:
@@ -174,7 +173,7 @@ class Station:
         self._writable()
         if decision.kind == "approve" and (problem := self._journal.commit()):
             raise ValueError(f"nothing is approved while the log cannot be written: {problem}")
-        self._desk.decide(decision)
+        self._worker.decide(decision)
 
     def cancel(self) -> None:
         """Cancel the mission being worked on; assets under way for it go to a safe state.
@@ -182,7 +181,7 @@ class Station:
         Raises ValueError when no mission is active.
         """
         self._writable()
-        self._desk.cancel()
+        self._worker.cancel()
 
     def acknowledge(self, alarm_id: str) -> None:
         """Note that the operator has seen an alarm; raises ValueError for an unknown one."""
@@ -199,9 +198,8 @@ class Station:
 
     def withdraw(self, mission_id: str) -> None:
         """Cancel a waiting mission; raises ValueError when it does not wait."""
-        self._reorder(
-            lambda: self._desk.drop(self._intake.withdraw(mission_id), "withdrawn by the operator")
-        )
+        reason = "withdrawn by the operator"
+        self._reorder(lambda: self._worker.drop(self._intake.withdraw(mission_id), reason))
 
     def stop_all(self, by: str = "operator") -> None:
         """Every asset is told to hold, the active mission is cancelled, the queue is emptied.
@@ -210,15 +208,15 @@ class Station:
         taken, and no alarm becomes one. The holds go out before anything else is done.
         """
         self._writable()
-        holds = self._stops.hold_all()
+        holds = self._emergency_stop.hold_all()
         self._emit(ev.AllStopped(by=by))
         for payload in holds:
             self._emit(payload)
         for mission in self._intake.clear():
-            self._desk.drop(mission, "stopped by the operator")
-        if self._desk.busy:
-            self._desk.cancel()
-        self._desk.queue_changed()
+            self._worker.drop(mission, "stopped by the operator")
+        if self._worker.busy:
+            self._worker.cancel()
+        self._worker.queue_changed()
 
     def release(self, by: str = "operator") -> None:
         """Release the stop: missions are taken again, and open alarms become missions.
@@ -228,9 +226,9 @@ class Station:
         self._writable()
         self._gate.release()
         self._emit(ev.StopReleased(by=by))
-        for payload, mission in self._intake.resume(self._desk.handled):
+        for payload, mission in self._intake.resume(self._worker.handled):
             self._emit(payload, mission)
-        self._desk.queue_changed()
+        self._worker.queue_changed()
 
     def inject(self, incident: Incident) -> None:
         """Let something happen in a simulated fleet; raises ValueError for an unknown name.
@@ -253,7 +251,7 @@ class Station:
 
     async def settled(self) -> None:
         """Wait until no mission is worked on and none waits."""
-        await self._desk.idle.wait()
+        await self._worker.idle.wait()
 
     def worker_changed(self, state: ev.WorkerState, detail: str) -> None:
         """Pass a change of the LLM worker on to the event stream."""
@@ -273,7 +271,7 @@ class Station:
     def _reorder(self, change: Callable[[], None]) -> None:
         self._writable()
         change()
-        self._desk.queue_changed()
+        self._worker.queue_changed()
 
     def _emit(self, payload: ev.EventPayload, mission: str | None = None) -> None:
         event = ev.Event(t=datetime.now(UTC), tick=self._fleet.tick, mission=mission, data=payload)

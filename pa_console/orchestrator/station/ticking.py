@@ -5,12 +5,8 @@ from collections.abc import Callable
 from time import perf_counter
 from typing import Protocol
 
-from pa_console.orchestrator.execution.emergency_stop import EmergencyStop
-from pa_console.orchestrator.execution.step_feed import StepFeed
-from pa_console.orchestrator.intake.intake import Intake
 from pa_console.orchestrator.intake.notices import Noticer
-from pa_console.orchestrator.mission.services import Services
-from pa_console.orchestrator.station.mission_worker import Emit, MissionWorker
+from pa_console.orchestrator.station.mission_worker import MissionWorker, StationParts
 from pa_console.schema.events import event as ev
 
 MAX_STEPS_AT_ONCE = 20
@@ -62,24 +58,15 @@ class SteppedClock:
 class Ticking:
     """Steps one fleet and tells everything that happens in it."""
 
-    def __init__(  # noqa: PLR0917
-        self,
-        services: Services,
-        clock: Clock,
-        feed: StepFeed,
-        intake: Intake,
-        stops: EmergencyStop,
-        desk: MissionWorker,
-        emit: Emit,
-    ) -> None:
+    def __init__(self, parts: StationParts, clock: Clock, worker: MissionWorker) -> None:
         """Take the first look at the picture."""
-        self._services, self._clock, self._feed = services, clock, feed
-        self._intake, self._stops, self._desk, self._emit = intake, stops, desk, emit
-        self._fleet = services.fleet
+        self._services, self._feed, self._intake = parts.services, parts.feed, parts.intake
+        self._emergency_stop, self._emit = parts.emergency_stop, parts.emit
+        self._clock, self._worker, self._fleet = clock, worker, parts.services.fleet
         self.first = self._fleet.picture()
         """The picture that the session begins with."""
         self._noticer = Noticer(self.first)
-        services.sightings.look(self.first)
+        self._services.sightings.look(self.first)
 
     async def run(self) -> None:
         """Move the world on whenever the clock says so, and report telemetry at its own period.
@@ -95,7 +82,7 @@ class Ticking:
                 self._feed.publish(self._fleet.tick, received.replies)
                 for told in received.told:
                     self.happened(told)
-                for payload in self._stops.step((self._fleet.tick, received.replies)):
+                for payload in self._emergency_stop.step((self._fleet.tick, received.replies)):
                     self._emit(payload, None)
                 if self._fleet.tick % every == 0:
                     self._look()
@@ -108,7 +95,7 @@ class Ticking:
 
     def _wanted(self) -> bool:
         """Return whether somebody waits for the world to move, and nobody thinks about it."""
-        return (self._feed.wanted or self._stops.waiting) and not self._desk.thinking
+        return (self._feed.wanted or self._emergency_stop.waiting) and not self._worker.thinking
 
     def _look(self) -> None:
         """Take in new telemetry: tell it, raise alarms, queue their missions."""
@@ -118,10 +105,10 @@ class Ticking:
         self._services.sightings.look(picture)
         self._emit(ev.TelemetryReceived(picture=picture), None)
         stopped = self._services.gate.stopped
-        arrivals = self._intake.look(picture, self._desk.handled, stopped=stopped)
+        arrivals = self._intake.look(picture, self._worker.handled, stopped=stopped)
         for payload, mission in arrivals.payloads:
             self._emit(payload, mission)
         for mission in arrivals.obsolete:
-            self._desk.drop(mission, "its cause is gone")
-        self._desk.queue_changed()
-        self._desk.see(picture)
+            self._worker.drop(mission, "its cause is gone")
+        self._worker.queue_changed()
+        self._worker.see(picture)

@@ -13,12 +13,20 @@ from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture
 
 
+@dataclass(frozen=True)
+class Outcome:
+    """What a mission comes to, and why."""
+
+    status: MissionStatus
+    reason: str
+
+
 @dataclass
 class Results:
     """The verification of every plan, beside the mission's workflows, orderings and alarm."""
 
     mission: Mission
-    course: WorkflowProgress
+    progress: WorkflowProgress
     monitor: Monitor
     open_alarms: Callable[[], Sequence[Alarm]]
     verifications: list[Verification] = field(default_factory=list[Verification])
@@ -42,7 +50,7 @@ class Results:
 
     def awaits(self, phase: str, task: Mission) -> bool:
         """Whether `phase` or `task` may still come to its end without another plan."""
-        if (phase and self.course.phase == phase) or not self.course.settled:
+        if (phase and self.progress.phase == phase) or not self.progress.settled:
             return True
         following = self.follow_up
         return following is not None and following.text == task.text
@@ -56,24 +64,25 @@ class Results:
     @property
     def _alarm(self) -> Alarm | None:
         """The mission's alarm while it is open and no workflow answers it."""
-        if self.course.entered:
+        if self.progress.entered:
             return None
         return next((a for a in self.open_alarms() if a.id == self.mission.alarm), None)
 
-    def conclude(self) -> tuple[MissionStatus, str]:
-        """Return what the plans, the workflow, the orderings and the alarm come to, and why.
+    def conclude(self) -> Outcome:
+        """Return what the plans, the workflow, the orderings and the alarm come to.
 
         Verified takes all of them; what telemetry could not tell is not verified.
         """
         reasons = [verification.reason for verification in self.verifications]
-        if self.course.entered:
-            reasons = [self.course.summary, *reasons[-1:]]
+        if self.progress.entered:
+            reasons = [self.progress.summary, *reasons[-1:]]
         open_rules = [f"{f.rule_id}: {f.message}" for f in self.monitor.finish() if f.blocking]
         reasons += [*open_rules, *self.unanswered]
         passed = all(verification.outcome == "pass" for verification in self.verifications)
-        passed = passed and self.course.over and self.course.settled
+        passed = passed and self.progress.over and self.progress.settled
         passed = passed and not open_rules and not self.unanswered
-        return "verified" if passed else "unverified", "; ".join(dict.fromkeys(reasons))
+        status: MissionStatus = "verified" if passed else "unverified"
+        return Outcome(status, "; ".join(dict.fromkeys(reasons)))
 
 
 def begun(plan: Plan, task: Mission, picture: Picture) -> Mission | None:

@@ -1,0 +1,85 @@
+"""Steps 1 and 2: what the words of a mission rule out, and which rules concern them."""
+
+import asyncio
+from dataclasses import dataclass
+from time import perf_counter
+
+from pa_console.orchestrator.mission.services import MissionContext
+from pa_console.policy.checks.rule_checks import check_mission
+from pa_console.schema.events import event as ev
+from pa_console.schema.mission import Mission
+from pa_console.schema.plan import Verb
+from pa_console.schema.rule import RuleHit
+
+
+@dataclass(frozen=True)
+class Understood:
+    """A mission that no rule refuses for its words alone."""
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A mission that no plan may serve; `reason` names the rules."""
+
+    reason: str
+
+
+@dataclass(frozen=True)
+class Retrieved:
+    """What the next plan is for, and the rules that the planner is told for it.
+
+    `task` is the mission itself, or a phase of its workflow; with `verbs`, the planner is given no
+    other commands. `chosen` is what the operator says that the task asks; '' where the planner is
+    to read it.
+    """
+
+    task: Mission
+    hits: tuple[RuleHit, ...]
+    verbs: tuple[Verb, ...] = ()
+    chosen: str = ""
+
+    @property
+    def rule_ids(self) -> tuple[str, ...]:
+        """Ids of the rules that were retrieved for the task."""
+        return tuple(hit.rule_id for hit in self.hits)
+
+
+async def understand(context: MissionContext) -> Understood | Refused:
+    """Decide the rules that concern the mission's words alone, before any model is asked."""
+    services = context.services
+    if not services.variant.checks:
+        return Understood()
+    started = perf_counter()
+    findings = await asyncio.to_thread(
+        check_mission, services.rulebook, context.mission, services.fleet.world
+    )
+    seconds = perf_counter() - started
+    context.stopwatch.add("checks_s", seconds)
+    blocking = [f"{f.rule_id}: {f.message}" for f in findings if f.blocking]
+    if not blocking:
+        return Understood()
+    context.emit(ev.PlanChecked(attempt=1, findings=findings, seconds=seconds))
+    return Refused("; ".join(blocking))
+
+
+def retrieve(
+    context: MissionContext, task: Mission, verbs: tuple[Verb, ...] = (), chosen: str = ""
+) -> Retrieved:
+    """Step 2: find the rules that concern the words of `task`, and the pinned ones."""
+    started = perf_counter()
+    hits = _hits(context, task.text)
+    seconds = perf_counter() - started
+    context.stopwatch.add("retrieval_s", seconds)
+    method = context.services.retriever.method
+    context.emit(ev.RulesRetrieved(method=method, hits=hits, seconds=seconds))
+    return Retrieved(task, hits, verbs, chosen)
+
+
+def _hits(context: MissionContext, text: str) -> tuple[RuleHit, ...]:
+    """Return the rules for the prompt: pinned ones, best ones, or both, by variant."""
+    retriever, variant = context.services.retriever, context.services.variant
+    top_k = context.services.top_k if variant.retrieval else 0
+    if variant.pinned:
+        return retriever.retrieve(text, top_k)
+    best = retriever.score_all(text)[:top_k]
+    return tuple(hit.model_copy(update={"pinned": False}) for hit in best)
