@@ -38,6 +38,8 @@ from pa_console.session.log.chain import LogError
 from pa_console.session.log.writer import LogWriter, default_folder, open_session_log
 from pa_console.session.state.fold import MissionTrace, SessionState
 from pa_console.signing import load_signer
+from pa_console.sim.worlds.scenario_file import open_scenario
+from pa_console.sim.worlds.world_file import open_world
 
 Approver = Callable[[ev.ApprovalRequested], Decision | Awaitable[Decision]]
 """Decides about one plan at a time, as an operator does (paper, Step 6)."""
@@ -54,7 +56,7 @@ def load_world(world: str = "checkpoint") -> World:
     Lengths are metres, x east and y north, speeds metres per second, times seconds. Raises
     DocumentError, a ValueError, that names file, line and field.
     """
-    return assembly.open_world(world)[0]
+    return open_world(world)[0]
 
 
 def load_rules(rules: str = "checkpoint", *, unsigned: bool = False) -> Rulebook:
@@ -327,7 +329,7 @@ def open_station(
     Raises ModelError when the model is not there, ValueError for a scenario that is not. Entering
     the context raises LogError when the log cannot be opened, leaving it when records are lost.
     """
-    played = assembly.open_scenario(site.world, site.world_path, scenario) if scenario else None
+    played = open_scenario(site.world, site.world_path, scenario) if scenario else None
     at_once = rate is None and (fleet is None or isinstance(fleet, Simulated))
     inner = assembly.open_station(
         site,

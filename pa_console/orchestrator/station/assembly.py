@@ -28,10 +28,9 @@ from pa_console.schema.document import read_bytes
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events.event import SessionStarted
 from pa_console.schema.plan import MAX_ACTIONS
-from pa_console.schema.scenario import Scenario
 from pa_console.schema.world import World
-from pa_console.sim.worlds.scenario_file import load_scenario, scenario_path
-from pa_console.sim.worlds.world_file import load_world
+from pa_console.sim.worlds.scenario_file import LoadedScenario
+from pa_console.sim.worlds.world_file import open_world
 
 PINNED_PACKAGES = ("llama-cpp-python", "llguidance", "pymunk", "common-expression-language")
 
@@ -60,27 +59,6 @@ class Site:
         if method == DEFAULT_METHOD:
             return self.retriever
         return Retriever(self.rulebook.rules, method)
-
-
-@dataclass(frozen=True)
-class LoadedScenario:
-    """A scenario and the hash of its file."""
-
-    scenario: Scenario
-    sha256: str
-
-
-def open_scenario(world: World, world_path: Path, name: str) -> LoadedScenario:
-    """Load a scenario of `world` by name, or from a path; raises DocumentError."""
-    path = scenario_path(world_path, name)
-    scenario = load_scenario(path, world)
-    return LoadedScenario(scenario, hashlib.sha256(read_bytes(path)).hexdigest())
-
-
-def open_world(name: str) -> tuple[World, Path]:
-    """Load a world by installed name or path, with its file; raises DocumentError."""
-    path = find_data("worlds", name, "world.yaml")
-    return load_world(path), path
 
 
 def open_rules(

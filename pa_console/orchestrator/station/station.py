@@ -93,7 +93,7 @@ class Station:
     @property
     def worked_on(self) -> str:
         """The id of the mission that is being worked on, empty when none is."""
-        return self._desk.worked_on
+        return self._worker.worked_on
 
     @property
     def awaits_decision(self) -> bool:
