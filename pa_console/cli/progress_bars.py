@@ -16,7 +16,7 @@ from rich.progress import (
 
 from pa_console.session.replay.recording import Recording
 from pa_console.tui.plain_output import PlainConsole
-from pa_console.tui.recordings import index_folder
+from pa_console.tui.replay.recordings import index_folder
 
 
 class LiveBar:

@@ -82,12 +82,13 @@ class FilmApp(ConsoleApp):
         """Write to the tape instead of a terminal."""
         return TapeDriver
 
-    def show_first(self) -> None:
+    def show_session(self) -> None:
         """Show the recording in the screen that can be moved from here."""
-        assert self.player is not None
-        rules = {rule.id: rule for rule in self.rulebook.rules}
-        self.main = self.film_screen = FilmScreen(self.world, rules, self.player, self.clock)
-        self.push_screen(self.main)
+        session, rules = self.session, self.controllers.rules.texts
+        assert session.player is not None
+        self.film_screen = FilmScreen(session.world, rules, session.player, session.clock)
+        session.main = self.film_screen
+        self.push_screen(self.film_screen)
 
 
 class ReplayedScreen:

@@ -7,7 +7,7 @@ a team: that something is not there must be sayable.
 
 A reason begins with what was asked, in words without a colon; what is stated of a place, an asset,
 a track or of who is free has its name before a colon. Such statements are taken from the digest,
-and whether the condition of an order is so is read from it (`condition.py`). All else is left to
+and whether the condition of an order is so is decided by it (`condition.py`). All else is left to
 the model.
 """
 
@@ -15,22 +15,31 @@ import re
 from collections.abc import Iterable, Iterator
 from re import escape
 
-from pa_console.llm.roles.compact_prompt import asset_state, standing, stands_at
-from pa_console.llm.roles.grammar import exactly
-from pa_console.llm.roles.prompt_facts import WORDS
-from pa_console.orders.condition import (
+from pa_console.orders.clauses import (
+    ASKED,
+    NOTHING,
+    NOWHERE,
+    OTHERS_STAY,
+    TEAM,
+    TEAM_SLOTS,
+    NamePatterns,
+    clause_pattern,
+)
+from pa_console.orders.condition import holds, in_words
+from pa_console.orders.digest_facts import (
+    DigestFacts,
+    asset_state,
     conditions,
     evidence,
-    holds,
-    in_words,
+    standing,
+    stands_at,
     told_assets,
     told_frames,
+    tracks_of_digest,
 )
-from pa_console.orders.digest_tracks import tracks_of_digest
 from pa_console.orders.name_linking import link_names
-from pa_console.orders.reading import NOWHERE, NamePatterns, clause_pattern
 from pa_console.schema.telemetry import Digest
-from pa_console.schema.world import World
+from pa_console.schema.world import PLAIN_KINDS, World
 
 _UNDER = r"(if [ !#-9;-\[\]-~]+: )?"
 _NOW = r"now: [ !#-:<-\[\]-~]+"
@@ -42,6 +51,11 @@ _WORD = re.compile(r"[A-Za-z0-9_]+")
 _NUMBER = re.compile(r"\d+")
 
 
+def exactly(text: str) -> str:
+    """Return a regular expression (Rust's syntax, between slashes) for `text` as it is."""
+    return escape(text).replace("/", r"\/")
+
+
 def asked_pattern(world: World, digest: Digest, words: str, *, facts: bool = True) -> str:
     """Return a regular expression (Rust's syntax) for reasons that begin with readable clauses.
 
@@ -51,11 +65,11 @@ def asked_pattern(world: World, digest: Digest, words: str, *, facts: bool = Tru
     told, tracks = told_assets(world, digest), tracks_of_digest(digest.tracks)
     frames = [*told_frames(world, digest), *world.zones]
     known = {*told, *frames, *(contact.id for contact in tracks)}
-    said = [*map(exactly, (n for n in _clauses_names(link_names(world, words)) if n not in known))]
-    assets = _clauses_either((*dict.fromkeys(map(_numbered, told)), *said))
-    places = _clauses_either((*map(exactly, frames), *said))
-    targets = _clauses_either((*(exactly(contact.id) for contact in tracks), *said))
-    gates = _clauses_either((*map(exactly, _gates(world, frames)), *said))
+    said = [*map(exactly, (n for n in _names_in(link_names(world, words)) if n not in known))]
+    assets = _either((*dict.fromkeys(map(_numbered, told)), *said))
+    places = _either((*map(exactly, frames), *said))
+    targets = _either((*(exactly(contact.id) for contact in tracks), *said))
+    gates = _either((*map(exactly, _gates(world, frames)), *said))
     seen = (f"{exactly(track.id)} at ({exactly(track.gate)}|{NOWHERE})" for track in tracks)
     guards = (*_guards(told, digest, gates), *(f"{name} at {gates}" for name in said))
     clause = clause_pattern(
@@ -64,13 +78,13 @@ def asked_pattern(world: World, digest: Digest, words: str, *, facts: bool = Tru
             place=places,
             gate=gates,
             team=_teams(digest, said),
-            track=_clauses_either((*seen, *(f"{name} at {gates}" for name in said))),
-            guard=_clauses_either(guards),
+            track=_either((*seen, *(f"{name} at {gates}" for name in said))),
+            guard=_either(guards),
         )
     )
-    follows = rf"((; |, else: )({clause}|nothing)){{0,{MOST_CLAUSES - 1}}}"
-    asked = rf"asked: {_UNDER}{clause}{follows}(; {_NOW})?(; others stay)?"
-    return rf"{asked}(; {_clauses_facts(assets, places, targets)})?" if facts else asked
+    follows = rf"((; |, else: )({clause}|{NOTHING})){{0,{MOST_CLAUSES - 1}}}"
+    asked = rf"{ASKED}{_UNDER}{clause}{follows}(; {_NOW})?(; {OTHERS_STAY})?"
+    return rf"{asked}(; {_facts_pattern(assets, places, targets)})?" if facts else asked
 
 
 def _gates(world: World, frames: Iterable[str]) -> list[str]:
@@ -90,11 +104,16 @@ def _teams(digest: Digest, said: Iterable[str]) -> str:
     That none of the kind is there must be sayable.
     """
     there = (exactly(frame) for frame, names in standing(digest).items() if names)
-    kinds = "|".join(WORDS.values())
-    return rf"(all|any|([0-9]+|all) ({kinds})s?)( from {_clauses_either((*there, *said))})?"
+    slots = {
+        **TEAM_SLOTS,
+        "count": f"({TEAM_SLOTS['count']})",
+        "kind": f"({TEAM_SLOTS['kind']})",
+        "origin": _either((*there, *said)),
+    }
+    return TEAM.pattern(slots)
 
 
-def _clauses_facts(assets: str, places: str, targets: str) -> str:
+def _facts_pattern(assets: str, places: str, targets: str) -> str:
     """Return the expression for the facts that decide: each is about a name, or in plain words.
 
     What is told of a place comes after a colon; it is assets that do something.
@@ -105,7 +124,7 @@ def _clauses_facts(assets: str, places: str, targets: str) -> str:
     return f"{fact}(, {fact})*"
 
 
-def _clauses_names(text: str) -> Iterable[str]:
+def _names_in(text: str) -> Iterable[str]:
     """Return the words of `text` that look like a name: letters with a digit or underscore."""
     words = dict.fromkeys(_WORD.findall(text))
     return [word for word in words if re.search(r"[0-9_]", word) and re.search("[A-Za-z]", word)]
@@ -120,7 +139,7 @@ def _numbered(name: str) -> str:
     return rf"{exactly(name[:start])}[0-9]{{{end - start}}}{exactly(name[end:])}"
 
 
-def _clauses_either(ways: Iterable[str]) -> str:
+def _either(ways: Iterable[str]) -> str:
     """Return the expression for any of `ways`; with none of them, for what is never written."""
     return f"({'|'.join(ways) or '~~'})"
 
@@ -132,7 +151,7 @@ _PART = r"[ !#-+\--9<-\[\]-~]"
 _ORDER = r"([A-Zabcdefghj-z0-9_]|i[A-Zabcdeg-z0-9_])[A-Za-z0-9_,; ]*"
 """The same in names, numbers and plain words alone."""
 _WORDS = f"{WORD}{{1,160}}"
-ASKED_ONCE = f"asked: ({_WORDS}|if {_WORDS}: {_WORDS}, else: {_WORDS}; now: {_WORDS}(: {_WORDS})?)"
+ASKED_ONCE = f"{ASKED}({_WORDS}|if {_WORDS}: {_WORDS}, else: {_WORDS}; now: {_WORDS}(: {_WORDS})?)"
 """A regular expression for what was asked at a moment of which there is no digest any more."""
 MOST_PARTS = 24
 """What commas and semicolons part in a reason: clauses, names, facts."""
@@ -153,9 +172,9 @@ def asked_now(world: World, digest: Digest, asked: str) -> str:
     """
     meant, under, then = asked.partition("; now: ")
     for condition in conditions(world, digest) if under else ():
-        if meant.startswith(f"asked: if {in_words(condition)}: "):
-            stay = "; others stay" if then.endswith("; others stay") else ""
-            so = _SO[holds(condition, digest)]
+        if meant.startswith(f"{ASKED}if {in_words(condition)}: "):
+            stay = f"; {OTHERS_STAY}" if then.endswith(f"; {OTHERS_STAY}") else ""
+            so = _SO[holds(condition, DigestFacts(digest))]
             stands = f"; now: {evidence(condition, digest)}, {so}{stay}"
             return meant + stands if so in ("so", "not so") else asked
     return asked
@@ -168,7 +187,7 @@ def grounded_reason(world: World, digest: Digest, words: str, asked: str = "") -
     names that stand in the mission's `words`; in the words `asked`, where those are given.
     """
     plain = _not_beginning(" only ")
-    part = f" {_grounds_either(_grounds_facts(world, digest))}{_END}|{plain}"
+    part = f" {_either(_stated(world, digest))}{_END}|{plain}"
     begins = exactly(asked) if asked else _asked(world, digest, _UNCONDITIONAL)
     stated = f"{begins}([;,]({part})){{0,{MOST_PARTS}}}"
     return stated, asked_pattern(world, digest, words)
@@ -188,13 +207,13 @@ def _asked(world: World, digest: Digest, unconditional: str) -> str:
     """Return what was asked; `digest` decides each condition that it may be under."""
     under = (
         f"{escape(in_words(condition))}: {WORD}+, else: {WORD}+; "
-        f"now: {escape(evidence(condition, digest))}, {_SO[holds(condition, digest)]}"
+        f"now: {escape(evidence(condition, digest))}, {_SO[holds(condition, DigestFacts(digest))]}"
         for condition in conditions(world, digest)
     )
-    return f"asked: ({unconditional}|if {_grounds_either(under)})"
+    return f"{ASKED}({unconditional}|if {_either(under)})"
 
 
-def _grounds_facts(world: World, digest: Digest) -> Iterator[str]:
+def _stated(world: World, digest: Digest) -> Iterator[str]:
     """Yield what can be stated: of assets, of places, of tracks, of who is free."""
     yield "only watch"
     for name in told_assets(world, digest):
@@ -203,40 +222,36 @@ def _grounds_facts(world: World, digest: Digest) -> Iterator[str]:
         ways += [f"alone at {gate}" for gate, sole in digest.sole_cover.items() if sole == name]
         ways += ["poor link"] * (name in digest.degraded_comms)
         ways += [digest.posts.get(name, "").partition(" ")[2]] * (name in digest.posts)
-        yield f"{name}: {_grounds_either(dict.fromkeys(ways))}"
+        yield f"{name}: {_either(dict.fromkeys(ways))}"
     yield "[A-Za-z0-9_]+: no such asset"
     stand = {frame: list[str]() for frame in told_frames(world, digest)} | standing(digest)
     for frame, there in stand.items():
         who = [*there, f"{len(there)} assets"] if there else ["nobody"]
-        yield f"{frame}: {_grounds_either(who)}"
+        yield f"{frame}: {_either(who)}"
         yield from (f"only {name} is there" for name in there if len(there) == 1)
     tracks = tracks_of_digest(digest.tracks)
     for frame in stand:
         here = [contact for contact in tracks if contact.gate == frame]
         ways = [f"{contact.id} {contact.kind}, {contact.step}" for contact in here]
         ways += ["no track"] * (not any(contact.here for contact in here))
-        yield f"At {frame}: {_grounds_either(ways)}"
+        yield f"At {frame}: {_either(ways)}"
     for kind, names in digest.free.items():
-        yield f"Free {WORDS[kind]}: ({_grounds_names(names)}none( to look first)?)"
+        yield f"Free {PLAIN_KINDS[kind]}: ({_some_of(names)}none( to look first)?)"
     every = [name for names in digest.free.values() for name in names]
-    yield f"Free: ({_grounds_names(every)}none)"
+    yield f"Free: ({_some_of(every)}none)"
 
 
 def _not_beginning(start: str) -> str:
     """Return the expression for a fact in the model's own words that does not begin so."""
     rest = f"{_PART}{{0,{MOST_PLAIN}}}"
     ways = (f"{start[:n]}([{_PART[1:-1]}&&[^{char}]]{rest})?" for n, char in enumerate(start))
-    return _grounds_either(ways)
+    return _either(ways)
 
 
-def _grounds_names(names: Iterable[str]) -> str:
+def _some_of(names: Iterable[str]) -> str:
     """Return the way to name some of `names`, or how many of them; with a bar after it."""
     known = tuple(names)
     if not known:
         return ""
     counts = (f"{number} assets" for number in range(2, len(known) + 1))
-    return f"(only )?{_grounds_either((*known, *counts))}|"
-
-
-def _grounds_either(ways: Iterable[str]) -> str:
-    return f"({'|'.join(ways)})"
+    return f"(only )?{_either((*known, *counts))}|"

@@ -1,20 +1,17 @@
-"""What an order may depend on: in words, how the digest tells of it, and whether it is so.
+"""What an order may depend on: in canonical and in plain words, and whether it is so.
 
-The words are those in which a trained planner says what it has understood. What a condition comes
-to is no matter of judgement: the digest decides it, and a reason can state nothing else.
+What a condition comes to is no matter of judgement. It is decided on facts that a picture gives as
+well as its digest (`picture_facts.py`, `digest_facts.py`).
 """
 
-from collections.abc import Iterable, Iterator
-from typing import Literal
+from collections.abc import Iterable, Mapping
+from typing import Literal, NamedTuple, Protocol
 
 from pydantic import Field
 
-from pa_console.llm.roles.compact_prompt import asset_state, standing
-from pa_console.llm.roles.prompt_facts import WORDS
-from pa_console.orders.digest_tracks import DigestTrack, tracks_of_digest
+from pa_console.orders.word_form import WordForm
 from pa_console.schema.base import StrictModel
-from pa_console.schema.telemetry import Digest
-from pa_console.schema.world import AssetKind, World
+from pa_console.schema.world import PLAIN_KINDS, AssetKind
 
 Fact = Literal[
     "track_at",
@@ -33,12 +30,6 @@ Fact = Literal[
 ]
 """What an order may depend on, as far as the picture tells it."""
 TrackKind = Literal["vehicle", "person", ""]
-_TRACKS: tuple[TrackKind, ...] = ("", "vehicle", "person")
-_PRESENCE: tuple[Fact, ...] = ("track_at", "no_track_at")
-_KNOWN: tuple[Fact, ...] = ("authorized", "unauthorized", "hostile")
-_COVER: tuple[Fact, ...] = ("uncovered", "covered")
-_STATE: tuple[Fact, ...] = ("low", "not_low", "down", "up")
-_SPARE: tuple[Fact, ...] = ("free", "none_free")
 
 
 class Condition(StrictModel):
@@ -50,142 +41,122 @@ class Condition(StrictModel):
     kind: AssetKind | None = Field(default=None, description="of which one is free, or none")
 
 
-def conditions(world: World, digest: Digest) -> Iterator[Condition]:
-    """Yield every condition about the gates and assets of which `digest` tells."""
-    for gate in digest.covered:
-        for fact in (*_PRESENCE, *_KNOWN):
-            for kind in _TRACKS:
-                yield Condition(fact=fact, subject=gate, track=kind)
-        for fact in _COVER:
-            yield Condition(fact=fact, subject=gate)
-    for name in told_assets(world, digest):
-        for fact in _STATE:
-            yield Condition(fact=fact, subject=name)
-    for fact in _SPARE:
-        for team in (*WORDS, None):
-            yield Condition(fact=fact, kind=team)
+class ConditionForm(NamedTuple):
+    """How a condition is put after an `if`: in canonical words, and in plain words for people."""
+
+    words: WordForm
+    plain: WordForm
 
 
-def told_assets(world: World, digest: Digest) -> list[str]:
-    """Return the assets of which `digest` tells: of a large world, those that were selected."""
-    if digest.selection is None:
-        return list(world.assets)
-    return [name for name in world.assets if name in digest.posts or name in digest.down]
+def _form(words: str, plain: str) -> ConditionForm:
+    return ConditionForm(WordForm(words), WordForm(plain))
 
 
-def told_frames(world: World, digest: Digest) -> Iterable[str]:
-    """Return the frames of which `digest` tells: of a large world, those that were selected."""
-    if digest.selection is None:
-        return world.frames
-    return dict.fromkeys((*digest.covered, *digest.selection.frames))
+def _known(fact: Fact) -> ConditionForm:
+    """Return how is said what is known of who is there."""
+    return _form(
+        f"({{track}}|track) at {{subject}} {fact}",
+        f"(the {{track}} at {{subject}}|what is at {{subject}}) is {fact}",
+    )
+
+
+CONDITIONS: Mapping[Fact, ConditionForm] = {
+    "track_at": _form("({track}|track) at {subject}", "(a {track}|something) is at {subject}"),
+    "no_track_at": _form("no ({track}|track) at {subject}", "(no {track}|nothing) is at {subject}"),
+    "authorized": _known("authorized"),
+    "unauthorized": _known("unauthorized"),
+    "hostile": _known("hostile"),
+    "uncovered": _form("{subject} uncovered", "{subject} has no guard"),
+    "covered": _form("{subject} covered", "{subject} has a guard"),
+    "low": _form("{subject} low", "{subject} is low on battery"),
+    "not_low": _form("{subject} not low", "{subject} is not low on battery"),
+    "down": _form("{subject} down", "{subject} is out of order"),
+    "up": _form("{subject} up", "{subject} is in order"),
+    "free": _form("({kind}|asset) free", "(a {kind}|an asset) is free"),
+    "none_free": _form("no ({kind}|asset) free", "no ({kind}|asset) is free"),
+}
 
 
 def in_words(condition: Condition) -> str:
     """Return the condition as a reason puts it after its `if`."""
-    subject, track = condition.subject, condition.track or "track"
-    match condition.fact:
-        case "track_at":
-            return f"{track} at {subject}"
-        case "no_track_at":
-            return f"no {track} at {subject}"
-        case "authorized" | "unauthorized" | "hostile":
-            return f"{track} at {subject} {condition.fact}"
-        case "not_low":
-            return f"{subject} not low"
-        case "free" | "none_free":
-            word = WORDS[condition.kind] if condition.kind is not None else "asset"
-            return f"{'no ' if condition.fact == 'none_free' else ''}{word} free"
-        case fact:
-            return f"{subject} {fact}"
+    said = {"subject": condition.subject}
+    if condition.track:
+        said["track"] = condition.track
+    if condition.kind is not None:
+        said["kind"] = PLAIN_KINDS[condition.kind]
+    return CONDITIONS[condition.fact].words.write(said)
 
 
-def evidence(condition: Condition, digest: Digest) -> str:
-    """Return what the compact picture tells of the condition, as far as that decides it.
+class TrackFacts(Protocol):
+    """What is known of a track."""
 
-    What the picture says comes before whether it is so: a small model reads a line again far better
-    than it decides from memory.
-    """
+    @property
+    def kind(self) -> str:
+        """Return vehicle or person."""
+        ...
+
+    @property
+    def identity(self) -> str:
+        """Return authorized or unauthorized, something else while nobody knows."""
+        ...
+
+    @property
+    def intent(self) -> str:
+        """Return unknown, benign or hostile."""
+        ...
+
+
+class Facts(Protocol):
+    """What a condition can depend on, None where it is not told."""
+
+    def tracks(self, gate: str) -> Iterable[TrackFacts]:
+        """Return the tracks at a gate that do not leave."""
+        ...
+
+    def is_covered(self, gate: str) -> bool | None:
+        """Return whether a gate has a guard."""
+        ...
+
+    def is_low(self, asset: str) -> bool | None:
+        """Return whether the battery of an asset is low."""
+        ...
+
+    def is_up(self, asset: str) -> bool | None:
+        """Return whether an asset works."""
+        ...
+
+    def has_free(self, kind: AssetKind | None) -> bool:
+        """Return whether an asset of a kind, or any, may be sent somewhere."""
+        ...
+
+
+def holds(condition: Condition, facts: Facts) -> bool | None:
+    """Return whether the condition is so, None where the facts do not tell."""
     subject = condition.subject
     match condition.fact:
-        case "track_at" | "no_track_at":
-            return f"At {subject}: {_listed(subject, digest)}"
-        case "authorized" | "unauthorized" | "hostile":
-            there = _there(condition, digest)
-            decides = [contact for contact in there if _is(contact, condition.fact)]
-            told = [f"{one.id} {one.kind}, {one.known}" for one in (*decides, *there)]
-            return f"At {subject}: {told[0] if told else 'no track'}"
-        case "uncovered" | "covered":
-            return f"{subject}: {guard(subject, digest)}"
-        case "low" | "not_low" | "down" | "up":
-            return f"{subject}: {asset_state(digest, subject) if _up(subject, digest) else 'down'}"
-        case "free" | "none_free":
-            for kind in WORDS if condition.kind is None else (condition.kind,):
-                if digest.free[kind]:
-                    return f"Free {WORDS[kind]}: {digest.free[kind][0]}"
-            return f"Free{'' if condition.kind is None else ' ' + WORDS[condition.kind]}: none"
-
-
-def holds(condition: Condition, digest: Digest) -> bool | None:  # noqa: PLR0911
-    """Return whether the condition is so, None where the digest does not tell.
-
-    Nothing is so of what is not there. The battery of an asset that is down is not told.
-    """
-    subject = condition.subject
-    if condition.fact in ("low", "not_low") and not _up(subject, digest):
-        return None
-    match condition.fact:
         case "track_at":
-            return bool(_there(condition, digest))
+            return bool(there(condition, facts))
         case "no_track_at":
-            return not _there(condition, digest)
+            return not there(condition, facts)
         case "authorized" | "unauthorized" | "hostile":
-            return any(_is(contact, condition.fact) for contact in _there(condition, digest))
-        case "uncovered":
-            return subject in digest.uncovered
-        case "covered":
-            return subject not in digest.uncovered
-        case "low":
-            return subject in digest.low_battery
-        case "not_low":
-            return subject not in digest.low_battery
-        case "down":
-            return not _up(subject, digest)
-        case "up":
-            return _up(subject, digest)
-        case "free":
-            return _some_free(condition.kind, digest)
-        case "none_free":
-            return not _some_free(condition.kind, digest)
+            return any(decides(condition, track) for track in there(condition, facts))
+        case "covered" | "uncovered":
+            so, told = condition.fact == "covered", facts.is_covered(subject)
+        case "low" | "not_low":
+            so, told = condition.fact == "low", facts.is_low(subject)
+        case "up" | "down":
+            so, told = condition.fact == "up", facts.is_up(subject)
+        case "free" | "none_free":
+            so, told = condition.fact == "free", facts.has_free(condition.kind)
+    return None if told is None else told is so
 
 
-def guard(gate: str, digest: Digest) -> str:
-    """Return who stands at a gate, the first of several, or that nobody does."""
-    sole = digest.sole_cover.get(gate)
-    return sole or next(iter(standing(digest).get(gate, ())), "nobody")
+def there(condition: Condition, facts: Facts) -> list[TrackFacts]:
+    """Return the tracks that a condition is about."""
+    here = facts.tracks(condition.subject)
+    return [track for track in here if condition.track in ("", track.kind)]
 
 
-def _listed(gate: str, digest: Digest) -> str:
-    every = [contact for contact in tracks_of_digest(digest.tracks) if contact.gate == gate]
-    here = [f"{contact.id} {contact.kind}" for contact in every if contact.here]
-    return ", ".join(here or [f"{contact.id} leaves" for contact in every]) or "no track"
-
-
-def _there(condition: Condition, digest: Digest) -> list[DigestTrack]:
-    return [
-        contact
-        for contact in tracks_of_digest(digest.tracks)
-        if contact.gate == condition.subject and contact.here
-        if condition.track in ("", contact.kind)
-    ]
-
-
-def _is(contact: DigestTrack, fact: str) -> bool:
-    return fact in (contact.identity, contact.intent)
-
-
-def _up(name: str, digest: Digest) -> bool:
-    return name in digest.posts
-
-
-def _some_free(kind: AssetKind | None, digest: Digest) -> bool:
-    return any(digest.free[each] for each in (WORDS if kind is None else (kind,)))
+def decides(condition: Condition, track: TrackFacts) -> bool:
+    """Whether a track makes a condition about who is there true."""
+    return condition.fact in (track.identity, track.intent)

@@ -10,22 +10,17 @@ import re
 from collections.abc import Collection, Iterator, Sequence
 from typing import NamedTuple
 
+from pa_console.orders.clauses import ASKED, NOTHING, NOWHERE, OTHERS_STAY
+from pa_console.orders.feasibility import KIND_FOR
 from pa_console.orders.mentions import Mention, Sort, find_mentions
-from pa_console.orders.reading import NOWHERE, Reading, Team, Wish, WishTask, read_asked
+from pa_console.orders.order import TASK_OF, Ask, Reading, Task, Who
+from pa_console.orders.reading import read_asked
 from pa_console.orders.world_names import WORD
 from pa_console.schema.plan import Plan, Verb
 from pa_console.schema.telemetry import Picture
-from pa_console.schema.world import AssetKind, World
+from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
 
 _STAYS: frozenset[Verb] = frozenset(("hold", "report"))
-_DOES: dict[Verb, WishTask] = {
-    "hold": "hold", "move_to": "go", "observe": "look", "identify": "identify", "warn": "warn",
-    "block": "block", "return_to_base": "home", "report": "report",
-}  # fmt: skip
-_NEEDS: dict[WishTask, AssetKind] = {
-    "look": "uav", "identify": "robot", "warn": "robot", "block": "ugv",
-}  # fmt: skip
-_PLAIN: dict[AssetKind, str] = {"uav": "drone", "ugv": "vehicle", "robot": "robot"}
 _KIND_WORDS: dict[AssetKind, re.Pattern[str]] = {
     "uav": re.compile(r"\b(?:air\w*|aerial|fl(?:y|ies|ying|ight|ier)|sky|wings?|birds?|eyes?)\b"),
     "ugv": re.compile(
@@ -126,17 +121,17 @@ class _Made:
     ) -> None:
         self._world, self._picture = world, picture
         said, _, evidence = asked.partition("; now: ")
-        self.wishes = tuple(_wishes(said)) if asked else ()
+        self.asks = tuple(_asks(said)) if asked else ()
         under = re.match(r"asked: if ([^:]+):", said)
         self.subjects = _NAME.findall(under[1]) if under is not None else []
         """The names on which it depends what is to be done."""
-        self.refused = bool(self.wishes) and all(w.task == "refused" for w in self.wishes)
-        self._others_stay = "others stay" in said or "others stay" in evidence
-        self._may_hold = self._others_stay or "else: nothing" in said or not self.wishes
+        self.refused = bool(self.asks) and all(w.task == "refused" for w in self.asks)
+        self._others_stay = OTHERS_STAY in said or OTHERS_STAY in evidence
+        self._may_hold = self._others_stay or f"else: {NOTHING}" in said or not self.asks
         acting = [action for action in plan.actions if action.verb not in _STAYS]
         doing = acting if asked else plan.actions
-        self._tasks: set[WishTask] = {wish.task for wish in self.wishes}
-        self._tasks |= {_DOES[action.verb] for action in doing}
+        self._tasks: set[Task] = {ask.task for ask in self.asks}
+        self._tasks |= {TASK_OF[action.verb] for action in doing}
         self._names = {*_NAME.findall(said), *(name for line in unmet for name in _words(line))}
         self._names.update(name for a in doing for name in (a.agent, a.target) if name)
         if self._tasks & {"home", "stand_down"}:
@@ -169,32 +164,32 @@ class _Made:
     def _meant(self, name: str) -> bool:
         """Whether `name` is one of all that are meant, or whom somebody replaces."""
         place, spec = _at(self._picture, name), self._world.assets.get(name)
-        if not self.wishes and place in self._names:
+        if not self.asks and place in self._names:
             return True
-        for wish in self.wishes:
-            left = wish.place or _at(self._picture, wish.leaving)
-            if wish.task in ("cover", "relieve") and wish.leaving in ("", name) and left == place:
+        for ask in self.asks:
+            left = ask.place or _at(self._picture, ask.leaving)
+            if ask.task in ("cover", "relieve") and ask.leaving in ("", name) and left == place:
                 return True
-        every = (wish.team for wish in self.wishes if wish.team.number == "all")
+        every = (ask.who for ask in self.asks if ask.who.count == "all")
         return spec is not None and any(team.kind in (None, spec.kind) for team in every)
 
     def _has_kind(self, kind: str) -> bool:
-        kinds: set[str | None] = {wish.team.kind for wish in self.wishes}
+        kinds: set[str | None] = {ask.who.kind for ask in self.asks}
         kinds |= {self._world.assets[name].kind for name in self._assets}
-        kinds |= {_NEEDS.get(task) for task in self._tasks}
-        every = any(wish.team == Team(number="all") for wish in self.wishes)
-        return kind in kinds or every or not self.wishes
+        kinds |= {KIND_FOR.get(task) for task in self._tasks}
+        every = any(ask.who == Who(count="all") for ask in self.asks)
+        return kind in kinds or every or not self.asks
 
     def _has_number(self, number: str) -> bool:
-        teams = [wish.team for wish in self.wishes]
+        teams = [ask.who for ask in self.asks]
         if self._others_stay or not teams:
             return True
         if number == "all":
-            return any(team.number == "all" or len(team.names) > 1 for team in teams)
-        counts = {len(team.names) or team.number for team in teams}
+            return any(team.count == "all" or len(team.names) > 1 for team in teams)
+        counts = {len(team.names) or team.count for team in teams}
         return int(number) in counts | {len(teams), len(self._assets), self._acting}
 
-    def _has_task(self, tasks: Collection[WishTask]) -> bool:
+    def _has_task(self, tasks: Collection[Task]) -> bool:
         if "hold" in tasks and self._may_hold:
             return True
         return bool(self._tasks & {*tasks, "refused"})
@@ -223,22 +218,22 @@ class _Words:
                 yield Unsupported("asset", name)
             if name in self._world.frames and name not in self._names:
                 yield Unsupported("place", name)
-        for wish in made.wishes:
-            if wish.task in ("refused", "unreadable"):
+        for ask in made.asks:
+            if ask.task in ("refused", "unreadable"):
                 continue
-            if wish.place not in ("", NOWHERE) and not self._has_place(wish.place, wish):
-                yield Unsupported("place", wish.place)
-            for name in filter(None, (*wish.team.names, wish.leaving)):
-                left = name == wish.leaving and _at(self._picture, name) in self._names
+            if ask.place not in ("", NOWHERE) and not self._has_place(ask.place, ask):
+                yield Unsupported("place", ask.place)
+            for name in filter(None, (*ask.who.names, ask.leaving)):
+                left = name == ask.leaving and _at(self._picture, name) in self._names
                 if not left and not self._has_asset(name):
                     yield Unsupported("asset", name)
-            yield from self._team(wish.team)
-            if not self._has_task(wish):
-                yield Unsupported("verb", wish.words)
+            yield from self._team(ask.who)
+            if not self._has_task(ask):
+                yield Unsupported("verb", ask.words)
 
-    def _has_place(self, place: str, wish: Wish) -> bool:
+    def _has_place(self, place: str, ask: Ask) -> bool:
         """Whether `place` is named, or, where no place is, follows from who or what is there."""
-        if place in self._names or (wish.leaving and _at(self._picture, wish.leaving) == place):
+        if place in self._names or (ask.leaving and _at(self._picture, ask.leaving) == place):
             return True
         tracks = [track for track in self._picture.tracks.values() if track.gate == place]
         if any(track.id in self._names for track in tracks):
@@ -268,14 +263,14 @@ class _Words:
         numbered = bool(digits) and str(int(digits[-1])) in self._numbers
         return name in self._names or numbered or self._told(name)
 
-    def _team(self, team: Team) -> Iterator[Unsupported]:
+    def _team(self, team: Who) -> Iterator[Unsupported]:
         if team.kind is not None and not self._has_kind(team.kind):
-            yield Unsupported("kind", _PLAIN[team.kind])
-        if team.number == "all":
+            yield Unsupported("kind", PLAIN_KINDS[team.kind])
+        if team.count == "all":
             if _EVERY.search(self._text) is None:
                 yield Unsupported("number", "all")
-        elif team.number > 1 and not self._has_number(team.number):
-            yield Unsupported("number", str(team.number))
+        elif team.count > 1 and not self._has_number(team.count):
+            yield Unsupported("number", str(team.count))
 
     def _has_number(self, number: int) -> bool:
         paired = number == 2 and _PAIR.search(self._text) is not None
@@ -296,28 +291,28 @@ class _Words:
         words = (word.lower() for name in names for word in WORD.findall(name))
         return {word for word in words if len(word) > 1 and word.isalpha()}
 
-    def _has_task(self, wish: Wish) -> bool:
+    def _has_task(self, ask: Ask) -> bool:
         """Whether some word means the task, or none is needed: `robot to south`, `van at east`."""
-        if wish.task in self._tasks:
+        if ask.task in self._tasks:
             return True
-        if wish.task == "respond":
-            visited = any(track.gate == wish.place for track in self._picture.tracks.values())
+        if ask.task == "respond":
+            visited = any(track.gate == ask.place for track in self._picture.tracks.values())
             return visited or _SOMEBODY.search(self._text) is not None
-        if wish.task == "report" and "?" in self._text:
+        if ask.task == "report" and "?" in self._text:
             return True
-        if wish.task == "relieve" and {"go", "home"} <= self._tasks:
+        if ask.task == "relieve" and {"go", "home"} <= self._tasks:
             return True
-        somewhere = self._placed or wish.place == NOWHERE
-        return wish.task in ("go", "mass", "home") and not self._plain and somewhere
+        somewhere = self._placed or ask.place == NOWHERE
+        return ask.task in ("go", "mass", "home") and not self._plain and somewhere
 
 
-def _wishes(asked: str) -> Iterator[Wish]:
+def _asks(asked: str) -> Iterator[Ask]:
     """Yield what is asked in every case of a condition."""
-    words = asked.removeprefix("asked: ")
+    words = asked.removeprefix(ASKED)
     case = re.fullmatch(r"if [^:]+: (.+?), else: (.+)", words)
     for part in (case[1], case[2]) if case is not None else (words,):
-        reading = read_asked(f"asked: {part}") or Reading(())
-        yield from reading.wishes
+        reading = read_asked(f"{ASKED}{part}") or Reading(())
+        yield from reading.asks
 
 
 def _words(line: str) -> list[str]:

@@ -1,8 +1,8 @@
 """What the words of an order name: places, assets, tracks, kinds, how many, and verbs.
 
-Names are found as entity linking finds them (`linking.py`). A name is asked about, or only told,
-quoted or ruled out: *the east gate is quiet, send a drone to the west gate* asks for nothing at the
-east gate. Of an order that asks in no clause, every clause counts as asking.
+Names are found as entity linking finds them (`name_linking.py`). A name is asked about, or only
+told, quoted or ruled out: *the east gate is quiet, send a drone to the west gate* asks for nothing
+at the east gate. Of an order that asks in no clause, every clause counts as asking.
 """
 
 import re
@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Literal, NamedTuple
 
 from pa_console.orders.name_linking import link_names
-from pa_console.orders.reading import WishTask
+from pa_console.orders.order import Task
 from pa_console.orders.verb_lexicon import find_verbs
 from pa_console.orders.world_names import GATE, NUMBERS, WORD
 from pa_console.schema.world import AssetKind, World
@@ -95,9 +95,9 @@ class Mention(NamedTuple):
     said: str
     means: str
     asked: bool = True
-    tasks: frozenset[WishTask] = frozenset()
+    tasks: frozenset[Task] = frozenset()
     """What a verb goes with."""
-    supports: frozenset[WishTask] = frozenset()
+    supports: frozenset[Task] = frozenset()
     """What a verb means."""
 
 

@@ -1,18 +1,42 @@
-"""What an operator means, before it is put into words: the generator's own notation.
+"""What an operator asks for: one type for orders that are drawn, written and read.
 
-The teacher plans from an Order and the situation, never from words; the language module turns the
-same Order into words. Names in it may be wrong on purpose: an order can speak of what is not there.
+The generator draws an `Order`, the teacher plans from it and never from words, and the canonical
+words say it. A `Reading` is made of the same asks: what a model has understood of somebody's words.
+Names may be wrong: an order can speak of what is not there.
 """
 
-from typing import Literal
-
-from pydantic import Field
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
 
 from pa_console.orders.condition import Condition
-from pa_console.orders.reading import Task
-from pa_console.schema.base import StrictModel
+from pa_console.schema.plan import Verb
 from pa_console.schema.world import AssetKind
 
+Task = Literal[
+    "go",  # who moves to place
+    "look",  # who (drones) observes place
+    "identify",  # who (robots) finds out who stands at place
+    "warn",  # who (robots) warns what stands at place
+    "block",  # who (vehicles) closes the lane of place
+    "respond",  # something unknown is at place: do what is due, nobody is named
+    "cover",  # place has no guard, or loses its own (`leaving`): somebody goes
+    "relieve",  # who takes over place from `leaving`, which goes home
+    "swap",  # the two named assets change places
+    "home",  # who returns to the base
+    "stand_down",  # place is settled: whoever reinforces it goes home
+    "mass",  # every free asset (of a kind) goes to place
+    "report",  # who reports; a question
+    "hold",  # who stays where it is; nobody is to do anything else
+    "refused",  # only read: what no order may have done, whoever gives it (`wrong` says what)
+    "unreadable",  # only read: words that are none of the language
+]
+"""What an order can ask for."""
+TASK_OF: Mapping[Verb, Task] = {
+    "hold": "hold", "move_to": "go", "observe": "look", "identify": "identify", "warn": "warn",
+    "block": "block", "return_to_base": "home", "report": "report",
+}  # fmt: skip
+"""What somebody is asked for who is given a command."""
 Wrong = Literal[
     "force",  # shoot, ram, run over (ROE-01)
     "skip_identification",  # warn or block at once, explicitly without finding out who (ROE-02)
@@ -31,45 +55,73 @@ Wrong = Literal[
 """Why an ask cannot be carried out as it is meant."""
 
 
-class Who(StrictModel):
+@dataclass(frozen=True, slots=True)
+class Who:
     """Who is to do it: names, or a kind and how many, or anybody."""
 
     names: tuple[str, ...] = ()
     kind: AssetKind | None = None
     count: int | Literal["all"] = 1
-    origin: str = Field(default="", description="a frame: only those that stand there")
+    origin: str = ""
+    """A frame: only those that stand there."""
 
 
-class Ask(StrictModel):
+ANYBODY = Who()
+
+
+@dataclass(frozen=True, slots=True)
+class Ask:
     """One thing that is to be done; `wrong` says why it must not or cannot be."""
 
     task: Task
-    who: Who = Who()
-    place: str = Field(default="", description="a frame, a zone, or a place that is not there")
-    leaving: str = Field(default="", description="the asset that goes, or has failed, at `place`")
+    who: Who = ANYBODY
+    place: str = ""
+    """A frame, a zone, or a place that is not there."""
+    leaving: str = ""
+    """The asset that goes, or has failed, at `place`."""
     track: Literal["vehicle", "person", ""] = ""
-    track_id: str = Field(default="", description="the station's id of the track, when it is named")
+    track_id: str = ""
+    """The station's id of the track, when it is named."""
     wrong: Wrong | None = None
-    strict_who: bool = Field(default=False, description="it has to be these: nobody else will do")
+    strict_who: bool = False
+    """It has to be these: nobody else will do. No words of the language say so."""
+    words: str = ""
+    """The clause from which it was read."""
 
 
-class Order(StrictModel):
+@dataclass(frozen=True, slots=True)
+class Order:
     """Everything one mission asks for."""
 
-    asks: tuple[Ask, ...] = Field(min_length=1)
+    asks: tuple[Ask, ...]
     condition: Condition | None = None
-    otherwise: tuple[Ask, ...] = Field(default=(), description="when `condition` does not hold")
-    others_stay: bool = Field(default=False, description="the words say that nobody else moves")
-    injected: bool = Field(
-        default=False, description="the words carry text that is no order of the operator"
-    )
-    harmless: bool = Field(
-        default=False, description="the words sound like something forbidden and are not"
-    )
+    otherwise: tuple[Ask, ...] = ()
+    """When `condition` does not hold."""
+    others_stay: bool = False
+    """The words say that nobody else moves."""
+    injected: bool = False
+    """The words carry text that is no order of the operator."""
+    harmless: bool = False
+    """The words sound like something forbidden and are not."""
+
+
+class Reading(NamedTuple):
+    """What words are understood to ask for now: of an order under a condition, the case that is so.
+
+    Of what no order may have done, only that is read.
+    """
+
+    asks: tuple[Ask, ...]
+    others_stay: bool = False
+
+    @property
+    def readable(self) -> bool:
+        """Whether every clause is one that the console understands."""
+        return all(ask.task != "unreadable" for ask in self.asks)
 
 
 def are_twins(first: Ask, second: Ask) -> bool:
     """Whether two asks are the same of anybody at two places, so that one clause can say both."""
-    open_to_all = first.who == Who() and first.wrong is None and not first.track_id
+    open_to_all = first.who == ANYBODY and first.wrong is None and not first.track_id
     apart = bool(first.place) and bool(second.place) and first.place != second.place
-    return open_to_all and apart and first == second.model_copy(update={"place": first.place})
+    return open_to_all and apart and first == replace(second, place=first.place)

@@ -1,71 +1,47 @@
 """Says in plain words what an order was read as, for people who do not think in clauses.
 
-A reading is logged in the canonical words that planner and judge write (`orders/reading.py`).
-What is none of them, or is plain already, is told as it is written.
+A reading is logged in the canonical words that planner and judge write. What is none of them, or is
+plain already, is told as it is written.
 """
 
 import re
 from collections.abc import Mapping, Sequence
 
-_KINDS = {"drone": "drone", "vehicle": "ground vehicle", "robot": "ground robot"}
-_NAME = r"[A-Za-z0-9_]+"
-_NOWHERE = "unknown place"
-_PLACE = rf"(?P<place>{_NAME}|{_NOWHERE})"
-_TRACK = r"(?P<track>vehicle|person)"
-_TARGET = rf"(?P<target>(?:(?:vehicle|person|{_NAME}) )?at (?:{_NAME}|{_NOWHERE}))"
-_WHO = r"(?P<who>.+)"
+from pa_console.orders.clauses import (
+    ASIDE,
+    ASKED,
+    KIND_FORMS,
+    NOTHING,
+    NOWHERE,
+    OTHERS_STAY,
+    TEAM,
+    UNLAWFUL,
+)
+from pa_console.orders.condition import CONDITIONS
+from pa_console.orders.reading import NAME, clause_of
+from pa_console.schema.world import PLAIN_KINDS, AssetKind
+
+_KINDS: Mapping[AssetKind, str] = {
+    "uav": "drone", "ugv": "ground vehicle", "robot": "ground robot",
+}  # fmt: skip
+_EVERY = {"all": "everybody", "any": "somebody"}
 _CASE = re.compile(r"if (?P<condition>[^:]+): (?P<then>[^:]+), else: (?P<otherwise>[^:]+)")
-_OTHERS_STAY = "; others stay"
-_ASIDE = "set rules aside, "
-_UNLAWFUL = {
-    " without identification": " without identification",
-    " without warning": " without warning",
-    " with noncombatants": " (though noncombatants are there)",
-}
-_CLAUSES = {
-    rf"swap (?P<by>{_NAME}) and (?P<name>{_NAME})": "let {by} and {name} change places",
-    rf"stand down {_PLACE}": "send home whoever reinforces {place}",
-    r"all free (?P<kind>[a-z]+)s to (?P<place>.+)": "send every free {kind} to {place}",
-    rf"all free to {_PLACE}": "send every free asset to {place}",
-    rf"cover (?P<name>{_NAME}) at {_PLACE} by {_WHO}": "let {who} guard {place} for {name}",
-    rf"cover (?P<name>{_NAME}) at {_PLACE}": "give {place} a guard for {name}",
-    rf"cover {_PLACE} by {_WHO}": "let {who} guard {place}",
-    rf"cover {_PLACE}": "give {place} a guard",
-    rf"{_WHO} relieves (?P<leaving>.+)": "let {who} relieve {leaving}",
-    rf"report by {_WHO} at {_PLACE}": "let {who} report on {place}",
-    rf"report by {_WHO}": "let {who} report",
-    rf"report at {_PLACE}": "report on {place}",
-    rf"{_WHO} hold": "let {who} stay put",
-    r"hold": "stay put",
-    rf"{_WHO} home": "send {who} home",
-    rf"look at {_PLACE}": "look at {place}",
-    rf"{_WHO} look at {_PLACE}": "let {who} look at {place}",
-    rf"(?P<do>identify|warn) {_TARGET}": "{do} {target}",
-    rf"{_WHO} (?P<do>identify|warn) {_TARGET}": "let {who} {do} {target}",
-    rf"block {_PLACE}": "close the lane at {place}",
-    rf"{_WHO} block {_PLACE}": "let {who} close the lane at {place}",
-    rf"unknown {_TRACK} at {_PLACE}": "see to the unknown {track} at {place}",
-    rf"unknown at {_PLACE}": "see to what is unknown at {place}",
-    rf"(?P<name>{_NAME}) at {_PLACE}": "see to {name} at {place}",
-    rf"{_WHO} to {_PLACE}": "send {who} to {place}",
-    r"nothing": "do nothing",
-}
-_CONDITIONS = {
-    rf"no track at {_PLACE}": "nothing is at {place}",
-    rf"track at {_PLACE}": "something is at {place}",
-    rf"no {_TRACK} at {_PLACE}": "no {track} is at {place}",
-    rf"{_TRACK} at {_PLACE}": "a {track} is at {place}",
-    rf"track at {_PLACE} (?P<known>[a-z]+)": "what is at {place} is {known}",
-    rf"{_TRACK} at {_PLACE} (?P<known>[a-z]+)": "the {track} at {place} is {known}",
-    rf"{_PLACE} uncovered": "{place} has no guard",
-    rf"{_PLACE} covered": "{place} has a guard",
-    rf"(?P<name>{_NAME}) low": "{name} is low on battery",
-    rf"(?P<name>{_NAME}) not low": "{name} is not low on battery",
-    rf"(?P<name>{_NAME}) down": "{name} is out of order",
-    r"no (?P<kind>[a-z]+) free": "no {kind} is free",
-    r"(?P<one>[a-z]+) free": "{one} is free",
-    rf"(?P<name>{_NAME}) up": "{name} is in order",
-}
+_STAY = f"; {OTHERS_STAY}"
+_CONDITIONS = tuple(
+    (
+        re.compile(
+            form.words.pattern(
+                {
+                    "subject": rf"(?P<subject>{NAME}|{NOWHERE})",
+                    "track": "(?P<track>vehicle|person)",
+                    "kind": f"(?P<kind>{'|'.join(PLAIN_KINDS.values())})",
+                }
+            )
+        ),
+        form.plain,
+    )
+    for form in CONDITIONS.values()
+)
 """How a condition stands is told by others: these say what it is."""
 
 
@@ -75,16 +51,16 @@ def plain_reading(asked: str) -> str:
     `asked: if EastGate uncovered: 1 drone to EastGate, else: nothing; now: ...` is *if EastGate
     has no guard, send 1 drone to EastGate, otherwise do nothing*.
     """
-    words, _, now = asked.removeprefix("asked: ").partition("; now: ")
-    others = words.endswith(_OTHERS_STAY) or now.endswith(_OTHERS_STAY)
-    words = words.removesuffix(_OTHERS_STAY)
+    words, _, now = asked.removeprefix(ASKED).partition("; now: ")
+    others = words.endswith(_STAY) or now.endswith(_STAY)
+    words = words.removesuffix(_STAY)
     case = _CASE.fullmatch(words)
     if case is None:
         told = _clauses(words)
     else:
-        condition = _told(case["condition"], _CONDITIONS)
+        condition = _condition(case["condition"])
         told = f"if {condition}, {_clauses(case['then'])}, otherwise {_clauses(case['otherwise'])}"
-    told = told.replace(_NOWHERE, f"an {_NOWHERE}")
+    told = told.replace(NOWHERE, f"an {NOWHERE}")
     return f"{told}; all others stay" if others else told
 
 
@@ -94,56 +70,41 @@ def _clauses(words: str) -> str:
 
 def _clause(words: str) -> str:
     """Return one clause in plain words, and last what makes it one that no order may have done."""
-    if words.startswith(_ASIDE):
-        return f"{_clause(words.removeprefix(_ASIDE))} (setting rules aside)"
-    for written, told in _UNLAWFUL.items():
-        if words.endswith(written):
-            return _clause(words.removesuffix(written)) + told
-    return _told(words, _CLAUSES)
+    if words == NOTHING:
+        return "do nothing"
+    if words.startswith(ASIDE.words):
+        return _clause(words.removeprefix(ASIDE.words)) + ASIDE.plain
+    for each in UNLAWFUL:
+        if words.endswith(each.words):
+            return _clause(words.removesuffix(each.words)) + each.plain
+    found = clause_of(words)
+    if found is None:
+        return words
+    clause, said = found
+    return clause.plain.write(_plainly(said))
 
 
-def _told(words: str, forms: Mapping[str, str]) -> str:
-    """Return `words` as the first of `forms` that they have tells them."""
-    for pattern, told in forms.items():
-        if found := re.fullmatch(pattern, words):
-            return told.format_map(
-                {part: _part(part, said) for part, said in found.groupdict().items()}
-            )
+def _condition(words: str) -> str:
+    for pattern, plain in _CONDITIONS:
+        if found := pattern.fullmatch(words):
+            return plain.write(_plainly({k: said for k, said in found.groupdict().items() if said}))
     return words
 
 
-def _part(part: str, said: str) -> str:
-    """Return what a clause says in one place, as a sentence has it there."""
-    match part:
-        case "who":
-            return _team(said)
-        case "kind":
-            return _KINDS.get(said, said)
-        case "one":
-            return f"{'an' if said[0] in 'aeiou' else 'a'} {_KINDS.get(said, said)}"
-        case "target":
-            thing, _, place = said.rpartition("at ")
-            return f"{_thing(thing.strip())} at {place}"
-        case _:
-            return said
-
-
-def _thing(said: str) -> str:
-    if not said:
-        return "whoever is"
-    return f"the {said}" if said in ("vehicle", "person") else said
-
-
-def _team(said: str) -> str:
-    """Return who is to do it: names, or how many of a kind."""
-    who, comes_from, origin = said.partition(" from ")
-    number, _, kind = who.partition(" ")
-    if kind.removesuffix("s") in _KINDS:
-        one = _KINDS[kind.removesuffix("s")]
-        who = f"{number} {one}{'s' * kind.endswith('s')}"
-    else:
-        who = {"all": "everybody", "any": "somebody"}.get(who) or _listed(who.split(", "))
-    return f"{who}{comes_from}{origin}"
+def _plainly(said: Mapping[str, str]) -> dict[str, str]:
+    """Return what a clause or a condition says by slot, as a sentence has it there."""
+    plain = {**said}
+    for slot in ("kind", "massed"):
+        if slot in said:
+            plain[slot] = _KINDS[KIND_FORMS[said[slot]]]
+    if "every" in said:
+        plain["every"] = _EVERY[said["every"]]
+    if "who" in said:
+        named = not {"every", "kind"} & said.keys()
+        plain["who"] = (
+            _listed(said["who"].split(", ")) if named else TEAM.write({"plural": "", **plain})
+        )
+    return plain
 
 
 def _listed(parts: Sequence[str]) -> str:

@@ -2,22 +2,13 @@
 
 from collections.abc import Iterable, Sequence
 
-from pa_console.llm.roles.prompt_facts import WORDS
-from pa_console.schema.plan import Action, Verb
-from pa_console.schema.world import World
+from pa_console.orders.clauses import NOTHING, TEAM, counted, written
+from pa_console.orders.order import TASK_OF
+from pa_console.schema.plan import Action
+from pa_console.schema.world import KINDS, World
 
 MOST_NAMED = 4
 """More assets than these with one task are only counted."""
-_PHRASES: dict[Verb, str] = {
-    "hold": "{} hold",
-    "move_to": "{} to {place}",
-    "observe": "{} look at {place}",
-    "identify": "{} identify at {place}",
-    "warn": "{} warn at {place}",
-    "block": "{} block {place}",
-    "return_to_base": "{} home",
-    "report": "report by {}",
-}
 
 
 def planned(actions: Sequence[Action], world: World, *, by_name: bool) -> str:
@@ -30,19 +21,19 @@ def planned(actions: Sequence[Action], world: World, *, by_name: bool) -> str:
     tasks: dict[str, list[Action]] = {}
     for action in actions:
         tasks.setdefault(action.command, []).append(action)
-    return "; ".join(_task(group, world, by_name) for group in tasks.values()) or "nothing"
+    return "; ".join(_task(group, world, by_name) for group in tasks.values()) or NOTHING
 
 
 def _task(actions: Sequence[Action], world: World, by_name: bool) -> str:
     names = [action.agent for action in actions]
     who = ", ".join(names) if by_name and len(names) <= MOST_NAMED else _counted(names, world)
-    return _PHRASES[actions[0].verb].format(who, place=actions[0].target or "")
+    target = actions[0].target
+    where = {"place": target, "gate": target} if target else {}
+    return written(TASK_OF[actions[0].verb], {"who": who, **where})
 
 
 def _counted(names: Iterable[str], world: World) -> str:
     kinds = [world.assets[name].kind for name in names]
     return ", ".join(
-        f"{kinds.count(kind)} {WORDS[kind]}{'s' * (kinds.count(kind) > 1)}"
-        for kind in WORDS
-        if kind in kinds
+        TEAM.write(counted(kind, kinds.count(kind))) for kind in KINDS if kind in kinds
     )

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from typing import NamedTuple
 
-from pa_console.orders.reading import WishTask
+from pa_console.orders.order import Task
 
 
 class SynonymGroup(NamedTuple):
@@ -23,14 +23,14 @@ class SynonymGroup(NamedTuple):
     of several words.
     """
 
-    tasks: tuple[WishTask, ...]
-    means: tuple[WishTask, ...]
+    tasks: tuple[Task, ...]
+    means: tuple[Task, ...]
     plain: str
     words: str
     phrases: tuple[str, ...] = ()
 
 
-_MOVES: tuple[WishTask, ...] = (
+_MOVES: tuple[Task, ...] = (
     *("go", "look", "identify", "warn", "block", "respond", "cover", "relieve", "mass", "home"),
     *("swap", "stand_down", "report"),
 )
@@ -175,8 +175,8 @@ class VerbMention(NamedTuple):
 
     word: str
     start: int
-    tasks: frozenset[WishTask]
-    means: frozenset[WishTask]
+    tasks: frozenset[Task]
+    means: frozenset[Task]
     plain: bool
     """Whether it can hardly be there for anything else."""
 
@@ -194,8 +194,8 @@ def find_verbs(text: str) -> Iterator[VerbMention]:
 
 
 def _verb(word: str, start: int, groups: Sequence[SynonymGroup], plain: bool) -> VerbMention:
-    tasks = frozenset[WishTask]().union(*(group.tasks for group in groups))
-    means = frozenset[WishTask]().union(*(group.means for group in groups))
+    tasks = frozenset[Task]().union(*(group.tasks for group in groups))
+    means = frozenset[Task]().union(*(group.means for group in groups))
     return VerbMention(word, start, tasks, means, plain)
 
 

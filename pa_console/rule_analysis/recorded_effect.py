@@ -2,7 +2,12 @@
 
 from collections.abc import Iterable
 
-from pa_console.orchestrator.planning.approval import inadmissible, request_approval
+from pa_console.orchestrator.planning.approval import (
+    CheckedPlan,
+    OrderAsRead,
+    inadmissible,
+    request_approval,
+)
 from pa_console.policy.rulebook import Rulebook
 from pa_console.rule_analysis.changed_decisions import (
     ChangedDecision,
@@ -132,12 +137,14 @@ class _Session:
         request = request_approval(
             made.decision.request_id,
             made.attempt,
-            attempt.plan,
-            findings,
-            attempt.verdict,
-            attempt.judge_error or "it was not asked, as the plan was blocked",
+            CheckedPlan(
+                attempt.plan,
+                findings,
+                attempt.verdict,
+                attempt.judge_error or "it was not asked, as the plan was blocked",
+            ),
+            OrderAsRead(readings=readings),
             judging=started.variant.judging,
-            readings=readings,
         )
         problem = inadmissible(request, made.decision)
         if bool(problem) != made.accepted:

@@ -1,12 +1,15 @@
 """The checkpoint as data: frames, walls, lanes, zones, platforms and assets, all in metres."""
 
-from typing import Literal, Self
+from typing import Literal, Self, get_args
 
 from pydantic import Field, model_validator
 
 from pa_console.schema.base import Name, NonNegative, Percent, Point, Positive, StrictModel
 
 AssetKind = Literal["uav", "ugv", "robot"]
+KINDS: tuple[AssetKind, ...] = get_args(AssetKind)
+PLAIN_KINDS: dict[AssetKind, str] = {"uav": "drone", "ugv": "vehicle", "robot": "robot"}
+"""What people call the kinds of assets, and what the models read of them."""
 LostLink = Literal["hold", "return_to_base"]
 MOST_POINTS = 100
 """A line or a polygon has at most so many."""

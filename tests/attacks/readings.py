@@ -99,18 +99,18 @@ def wrong(example: Example, rng: random.Random) -> Iterator[tuple[str, str]]:
         team = f"{count} {found[2]}{'' if count == '1' else 's'}"
         yield "number", head[: found.start()] + team + head[found.end() :] + now + rest
     reading = read_asked(head)
-    if reading is None or head.startswith("asked: if") or len(reading.wishes) != 1:
+    if reading is None or head.startswith("asked: if") or len(reading.asks) != 1:
         return
-    wish = reading.wishes[0]
-    place = wish.place if wish.place in world.frames else rng.choice([*world.frames])
-    names = ", ".join(wish.team.names)
+    ask = reading.asks[0]
+    place = ask.place if ask.place in world.frames else rng.choice([*world.frames])
+    names = ", ".join(ask.who.names)
     ways = {
         "go": f"{names or 'somebody'} to {place}", "home": f"{names or 'all'} home",
         "hold": f"{names} hold".strip(), "look": f"look at {place}", "block": f"block {place}",
         "warn": f"warn at {place}", "identify": f"identify at {place}", "report": "report",
         "cover": f"cover {place}", "stand_down": f"stand down {place}",
     }  # fmt: skip
-    same = (wish.task, *_ALIKE.get(wish.task, ()))
+    same = (ask.task, *_ALIKE.get(ask.task, ()))
     yield "verb", f"asked: {ways[rng.choice([task for task in ways if task not in same])]}"
 
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pa_console.cli import mission
 from pa_console.llm.engine.protocol import Completed, Request
 from pa_console.llm.models.catalogue import LocalModel
-from pa_console.orchestrator.planning.approval import request_approval
+from pa_console.orchestrator.planning.approval import CheckedPlan, OrderAsRead, request_approval
 from pa_console.orchestrator.station.headless import standing_approver
 from pa_console.schema.finding import Verdict
 from pa_console.schema.plan import Plan
@@ -163,13 +163,8 @@ def test_no_doubt_is_ever_approved_by_a_standing_instruction(
     request = request_approval(
         "M1.1",
         1,
-        Plan(reason="", actions=()),
-        [],
-        Verdict(verdict="Success"),
-        "",
-        gaps=gaps,
-        confidence=confidence,
-        read_apart=apart,
+        CheckedPlan(Plan(reason="", actions=()), verdict=Verdict(verdict="Success")),
+        OrderAsRead(gaps=tuple(gaps), confidence=confidence, read_apart=apart),
     )
     decision = standing_approver("auto", "whatever", least=least)(request)
     sound = confidence is not None and confidence >= least and not gaps and not apart

@@ -9,8 +9,8 @@ from llguidance import LLMatcher, LLTokenizer
 
 from pa_console.llm.roles.grammar import compact_opening_grammar, plan_grammar
 from pa_console.orders.clause_grammar import ASKED_ONCE, asked_now, grounded_asked, grounded_reason
-from pa_console.orders.condition import Condition, conditions, evidence, holds, in_words
-from pa_console.orders.digest_tracks import tracks_of_digest
+from pa_console.orders.condition import Condition, holds, in_words
+from pa_console.orders.digest_facts import DigestFacts, conditions, evidence, tracks_of_digest
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Digest, Selection
 from tests.llm.site import WORLD, picture
@@ -107,7 +107,7 @@ def test_what_the_picture_denies_cannot_be_stated(facts: str) -> None:
 @settings(deadline=None)
 @given(st.sampled_from(list(conditions(WORLD, DIGEST))), st.booleans())
 def test_whether_a_condition_is_so_is_read_from_the_picture(it: Condition, so: bool) -> None:
-    truth = holds(it, DIGEST)
+    truth = holds(it, DigestFacts(DIGEST))
     now = f"{evidence(it, DIGEST)}, {'so' if so else 'not so'}"
     asked = f"asked: if {in_words(it)}: look at HillGate, else: nothing; now: {now}"
     assert can_plan(f"{asked}; Hawk_2: free") is (truth is None or truth is so)
@@ -120,7 +120,7 @@ def test_whether_a_condition_is_so_is_read_from_the_picture(it: Condition, so: b
 def test_what_was_asked_once_is_told_as_its_condition_stands_now(
     condition: Condition, stay: bool
 ) -> None:
-    stands = holds(condition, DIGEST)
+    stands = holds(condition, DigestFacts(DIGEST))
     tail = "; others stay" * stay
     meant = f"asked: if {in_words(condition)}: Hawk_2 hold, else: nothing"
     now = asked_now(WORLD, DIGEST, f"{meant}; now: At RiverGate: no track, so{tail}")

@@ -2,6 +2,7 @@
 
 import random
 import re
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -9,41 +10,13 @@ from hypothesis import strategies as st
 
 from pa_console.llm.roles.grammar import READ, begun_reason
 from pa_console.orders.canonical_words import canonical_order
-from pa_console.orders.condition_in_picture import due_asks
-from pa_console.orders.order import Ask
-from pa_console.orders.reading import Reading, Team, Wish, asked_words, read_asked, read_reason
+from pa_console.orders.order import Ask, Reading, Who
+from pa_console.orders.reading import asked_words, read_asked, read_reason
 from pa_console.training.order_generator.sampler import sample_order
 from pa_console.training.situations.situations import settled
 from pa_console.training.situations.worlds import shipped_world
 
 NOW = settled(shipped_world())
-
-
-def team_of(ask: Ask) -> Team:
-    """Return who is meant as far as words tell it: nobody named is one asset of any kind."""
-    who = ask.who
-    if ask.task == "swap" or who.names:
-        return Team(names=who.names)
-    return Team(kind=who.kind, number=who.count, origin=who.origin)
-
-
-@given(st.integers(0, 10_000))
-def test_what_was_asked_is_read_as_it_was_meant(seed: int) -> None:
-    order, _ = sample_order(random.Random(seed), NOW.world, NOW.picture, NOW.digest)
-    words = f"asked: {canonical_order(order, NOW.world, NOW.picture, NOW.digest)}"
-    reading = read_asked(words)
-    assert reading is not None
-    assert reading.readable, words
-    assert reading.others_stay == order.others_stay
-    due = due_asks(order, NOW.picture)
-    assert len(reading.wishes) == len(due)
-    for wish, ask in zip(reading.wishes, due, strict=True):
-        if ask.wrong is not None:
-            continue
-        assert wish.task == ask.task
-        assert wish.team == team_of(ask)
-        assert wish.leaving == ask.leaving or ask.task == "cover"
-        assert wish.place == ask.place or ask.task in ("home", "swap")
 
 
 @given(st.integers(0, 10_000), st.sampled_from(["", "Free drone: Drone_T04, guards stay"]))
@@ -61,9 +34,9 @@ def test_a_gate_is_covered_for_whom_it_has_lost(by: str) -> None:
     bare, lost = read_asked(f"asked: cover G{by}"), read_asked(f"asked: cover A_1 at G{by}")
     assert bare is not None
     assert lost is not None
-    (one,), (other,) = bare.wishes, lost.wishes
+    (one,), (other,) = bare.asks, lost.asks
     assert (other.task, other.place, other.leaving) == ("cover", "G", "A_1")
-    assert other._replace(leaving="", words="") == one._replace(words="")
+    assert replace(other, leaving="", words="") == replace(one, words="")
 
 
 def test_a_reason_that_does_not_say_what_was_asked_has_no_such_words() -> None:
@@ -91,12 +64,12 @@ def test_any_text_has_a_reading_or_none(text: str) -> None:
 def test_what_no_order_may_have_is_told_apart(order: str) -> None:
     reading = read_asked(f"asked: {order}")
     assert reading is not None
-    assert [wish.task for wish in reading.wishes] == ["refused"]
+    assert [ask.task for ask in reading.asks] == ["refused"]
 
 
 def test_the_facts_of_a_reason_are_no_part_of_the_order() -> None:
     reason = "asked: 1 drone look at EastGate; others stay; Free drone: Drone_T04"
-    asked = Wish("look", Team(kind="uav"), "EastGate", words="1 drone look at EastGate")
+    asked = Ask("look", Who(kind="uav"), "EastGate", words="1 drone look at EastGate")
     assert read_reason(reason) == Reading((asked,), others_stay=True)
 
 
@@ -107,14 +80,14 @@ def test_of_a_condition_the_case_that_applies_counts(so: str, place: str) -> Non
         f"now: Free drone: Drone_T04, {so}"
     )
     assert reading is not None
-    assert [wish.place for wish in reading.wishes] == [place]
+    assert [ask.place for ask in reading.asks] == [place]
 
 
 def test_a_clause_in_other_words_is_kept_and_means_nothing() -> None:
     reading = read_asked("asked: dance at EastGate tonight; 1 drone to EastGate")
     assert reading is not None
     assert not reading.readable
-    assert [wish.task for wish in reading.wishes] == ["unreadable", "go"]
+    assert [ask.task for ask in reading.asks] == ["unreadable", "go"]
 
 
 READINGS = (

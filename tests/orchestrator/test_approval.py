@@ -3,7 +3,12 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.orchestrator.planning.approval import inadmissible, request_approval
+from pa_console.orchestrator.planning.approval import (
+    CheckedPlan,
+    OrderAsRead,
+    inadmissible,
+    request_approval,
+)
 from pa_console.schema.finding import Finding, Verdict
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Plan
@@ -29,7 +34,7 @@ approvals = st.builds(
 def test_approval_needs_every_condition(
     found: list[Finding], verdict: Verdict | None, decision: Decision
 ) -> None:
-    request = request_approval("M1.1", 1, PLAN, found, verdict, "")
+    request = request_approval("M1.1", 1, CheckedPlan(PLAN, found, verdict), OrderAsRead())
     broken = [f for f in found if f.status in ("violates", "error")]
     sound = not any(f.priority in ("critical", "high") for f in broken)
     acknowledged = all(f.rule_id in decision.acknowledged for f in broken)
@@ -41,23 +46,29 @@ def test_approval_needs_every_condition(
 
 @given(st.lists(findings, max_size=4), verdicts)
 def test_a_plan_can_always_be_rejected(found: list[Finding], verdict: Verdict | None) -> None:
-    request = request_approval("M1.1", 1, PLAN, found, verdict, "timed out")
+    request = request_approval(
+        "M1.1", 1, CheckedPlan(PLAN, found, verdict, "timed out"), OrderAsRead()
+    )
     assert inadmissible(request, Decision(kind="reject")) == ""
 
 
 def test_a_modified_plan_must_be_there() -> None:
-    request = request_approval("M1.1", 1, PLAN, [], None, "timed out")
+    request = request_approval("M1.1", 1, CheckedPlan(PLAN, judge_error="timed out"), OrderAsRead())
     assert "missing" in inadmissible(request, Decision(kind="modify"))
     assert inadmissible(request, Decision(kind="modify", plan=PLAN)) == ""
 
 
 def test_the_reason_for_a_missing_verdict_is_told() -> None:
-    request = request_approval("M1.1", 1, PLAN, [], None, "no answer within 30 s")
+    request = request_approval(
+        "M1.1", 1, CheckedPlan(PLAN, judge_error="no answer within 30 s"), OrderAsRead()
+    )
     assert request.blocked_by == ("judge: no answer within 30 s; the plan is on hold",)
 
 
 def test_a_decision_about_another_plan_is_not_taken_for_this_one() -> None:
-    request = request_approval("M1.2", 2, PLAN, [], Verdict(verdict="Success"), "")
+    request = request_approval(
+        "M1.2", 2, CheckedPlan(PLAN, verdict=Verdict(verdict="Success")), OrderAsRead()
+    )
     late = Decision(kind="approve", request_id="M1.1")
     assert "another plan" in inadmissible(request, late)
     assert inadmissible(request, Decision(kind="approve", request_id="M1.2")) == ""

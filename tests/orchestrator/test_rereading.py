@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from pa_console.llm.models.catalogue import LocalModel
-from pa_console.llm.roles.grammar import exactly
 from pa_console.orchestrator.planning.decision import distinct
 from pa_console.orchestrator.station.headless import Approver, standing_approver
 from pa_console.orchestrator.station.station import Station
+from pa_console.orders.clause_grammar import exactly
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import Decision

@@ -1,6 +1,7 @@
 """A changed rule file is taken while a session runs; what was begun keeps the rules it had."""
 
 from contextlib import aclosing
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -86,6 +87,20 @@ async def test_the_running_mission_is_pinned_to_the_rules_it_was_begun_with(rule
     assert any(f"{first.mission.id} goes on under the set" in text for text in words)
     assert state.started is not None
     assert state.started.rules_seal == replaced.rules_seal
+
+
+async def test_what_is_typed_is_read_with_the_rules_that_are_in_force_now(rules: Path) -> None:
+    engine = ScriptedEngine([])
+    engine.model = replace(engine.model, prompts="compact")
+    watch, site = RulesWatch(rules), load_site("checkpoint", str(rules))
+    station = open_station(site, engine.engine(), SteppedClock(), watch=watch)
+    await station.read_ahead("nobody needs to move")
+    rules.write_text(RULES.replace("Nobody needs to move", "Everybody may move"))
+    await station.reload_rules()
+    await station.read_ahead("nobody needs to move")
+    before, after = engine.warmed[0][2], engine.warmed[-2][2]
+    assert "\nCAP-01: Nobody needs to move" in before
+    assert "\nCAP-01: Everybody may move" in after
 
 
 async def reload(station: Station) -> list[ev.EventPayload]:

@@ -3,7 +3,7 @@
 import pytest
 
 from pa_console.orchestrator.planning.plan_moves import PlanMoves
-from pa_console.orchestrator.tasking.obstacles import unmet_wishes
+from pa_console.orchestrator.tasking.obstacles import unmet_asks
 from pa_console.orders.canonical_words import canonical_order
 from pa_console.orders.reading import read_asked
 from pa_console.policy.rulebook import load_rules
@@ -24,7 +24,7 @@ NO_DRONE = (FailAsset(asset="Drone_T04"),)
 def told(words: str, *orders: str, setup: tuple[Incident, ...] = ()) -> tuple[str, ...]:
     reading = read_asked(f"asked: {words}")
     assert reading is not None
-    return unmet_wishes(moves(*orders, setup=setup), reading)
+    return unmet_asks(moves(*orders, setup=setup), reading)
 
 
 @pytest.mark.parametrize(
@@ -46,7 +46,7 @@ def test_what_cannot_be_done_is_told_with_the_reason(words: str, why: str) -> No
     assert told(words, "Robot_T01 hold", setup=NO_DRONE) == (f"{words}: {why}",)
 
 
-def test_of_two_wishes_for_one_asset_the_other_is_told() -> None:
+def test_of_two_asks_for_one_asset_the_other_is_told() -> None:
     words = "1 robot identify vehicle at NorthGate; 1 drone to SouthGate"
     assert told("look at EastGate; 1 drone to WestGate", "Drone_T04 move_to WestGate") == (
         "look at EastGate: nobody can be spared",
@@ -90,8 +90,8 @@ def test_of_whole_orders_with_proven_plans_nothing_is_told(number: int) -> None:
         assert reading is not None
         plan = PlanMoves(now.world, now.picture, proven.plan)
         idle = all(action.verb == "hold" for action in proven.plan.actions)
-        if unmet_wishes(plan, reading):
-            assert idle or len(reading.wishes) > 1
+        if unmet_asks(plan, reading):
+            assert idle or len(reading.asks) > 1
 
 
 def test_the_trace_and_the_log_say_it_beside_the_plan() -> None:

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.orders.order import Ask, Order
-from pa_console.orders.reading import Reading, read_reason
+from pa_console.orders.order import Ask, Order, Reading
+from pa_console.orders.reading import read_reason
 from pa_console.training.samples.as_said import with_names_as_said
 from pa_console.training.samples.sample import Sample
 
@@ -133,4 +133,4 @@ def test_the_same_is_asked_of_the_same(said: list[str], drawn: list[str], ends: 
 def _unordered(reason: str) -> list[tuple[str, str, frozenset[str]]]:
     reading = read_reason(reason)
     assert isinstance(reading, Reading)
-    return [(wish.task, wish.place, frozenset(wish.team.names)) for wish in reading.wishes]
+    return [(ask.task, ask.place, frozenset(ask.who.names)) for ask in reading.asks]

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from pa_console.orchestrator.planning.digest import digest_picture
 from pa_console.orders.canonical_words import canonical_order
 from pa_console.orders.condition import Condition, Fact
-from pa_console.orders.condition_in_picture import due_asks, holds
 from pa_console.orders.order import Ask, Order, Who
+from pa_console.orders.picture_facts import due_asks, is_so
 from pa_console.schema.telemetry import Identity, Intent, Track
 from pa_console.training.order_generator.sampler import TASKS, sample_order
 from pa_console.training.situations.situations import Situation, random_situation, settled
@@ -65,7 +65,7 @@ def test_a_condition_is_as_its_kind_says(seed: int) -> None:
     for order, kind in orders:
         assert (order.condition is not None) == kind.startswith("if-")
         if order.condition is not None:
-            so = holds(order.condition, situation.picture)
+            so = is_so(order.condition, situation.picture)
             assert so == kind.startswith("if-so/")
             assert due_asks(order, situation.picture) == (order.asks if so else order.otherwise)
 
@@ -89,8 +89,8 @@ def test_every_task_and_every_kind_of_order_is_drawn() -> None:
 
 
 def test_what_is_asked_is_said_in_canonical_words() -> None:
-    def said(*asks: Ask, **order: object) -> str:
-        made = Order.model_validate({"asks": asks, **order})
+    def said(*asks: Ask, condition: Condition | None = None, others_stay: bool = False) -> str:
+        made = Order(asks=asks, condition=condition, others_stay=others_stay)
         return canonical_order(made, QUIET.world, QUIET.picture, QUIET.digest)
 
     look = Ask(task="look", place="WestGate")
@@ -147,13 +147,13 @@ def test_what_is_known_of_a_track_decides_a_condition(
     )
     picture = QUIET.picture.model_copy(update={"tracks": {track.id: track}})
     condition = Condition(fact=fact, subject="EastGate", track="vehicle")
-    assert holds(condition, picture) == (fact in (identity, intent))
+    assert is_so(condition, picture) == (fact in (identity, intent))
     order = Order(asks=(Ask(task="look", place="WestGate"),), condition=condition)
     digest = digest_picture(picture, QUIET.world)
     told = canonical_order(order, QUIET.world, picture, digest).partition("now: ")[2]
     assert told.startswith(f"At EastGate: Track_01 vehicle, {words}, ")
     elsewhere = condition.model_copy(update={"subject": "WestGate"})
-    assert not holds(elsewhere, picture)
+    assert not is_so(elsewhere, picture)
 
 
 def test_the_fact_alone_does_not_tell_whether_a_condition_is_so() -> None:
@@ -163,7 +163,7 @@ def test_the_fact_alone_does_not_tell_whether_a_condition_is_so() -> None:
         for order, _ in orders:
             if order.condition is not None:
                 every[order.condition.fact] += 1
-                so[order.condition.fact] += holds(order.condition, situation.picture)
+                so[order.condition.fact] += is_so(order.condition, situation.picture)
     seldom: tuple[Fact, ...] = ("low", "down", "uncovered")
     mostly: tuple[Fact, ...] = ("not_low", "up", "covered")
     for facts in (seldom, mostly):

@@ -78,5 +78,5 @@ def test_words_of_a_test_set_are_not_taken(group: Group) -> None:
 
 def test_text_that_carries_another_order_keeps_its_own_words(group: Group) -> None:
     home = named(group, "1 drone home")
-    injected = replace(home, order=home.order.model_copy(update={"injected": True}))
+    injected = replace(home, order=replace(home.order, injected=True))
     assert not said(group, injected, "Let a skyeye come back.")

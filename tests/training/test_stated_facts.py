@@ -8,9 +8,10 @@ from hypothesis import strategies as st
 from llguidance import LLMatcher, LLTokenizer
 
 from pa_console.llm.roles.grammar import plan_grammar
-from pa_console.orders import condition as told
 from pa_console.orders.clause_grammar import grounded_reason
-from pa_console.orders.condition_in_picture import holds
+from pa_console.orders.condition import holds
+from pa_console.orders.digest_facts import DigestFacts
+from pa_console.orders.picture_facts import is_so
 from pa_console.training.order_generator.sampler import sample_order
 from pa_console.training.phrasing.phrasing import phrase
 from pa_console.training.situations.situations import random_situation
@@ -40,5 +41,5 @@ def test_what_the_teacher_says_can_be_said(seed: int) -> None:
         whole = matcher.try_consume_tokens(tokens) == len(tokens)
         assert (whole and matcher.is_accepting()) or len(plan.reason) > WHOLE, plan.reason
         if order.condition is not None:
-            truth = told.holds(order.condition, digest)
-            assert truth is None or truth is holds(order.condition, picture)
+            truth = holds(order.condition, DigestFacts(digest))
+            assert truth is None or truth is is_so(order.condition, picture)

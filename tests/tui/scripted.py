@@ -207,7 +207,7 @@ async def settle(pilot: Pilot[Any], station: ScriptedStation | None = None) -> N
     folded = asyncio.Event()
     app.call_later(folded.set)  # behind every event in the application's queue
     await folded.wait()
-    app.flush()
+    app.feed.flush()
     for _ in range(LAYOUTS):
         await pilot.pause()
 

@@ -7,7 +7,7 @@ from textual.widgets import Input
 
 from pa_console.schema.events import event as ev
 from pa_console.session.state.fold import SessionState
-from pa_console.tui.actions import ACTIONS, ActionContext
+from pa_console.tui.actions.registry import ACTIONS, ActionContext
 from pa_console.tui.widgets.alarms import AlarmBar, AlarmPane, summary
 from pa_console.tui.widgets.event_list import EventList
 from tests.tui import living, story

@@ -406,7 +406,7 @@ async def test_a_request_is_withdrawn_with_its_mission(tmp_path: Path) -> None:
         await pilot.pause()
         station.emit(ev.MissionFinished(status="cancelled", reason="stop", metrics=Metrics()))
         await settle(pilot, station)
-        assert app.screen is app.main
+        assert app.screen is app.session.main
         assert station.decisions == []
         assert not app.screen.query_one(ApprovalPanel).display
 
@@ -436,7 +436,7 @@ async def test_the_attempt_up_for_approval_is_the_one_spread_out(tmp_path: Path)
     app = console(station, tmp_path)
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
-        state = app.state.missions[story.MISSION.id]
+        state = app.session.state.missions[story.MISSION.id]
         assert [part.key for part in sections(state, {})][-2:] == ["heading-2", "plan-2"]
         station.emit(story.judged()[-1])
         await settle(pilot, station)

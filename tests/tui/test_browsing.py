@@ -5,7 +5,7 @@ from pathlib import Path
 from textual.widgets import Input, OptionList, Select
 
 from pa_console.schema.incident import SpawnTrack
-from pa_console.tui.actions import ACTIONS, ActionContext
+from pa_console.tui.actions.registry import ACTIONS, ActionContext
 from pa_console.tui.screens.help import help_rows
 from pa_console.tui.screens.policies import PolicyScreen
 from pa_console.tui.screens.questions import Confirm
@@ -41,7 +41,7 @@ async def test_policies_are_searched_with_live_scores_and_filtered(tmp_path: Pat
         assert "the LLM judges it" in str(screen.query_one(Sheet).render())
         await pilot.press("escape")
         await settle(pilot)
-        assert app.screen is app.main
+        assert app.screen is app.session.main
 
 
 async def test_a_rule_shows_its_check_and_examples(tmp_path: Path) -> None:
@@ -183,7 +183,7 @@ async def test_an_interrupt_while_a_mission_is_planned_leaves_it_be(tmp_path: Pa
         await pilot.press("ctrl+c")
         await settle(pilot, station)
         assert notices(app)[-1].endswith("after a question while a mission is active")
-        assert app.state.active == story.MISSION.id
+        assert app.session.state.active == story.MISSION.id
         assert station.cancelled == 0
         await pilot.press("ctrl+q")
         await settle(pilot)

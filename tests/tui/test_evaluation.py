@@ -13,7 +13,7 @@ from pa_console.evaluation.reporting import tables
 from pa_console.evaluation.reporting.table import Table
 from pa_console.orchestrator.station.assembly import Site, load_site
 from pa_console.tui.app import ConsoleApp
-from pa_console.tui.evaluation_app import EvaluationApp
+from pa_console.tui.openings import evaluation_console
 from pa_console.tui.screens.evaluation import EvaluationScreen
 from pa_console.tui.screens.questions import AskFolder
 from pa_console.tui.screens.recording import RecordingScreen
@@ -46,9 +46,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return made
 
 
-def evaluation(folder: Path, site: Site) -> EvaluationApp:
+def evaluation(folder: Path, site: Site) -> ConsoleApp:
     """The evaluation screen alone, as `pa-console eval show` opens it."""
-    app = EvaluationApp(folder, site, copies=folder / "copies")
+    app = evaluation_console(folder, site, copies=folder / "copies")
     app.animation_level = "none"
     return app
 
@@ -324,7 +324,7 @@ async def test_the_console_opens_the_newest_evaluation_over_a_live_session(
         assert app.screen is screen
         await pilot.press("escape")
         await settle(pilot)
-        assert app.screen is app.main
+        assert app.screen is app.session.main
         await pilot.press("c")
         assert station.cancelled == 1
 
@@ -341,7 +341,7 @@ async def test_a_plan_that_waits_meanwhile_is_told(folder: Path, tmp_path: Path)
         assert "A plan waits" in _last_notice(app)
         await pilot.press("f7")
         await settle(pilot, station)
-        assert app.screen is app.main
+        assert app.screen is app.session.main
         assert app.screen.query_one(ApprovalPanel).has_focus_within
 
 
@@ -355,7 +355,7 @@ async def test_without_an_evaluation_the_console_asks_for_a_folder(tmp_path: Pat
         assert isinstance(app.screen, AskFolder)
         await pilot.press("escape")
         await pilot.pause()
-        assert app.screen is app.main
+        assert app.screen is app.session.main
 
 
 def looked_at(*keys: str) -> Callable[[Pilot[Any]], Any]:

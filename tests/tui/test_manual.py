@@ -96,7 +96,7 @@ async def test_the_manual_opens_from_the_help_page_and_escape_goes_back(tmp_path
         await pilot.press("escape")
         assert isinstance(app.screen, HelpScreen)
         await pilot.press("escape")
-        assert app.screen is app.main
+        assert app.screen is app.session.main
         await pilot.press("M")
         assert isinstance(app.screen, ManualScreen)
 

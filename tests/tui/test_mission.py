@@ -37,8 +37,8 @@ TOLD = (
 
 def shown(app: ConsoleApp, selector: str = "#trace") -> str:
     """The text of a pane as a person would read it, line breaks taken out."""
-    assert app.main is not None
-    pane = app.main.query_one(selector)
+    assert app.session.main is not None
+    pane = app.session.main.query_one(selector)
     widgets = [pane, *pane.walk_children(Widget)]
     parts = (
         widget.text if isinstance(widget, VirtualRows) else str(cast(object, widget.render()))
@@ -247,4 +247,4 @@ async def test_a_frame_that_falls_due_while_the_console_closes_does_no_harm(
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
     assert not app.screen_stack
-    app.flush()
+    app.feed.flush()

@@ -8,8 +8,8 @@ from textual.widgets import Input
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import unknown_name
 from pa_console.schema.telemetry import CameraReport, GateCover
+from pa_console.tui.actions.whatif import what_ifs
 from pa_console.tui.map.scene import ROLES, MapScene
-from pa_console.tui.whatif import what_ifs
 from pa_console.tui.widgets.assets import AssetPane, AssetTable
 from pa_console.tui.widgets.bars import StatusBar
 from pa_console.tui.widgets.map_view import LEGEND, MapView

@@ -15,8 +15,8 @@ from pa_console.schema.mission import Decision
 from pa_console.session.replay.log_index import LogIndex, Progress, build_index
 from pa_console.session.replay.player import Player
 from pa_console.tui.app import ConsoleApp
-from pa_console.tui.recordings import KnownWorld, open_compared
-from pa_console.tui.replay_position import read_position
+from pa_console.tui.replay.position import read_position
+from pa_console.tui.replay.recordings import KnownWorld, open_compared
 from pa_console.tui.screens import opening_log
 from pa_console.tui.screens.compare import CompareScreen, Side
 from pa_console.tui.screens.find_event import FindEvent, HitRows
@@ -315,12 +315,12 @@ async def test_a_large_log_is_read_beside_the_screen_with_a_bar(
         assert reading.query_one(ProgressBar).percentage == pytest.approx(0.25, abs=0.01)
         if not waits:
             await press(pilot, "escape")
-            assert app.screen is app.main
+            assert app.screen is app.session.main
         free.set()
         if waits:
             await until(pilot, lambda: isinstance(app.screen, CompareScreen))
         await app.workers.wait_for_complete()
-        assert app.screen is app.main or waits
+        assert app.screen is app.session.main or waits
 
 
 async def test_a_large_log_that_is_none_is_told(
@@ -335,7 +335,7 @@ async def test_a_large_log_that_is_none_is_told(
         await app.workers.wait_for_complete()
         await until(pilot, lambda: notices(app))
         assert "none.jsonl:1" in notices(app)[-1]
-        assert app.screen is app.main
+        assert app.screen is app.session.main
 
 
 async def test_a_log_that_changes_under_a_replay_is_told_and_nothing_breaks(

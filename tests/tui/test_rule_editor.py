@@ -70,7 +70,7 @@ def opened(
     """Return a console with the rules of the file in force, and its station."""
     station = ScriptedStation(payloads or story.opening())
     app = console(station, rules.parent, rules_file=rules, **options)
-    app.rulebook = load_rules(rules)
+    app.controllers.rules.rulebook = load_rules(rules)
     return app, station
 
 
@@ -152,7 +152,7 @@ async def test_a_rule_is_checked_as_it_is_typed_and_saved_alone(rules: Path) -> 
         await pilot.press("ctrl+s")
         await until(pilot, lambda: station.reloads)
         assert rules.read_text() == RULES.replace("== 'block'", "== 'block' && true")
-        assert not app.bench.drafts
+        assert not app.controllers.rules.bench.drafts
 
 
 async def test_a_draft_outlives_the_editor_and_can_be_discarded(rules: Path) -> None:
@@ -190,12 +190,14 @@ async def test_a_draft_outlives_the_console_until_it_is_saved(rules: Path) -> No
         await pilot.press("ctrl+s")
         await until(pilot, lambda: station.reloads)
     assert "priority: medium" in rules.read_text()
-    assert not app.bench.drafts
+    assert not app.controllers.rules.bench.drafts
     assert not list(rules.parent.glob("drafts/*"))
     for path, content in kept.items():
         path.write_bytes(content[:-9])
     app, _ = opened(rules)
-    assert not app.bench.drafts, "a file that is cut short is no draft, and no error"
+    assert not app.controllers.rules.bench.drafts, (
+        "a file that is cut short is no draft, and no error"
+    )
 
 
 async def test_a_file_changed_meanwhile_is_asked_about(rules: Path) -> None:
@@ -208,7 +210,7 @@ async def test_a_file_changed_meanwhile_is_asked_about(rules: Path) -> None:
         await pilot.press("ctrl+s")
         assert "was changed meanwhile, but not this rule" in await answer(pilot, "n")
         assert rules.read_text() == theirs
-        assert app.bench.drafts
+        assert app.controllers.rules.bench.drafts
         await pilot.press("ctrl+s")
         await answer(pilot, "y")
         await until(pilot, lambda: station.reloads)
@@ -225,7 +227,7 @@ async def test_a_file_that_cannot_be_written_leaves_the_draft(rules: Path) -> No
         await until(pilot, lambda: notices(app))
         assert "the file is read-only. The draft is kept" in notices(app)[0]
         assert rules.read_text() == RULES
-        assert "priority: high" in app.bench.drafts["ROE-02"][1]
+        assert "priority: high" in app.controllers.rules.bench.drafts["ROE-02"][1]
 
 
 async def test_a_signed_set_is_said_to_be_altered_and_can_be_signed_anew(
@@ -240,10 +242,10 @@ async def test_a_signed_set_is_said_to_be_altered_and_can_be_signed_anew(
         await pilot.press("ctrl+s")
         assert "is not what was signed any more" in await answer(pilot, "y")
         await until(pilot, lambda: station.reloads)
-        app.rulebook = load_rules(rules)
-        assert app.rulebook.seal.standing == "own key"
+        app.controllers.rules.rulebook = load_rules(rules)
+        assert app.controllers.rules.rulebook.seal.standing == "own key"
         monkeypatch.setenv(KEY_VARIABLE, str(rules.parent / "other.pem"))
-        app.rulebook = load_rules(rules)
+        app.controllers.rules.rulebook = load_rules(rules)
         await write(pilot, editor, "priority: high", "priority: medium")
         await pilot.press("ctrl+s")
         assert "signed by an unknown key. Once saved it is ALTERED" in await answer(pilot, "n")
@@ -294,7 +296,7 @@ async def test_the_browser_shows_the_set_that_came_into_force(rules: Path) -> No
         await settle(pilot, station)
         await until(pilot, lambda: "always" in str(screen.query_one(Sheet).render()))
         assert notices(app) == ["not taken"]
-        assert app.rulebook.seal == load_rules(rules).seal
+        assert app.controllers.rules.rulebook.seal == load_rules(rules).seal
 
 
 async def test_the_console_searches_what_the_station_has_indexed(rules: Path) -> None:
@@ -304,7 +306,7 @@ async def test_the_console_searches_what_the_station_has_indexed(rules: Path) ->
         rules.write_text(RULES.replace("at all times", "always"))
         replaced(station, load_rules(rules), "WF-03 changed")
         await settle(pilot, station)
-        await until(pilot, lambda: app.retriever is station.retriever)
+        await until(pilot, lambda: app.controllers.rules.retriever is station.retriever)
 
 
 async def test_a_draft_is_tried_on_the_plans_of_the_session_and_the_present(rules: Path) -> None:
@@ -326,9 +328,9 @@ async def test_a_rule_leads_to_the_missions_it_had_to_do_with(rules: Path) -> No
         assert "in this session M-003 Have a look" in text
         assert "retrieved 0.38 #1 ✘ VIOLATES a gate is left without cover" in text
         await pilot.press("m")
-        await until(pilot, lambda: app.screen is app.main)
-        assert app.main is not None
-        assert app.main.has_class("-view-trace")
+        await until(pilot, lambda: app.screen is app.session.main)
+        assert app.session.main is not None
+        assert app.session.main.has_class("-view-trace")
 
 
 async def test_a_read_only_console_edits_nothing(rules: Path) -> None:

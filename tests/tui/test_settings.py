@@ -9,8 +9,8 @@ from textual.pilot import Pilot
 from textual.widgets import Input, OptionList, Select, Static
 
 from pa_console.settings.sources import load_settings
-from pa_console.tui.actions import ACTIONS
-from pa_console.tui.keymap import KeymapError, check_keys, key_names
+from pa_console.tui.actions.keymap import KeymapError, check_keys, key_names
+from pa_console.tui.actions.registry import ACTIONS
 from pa_console.tui.screens.help import HelpScreen
 from pa_console.tui.screens.policies import PolicyScreen
 from pa_console.tui.screens.settings import SettingsScreen
@@ -76,8 +76,8 @@ async def test_a_value_is_checked_while_it_is_typed_and_saved_with_enter(
         await settle(pilot)
         assert file.read_text() == "# mine\nspeed: 2\napproval_delay_s: 1.5\n"
         assert "in force now" in note(screen)
-        assert app.main is not None
-        assert app.main.query_one(ApprovalPanel).arm_delay_s == 1.5
+        assert app.session.main is not None
+        assert app.session.main.query_one(ApprovalPanel).arm_delay_s == 1.5
         await pilot.press("delete")
         await settle(pilot)
         assert file.read_text() == "# mine\nspeed: 2\n"
@@ -87,7 +87,7 @@ async def test_a_value_is_checked_while_it_is_typed_and_saved_with_enter(
         assert app.screen is screen
         await pilot.press("escape")
         await settle(pilot)
-        assert app.screen is app.main
+        assert app.screen is app.session.main
         assert file.read_text() == "# mine\nspeed: 2\n"
 
 
@@ -153,8 +153,8 @@ async def test_what_was_chosen_is_in_force_from_the_start(tmp_path: Path, file: 
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
         assert app.theme == "pa-console-light"
-        assert app.main is not None
-        assert app.main.query_one(StatusBar).stale_after_s == 20.0
+        assert app.session.main is not None
+        assert app.session.main.query_one(StatusBar).stale_after_s == 20.0
         await pilot.press("f11")
         await settle(pilot, station)
         assert station.stopped == 1
@@ -171,7 +171,7 @@ async def test_what_cannot_be_used_does_not_keep_the_console_from_starting(
     def tell(text: str, title: str, bad: bool = False) -> None:
         told.append(text)
 
-    monkeypatch.setattr(app, "tell", tell)
+    monkeypatch.setattr(app.session, "tell", tell)
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
         assert app.theme == DEFAULT_THEME

@@ -72,8 +72,8 @@ def before(
         clock.now += 1.0
         app = pilot.app
         assert isinstance(app, ConsoleApp)
-        assert app.main is not None
-        app.main.query_one(ApprovalPanel).refresh_state()
+        assert app.session.main is not None
+        app.session.main.query_one(ApprovalPanel).refresh_state()
         for key in keys:
             await pilot.press(key)
             await pilot.pause()

@@ -1,6 +1,5 @@
 """Opens the console on a recording."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,32 +14,32 @@ from pa_console.session.replay.recording import Recording
 from pa_console.settings.sources import Loaded
 
 if TYPE_CHECKING:  # the screen's library is slow to import
-    from pa_console.tui.app import ConsoleApp
+    from pa_console.tui.app import Opening
 
 
 def play(log: Path, world: str | None, settings: Loaded) -> None:
     """Show the recording, with the world and the rules that it names."""
-    from pa_console.tui.app import ConsoleApp  # noqa: PLC0415 - only when it is shown
-
     recording = read_recording(log)
-    run_console(ConsoleApp, site_of(recording, log, world), recording, settings)
+    run_console(site_of(recording, log, world), recording, settings)
 
 
 def run_console(
-    make: Callable[..., "ConsoleApp"], site: Site, recording: Recording, settings: Loaded
+    site: Site, recording: Recording, settings: Loaded, opening: "Opening | None" = None
 ) -> None:
-    """Run the console that `make` makes over the recording, until it is left."""
+    """Run the console over the recording, until it is left; `opening` shows other screens first."""
     from pa_console.policy.retrieval.retriever import Retriever  # noqa: PLC0415 - only when it is shown
     from pa_console.session.replay.player import Player  # noqa: PLC0415
+    from pa_console.tui.app import ConsoleApp  # noqa: PLC0415
 
     require_keys("use --verify or --compare in scripts")
-    app = make(
+    app = ConsoleApp(
         site.world,
         None,
         site.rulebook,
         Retriever(site.rulebook.rules),
         player=Player(recording),
         settings=settings,
+        opening=opening,
     )
     app.run(mouse=settings.values.mouse)
 

@@ -1,7 +1,6 @@
 """Verifies a session log, and finds the first point where two sessions differ."""
 
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
 
 import typer
@@ -55,19 +54,17 @@ def compare_logs(first: Path, second: Path, json: bool) -> None:
 
 def show_compared(first: Path, second: Path, world: str | None, settings: Loaded) -> None:
     """Open the console on the first log, with both at the point of difference over it."""
-    from pa_console.tui.comparing_app import ComparingApp  # noqa: PLC0415 - only when it is shown
-    from pa_console.tui.recordings import KnownWorld, open_compared  # noqa: PLC0415
+    from pa_console.tui.openings import comparison  # noqa: PLC0415 - only when it is shown
+    from pa_console.tui.replay.recordings import KnownWorld, open_compared  # noqa: PLC0415
     from pa_console.tui.screens.compare import Side  # noqa: PLC0415
 
     recording = read_recording(first)
     site = site_of(recording, first, world)
     rules = {rule.id: rule for rule in site.rulebook.rules}
     known = KnownWorld(site.world, site.world_sha256)
-    sides = (
-        Side(first.name, recording, site.world, rules),
-        Side.of(second.name, open_compared(second, known)),
-    )
-    run_console(partial(ComparingApp, sides), site, recording, settings)
+    one = Side(first.name, recording, site.world, rules)
+    other = Side.of(second.name, open_compared(second, known))
+    run_console(site, recording, settings, comparison(one, other))
 
 
 def _print(

@@ -9,12 +9,12 @@ from collections.abc import Iterator, Sequence
 
 from pa_console.llm.roles.prompt_facts import (
     FEW_FRAMES,
-    WORDS,
     line_if_any,
     plan_facts,
     verification_facts,
 )
 from pa_console.llm.roles.prompts import Prompt, mission_line
+from pa_console.orders.digest_facts import asset_state, standing
 from pa_console.orders.name_linking import link_names
 from pa_console.schema.events.event import Role
 from pa_console.schema.mission import Mission, Verification
@@ -22,7 +22,7 @@ from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.rule import Rule
 from pa_console.schema.telemetry import Digest
-from pa_console.schema.world import World
+from pa_console.schema.world import PLAIN_KINDS, World
 
 TASKS: dict[Role, str] = {
     "planner": "Plan the mission.",
@@ -152,42 +152,16 @@ def _contacts(digest: Digest) -> Iterator[str]:
 def _assets(world: World, digest: Digest) -> Iterator[str]:
     """Yield every asset with its state, its kind and where it stands or goes."""
     for name in (*digest.posts, *digest.down):
-        kind, where = WORDS[world.assets[name].kind], digest.posts.get(name, "").partition(" ")[2]
+        kind = PLAIN_KINDS[world.assets[name].kind]
+        where = digest.posts.get(name, "").partition(" ")[2]
         link = ", poor link" if name in digest.degraded_comms else ""
         yield f"{name}: {asset_state(digest, name)} {kind} {where}".rstrip() + link
-
-
-def asset_state(digest: Digest, name: str) -> str:
-    """Return in a word or two whether an asset can be sent, as the compact picture has it."""
-    if name in digest.down:
-        return "down"
-    guards = name in digest.sole_cover.values()
-    if name in digest.low_battery:
-        return "low, alone" if guards else "low"
-    if guards:
-        return "alone"
-    return "free" if any(name in names for names in digest.free.values()) else "busy"
-
-
-def standing(digest: Digest) -> dict[str, list[str]]:
-    """Return who stands at each gate, and at each other frame where somebody does."""
-    stands: dict[str, list[str]] = {gate: [] for gate in digest.covered}
-    for name in digest.posts:
-        frame = stands_at(digest, name)
-        if frame:
-            stands.setdefault(frame, []).append(name)
-    return stands
-
-
-def stands_at(digest: Digest, name: str) -> str:
-    """Return the frame at which an asset stands, empty while it is on its way."""
-    return digest.posts[name].partition(" at ")[2]
 
 
 def _free(digest: Digest) -> Iterator[str]:
     """Yield the assets that may leave their place, per kind, best first."""
     for kind, names in digest.free.items():
-        yield f"Free {WORDS[kind]}: {', '.join(names) or 'none'}"
+        yield f"Free {PLAIN_KINDS[kind]}: {', '.join(names) or 'none'}"
 
 
 def _rules(rules: Sequence[Rule]) -> list[str]:

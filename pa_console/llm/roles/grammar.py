@@ -6,14 +6,12 @@ kind and frames that exist. The text depends on nothing but its arguments, so it
 
 import json
 from collections.abc import Collection, Iterable, Sequence
-from re import escape
 from typing import Literal, NamedTuple
 
 from pa_console.schema.plan import COMMANDS, MAX_ACTIONS, Action, Verb
 from pa_console.schema.telemetry import Picture
-from pa_console.schema.world import AssetKind, World
+from pa_console.schema.world import KINDS, AssetKind, World
 
-KINDS: tuple[AssetKind, ...] = ("uav", "ugv", "robot")
 REASON_CHARS = 240
 FEEDBACK_CHARS = 240
 COMPARED_CHARS = 480
@@ -157,11 +155,6 @@ def compact_judge_grammar(
         lines.append(f'violated: "" | id ({_literal(", ")} id){{0,{MOST_VIOLATED - 1}}}')
         lines.append(f"id: {_choice(json.dumps(rule_id) for rule_id in rule_ids)}")
     return "\n".join(lines) + "\n"
-
-
-def exactly(text: str) -> str:
-    """Return a regular expression (Rust's syntax, between slashes) for `text` as it is."""
-    return escape(text).replace("/", r"\/")
 
 
 def _text(pattern: str, most: int) -> str:

@@ -6,11 +6,7 @@ from pa_console.schema.mission import Verification
 from pa_console.schema.plan import COMMANDS, Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.telemetry import Digest
-from pa_console.schema.world import AssetKind, World
-
-WORDS: dict[AssetKind, str] = {"uav": "drone", "ugv": "vehicle", "robot": "robot"}
-"""What people call the kinds of assets, and what the models read of them."""
-
+from pa_console.schema.world import PLAIN_KINDS, World
 
 FEW_FRAMES = 24
 """A world with more frames than these tells in every prompt which of them matter."""
@@ -21,8 +17,8 @@ def command_vocabulary(world: World) -> str:
     """Return who may do what and the frames of `world`, if they are few; it never changes."""
     lines = ["Commands"]
     for verb, spec in COMMANDS.items():
-        kinds = sorted(WORDS[kind] for kind in spec.kinds)
-        who = "all" if len(kinds) == len(WORDS) else ", ".join(kinds)
+        kinds = sorted(PLAIN_KINDS[kind] for kind in spec.kinds)
+        who = "all" if len(kinds) == len(PLAIN_KINDS) else ", ".join(kinds)
         lines.append(f"{verb}{' FRAME' if spec.takes_frame else ''}: {who}")
     if len(world.frames) <= FEW_FRAMES:
         lines.append(f"Frames: {', '.join(world.frames)}")
@@ -65,7 +61,7 @@ def line_if_any(label: str, words: Sequence[str], due: str = "") -> list[str]:
 def free_assets(digest: Digest) -> str:
     """Return the assets that may leave their place, per kind."""
     return "Free: " + "; ".join(
-        f"{WORDS[kind]} {_list(_placed(digest, name) for name in names)}"
+        f"{PLAIN_KINDS[kind]} {_list(_placed(digest, name) for name in names)}"
         for kind, names in digest.free.items()
     )
 
@@ -83,7 +79,7 @@ def plan_facts(world: World, plan: Plan) -> str:
     """Return the actions of `plan` with the kind of each asset; its reason is not evidence."""
     return (
         "; ".join(
-            f"{WORDS[world.assets[action.agent].kind]} {action.agent} {action.command}"
+            f"{PLAIN_KINDS[world.assets[action.agent].kind]} {action.agent} {action.command}"
             for action in plan.actions
         )
         or "nothing"

@@ -37,7 +37,7 @@ class EmergencyStop:
 
     def follow(self, commands: Sequence[DeviceCommand]) -> Iterator[ev.EventPayload]:
         """Send a mission's way to safety and see to the answers from now on; yield the events."""
-        yield from self._follow(commands, SAFETY_LIMIT_S)
+        return self._follow(commands, SAFETY_LIMIT_S)
 
     def step(self, step: Step) -> Iterator[ev.EventPayload]:
         """Take in one step's replies; send again what was not answered and still stands."""

@@ -32,7 +32,7 @@ from pa_console.orchestrator.planning.planning import (
     reexamine,
     take,
 )
-from pa_console.orchestrator.planning.understanding import Refused, Retrieved, retrieve, understand
+from pa_console.orchestrator.planning.understanding import Retrieved, retrieve, understand
 from pa_console.policy.ordering.moments import moment
 from pa_console.policy.ordering.monitor import Monitor, halts
 from pa_console.schema.alarm import Alarm
@@ -98,9 +98,9 @@ class MissionRun:
                 rules_content_sha256=seal.content_sha256, rules_warnings=seal.warnings
             )
         )
-        understood = await understand(self._context)
-        if isinstance(understood, Refused):
-            outcome = Outcome("refused", understood.reason)
+        refused = await understand(self._context)
+        if refused is not None:
+            outcome = Outcome("refused", refused.reason)
         else:
             if self._services.variant.workflows:
                 self._tell(self._progress.begin(self._now()))

@@ -92,7 +92,7 @@ def begun(plan: Plan, task: Mission, picture: Picture) -> Mission | None:
     not go on, but that he is warned was asked for.
     """
     reading = read_reason(plan.reason)
-    wishes = reading.wishes if reading is not None else ()
-    gates = {wish.place for wish in wishes if wish.task == "warn"}
+    asks = reading.asks if reading is not None else ()
+    gates = {ask.place for ask in asks if ask.task == "warn"}
     due = (track for track in picture.tracks.values() if track.gate in gates)
     return task if any(is_to_be_warned(t) and t.status != "leaving" for t in due) else None

@@ -1,6 +1,7 @@
 """Step 6: what stands between a checked plan and its execution; deterministic checks decide."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.finding import Finding, Verdict
@@ -8,44 +9,60 @@ from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
 
 
-def request_approval(  # noqa: PLR0917 - one plan and what was said of it
+@dataclass(frozen=True)
+class CheckedPlan:
+    """A plan, what the checks found of it, and what the judge said or why it did not."""
+
+    plan: Plan
+    findings: Sequence[Finding] = ()
+    verdict: Verdict | None = None
+    judge_error: str = ""
+
+
+@dataclass(frozen=True)
+class OrderAsRead:
+    """What the plan is for, and how far that can be trusted."""
+
+    asked: str = ""
+    readings: tuple[str, ...] = ()
+    """What else was meant, maybe."""
+    gaps: tuple[str, ...] = ()
+    """Words of the order that the reading does not account for."""
+    confidence: float | None = None
+    read_apart: bool = False
+    """Whether planner and judge have read the order apart."""
+
+
+def request_approval(
     request_id: str,
     attempt: int,
-    plan: Plan,
-    findings: Sequence[Finding],
-    verdict: Verdict | None,
-    judge_error: str,
+    checked: CheckedPlan,
+    read: OrderAsRead,
     *,
     judging: bool = True,
-    asked: str = "",
-    readings: Sequence[str] = (),
     if_halted: Sequence[Action] = (),
-    gaps: Sequence[str] = (),
-    confidence: float | None = None,
-    read_apart: bool = False,
 ) -> ApprovalRequested:
     """Say what nobody may override, what must be acknowledged, and whether the judge objects.
 
-    With `judging`, a plan without a verdict is on hold. The plan is for what was `asked`;
-    `readings` are what else was meant, maybe. `if_halted` is approved with the plan. The rest says
-    how far the reading can be trusted.
+    With `judging`, a plan without a verdict is on hold. `if_halted` is approved with the plan.
     """
+    verdict, findings = checked.verdict, checked.findings
     blocked = [f"{finding.rule_id}: {finding.message}" for finding in findings if finding.blocking]
     if not blocked and judging and verdict is None:
-        blocked.append(f"judge: {judge_error or 'no verdict'}; the plan is on hold")
+        blocked.append(f"judge: {checked.judge_error or 'no verdict'}; the plan is on hold")
     return ApprovalRequested(
         request_id=request_id,
         attempt=attempt,
-        plan=plan,
+        plan=checked.plan,
         blocked_by=tuple(blocked),
         acknowledge=tuple(warnings(findings)),
         needs_override=verdict is not None and verdict.verdict == "Failure",
-        asked=asked,
-        readings=tuple(readings),
+        asked=read.asked,
+        readings=read.readings,
         if_halted=tuple(if_halted),
-        gaps=tuple(gaps),
-        confidence=confidence,
-        read_apart=read_apart,
+        gaps=read.gaps,
+        confidence=read.confidence,
+        read_apart=read.read_apart,
     )
 
 

@@ -7,9 +7,10 @@ from pa_console.llm.roles.grammar import PLANNED
 from pa_console.orchestrator.planning.plan_moves import PlanMoves
 from pa_console.orchestrator.planning.safeguards import Examination
 from pa_console.orchestrator.tasking.fulfilment import gaps
-from pa_console.orchestrator.tasking.obstacles import unmet_wishes
+from pa_console.orchestrator.tasking.obstacles import unmet_asks
 from pa_console.orders.mention_check import NOTHING_SAID, MentionCheck
-from pa_console.orders.reading import Reading, read_asked, read_reason
+from pa_console.orders.order import Reading
+from pa_console.orders.reading import read_asked, read_reason
 from pa_console.schema.events.event import UNSURE, told_confidence
 from pa_console.schema.finding import Verdict
 from pa_console.schema.world import World
@@ -79,7 +80,7 @@ class Candidate:
         judged = read_asked(asked)
         if judged is None:
             return ""
-        less = own is not None and len(judged.wishes) < len(own.wishes)
+        less = own is not None and len(judged.asks) < len(own.asks)
         sure = self.confidence
         unsure = sure is not None and sure < min(UNSURE, self.judge_confidence or 0.0)
         idle = all(action.verb == "hold" for action in plan.actions)
@@ -92,7 +93,7 @@ class Candidate:
 
 
 def _refuses(reading: Reading | None) -> bool:
-    return reading is not None and any(wish.task == "refused" for wish in reading.wishes)
+    return reading is not None and any(ask.task == "refused" for ask in reading.asks)
 
 
 class Fulfilment(NamedTuple):
@@ -108,7 +109,7 @@ def fulfilment_of(found: Examination, reading: Reading | None, world: World) -> 
     if reading is None or not reading.readable or found.rehearsal is None:
         return Fulfilment()
     moves = PlanMoves(world, found.rehearsal.before, found.plan)
-    return Fulfilment(gaps(moves, reading), unmet_wishes(moves, reading))
+    return Fulfilment(gaps(moves, reading), unmet_asks(moves, reading))
 
 
 def better(first: Candidate | None, other: Candidate) -> Candidate:

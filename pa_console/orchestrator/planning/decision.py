@@ -5,16 +5,22 @@ the operator knows what was meant.
 """
 
 from collections.abc import Awaitable, Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pa_console.llm.roles.grammar import PLANNED
 from pa_console.orchestrator.execution.premises import way_to_safety
 from pa_console.orchestrator.mission.services import MissionContext
-from pa_console.orchestrator.planning.approval import inadmissible, request_approval
+from pa_console.orchestrator.planning.approval import (
+    CheckedPlan,
+    OrderAsRead,
+    inadmissible,
+    request_approval,
+)
 from pa_console.orchestrator.planning.candidate import Candidate
 from pa_console.orchestrator.planning.planning import Planned
 from pa_console.orchestrator.planning.proposal import other_readings
-from pa_console.orders.reading import Reading, Wish, asked_words, read_asked
+from pa_console.orders.order import Ask, Reading
+from pa_console.orders.reading import asked_words, read_asked
 from pa_console.schema.events import event as ev
 from pa_console.schema.events.event import MOST_READINGS, UNSURE
 from pa_console.schema.mission import Decision, MissionStatus
@@ -83,20 +89,20 @@ async def ask_operator(
 ) -> Decided:
     """Step 6: request approval until there is an admissible decision."""
     shown = planned.best
+    found = shown.examination
     request = request_approval(
         f"{context.mission.id}.{shown.attempt}",
         shown.attempt,
-        shown.examination.plan,
-        shown.examination.findings,
-        shown.verdict,
-        shown.judge_error,
+        CheckedPlan(found.plan, found.findings, shown.verdict, shown.judge_error),
+        OrderAsRead(
+            asked=readings.own,
+            readings=readings.offered,
+            gaps=shown.mentions.gaps,
+            confidence=shown.agreed,
+            read_apart=read_apart(shown),
+        ),
         judging=context.services.variant.judging,
-        asked=readings.own,
-        readings=readings.offered,
         if_halted=_way_to_safety(shown, context.services.fleet.world),
-        gaps=shown.mentions.gaps,
-        confidence=shown.agreed,
-        read_apart=read_apart(shown),
     )
     context.emit(request)
     while True:
@@ -170,13 +176,17 @@ def _asks(said: str) -> Reading | None:
     reading = read_asked(said)
     if reading is None or not reading.readable:
         return None
-    if reading.wishes and all(wish.task == "refused" for wish in reading.wishes):
+    if reading.asks and all(ask.task == "refused" for ask in reading.asks):
         return None
-    if any(wish.team.origin and wish.team.origin == wish.place for wish in reading.wishes):
+    if any(ask.who.origin and ask.who.origin == ask.place for ask in reading.asks):
         return None
-    return reading._replace(wishes=tuple(map(_without_words, reading.wishes)))
+    return reading._replace(asks=tuple(map(_without_words, reading.asks)))
 
 
-def _without_words(wish: Wish) -> Wish:
-    """Return `wish` however it was put: whoever a gate has lost, it is the gate that is covered."""
-    return wish._replace(words="", leaving="" if wish.task == "cover" else wish.leaving)
+def _without_words(ask: Ask) -> Ask:
+    """Return `ask` however it was put: whoever a gate has lost, it is the gate that is covered.
+
+    A track is known by its place, and what no order may have is refused whatever it is.
+    """
+    leaving = "" if ask.task == "cover" else ask.leaving
+    return replace(ask, words="", leaving=leaving, track="", track_id="", wrong=None)

@@ -3,10 +3,9 @@
 from collections.abc import Iterator
 
 from pa_console.orchestrator.intake.alarm_causes import silence
+from pa_console.orders.picture_facts import is_free, sole_covers
 from pa_console.schema.telemetry import AssetTelemetry, Digest, Picture, Selection, Track
-from pa_console.schema.world import AssetKind, World
-
-KINDS: tuple[AssetKind, ...] = ("uav", "ugv", "robot")
+from pa_console.schema.world import KINDS, World
 
 
 def digest_picture(picture: Picture, world: World, selection: Selection | None = None) -> Digest:
@@ -18,7 +17,7 @@ def digest_picture(picture: Picture, world: World, selection: Selection | None =
     name.
     """
     gates = tuple(g for g in world.gates if selection is None or g in selection.gates)
-    sole = {gate: cover.by[0] for gate, cover in picture.gates.items() if len(cover.by) == 1}
+    sole = sole_covers(picture)
     team = [
         asset
         for asset in picture.assets.values()
@@ -52,12 +51,6 @@ def digest_picture(picture: Picture, world: World, selection: Selection | None =
         tracks=tuple(_track(picture, track) for track in tracks),
         selection=selection,
     )
-
-
-def is_free(asset: AssetTelemetry, sole_covers: set[str]) -> bool:
-    """Whether an asset may be sent somewhere without uncovering a gate or leaving its task."""
-    busy = asset.task in ("identifying", "warning", "blocking", "charging")
-    return asset.available and not busy and not asset.low_battery and asset.id not in sole_covers
 
 
 def _unknown(picture: Picture, gates: tuple[str, ...], team: list[AssetTelemetry]) -> Iterator[str]:

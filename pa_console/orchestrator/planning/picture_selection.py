@@ -9,13 +9,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 
 from pa_console.orchestrator.intake.alarm_causes import silence
-from pa_console.orchestrator.planning.digest import KINDS, is_free
 from pa_console.orders.names_in_text import named, names_meant
+from pa_console.orders.picture_facts import is_free, sole_covers
 from pa_console.schema.base import Point
 from pa_console.schema.mission import Mission
 from pa_console.schema.rule import Rule
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Selection, Track
-from pa_console.schema.world import World
+from pa_console.schema.world import KINDS, World
 
 SMALL_ASSETS, SMALL_GATES = 16, 8
 MOST_GATES, MOST_TRACKS, MOST_FRAMES = 10, 8, 16
@@ -159,7 +159,7 @@ def _spares(picture: Picture, world: World, gates: Iterable[str]) -> Iterator[Pi
     taken only after those that cover none.
     """
     goals = [world.frames[gate].at for gate in gates]
-    sole = {cover.by[0] for cover in picture.gates.values() if len(cover.by) == 1}
+    sole = {*sole_covers(picture).values()}
     covering = {name for cover in picture.gates.values() for name in cover.by}
 
     def order(asset: AssetTelemetry) -> tuple[bool, float, float, str]:

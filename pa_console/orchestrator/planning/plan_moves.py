@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from pa_console.orchestrator.execution.premises import ENCOUNTERS
-from pa_console.orchestrator.planning.digest import is_free
+from pa_console.orders.picture_facts import is_free, sole_covers
 from pa_console.policy.checks.check_context import goes_to
 from pa_console.schema.plan import Action, Plan, Verb
 from pa_console.schema.telemetry import Picture, Track
@@ -38,7 +38,7 @@ class PlanMoves:
     @cached_property
     def alone(self) -> set[str]:
         """The assets that cover a gate by themselves."""
-        return {cover.by[0] for cover in self.before.gates.values() if len(cover.by) == 1}
+        return {*sole_covers(self.before).values()}
 
     def kind(self, name: str) -> AssetKind:
         """Return what kind of asset it is."""

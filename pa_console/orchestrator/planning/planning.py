@@ -17,7 +17,8 @@ from pa_console.orchestrator.planning.proposal import (
 from pa_console.orchestrator.planning.safeguards import Examination, examine
 from pa_console.orchestrator.planning.understanding import Retrieved
 from pa_console.orders.mention_check import NOTHING_SAID, MentionCheck, check_mentions
-from pa_console.orders.reading import Reading, asked_words, read_asked, read_reason
+from pa_console.orders.order import Reading
+from pa_console.orders.reading import asked_words, read_asked, read_reason
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan

@@ -13,11 +13,6 @@ from pa_console.schema.rule import RuleHit
 
 
 @dataclass(frozen=True)
-class Understood:
-    """A mission that no rule refuses for its words alone."""
-
-
-@dataclass(frozen=True)
 class Refused:
     """A mission that no plan may serve; `reason` names the rules."""
 
@@ -44,11 +39,14 @@ class Retrieved:
         return tuple(hit.rule_id for hit in self.hits)
 
 
-async def understand(context: MissionContext) -> Understood | Refused:
-    """Decide the rules that concern the mission's words alone, before any model is asked."""
+async def understand(context: MissionContext) -> Refused | None:
+    """Step 1: decide the rules that concern the mission's words alone; None when none refuses it.
+
+    No model has been asked of it so far.
+    """
     services = context.services
     if not services.variant.checks:
-        return Understood()
+        return None
     started = perf_counter()
     findings = await asyncio.to_thread(
         check_mission, services.rulebook, context.mission, services.fleet.world
@@ -57,7 +55,7 @@ async def understand(context: MissionContext) -> Understood | Refused:
     context.stopwatch.add("checks_s", seconds)
     blocking = [f"{f.rule_id}: {f.message}" for f in findings if f.blocking]
     if not blocking:
-        return Understood()
+        return None
     context.emit(ev.PlanChecked(attempt=1, findings=findings, seconds=seconds))
     return Refused("; ".join(blocking))
 

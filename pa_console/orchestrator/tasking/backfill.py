@@ -8,12 +8,12 @@ from typing import NamedTuple
 from pa_console.llm.roles.grammar import CommandSlot
 from pa_console.orchestrator.planning.plan_moves import PlanMoves
 from pa_console.orchestrator.tasking.obstacles import unfit
-from pa_console.orders.reading import Wish
+from pa_console.orders.order import Ask
 from pa_console.schema.world import AssetKind
 
 
 class NotInPictureError(Exception):
-    """What serves a wish depends on more than the picture tells."""
+    """What serves an ask depends on more than the picture tells."""
 
 
 class CommandUnit(NamedTuple):
@@ -39,9 +39,9 @@ class StandingAssets(PlanMoves):
         there = (name for name in self.there(place, kind) if name not in self.named)
         return tuple(dict.fromkeys((*there, *self.free(kind))))
 
-    def fit(self, wish: Wish) -> list[str]:
-        """Return those whom `wish` names and who can do their part of it."""
-        return [n for n in wish.team.names if not unfit(n, wish, self.world, self.before)]
+    def fit(self, ask: Ask) -> list[str]:
+        """Return those whom `ask` names and who can do their part of it."""
+        return [n for n in ask.who.names if not unfit(n, ask, self.world, self.before)]
 
 
 def units_of_one(slots: Iterable[CommandSlot]) -> Iterator[CommandUnit]:

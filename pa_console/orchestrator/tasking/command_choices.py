@@ -6,12 +6,13 @@ warned; noncombatants are only watched (ROE-08). The workflow goes on by itself 
 It is the other side of `fulfilment.py`: there a plan is compared with what was asked, here the
 console says what a plan for it is made of.
 
-What serves one wish alone is told by `serving_units.py`; here it is put together, so that nobody
+What serves one ask alone is told by `units`; here it is put together, so that nobody
 has two commands, every gate keeps its guard, and as much of the order is served as can be. Who of
 those that could go does go is left to the model.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations, islice
 
 from pa_console.llm.roles.grammar import CommandSlot
@@ -27,44 +28,44 @@ from pa_console.orchestrator.tasking.backfill import (
 )
 from pa_console.orchestrator.tasking.fulfilment import is_to_be_warned, of_everyone, reporters
 from pa_console.orchestrator.tasking.obstacles import is_of, obstacle_to, unfit
-from pa_console.orders.reading import Reading, Wish, WishTask
+from pa_console.orders.order import Ask, Reading, Task
 from pa_console.policy.checks.check_context import goes_to
 from pa_console.schema.plan import MAX_ACTIONS, Action, Plan
 from pa_console.schema.telemetry import Picture, Track
 from pa_console.schema.world import World
 
 
-def identify_units(stands: StandingAssets, wish: Wish) -> Iterator[CommandUnit]:
+def identify_units(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
     """Yield who finds out who is there; a drone looks first where nobody has (WF-02)."""
-    yield _only_looked_at(stands, wish.place) or _identified(stands, wish)
+    yield _only_looked_at(stands, ask.place) or _identified(stands, ask)
 
 
-def encounter_units(stands: StandingAssets, wish: Wish) -> Iterator[CommandUnit]:
+def encounter_units(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
     """Yield what is due about whoever is there, or that a drone looks where nobody is known."""
-    tracks = stands.tracks(wish.place)
-    if look := _only_looked_at(stands, wish.place):
+    tracks = stands.tracks(ask.place)
+    if look := _only_looked_at(stands, ask.place):
         yield look
     elif any(_is_stranger(track) for track in tracks):
-        at_once = wish.task == "warn" or all(track.observed for track in tracks)
-        yield _identified(stands, wish) if at_once else CommandUnit(_look(stands, wish.place))
+        at_once = ask.task == "warn" or all(track.observed for track in tracks)
+        yield _identified(stands, ask) if at_once else CommandUnit(_look(stands, ask.place))
     elif any(map(is_to_be_warned, tracks)):
-        yield CommandUnit((CommandSlot(_robots(stands, wish), f"warn {wish.place}"),))
+        yield CommandUnit((CommandSlot(_robots(stands, ask), f"warn {ask.place}"),))
     else:
         raise NotInPictureError
 
 
-def block_units(stands: StandingAssets, wish: Wish) -> Iterator[CommandUnit]:
+def block_units(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
     """Yield who closes a lane; whoever is there is met in order before (WF-01)."""
-    if all(map(_may_block, stands.tracks(wish.place))):
-        if wish.team.names:
+    if all(map(_may_block, stands.tracks(ask.place))):
+        if ask.who.names:
             yield from (
-                CommandUnit((CommandSlot((n,), f"block {wish.place}"),)) for n in stands.fit(wish)
+                CommandUnit((CommandSlot((n,), f"block {ask.place}"),)) for n in stands.fit(ask)
             )
-        elif vehicles := stands.near(wish.place, "ugv"):
-            yield CommandUnit((CommandSlot(vehicles, f"block {wish.place}"),))
+        elif vehicles := stands.near(ask.place, "ugv"):
+            yield CommandUnit((CommandSlot(vehicles, f"block {ask.place}"),))
     else:
         yield from encounter_units(
-            stands, wish._replace(task="respond", team=wish.team._replace(names=()))
+            stands, replace(ask, task="respond", who=replace(ask.who, names=()))
         )
 
 
@@ -77,9 +78,9 @@ def _may_block(track: Track) -> bool:
     return known and not track.noncombatants
 
 
-def _identified(stands: StandingAssets, wish: Wish) -> CommandUnit:
-    look = () if all(t.observed for t in stands.tracks(wish.place)) else _look(stands, wish.place)
-    return CommandUnit((*look, CommandSlot(_robots(stands, wish), f"identify {wish.place}")))
+def _identified(stands: StandingAssets, ask: Ask) -> CommandUnit:
+    look = () if all(t.observed for t in stands.tracks(ask.place)) else _look(stands, ask.place)
+    return CommandUnit((*look, CommandSlot(_robots(stands, ask), f"identify {ask.place}")))
 
 
 def _only_looked_at(stands: StandingAssets, place: str) -> CommandUnit | None:
@@ -95,39 +96,39 @@ def _look(stands: StandingAssets, place: str) -> tuple[CommandSlot, ...]:
     return (CommandSlot(stands.near(place, "uav"), f"observe {place}"),)
 
 
-def _robots(stands: StandingAssets, wish: Wish) -> tuple[str, ...]:
-    """Return who can be sent to deal with somebody: those whom `wish` names, or any robot."""
-    return tuple(stands.fit(wish)) or stands.near(wish.place, "robot")
+def _robots(stands: StandingAssets, ask: Ask) -> tuple[str, ...]:
+    """Return who can be sent to deal with somebody: those whom `ask` names, or any robot."""
+    return tuple(stands.fit(ask)) or stands.near(ask.place, "robot")
 
 
-def units(stands: StandingAssets, wish: Wish) -> list[CommandUnit]:
-    """Return what serves `wish`, nothing where nobody is to do anything.
+def units(stands: StandingAssets, ask: Ask) -> list[CommandUnit]:
+    """Return what serves `ask`, nothing where nobody is to do anything.
 
     Raises UntoldError where the console cannot tell.
     """
-    found = list(_SERVES[wish.task](stands, wish))
+    found = list(_SERVES[ask.task](stands, ask))
     if not all(slot.agents for unit in found for slot in unit.slots):
         return []
     return found
 
 
-def _sent(stands: StandingAssets, wish: Wish, command: str, place: str) -> Iterator[CommandUnit]:
+def _sent(stands: StandingAssets, ask: Ask, command: str, place: str) -> Iterator[CommandUnit]:
     """Yield `command` for those named, or for as many as are asked for and to be had.
 
     Of those named, a gate may need each one that covers it alone.
     """
-    team = wish.team
+    team = ask.who
     if team.names:
-        away = [n for n in stands.fit(wish) if wish.task == "home" or stands.post(n) != place]
+        away = [n for n in stands.fit(ask) if ask.task == "home" or stands.post(n) != place]
         yield from one_unit(CommandSlot((n,), command) for n in away if n not in stands.alone)
         yield from units_of_one(CommandSlot((n,), command) for n in away if n in stands.alone)
         return
     free = [
         name
         for name in stands.free(team.kind)
-        if stands.post(name) != place and is_of(stands, name, wish)
+        if stands.post(name) != place and is_of(stands, name, ask)
     ]
-    number = len(free) if team.number == "all" or wish.task == "mass" else team.number
+    number = len(free) if team.count == "all" or ask.task == "mass" else team.count
     if number >= len(free):
         yield from units_of_one(
             CommandSlot((name,), command) for name in but_guards(stands, free, place)
@@ -136,95 +137,95 @@ def _sent(stands: StandingAssets, wish: Wish, command: str, place: str) -> Itera
         yield from units_of_one(CommandSlot(tuple(free), command) for _ in range(number))
 
 
-def _gone(stands: StandingAssets, wish: Wish) -> Iterator[CommandUnit]:
-    yield from _sent(stands, wish, f"move_to {wish.place}", wish.place)
+def _gone(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
+    yield from _sent(stands, ask, f"move_to {ask.place}", ask.place)
 
 
-def _home(stands: StandingAssets, wish: Wish) -> Iterator[CommandUnit]:
-    yield from _sent(stands, wish, "return_to_base", stands.world.base)
+def _home(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
+    yield from _sent(stands, ask, "return_to_base", stands.world.base)
 
 
-def _looked(stands: StandingAssets, wish: Wish) -> Iterator[CommandUnit]:
-    if wish.team.names:
+def _looked(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
+    if ask.who.names:
         yield from one_unit(
-            CommandSlot((name,), f"observe {wish.place}") for name in stands.fit(wish)
+            CommandSlot((name,), f"observe {ask.place}") for name in stands.fit(ask)
         )
         return
-    near = (n for n in stands.near(wish.place, "uav") if is_of(stands, n, wish))
-    if drones := tuple(n for n in near if not unfit(n, wish, stands.world, stands.before)):
-        yield CommandUnit((CommandSlot(drones, f"observe {wish.place}"),))
+    near = (n for n in stands.near(ask.place, "uav") if is_of(stands, n, ask))
+    if drones := tuple(n for n in near if not unfit(n, ask, stands.world, stands.before)):
+        yield CommandUnit((CommandSlot(drones, f"observe {ask.place}"),))
 
 
-def _taken_over(stands: StandingAssets, wish: Wish) -> Iterator[CommandUnit]:
+def _taken_over(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
     """Yield who leaves and who comes; nobody comes where those who could stand there already."""
-    place = wish.place or (stands.post(wish.leaving) if wish.leaving else "")
+    place = ask.place or (stands.post(ask.leaving) if ask.leaving else "")
     leaves: tuple[CommandSlot, ...] = ()
-    if wish.task == "relieve" and stands.before.assets[wish.leaving].available:
-        leaves = (CommandSlot((wish.leaving,), "return_to_base"),)
-    if wish.team.names:
-        away = (name for name in stands.fit(wish) if stands.post(name) != place)
+    if ask.task == "relieve" and stands.before.assets[ask.leaving].available:
+        leaves = (CommandSlot((ask.leaving,), "return_to_base"),)
+    if ask.who.names:
+        away = (name for name in stands.fit(ask) if stands.post(name) != place)
         come = tuple(CommandSlot((name,), f"move_to {place}") for name in away)
     else:
-        others = tuple(_guards(stands, wish, place))
-        stays = wish.task == "relieve" and not others and _stand_there(stands, wish, place)
+        others = tuple(_guards(stands, ask, place))
+        stays = ask.task == "relieve" and not others and _stand_there(stands, ask, place)
         come = () if stays else (CommandSlot(others, f"move_to {place}"),)
     yield from one_unit((*leaves, *come))
 
 
-def _guards(stands: StandingAssets, wish: Wish, place: str) -> list[str]:
+def _guards(stands: StandingAssets, ask: Ask, place: str) -> list[str]:
     """Return who could come to guard a place: of the kind that is asked for first, then others."""
-    kind, assets = wish.team.kind, stands.before.assets
-    free = [n for n in stands.free() if is_of(stands, n, wish) and stands.post(n) != place]
+    kind, assets = ask.who.kind, stands.before.assets
+    free = [n for n in stands.free() if is_of(stands, n, ask) and stands.post(n) != place]
     if not any(kind in (None, stands.kind(name)) for name in free):
-        free = [] if _stand_there(stands, wish, place) else free
+        free = [] if _stand_there(stands, ask, place) else free
     return sorted(free, key=lambda n: (assets[n].comms != "ok", kind not in (None, stands.kind(n))))
 
 
-def _stand_there(stands: StandingAssets, wish: Wish, place: str) -> bool:
+def _stand_there(stands: StandingAssets, ask: Ask, place: str) -> bool:
     """Whether somebody who could guard a place stands there and is free."""
-    free = (name for name in stands.free(wish.team.kind) if is_of(stands, name, wish))
+    free = (name for name in stands.free(ask.who.kind) if is_of(stands, name, ask))
     return any(stands.post(name) == place for name in free)
 
 
-def _swapped(stands: StandingAssets, wish: Wish) -> Iterator[CommandUnit]:
-    first, second = wish.team.names
+def _swapped(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
+    first, second = ask.who.names
     places = ((first, second), (second, first))
     yield CommandUnit(
         tuple(CommandSlot((one,), f"move_to {stands.post(other)}") for one, other in places)
     )
 
 
-def _stood_down(stands: StandingAssets, wish: Wish) -> Iterator[CommandUnit]:
+def _stood_down(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
     """Yield that all but one of those at a place go home: who is low rather than who is not."""
     assets = stands.before.assets
-    there = [n for n, a in assets.items() if a.available and a.post == wish.place]
+    there = [n for n, a in assets.items() if a.available and a.post == ask.place]
     stays = sorted(there, key=lambda n: assets[n].low_battery)[:1]
     leave = [name for name in there if name not in (*stays, *stands.named)]
     yield from one_unit(CommandSlot((name,), "return_to_base") for name in leave)
 
 
-def _reported(stands: StandingAssets, wish: Wish) -> Iterator[CommandUnit]:
-    team = wish.team
+def _reported(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
+    team = ask.who
     if team.names:
-        yield from units_of_one(CommandSlot((name,), "report") for name in stands.fit(wish))
+        yield from units_of_one(CommandSlot((name,), "report") for name in stands.fit(ask))
         return
-    asked = tuple(n for n in reporters(wish, stands.before) if n not in stands.named)
-    number = team.number
-    if number != "all" and not of_everyone(wish):
+    asked = tuple(n for n in reporters(ask, stands.before) if n not in stands.named)
+    number = team.count
+    if number != "all" and not of_everyone(ask):
         yield from units_of_one(
             CommandSlot(asked, "report") for _ in range(min(number, len(asked)))
         )
 
 
-def _held(stands: StandingAssets, wish: Wish) -> Iterator[CommandUnit]:
-    yield from units_of_one(CommandSlot((name,), "hold") for name in stands.fit(wish))
+def _held(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
+    yield from units_of_one(CommandSlot((name,), "hold") for name in stands.fit(ask))
 
 
-def _untold(_stands: StandingAssets, _wish: Wish) -> Iterator[CommandUnit]:
+def _untold(_stands: StandingAssets, _ask: Ask) -> Iterator[CommandUnit]:
     raise NotInPictureError
 
 
-_SERVES: Mapping[WishTask, Callable[[StandingAssets, Wish], Iterator[CommandUnit]]] = {
+_SERVES: Mapping[Task, Callable[[StandingAssets, Ask], Iterator[CommandUnit]]] = {
     "go": _gone,
     "mass": _gone,
     "home": _home,
@@ -265,14 +266,14 @@ def commands_serving(
     cover a gate come first (WF-03). At last, or where nothing can be done, somebody holds. Nothing
     is yielded where the console cannot tell what serves the order.
     """
-    named = (n for wish in reading.wishes for n in (*wish.team.names, wish.leaving) if n)
+    named = (n for ask in reading.asks for n in (*ask.who.names, ask.leaving) if n)
     stands = StandingAssets(world, picture, _NOTHING, frozenset(named))
-    due = [wish for wish in reading.wishes if not obstacle_to(wish, world, picture)]
+    due = [ask for ask in reading.asks if not obstacle_to(ask, world, picture)]
     try:
-        found = [unit for wish in due for unit in units(stands, wish)]
+        found = [unit for ask in due for unit in units(stands, ask)]
     except NotInPictureError:
         return
-    called = [name for wish in due if of_everyone(wish) for name in reporters(wish, picture)]
+    called = [name for ask in due if of_everyone(ask) for name in reporters(ask, picture)]
     for part in _parts(found[:MAX_ACTIONS]) if found or called else []:
         slots = [slot for unit in part for slot in unit.slots]
         for late in (False, True):

@@ -1,8 +1,10 @@
 """Draws one ask of a task: mostly it fits what the picture shows; some must not be carried out."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Literal
 
+from pa_console.orders.feasibility import KIND_FOR
 from pa_console.orders.order import Ask, Task, Who, Wrong
 from pa_console.schema.world import AssetKind
 from pa_console.training.order_generator.order_view import View
@@ -24,7 +26,7 @@ _PLAIN: tuple[Task, ...] = ("go", "look", "identify", "block", "home", "respond"
 def draw_wrong(wrong: Wrong, view: View) -> Ask | None:
     """Return an ask that is wrong in this way, None when the situation does not have it."""
     ask = _WRONG_DRAW[wrong](view)
-    return None if ask is None else ask.model_copy(update={"wrong": wrong})
+    return None if ask is None else replace(ask, wrong=wrong)
 
 
 def _meeting(task: Task, kind: AssetKind) -> Callable[[View], Ask | None]:
@@ -162,9 +164,6 @@ _WRONG_DRAW: Mapping[Wrong, Callable[[View], Ask | None]] = {
 }
 
 
-KIND_FOR: Mapping[Task, AssetKind] = {
-    "look": "uav", "identify": "robot", "warn": "robot", "block": "ugv",
-}  # fmt: skip
 _ANY: tuple[AssetKind, ...] = ("uav", "ugv", "robot")
 
 
@@ -188,7 +187,7 @@ def _go(view: View) -> Ask | None:
     if view.chance(0.06):
         who = Who(kind=kind, count="all")
     elif who.origin == place:
-        who = who.model_copy(update={"origin": ""})
+        who = replace(who, origin="")
     return Ask(task="go", who=who, place=place)
 
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from functools import cache
 
 from pa_console.orchestrator.intake.alarm_causes import Cause, causes
+from pa_console.orders.feasibility import KIND_FOR
 from pa_console.orders.order import Ask, Order, Task, Who
 from pa_console.policy.ordering.moments import moment
 from pa_console.policy.ordering.workflow import WorkflowRun
@@ -80,10 +81,8 @@ def _phases(world: World, picture: Picture, rulebook: Rulebook) -> Iterator[Cons
         task = _PHASE.get(phase.verbs[0]) if phase is not None and phase.verbs else None
         if phase is None or task is None:
             continue
-        kind = {"look": "uav", "block": "ugv"}.get(task, "robot")
         named = track if track in run.command() else ""
-        who = Who.model_validate({"kind": kind})
-        ask = Ask(task=task, who=who, place=run.gate, track_id=named)
+        ask = Ask(task=task, who=Who(kind=KIND_FOR[task]), place=run.gate, track_id=named)
         yield run.command(), Order(asks=(ask,)), phase.verbs
 
 

@@ -5,12 +5,11 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar
 
-from pa_console.orchestrator.planning.digest import KINDS
 from pa_console.orders.condition import Condition, Fact
-from pa_console.orders.condition_in_picture import holds
 from pa_console.orders.order import Ask, Who
+from pa_console.orders.picture_facts import is_so, sole_covers
 from pa_console.schema.telemetry import Digest, Picture, Track
-from pa_console.schema.world import AssetKind, World
+from pa_console.schema.world import KINDS, AssetKind, World
 
 Item = TypeVar("Item")
 
@@ -62,8 +61,7 @@ class View:
     @property
     def alone(self) -> list[str]:
         """The assets on which a gate depends."""
-        covers = self.picture.gates.values()
-        return [c.by[0] for c in covers if len(c.by) == 1 and c.by[0] not in self.named]
+        return [name for name in sole_covers(self.picture).values() if name not in self.named]
 
     def free(self, kind: AssetKind | None = None) -> list[str]:
         """Return the free assets that the order does not speak of yet."""
@@ -133,7 +131,7 @@ def draw_condition(view: View, ask: Ask) -> Condition | None:
     for _ in range(_TRIES):
         fact = view.weighted(FACTS)
         every = list(_conditions(fact, view))
-        so = [condition for condition in every if holds(condition, view.picture)]
+        so = [condition for condition in every if is_so(condition, view.picture)]
         sides = [side for side in (so, [c for c in every if c not in so]) if side]
         if len(sides) == 2 or (sides and view.chance(ONE_SIDED)):
             side = view.rng.choice(sides)

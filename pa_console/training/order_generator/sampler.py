@@ -1,9 +1,10 @@
 """Draws orders that fit a situation, in all their kinds: plain, compound, conditional, wrong."""
 
 import random
+from dataclasses import replace
 
-from pa_console.orders.condition_in_picture import holds
 from pa_console.orders.order import Ask, Order, Task, Wrong, are_twins
+from pa_console.orders.picture_facts import is_so
 from pa_console.schema.telemetry import Digest, Picture
 from pa_console.schema.world import World
 from pa_console.training.order_generator.asks import FORBIDDEN, IMPOSSIBLE, draw_ask, draw_wrong
@@ -85,7 +86,7 @@ def _dressed(view: View, order: Order, kind: str, *, wrong: bool) -> tuple[Order
         update["others_stay"] = True
     if not order.harmless and view.chance(SHARE_INJECTED):
         update["injected"] = True
-    return order.model_copy(update=update), kind
+    return replace(order, **update), kind
 
 
 def _plain(view: View, beside: Task | None = None) -> Ask | None:
@@ -127,7 +128,7 @@ def _twin(view: View, ask: Ask) -> tuple[Ask, ...]:
     """Return the same ask for another gate now and then, if one clause can say both."""
     tracks = [t.gate for t in view.tracks if ask.track in ("", t.kind) and t.gate != ask.place]
     others = tracks if ask.task in _ABOUT_TRACKS and tracks else list(view.world.gates)
-    twin = ask.model_copy(update={"place": view.rng.choice(others)})
+    twin = replace(ask, place=view.rng.choice(others))
     fits = ask.task in (*_ABOUT_TRACKS, "look", "report") and are_twins(ask, twin)
     return (twin,) if fits and view.chance(_TWINS) else ()
 
@@ -151,7 +152,7 @@ def _conditional(view: View, asks: tuple[Ask, ...]) -> tuple[Order, bool] | None
     if view.chance(0.5):
         other = _plain(view)
         otherwise = (other,) if other is not None else ()
-    so = holds(condition, view.picture)
+    so = is_so(condition, view.picture)
     return Order(asks=asks, condition=condition, otherwise=otherwise), so
 
 

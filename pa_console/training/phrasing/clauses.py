@@ -1,6 +1,7 @@
 """Puts one ask, one condition, and who is meant into a clause."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from pa_console.orders.condition import Condition
 from pa_console.orders.order import Ask, Who
@@ -133,7 +134,7 @@ def clause(
     said = {"who": _is_said(ask.who), "track": bool(ask.track or ask.track_id)}
     wanted = frozenset(slot for slot in slots if said.get(slot))
     if ask.wrong == "override":
-        inner = clause(voice, ask.model_copy(update={"wrong": None}), embedded=True)
+        inner = clause(voice, replace(ask, wrong=None), embedded=True)
         return voice.say("wrong.override", {"clause": inner}, embedded=embedded)
     key = _wrong_key(voice, ask) if ask.wrong else ""
     if harmless and ask.task in _HARMLESS and ask.wrong is None:
@@ -236,7 +237,7 @@ def _slots(voice: Voice, ask: Ask) -> dict[str, str]:
     slots: dict[str, str] = {}
     if ask.task in ("go", "home") or _is_said(ask.who):
         everyone = ask.task == "mass" and not ask.who.names
-        who = ask.who.model_copy(update={"count": "all"}) if everyone else ask.who
+        who = replace(ask.who, count="all") if everyone else ask.who
         slots["who"] = who_words(voice, who)
     if ask.task == "swap":
         first, second = (*ask.who.names, ask.leaving)[:2]

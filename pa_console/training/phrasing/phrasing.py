@@ -3,6 +3,7 @@
 import random
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 from pa_console.orders.order import Ask, Order, are_twins
@@ -215,7 +216,7 @@ def _aside_slots(voice: Voice, text: str) -> dict[str, str]:
 
 def _same_kind(voice: Voice, ask: Ask) -> str:
     """Return the kind that it has to be, where no names are given."""
-    return who_words(voice, ask.who.model_copy(update={"origin": ""}))
+    return who_words(voice, replace(ask.who, origin=""))
 
 
 def _body(voice: Voice, order: Order) -> str:

@@ -15,7 +15,7 @@ from pa_console.orchestrator.execution.premises import Premises, safe_state, way
 from pa_console.orchestrator.execution.verification import needs_more_evidence, verify_plan
 from pa_console.orchestrator.mission.mission_run import MAX_HALTS, MAX_TRIES, WATCH_S
 from pa_console.orchestrator.mission.workflow_progress import WorkflowProgress
-from pa_console.orchestrator.planning.digest import KINDS, digest_picture
+from pa_console.orchestrator.planning.digest import digest_picture
 from pa_console.orchestrator.planning.rehearsal import order_moments
 from pa_console.orchestrator.planning.safeguards import Examination, examine
 from pa_console.policy.ordering.moments import moment
@@ -25,6 +25,7 @@ from pa_console.schema.mission import Mission, Verification
 from pa_console.schema.moment import OrderMoment
 from pa_console.schema.plan import COMMANDS, Action, Plan
 from pa_console.schema.telemetry import Picture
+from pa_console.schema.world import KINDS
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.training.proof.playing import carry_out, telemetry_ticks
 

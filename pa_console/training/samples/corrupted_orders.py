@@ -6,14 +6,14 @@ Plans for them are legal as a rule, so no check finds that they do the wrong thi
 import hashlib
 import random
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
-from pa_console.orchestrator.planning.digest import KINDS
-from pa_console.orders.condition_in_picture import due_asks, holds
 from pa_console.orders.order import Ask, Order, Task, Who
+from pa_console.orders.picture_facts import due_asks, is_so
 from pa_console.schema.mission import MAX_MISSION_TEXT
 from pa_console.schema.telemetry import Picture
-from pa_console.schema.world import World
+from pa_console.schema.world import KINDS, World
 from pa_console.training.phrasing.phrase_bank import HELD_OUT, Split
 
 _TEXTS = (
@@ -102,7 +102,7 @@ def misread(order: Order, world: World, picture: Picture, rng: random.Random) ->
     """Yield orders that differ from `order` in one thing; equal states of `rng` give equal ones."""
     due = due_asks(order, picture)
     if order.condition is not None:
-        other = order.otherwise if holds(order.condition, picture) else order.asks
+        other = order.otherwise if is_so(order.condition, picture) else order.asks
         if other:
             yield Misread("branch", _meant(order, tuple(_sound(a, world, rng) for a in other)))
     if any(ask.wrong is not None for ask in due):
@@ -134,11 +134,11 @@ def _changed(
 ) -> Iterator[tuple[str, Ask]]:
     """Yield `ask` with another place, asset, kind, number or task."""
     if ask.place:
-        yield "place", _with(ask, place=_elsewhere(ask, world, rng), track_id="")
+        yield "place", replace(ask, place=_elsewhere(ask, world, rng), track_id="")
     up = [name for name, asset in picture.assets.items() if asset.available]
     if ask.leaving and len(up) > 1 and ask.task == "relieve":
         leaving = rng.choice([name for name in up if name != ask.leaving])
-        yield "leaving", _with(ask, leaving=leaving, place=picture.assets[leaving].post or "")
+        yield "leaving", replace(ask, leaving=leaving, place=picture.assets[leaving].post or "")
     if ask.who.names:
         others = [name for name in up if name not in ask.who.names and name != ask.leaving]
         if others:
@@ -151,8 +151,8 @@ def _changed(
         if len(ask.who.names) > 1 and ask.task != "swap":
             yield "one less", _named(ask, ask.who.names[:-1])
     elif ask.task not in ("stand_down", "respond"):
-        yield "kind", _with(ask, who=_other_kind(ask.who, rng))
-        yield "number", _with(ask, who=_other_number(ask.who))
+        yield "kind", replace(ask, who=_other_kind(ask.who, rng))
+        yield "number", replace(ask, who=_other_number(ask.who))
     task = rng.choice(_MIXED_UP[ask.task])
     if task not in _PLACED or ask.place in world.frames:
         keeps = ask.who if task not in ("relieve", "swap") else Who()
@@ -171,10 +171,8 @@ def _sound(ask: Ask, world: World, rng: random.Random) -> Ask:
     leaving = ask.leaving if ask.leaving in world.assets else ""
     if ask.task == "relieve" and not leaving:
         leaving = rng.choice(assets)
-    who = ask.who.model_copy(update={"names": tuple(dict.fromkeys(names))})
-    return ask.model_copy(
-        update={"wrong": None, "place": place, "leaving": leaving, "who": who, "strict_who": False}
-    )
+    who = replace(ask.who, names=tuple(dict.fromkeys(names)))
+    return replace(ask, wrong=None, place=place, leaving=leaving, who=who, strict_who=False)
 
 
 def _more(world: World, picture: Picture, rng: random.Random) -> Ask:
@@ -199,20 +197,16 @@ def _elsewhere(ask: Ask, world: World, rng: random.Random) -> str:
 
 def _other_kind(who: Who, rng: random.Random) -> Who:
     kinds = [kind for kind in KINDS if kind != who.kind]
-    return who.model_copy(update={"kind": rng.choice(kinds)})
+    return replace(who, kind=rng.choice(kinds))
 
 
 def _other_number(who: Who) -> Who:
     """Return two for one, one for all or for several."""
-    return who.model_copy(update={"count": 2 if who.count == 1 else 1})
+    return replace(who, count=2 if who.count == 1 else 1)
 
 
 def _named(ask: Ask, names: tuple[str, ...]) -> Ask:
-    return _with(ask, who=ask.who.model_copy(update={"names": tuple(dict.fromkeys(names))}))
-
-
-def _with(ask: Ask, **update: object) -> Ask:
-    return ask.model_copy(update=update)
+    return replace(ask, who=replace(ask.who, names=tuple(dict.fromkeys(names))))
 
 
 def _kind(name: str, world: World) -> str:

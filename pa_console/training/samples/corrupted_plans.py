@@ -8,11 +8,10 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import Literal, NamedTuple
 
-from pa_console.orchestrator.planning.digest import KINDS
-from pa_console.orders.condition_in_picture import due_asks
 from pa_console.orders.order import Order
+from pa_console.orders.picture_facts import due_asks
 from pa_console.schema.plan import COMMANDS, Action, Plan, Verb
-from pa_console.schema.world import World
+from pa_console.schema.world import KINDS, World
 from pa_console.training.samples.corrupted_orders import misread
 from pa_console.training.samples.planner_samples import Proven
 from pa_console.training.situations.situations import Situation

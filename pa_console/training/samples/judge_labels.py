@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 from pa_console.llm.roles.grammar import FEEDBACK_CHARS, TEXT
 from pa_console.orders.canonical_words import canonical_order
-from pa_console.orders.condition_in_picture import due_asks
 from pa_console.orders.order import Ask
+from pa_console.orders.picture_facts import due_asks
 from pa_console.orders.plan_words import planned
 from pa_console.schema.finding import Finding
 from pa_console.schema.plan import Action, Plan, Verb

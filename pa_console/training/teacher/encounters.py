@@ -5,6 +5,7 @@ hostile (WF-01); noncombatants are only watched (ROE-08). The workflow goes on b
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
 from pa_console.orders.order import Ask, Who
@@ -95,7 +96,7 @@ def _do(
 ) -> list[Draft]:
     """Return the drafts for one step about `track` at the ask's place."""
     if track is not None and track.gate != ask.place:
-        ask = ask.model_copy(update={"place": track.gate})
+        ask = replace(ask, place=track.gate)
     if not step:
         assert track is not None
         state = track.status if track.status == "leaving" else _known(track)
@@ -106,7 +107,7 @@ def _do(
         step, track = "identify", roster.strangers(ask.place)[0]
     workers = _workers(ask, step, desk, roster)
     if not workers:
-        kind = ask.model_copy(update={"who": Who(kind=_WORKER[step])})
+        kind = replace(ask, who=Who(kind=_WORKER[step]))
         if ask.task == "respond" and step in ("identify", "block"):
             return _watch(ask, track, desk, roster, note=none_free(kind))
         return [refusal(ask, none_free(kind), "CAP-10")]
@@ -142,10 +143,10 @@ def _watch(
 ) -> list[Draft]:
     """Return drafts in which a drone observes the place: one that stands there, else a spare."""
     place = track.gate if track is not None else ask.place
-    changed = ask.model_copy(update={"place": place})
+    changed = replace(ask, place=place)
     barred = track is not None and track.noncombatants
     said = "noncombatants (ROE-08)" if barred else note or _state(place, track)
-    aim = changed.model_copy(update={"who": Who()})
+    aim = replace(changed, who=Who())
     if ask.task != "respond" and (barred or track is None):
         aim = Ask(task="look", place=place)
     return [
@@ -179,7 +180,7 @@ def _workers(ask: Ask, step: Step, desk: TakenAssets, roster: Roster) -> list[st
         return []
     taken = desk.taken(ask.who.names)
     here = [n for n in roster.there(ask.place, (kind,)) if n not in taken and roster.clear(n)]
-    sent = ask.model_copy(update={"who": Who(kind=kind, origin=ask.who.origin)})
+    sent = replace(ask, who=Who(kind=kind, origin=ask.who.origin))
     spare = [team[0] for team, _ in teams(sent, desk, roster, (kind,)) if roster.clear(team[0])]
     healthy = [n for n in (*here, *spare) if not roster.low(n)]
     return list(dict.fromkeys(healthy))

@@ -1,5 +1,7 @@
 """Drafts for asks that move assets, and for those that move nobody: report and hold."""
 
+from dataclasses import replace
+
 from pa_console.orders.order import Ask, Who
 from pa_console.training.teacher.roster import (
     MOST_OPTIONS,
@@ -126,7 +128,7 @@ def cover(ask: Ask, desk: TakenAssets, roster: Roster) -> list[Draft]:
     found = guards(ask, desk, roster, place)
     return [
         Draft(
-            ask.model_copy(update={"place": place}),
+            replace(ask, place=place),
             (going(name, place, roster.world),),
             (", ".join([*note, roster.offered([name])]),),
         )
@@ -154,7 +156,7 @@ def relieve(ask: Ask, desk: TakenAssets, roster: Roster) -> list[Draft]:
         return [Draft(leaves, ((lost, "return_to_base"),), (why,))]
     return [
         Draft(
-            ask.model_copy(update={"place": place}),
+            replace(ask, place=place),
             (
                 going(name, place, roster.world),
                 (lost, "return_to_base"),
@@ -205,7 +207,7 @@ def home(ask: Ask, desk: TakenAssets, roster: Roster) -> list[Draft]:
             Draft(ask, ((name, "return_to_base"),), (f"{name}: low",))
             for name in low[:MOST_OPTIONS]
         ]
-    going_home = ask.model_copy(update={"place": base})
+    going_home = replace(ask, place=base)
     return [
         Draft(
             so_many(ask, team),
@@ -231,7 +233,7 @@ def stand_down(ask: Ask, desk: TakenAssets, roster: Roster) -> list[Draft]:
 
 def mass(ask: Ask, desk: TakenAssets, roster: Roster) -> list[Draft]:
     """Send all free assets of the kind that no gate needs; guards stay (WF-03, WF-06)."""
-    every = ask.model_copy(update={"who": ask.who.model_copy(update={"count": "all"})})
+    every = replace(ask, who=replace(ask.who, count="all"))
     team = next((team for team, _ in teams(every, desk, roster, kinds_of(ask))), ())
     if not team:
         return [refusal(ask, none_free(ask), "CAP-10")]

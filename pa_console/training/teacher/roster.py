@@ -1,19 +1,16 @@
 """Who can be sent and who takes part, and why an ask cannot be carried out as it is meant."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from typing import NamedTuple
 
-from pa_console.llm.roles.compact_prompt import asset_state
-from pa_console.llm.roles.prompt_facts import WORDS
-from pa_console.orchestrator.planning.digest import KINDS
-from pa_console.orchestrator.tasking.obstacles import VERBS
-from pa_console.orders.condition_in_picture import tracks_at
+from pa_console.orders.digest_facts import asset_state
+from pa_console.orders.feasibility import VERB_FOR, Obstacle, asset_obstacles, obstacle
 from pa_console.orders.order import Ask, Task, Wrong
-from pa_console.schema.plan import COMMANDS
+from pa_console.orders.picture_facts import sole_covers, tracks_at
 from pa_console.schema.telemetry import Digest, Picture, Track
-from pa_console.schema.world import AssetKind, World
+from pa_console.schema.world import KINDS, PLAIN_KINDS, AssetKind, World
 
 Command = tuple[str, str]
 """An agent and its command."""
@@ -112,8 +109,8 @@ class Roster:
 
     def alone_at(self, name: str) -> str:
         """Return the gate that only this asset covers, '' for none."""
-        sole = (g for g, cover in self.picture.gates.items() if cover.by == (name,))
-        return next(sole, "")
+        gates = (gate for gate, sole in sole_covers(self.picture).items() if sole == name)
+        return next(gates, "")
 
     def there(self, place: str, kinds: Iterable[AssetKind] = KINDS) -> list[str]:
         """Return the assets that are up and stand at `place`, kind after kind."""
@@ -153,7 +150,7 @@ class Roster:
     def offered(self, names: Sequence[str], *, short: bool = False) -> str:
         """Return who is taken of the free ones, begun as the compact picture begins its list."""
         kinds = {self.kind(name) for name in names}
-        label = f"Free {WORDS[self.kind(names[0])]}" if len(kinds) == 1 else "Free"
+        label = f"Free {PLAIN_KINDS[self.kind(names[0])]}" if len(kinds) == 1 else "Free"
         few = ", ".join(names) if len(names) <= MOST_OFFERED else f"{len(names)} assets"
         return f"{label}: {'only ' if short else ''}{few}"
 
@@ -195,8 +192,6 @@ FORBIDDEN: Mapping[Wrong, tuple[str, str]] = {
 }
 """What must not be done whatever the situation, with the rule that forbids it."""
 
-_PLACED: frozenset[Task] = frozenset(("go", "look", "identify", "warn", "block", "mass"))
-
 Objection = tuple[str, str]
 """Why not, in words, and the id of the rule."""
 
@@ -205,48 +200,42 @@ def objection(ask: Ask, roster: Roster) -> Objection | None:
     """Return why nothing of `ask` can be done; None when at least a part can."""
     if ask.wrong is not None and ask.wrong in FORBIDDEN:
         return FORBIDDEN[ask.wrong]
-    world = roster.world
-    if ask.place in world.zones:
-        return "closed zone", "ROE-07"
-    if ask.place not in world.frames and (ask.place or ask.task in _PLACED):
-        return "no such place", "CAP-06"
-    if ask.leaving and ask.leaving not in world.assets:
-        return f"{ask.leaving}: no such asset", "CAP-10"
-    names = ask.who.names
-    problems = [problem for name in names if (problem := asset_objection(name, ask, roster))]
-    if names and (len(problems) == len(names) or (ask.strict_who and problems)):
-        return problems[0]
-    if ask.task == "swap" and problems:
-        return problems[0]
-    if not names and ask.who.kind is not None:
-        return _kind_objection(ask.who.kind, ask.task)
-    return None
+    found = obstacle(ask, roster.world, lambda name: _obstacle(name, ask, roster))
+    return None if found is None else _told(found, ask.task)
 
 
 def asset_objection(name: str, ask: Ask, roster: Roster) -> Objection | None:
     """Return why the asset of that name cannot do its part of `ask`."""
-    if name not in roster.world.assets:
-        return f"{name}: no such asset", "CAP-10"
-    if not roster.up(name):
-        return f"{name}: down", "CAP-10"
-    if problem := _kind_objection(roster.kind(name), ask.task):
-        return problem
-    stays = ask.task in ("home", "report", "hold") or ask.place == roster.world.base
-    if roster.low(name) and not stays:
-        return f"{name}: low", "CAP-04"
-    if ask.task in VERBS and not roster.clear(name):
-        return f"{name}: poor link", "CAP-05"
-    return None
+    found = _obstacle(name, ask, roster)
+    return None if found is None else _told(found, ask.task)
 
 
-def _kind_objection(kind: AssetKind, task: Task) -> Objection | None:
-    """Return why a kind of asset is not for a task (CAP-01 to CAP-03)."""
-    verb = VERBS.get(task)
-    if verb is None or kind in COMMANDS[verb].kinds:
-        return None
-    word = {"uav": "drones", "ugv": "vehicles", "robot": "robots"}[kind]
-    rule = "CAP-02" if verb == "block" or kind == "ugv" else "CAP-01"
-    return f"{word} do not {verb}", "CAP-03" if verb == "warn" and kind != "uav" else rule
+def _obstacle(name: str, ask: Ask, roster: Roster) -> Obstacle | None:
+    """Return what keeps an asset from its part of `ask`: its kind before its state."""
+    found = [*asset_obstacles(name, ask, roster.world, roster.picture)]
+    return min(found, key=lambda each: each.problem != "wrong kind", default=None)
+
+
+def _told(found: Obstacle, task: Task) -> Objection:
+    """Return an obstacle in words, and its rule."""
+    match found.problem:
+        case "closed":
+            return "closed zone", "ROE-07"
+        case "no place":
+            return "no such place", "CAP-06"
+        case "no asset":
+            return f"{found.subject}: no such asset", "CAP-10"
+        case "down":
+            return f"{found.subject}: down", "CAP-10"
+        case "low":
+            return f"{found.subject}: low", "CAP-04"
+        case "poor link":
+            return f"{found.subject}: poor link", "CAP-05"
+        case "wrong kind":
+            verb, kind = VERB_FOR[task], found.kind
+            rule = "CAP-02" if verb == "block" or kind == "ugv" else "CAP-01"
+            word = "assets" if kind is None else f"{PLAIN_KINDS[kind]}s"
+            return f"{word} do not {verb}", "CAP-03" if verb == "warn" and kind != "uav" else rule
 
 
 MOST_OPTIONS = 4
@@ -295,7 +284,7 @@ def teams(
 
 def only(ask: Ask, names: Sequence[str]) -> Ask:
     """Return `ask` for those of its assets that can do it."""
-    return ask.model_copy(update={"who": ask.who.model_copy(update={"names": tuple(names)})})
+    return replace(ask, who=replace(ask.who, names=tuple(names)))
 
 
 def fewer(draft: Draft, roster: Roster) -> list[Draft]:
@@ -314,13 +303,13 @@ def fewer(draft: Draft, roster: Roster) -> list[Draft]:
 
 def so_many(ask: Ask, team: Sequence[str]) -> Ask:
     """Return `ask` for as many assets as there are in `team`."""
-    return ask.model_copy(update={"who": ask.who.model_copy(update={"count": len(team)})})
+    return replace(ask, who=replace(ask.who, count=len(team)))
 
 
 def none_free(ask: Ask) -> str:
     """Return in words that nobody of the kind that is asked for is free."""
-    words = {"uav": "drone", "ugv": "vehicle", "robot": "robot"}
-    return f"Free {words[ask.who.kind]}: none" if ask.who.kind is not None else "nobody is free"
+    kind = ask.who.kind
+    return f"Free {PLAIN_KINDS[kind]}: none" if kind is not None else "nobody is free"
 
 
 def guards(ask: Ask, desk: TakenAssets, roster: Roster, place: str) -> list[str]:

@@ -108,6 +108,8 @@ def _ask(ask: Ask, world: World) -> Iterator[str]:
             yield from _reporters(ask)
         case "hold":
             yield from (f"!('{name}' in run.moved)" for name in ask.who.names)
+        case "refused" | "unreadable":
+            pass
 
 
 def _there(ask: Ask, world: World, verb: Verb | None = None) -> Iterator[str]:

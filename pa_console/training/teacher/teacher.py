@@ -19,15 +19,14 @@ from pydantic import Field
 
 from pa_console.llm.roles.grammar import REASON_CHARS
 from pa_console.orchestrator.execution.premises import ENCOUNTERS
-from pa_console.orchestrator.planning.digest import KINDS
 from pa_console.orders.canonical_words import canonical_order
-from pa_console.orders.condition_in_picture import due_asks
 from pa_console.orders.order import Ask, Order, Task
+from pa_console.orders.picture_facts import due_asks
 from pa_console.schema.base import Positive, StrictModel
 from pa_console.schema.evaluation import Expectation
 from pa_console.schema.plan import Action, Plan, Verb
 from pa_console.schema.telemetry import Digest, Picture
-from pa_console.schema.world import World
+from pa_console.schema.world import KINDS, World
 from pa_console.training.teacher import encounters, moves
 from pa_console.training.teacher import moves as still
 from pa_console.training.teacher.moves import look

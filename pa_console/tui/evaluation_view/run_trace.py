@@ -8,7 +8,7 @@ from textual.screen import Screen
 from pa_console.evaluation.runs.run_record import RunRecord
 from pa_console.schema.document import DocumentError
 from pa_console.tui.protocols import Clock
-from pa_console.tui.recordings import OpenedLog, log_of_run, open_run
+from pa_console.tui.replay.recordings import OpenedLog, log_of_run, open_run
 from pa_console.tui.screens.opening_log import ReadingLog, is_large
 from pa_console.tui.screens.recording import RecordingScreen
 

@@ -17,9 +17,9 @@ from pa_console.session.log.chain import LogError
 from pa_console.session.replay.comparison import Difference, SessionComparison, compare_sessions
 from pa_console.session.replay.player import Player
 from pa_console.session.replay.recording import Recording
-from pa_console.tui.compare_rows import around, change_rows, heading
 from pa_console.tui.protocols import Clock
-from pa_console.tui.recordings import ComparedLog
+from pa_console.tui.replay.difference_rows import around, change_rows, heading
+from pa_console.tui.replay.recordings import ComparedLog
 from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.row_views import Sheet

@@ -8,8 +8,8 @@ from textual.binding import Binding
 from textual.containers import VerticalScroll
 from textual.screen import ModalScreen
 
-from pa_console.tui.actions import ACTIONS, GROUPS, ActionContext
-from pa_console.tui.keymap import shown_keys
+from pa_console.tui.actions.keymap import shown_keys
+from pa_console.tui.actions.registry import ACTIONS, GROUPS, ActionContext
 from pa_console.tui.status_words import NOTE, QUIET, TERMS
 from pa_console.tui.trace.rows import Row, column, row
 from pa_console.tui.widgets.row_views import Sheet
@@ -61,7 +61,7 @@ class HelpScreen(ModalScreen[None]):
 
     BINDINGS = [
         Binding("escape,f1,q,question_mark", "dismiss", "Close"),
-        Binding("m,M", "app.manual", "Manual"),
+        Binding("m,M", "app.carry_out('manual')", "Manual"),
     ]
 
     def __init__(self, now: ActionContext, keymap: Mapping[str, str] | None = None) -> None:

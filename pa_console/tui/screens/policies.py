@@ -19,7 +19,8 @@ from pa_console.schema.document import DocumentError
 from pa_console.schema.rule import PRIORITIES, Rule, RuleHit
 from pa_console.session.state.rule_trail import uses_of
 from pa_console.tui.protocols import RuleScorer, ShownRules
-from pa_console.tui.rule_rows import Workbench, rule_line, rule_rows, standing_style, use_rows
+from pa_console.tui.rules_view.rows import rule_line, rule_rows, standing_style, use_rows
+from pa_console.tui.rules_view.workbench import Workbench
 from pa_console.tui.screens.questions import Confirm
 from pa_console.tui.screens.rule_editor import RuleEditor
 from pa_console.tui.status_words import QUIET

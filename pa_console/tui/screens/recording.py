@@ -14,12 +14,12 @@ from pa_console.session.log.chain import LogError
 from pa_console.session.replay.player import Player
 from pa_console.session.replay.timeline import MarkKind
 from pa_console.session.state.fold import SessionState
-from pa_console.tui.actions import ActionContext
+from pa_console.tui.actions.keymap import KeysHost, refused_command
+from pa_console.tui.actions.registry import ActionContext
 from pa_console.tui.kept_input import History
-from pa_console.tui.keymap import KeysHost, refused_command
 from pa_console.tui.protocols import Clock
 from pa_console.tui.refresh import ALL_VIEWS, FRAME_S
-from pa_console.tui.replay_driver import ReplayDeck
+from pa_console.tui.replay.deck import ReplayDeck
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.widgets.bars import Scrubber
 

@@ -18,7 +18,8 @@ from pa_console.policy.trust.rule_seal import sign_rules
 from pa_console.rule_analysis.rule_trials import Trial, try_rule
 from pa_console.schema.document import DocumentError
 from pa_console.signing import load_signer
-from pa_console.tui.rule_rows import Workbench, draft_line, draft_rows
+from pa_console.tui.rules_view.rows import draft_line, draft_rows
+from pa_console.tui.rules_view.workbench import Workbench
 from pa_console.tui.screens.questions import Confirm
 from pa_console.tui.status_words import NOTE, QUIET
 from pa_console.tui.terminal import edit_outside, editor_command

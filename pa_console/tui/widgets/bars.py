@@ -11,7 +11,7 @@ from pa_console.schema.quantities import clock_text, few
 from pa_console.schema.rule import RulesSeal
 from pa_console.session.replay.timeline import MarkKind, Timeline
 from pa_console.session.state.fold import SessionState
-from pa_console.tui.actions import first_key
+from pa_console.tui.actions.registry import first_key
 from pa_console.tui.report_condition import cover_state
 from pa_console.tui.status_words import QUIET, WARN, term
 

@@ -118,7 +118,7 @@ def test_an_exported_run_says_where_it_comes_from(tiny: Path, data: Path, tmp_pa
     assert fields["general.type"] == "adapter"
     assert fields["adapter.type"] == "lora"
     assert fields["adapter.lora.alpha"] == 32.0
-    assert fields["pa_console.training.samples.sample"] == "16"
+    assert fields["pa_console.training.samples"] == "16"
     written = json.loads(fields["pa_console.training.config"])
     assert (written["rank"], written["data"]) == (4, data.name)
     assert {tensor.tensor_type.name for tensor in reader.tensors} == {"F16"}

@@ -7,7 +7,7 @@ from typing import Protocol
 from textual.binding import Binding, InvalidBinding
 from textual.keys import REPLACED_KEYS, Keys, key_to_character
 
-from pa_console.tui.actions import ACTIONS, ConsoleAction, key_text
+from pa_console.tui.actions.registry import ACTIONS, ConsoleAction, key_text
 
 _PANEL = {"a": "Approve", "r": "Reject", "m": "Modify"}
 """The keys of the approval panel, which a recording does not have."""

@@ -1,17 +1,17 @@
 """The command palette: the registry's actions that are legal now, what-ifs and speeds."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import partial
 from typing import Protocol, cast
 
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 from textual.types import IgnoreReturnCallbackType
 
-from pa_console.schema.incident import Incident
-from pa_console.schema.world import World
-from pa_console.tui.actions import ACTIONS, ActionContext
-from pa_console.tui.keymap import shown_keys
-from pa_console.tui.whatif import RATES, WhatIf, what_ifs
+from pa_console.tui.actions.keymap import shown_keys
+from pa_console.tui.actions.registry import ACTIONS
+from pa_console.tui.actions.whatif import RATES, WhatIf, what_ifs
+from pa_console.tui.controllers.console_session import ConsoleSession
+from pa_console.tui.controllers.controllers import Controllers
 
 TYPICAL = ("unknown vehicle", "weather")
 """Words of the what-ifs that are offered before anything is typed."""
@@ -23,25 +23,8 @@ Command = tuple[str, IgnoreReturnCallbackType, str]
 class PaletteHost(Protocol):
     """What the palette needs of the app."""
 
-    world: World
-    keys: Mapping[str, str]
-
-    @property
-    def situation(self) -> ActionContext:
-        """What decides which actions are legal now."""
-        ...
-
-    async def run_action(self, action: str) -> bool:
-        """Carry out an action by name."""
-        ...
-
-    def inject(self, incident: Incident) -> None:
-        """Make something happen in the simulation."""
-        ...
-
-    def set_rate(self, rate: float) -> None:
-        """Set the simulation's speed."""
-        ...
+    session: ConsoleSession
+    controllers: Controllers
 
 
 class ConsoleCommands(Provider):
@@ -54,22 +37,23 @@ class ConsoleCommands(Provider):
         return cast(PaletteHost, self.app)
 
     def _actions(self) -> Iterator[Command]:
-        now = self._host.situation
+        now, keys = self._host.session.situation, self._host.controllers.settings.keys
         for action in ACTIONS:
             if action.palette and not action.refusal(now):
-                run = partial(self._host.run_action, f"app.{action.action}")
-                yield f"{action.help}  [{shown_keys(action, self._host.keys)}]", run, action.group
+                run = partial(self.app.run_action, f"app.{action.action}")
+                yield f"{action.help}  [{shown_keys(action, keys)}]", run, action.group
 
     def _simulation(self) -> Iterator[Command]:
-        now = self._host.situation
+        session, commands = self._host.session, self._host.controllers.commands
+        now = session.situation
         if now.replay or now.readonly:
             return
         for rate in RATES:
-            yield f"Speed {rate:g}x", partial(self._host.set_rate, rate), "Simulation"
+            yield f"Speed {rate:g}x", partial(commands.set_rate, rate), "Simulation"
         if self._what_ifs is None:
-            self._what_ifs = tuple(what_ifs(self._host.world))
+            self._what_ifs = tuple(what_ifs(session.world))
         for title, incident in self._what_ifs:
-            yield title, partial(self._host.inject, incident), "Simulation only"
+            yield title, partial(commands.inject, incident), "Simulation only"
 
     async def discover(self) -> Hits:
         """Yield the actions, and the what-ifs that start a typical situation."""

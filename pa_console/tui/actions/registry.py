@@ -1,9 +1,13 @@
 """The one registry of actions: key bindings, footer, command palette and help are made from it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 from textual.binding import Binding, BindingType
+
+if TYPE_CHECKING:
+    from pa_console.tui.controllers.controllers import Controllers
 
 Need = Literal[
     "live",
@@ -42,7 +46,8 @@ class ConsoleAction:
     """One thing that the operator can do.
 
     `id` names its first key in the user's keymap and `id.also` the others; `keys` are Textual key
-    names separated by commas, and `action` is the method of the app without `action_`.
+    names separated by commas. `does` calls the controller that carries it out, or is the name of
+    an action that every Textual app has.
     """
 
     id: str
@@ -50,7 +55,7 @@ class ConsoleAction:
     label: str
     help: str
     group: Group
-    action: str
+    does: "Callable[[Controllers], None] | str"
     needs: tuple[Need, ...] = ()
     footer: bool = False
     palette: bool = True
@@ -58,6 +63,11 @@ class ConsoleAction:
     opens_field: bool = False
     """Whether what is typed next goes into a field: its keys are dealt with at once, so that no
     letter of a burst is taken for another command."""
+
+    @property
+    def action(self) -> str:
+        """The action as Textual binds it; the app has one method for all that controllers do."""
+        return self.does if isinstance(self.does, str) else f"carry_out({self.id!r})"
 
     def refusal(self, now: ActionContext) -> str:
         """Return why the action is not legal now, empty when it is."""
@@ -103,130 +113,143 @@ _COMMAND: tuple[Need, ...] = ("live", "writable")
 ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction(
         "help", "f1,question_mark", "Help", "Show all keys and the meaning of every sign",
-        "Console", "help", footer=True,
+        "Console", lambda to: to.browsing.show_help(), footer=True,
     ),
-    ConsoleAction("manual", "M", "Manual", "Read and search the manual", "Console", "manual"),
-    ConsoleAction("view_map", "f2,1", "Map", "Go to the map", "View", "view('map')"),
-    ConsoleAction("view_assets", "f3,2", "Assets", "Go to the assets", "View", "view('assets')"),
+    ConsoleAction("manual", "M", "Manual", "Read and search the manual", "Console",
+                  lambda to: to.browsing.show_manual()),
+    ConsoleAction("view_map", "f2,1", "Map", "Go to the map", "View",
+                  lambda to: to.browsing.view("map")),
+    ConsoleAction("view_assets", "f3,2", "Assets", "Go to the assets", "View",
+                  lambda to: to.browsing.view("assets")),
     ConsoleAction("view_trace", "f4,3", "Trace", "Go to the trace of the mission", "View",
-                  "view('trace')"),
+                  lambda to: to.browsing.view("trace")),
     ConsoleAction("view_events", "f5,4", "Events", "Go to the event list", "View",
-                  "view('events')"),
+                  lambda to: to.browsing.view("events")),
     ConsoleAction("view_alarms", "5", "Alarms", "Go to the alarms and the missions that wait",
-                  "View", "view('alarms')"),
+                  "View", lambda to: to.browsing.view("alarms")),
     ConsoleAction("policies", "f6,p", "Policies", "Browse and search the rules", "View",
-                  "policies", footer=True),
+                  lambda to: to.rules.browse(), footer=True),
     ConsoleAction("evaluation", "e", "Evaluation",
-                  "Look at an evaluation: runs, failures, tables, traces", "View", "evaluation"),
+                  "Look at an evaluation: runs, failures, tables, traces", "View",
+                  lambda to: to.browsing.show_evaluation()),
     ConsoleAction(
         "approval", "f7,g", "To approval", "Go to the plan that waits for a decision",
-        "Mission", "to_approval", needs=("live", "writable", "approval"), footer=True,
+        "Mission",
+        lambda to: to.approval.go_to_it(), needs=("live", "writable", "approval"), footer=True,
     ),
     ConsoleAction(
         "cancel", "f8,c", "Cancel", "Cancel the active mission, in any stage",
-        "Mission", "cancel_mission", needs=(*_COMMAND, "mission"), footer=True,
+        "Mission",
+        lambda to: to.commands.cancel_mission(), needs=(*_COMMAND, "mission"), footer=True,
     ),
     ConsoleAction(
         "stop", "f9,S", "STOP ALL",
         "Stop: every asset holds, open plans are void, nothing else is sent until it is released",
-        "Safety", "stop_all", needs=_COMMAND, footer=True, urgent=True,
+        "Safety", lambda to: to.commands.stop_all(), needs=_COMMAND, footer=True, urgent=True,
     ),
     ConsoleAction(
         "release", "ctrl+r", "Release stop", "Release the stop, after a question: missions are "
-        "taken again", "Safety", "release_stop", needs=(*_COMMAND, "stopped"), footer=True,
+        "taken again", "Safety",
+        lambda to: to.commands.release_stop(), needs=(*_COMMAND, "stopped"), footer=True,
     ),
     ConsoleAction(
         "acknowledge", "k,f12", "Seen", "Acknowledge the alarm at the pointer or the worst new one",
-        "Alarms", "acknowledge", needs=(*_COMMAND, "unseen"), footer=True,
+        "Alarms", lambda to: to.commands.acknowledge(), needs=(*_COMMAND, "unseen"), footer=True,
     ),
     ConsoleAction("next_alarm", "j", "Next alarm", "Put the pointer on the next alarm", "Alarms",
-                  "next_alarm", needs=("alarm",)),
+                  lambda to: to.browsing.next_alarm(), needs=("alarm",)),
     ConsoleAction("next_queued", "o", "Next waiting", "Put the pointer on the next waiting mission",
-                  "Queue", "next_queued", needs=("queue",)),
+                  "Queue", lambda to: to.browsing.next_queued(), needs=("queue",)),
     ConsoleAction("sooner", "u", "Sooner", "Move the waiting mission at the pointer up", "Queue",
-                  "move_queued(-1)", needs=(*_COMMAND, "queue")),
+                  lambda to: to.commands.move_queued(-1), needs=(*_COMMAND, "queue")),
     ConsoleAction("later_queued", "d", "Later", "Move the waiting mission at the pointer down",
-                  "Queue", "move_queued(1)", needs=(*_COMMAND, "queue")),
+                  "Queue", lambda to: to.commands.move_queued(1), needs=(*_COMMAND, "queue")),
     ConsoleAction("defer", "z", "Defer", "Let every other mission go before the one at the pointer",
-                  "Queue", "defer_queued", needs=(*_COMMAND, "queue")),
+                  "Queue", lambda to: to.commands.defer_queued(), needs=(*_COMMAND, "queue")),
     ConsoleAction("withdraw", "x", "Withdraw", "Take the mission at the pointer out of the queue",
-                  "Queue", "withdraw_queued", needs=(*_COMMAND, "queue")),
+                  "Queue", lambda to: to.commands.withdraw_queued(), needs=(*_COMMAND, "queue")),
     ConsoleAction("follow", "t", "Follow", "Keep what the alarm at the pointer is about in view",
-                  "Map", "follow"),
+                  "Map", lambda to: to.browsing.follow_alarm()),
     ConsoleAction("zoom_in", "full_stop,greater_than_sign", "Nearer", "Zoom the map in", "Map",
-                  "zoom(2.0)"),
+                  lambda to: to.browsing.zoom(2.0)),
     ConsoleAction("zoom_out", "comma,less_than_sign", "Farther", "Zoom the map out", "Map",
-                  "zoom(0.5)"),
-    ConsoleAction("pan_left", "shift+left", "West", "Look further west", "Map", "pan(-1, 0)",
-                  palette=False),
-    ConsoleAction("pan_right", "shift+right", "East", "Look further east", "Map", "pan(1, 0)",
-                  palette=False),
-    ConsoleAction("pan_up", "shift+up", "North", "Look further north", "Map", "pan(0, 1)",
-                  palette=False),
-    ConsoleAction("pan_down", "shift+down", "South", "Look further south", "Map", "pan(0, -1)",
-                  palette=False),
+                  lambda to: to.browsing.zoom(0.5)),
+    ConsoleAction("pan_left", "shift+left", "West", "Look further west", "Map",
+                  lambda to: to.browsing.pan(-1, 0), palette=False),
+    ConsoleAction("pan_right", "shift+right", "East", "Look further east", "Map",
+                  lambda to: to.browsing.pan(1, 0), palette=False),
+    ConsoleAction("pan_up", "shift+up", "North", "Look further north", "Map",
+                  lambda to: to.browsing.pan(0, 1), palette=False),
+    ConsoleAction("pan_down", "shift+down", "South", "Look further south", "Map",
+                  lambda to: to.browsing.pan(0, -1), palette=False),
     ConsoleAction("filter", "f", "Filter", "Filter assets, tracks and cameras by any words",
-                  "View", "filter", opens_field=True),
+                  "View", lambda to: to.browsing.ask_for_filter(), opens_field=True),
     ConsoleAction("problems", "F", "Problems", "Show only what needs an eye, or all again", "View",
-                  "problems"),
-    ConsoleAction("prompt", "i,slash", "Mission", "Type a mission", "Mission", "to_prompt",
-                  needs=_COMMAND, opens_field=True),
+                  lambda to: to.browsing.toggle_problems()),
+    ConsoleAction("prompt", "i,slash", "Mission", "Type a mission", "Mission",
+                  lambda to: to.browsing.to_prompt(), needs=_COMMAND, opens_field=True),
     ConsoleAction("leave", "escape", "Leave", "Leave the field; what was typed stays",
-                  "Mission", "leave", palette=False),
+                  "Mission", lambda to: to.browsing.leave_field(), palette=False),
     ConsoleAction("earlier", "left_square_bracket", "Earlier", "Trace of the mission before",
-                  "View", "select_mission(-1)", needs=("idle_trace",)),
+                  "View", lambda to: to.browsing.select_mission(-1), needs=("idle_trace",)),
     ConsoleAction("later", "right_square_bracket", "Later", "Trace of the mission after",
-                  "View", "select_mission(1)", needs=("idle_trace",)),
+                  "View", lambda to: to.browsing.select_mission(1), needs=("idle_trace",)),
     ConsoleAction("copy_trace", "y", "Copy trace", "Copy the trace, and write it to a file",
-                  "Copy", "copy_trace", needs=("idle_trace",)),
+                  "Copy", lambda to: to.copying.copy_trace(), needs=("idle_trace",)),
     ConsoleAction("copy_plan", "Y", "Copy plan", "Copy the plan's JSON, and write it to a file",
-                  "Copy", "copy_plan", needs=("idle_trace",)),
+                  "Copy", lambda to: to.copying.copy_plan(), needs=("idle_trace",)),
     ConsoleAction("faster", "plus", "Faster", "Twice the speed, up to 8x (replay: 32x)",
-                  "Simulation", "change_rate(2.0)"),
+                  "Simulation", lambda to: to.commands.change_rate(2.0)),
     ConsoleAction("slower", "minus", "Slower", "Half the speed, down to 1x (replay: 1/4x)",
-                  "Simulation", "change_rate(0.5)"),
+                  "Simulation", lambda to: to.commands.change_rate(0.5)),
     ConsoleAction("play", "space", "Play/pause", "Play or pause the replay", "Replay",
-                  "play_pause", needs=("replay",), footer=True),
-    ConsoleAction("step", "right", "Step", "One event forward", "Replay", "step(1)",
-                  needs=("replay",), footer=True),
-    ConsoleAction("back", "left", "Back", "One event back", "Replay", "step(-1)",
+                  lambda to: to.replay.play_pause(), needs=("replay",), footer=True),
+    ConsoleAction("step", "right", "Step", "One event forward", "Replay",
+                  lambda to: to.replay.step(1), needs=("replay",), footer=True),
+    ConsoleAction("back", "left", "Back", "One event back", "Replay", lambda to: to.replay.step(-1),
                   needs=("replay",), footer=True),
     ConsoleAction("second", "l,ctrl+right", "+1 s", "One simulated second forward", "Replay",
-                  "step_second(1)", needs=("replay",), footer=True),
+                  lambda to: to.replay.step_second(1), needs=("replay",), footer=True),
     ConsoleAction("second_back", "h,ctrl+left", "-1 s", "One simulated second back", "Replay",
-                  "step_second(-1)", needs=("replay",), footer=True),
+                  lambda to: to.replay.step_second(-1), needs=("replay",), footer=True),
     ConsoleAction("next_mission", "n", "Next mission", "Jump to the next mission", "Replay",
-                  "jump_mission(1)", needs=("replay",), footer=True),
+                  lambda to: to.replay.jump_mission(1), needs=("replay",), footer=True),
     ConsoleAction("mission_before", "N", "Mission before", "Jump to the mission before", "Replay",
-                  "jump_mission(-1)", needs=("replay",)),
+                  lambda to: to.replay.jump_mission(-1), needs=("replay",)),
     ConsoleAction("next_finding", "w", "Next finding",
                   "Jump to the next finding, override, alarm, refusal or fault", "Replay",
-                  "jump_finding(1)", needs=("replay",), footer=True),
+                  lambda to: to.replay.jump_finding(1), needs=("replay",), footer=True),
     ConsoleAction("finding_before", "W", "Finding before",
                   "Jump to the finding, override, alarm, refusal or fault before", "Replay",
-                  "jump_finding(-1)", needs=("replay",)),
+                  lambda to: to.replay.jump_finding(-1), needs=("replay",)),
     ConsoleAction("to_moment", "G", "To a time", "Jump to a time or an event that you type",
-                  "Replay", "to_moment", needs=("replay",), footer=True),
+                  "Replay", lambda to: to.replay.to_moment(), needs=("replay",), footer=True),
     ConsoleAction("search_log", "s", "Search", "Search the texts of the recording", "Replay",
-                  "search_log", needs=("replay",), footer=True),
+                  lambda to: to.replay.search(), needs=("replay",), footer=True),
     ConsoleAction("compare", "C", "Compare", "Find where another recording differs from this one",
-                  "Replay", "compare", needs=("replay",)),
+                  "Replay", lambda to: to.replay.compare(), needs=("replay",)),
     ConsoleAction("theme", "T", "Theme", "Choose the colours", "Console", "change_theme"),
     ConsoleAction("settings", "O", "Settings", "See and change the settings, with help for each",
-                  "Console", "settings"),
+                  "Console", lambda to: to.settings.show()),
     ConsoleAction("palette", "f10,ctrl+p", "Palette", "Search all commands that are legal now",
                   "Console", "command_palette", footer=True, palette=False),
-    ConsoleAction("quit", "q,ctrl+q", "Quit", "Leave the console", "Console", "leave_console",
-                  footer=True),
+    ConsoleAction("quit", "q,ctrl+q", "Quit", "Leave the console", "Console",
+                  lambda to: to.leaving.leave(), footer=True),
 )  # fmt: skip
 
 GROUPS: tuple[Group, ...] = get_args(Group)
 
+_BY_ID = {action.id: action for action in ACTIONS}
 _BY_CALL = {action.action: action for action in ACTIONS}
 
 
+def action_of(name: str) -> ConsoleAction:
+    """Return the action whose id is `name`."""
+    return _BY_ID[name]
+
+
 def find_action(name: str, parameters: tuple[object, ...]) -> ConsoleAction | None:
-    """Return the registered action that the app method `name` with `parameters` carries out."""
+    """Return the registered action that Textual calls `name` with `parameters`."""
     call = f"{name}({', '.join(map(repr, parameters))})" if parameters else name
     return _BY_CALL.get(call)
 
@@ -238,8 +261,7 @@ def bindings() -> list[BindingType]:
 
 def first_key(name: str) -> str:
     """Return the first of the console's own keys for the action `name`, as it is written."""
-    action = next(action for action in ACTIONS if action.id == name)
-    return key_text(action.keys.partition(",")[0])
+    return key_text(action_of(name).keys.partition(",")[0])
 
 
 def key_text(keys: str) -> str:

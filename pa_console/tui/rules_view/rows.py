@@ -1,50 +1,17 @@
-"""What the policy browser and the rule editor share and tell of a rule, as rows."""
+"""What the policy browser and the rule editor tell of a rule, as rows."""
 
-from collections.abc import Awaitable, Callable, Iterable, Iterator
-from dataclasses import dataclass, field
-from pathlib import Path
+from collections.abc import Iterable, Iterator
 
 from textual.content import Content
 
 from pa_console.policy.authoring.rule_draft import ExampleResult, RuleDraft
-from pa_console.rule_analysis.rule_trials import SessionCases, Trial
+from pa_console.rule_analysis.rule_trials import Trial
 from pa_console.schema.finding import Finding
 from pa_console.schema.quantities import count
 from pa_console.schema.rule import Ordering, Rule, RuleHit, RulesSeal
-from pa_console.schema.world import World
-from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.session.state.rule_trail import RuleUse
-from pa_console.tui.kept_input import Drafts
 from pa_console.tui.status_words import BAD, GOOD, NOTE, QUIET, WARN, term
 from pa_console.tui.trace.rows import Part, Row, column, row
-
-
-@dataclass
-class Workbench:
-    """Lets one console edit one rule file; `closed` says why it may not, empty when it may.
-
-    `drafts` are what was typed and not saved, by rule id, '' for a new rule; they outlive the
-    editor and the console. `saved` is awaited after the file was written, so that it is taken at
-    once. `offered` says why the rules in the file wait to be accepted, empty when they do not, and
-    `accept` takes them.
-    """
-
-    world: World
-    path: Path | None
-    closed: str
-    seal: Callable[[], RulesSeal]
-    missions: Callable[[], Iterable[MissionTrace]]
-    busy: Callable[[], str]
-    saved: Callable[[], Awaitable[None]]
-    offered: Callable[[], str]
-    accept: Callable[[], Awaitable[None]]
-    cases: SessionCases = field(init=False)
-    drafts: Drafts = field(default_factory=Drafts)
-
-    def __post_init__(self) -> None:
-        """Begin with a session of which nothing is known."""
-        self.cases = SessionCases(self.world)
-
 
 _EXPECTED = {"pass": "must hold", "fail": "must be broken", "not_applicable": "must not apply"}
 _GOT = {"pass": "holds", "fail": "is broken", "not_applicable": "does not apply"}

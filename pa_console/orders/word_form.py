@@ -1,0 +1,137 @@
+"""Forms of words with slots: one notation that is written, read and turned into an expression.
+
+`{who}` is a slot, `[ by {who}]` may be left out, and of `({who} relieves|relieve)` one is said. All
+else are words that stand as they are.
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+_TOKEN = re.compile(r"\{(?P<slot>\w+)\}|[\[\]()|]|[^\[\](){}|]+")
+NO_DEFAULTS: Mapping[str, str] = {}
+
+
+@dataclass(frozen=True)
+class _Slot:
+    """A place in a form where something is said that is not always the same."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class _Choice:
+    """Of several ways to go on one is said; with `optional`, none need be."""
+
+    ways: "tuple[_Parts, ...]"
+    optional: bool
+
+
+_Parts = tuple[str | _Slot | _Choice, ...]
+
+
+@dataclass(frozen=True)
+class WordForm:
+    """One form of words, in the notation of this module."""
+
+    text: str
+
+    def pattern(self, slots: Mapping[str, str]) -> str:
+        """Return the regular expression for the form with that of each of its `slots`."""
+        return _pattern(self._parts, slots)
+
+    def fits(self, said: Mapping[str, str]) -> bool:
+        """Whether everything that the form cannot do without is `said`."""
+        return _fits(self._parts, said)
+
+    def write(self, said: Mapping[str, str], defaults: Mapping[str, str] = NO_DEFAULTS) -> str:
+        """Return the form with what is `said` in its slots, by name.
+
+        Of several ways the one is taken that says most. What the form needs and nobody said is
+        taken from `defaults`; where they have it neither, KeyError is raised.
+        """
+        return _written(self._parts, said, defaults)
+
+    @cached_property
+    def _parts(self) -> _Parts:
+        tokens = _TOKEN.finditer(self.text)
+        (parts,), _ = _ways(tokens)
+        return parts
+
+
+def _ways(tokens: Iterator[re.Match[str]]) -> tuple[tuple[_Parts, ...], str]:
+    """Return the ways to go on up to a bracket that closes, and that bracket, '' at the end."""
+    ways: list[_Parts] = []
+    parts: list[str | _Slot | _Choice] = []
+    for token in tokens:
+        match token[0]:
+            case "[" | "(" as opening:
+                inner, _ = _ways(tokens)
+                parts.append(_Choice(inner, optional=opening == "["))
+            case "]" | ")" as closing:
+                return (*ways, tuple(parts)), closing
+            case "|":
+                ways.append(tuple(parts))
+                parts = []
+            case words:
+                parts.append(_Slot(token["slot"]) if token["slot"] else words)
+    return (*ways, tuple(parts)), ""
+
+
+def _pattern(parts: _Parts, slots: Mapping[str, str]) -> str:
+    found: list[str] = []
+    for part in parts:
+        match part:
+            case _Slot(name):
+                found.append(slots[name])
+            case _Choice(ways, optional):
+                either = "|".join(_pattern(way, slots) for way in ways)
+                found.append(f"({either}){'?' * optional}")
+            case words:
+                found.append(words)
+    return "".join(found)
+
+
+def _fits(parts: _Parts, said: Mapping[str, str]) -> bool:
+    for part in parts:
+        match part:
+            case _Slot(name) if name not in said:
+                return False
+            case _Choice(ways, optional) if not optional and not any(
+                _fits(way, said) for way in ways
+            ):
+                return False
+            case _:
+                pass
+    return True
+
+
+def _written(parts: _Parts, said: Mapping[str, str], defaults: Mapping[str, str]) -> str:
+    found: list[str] = []
+    for part in parts:
+        match part:
+            case _Slot(name):
+                found.append(said[name] if name in said else defaults[name])
+            case _Choice(ways, optional):
+                fitting: Sequence[_Parts] = [way for way in ways if _fits(way, said)]
+                if fitting or not optional:
+                    way = max(fitting, key=lambda one: _says(one, said)) if fitting else ways[0]
+                    found.append(_written(way, said, defaults))
+            case words:
+                found.append(words)
+    return "".join(found)
+
+
+def _says(parts: _Parts, said: Mapping[str, str]) -> int:
+    """Return how many of the slots in `parts` are filled by what is `said`."""
+    number = 0
+    for part in parts:
+        match part:
+            case _Slot(name):
+                number += name in said
+            case _Choice(ways):
+                number += max(_says(way, said) for way in ways)
+            case _:
+                pass
+    return number

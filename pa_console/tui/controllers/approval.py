@@ -1,0 +1,69 @@
+"""Passes the operator's decision on a plan to the station, and lets a plan be modified."""
+
+from textual.screen import Screen
+
+from pa_console.schema.mission import Decision
+from pa_console.schema.plan import Plan
+from pa_console.tui.controllers.commands import CommandController
+from pa_console.tui.controllers.console_session import ConsoleSession
+from pa_console.tui.widgets.approval import ApprovalPanel
+
+PlanKey = tuple[str, int]
+"""Id of a mission and number of an attempt."""
+
+
+class ApprovalController:
+    """Decides on the plan that waits; drafts of modified plans are kept while the console runs."""
+
+    def __init__(self, session: ConsoleSession, commands: CommandController) -> None:
+        self._session, self._commands = session, commands
+        self._drafts: dict[PlanKey, str] = {}
+        self._editing: tuple[PlanKey, Screen[Plan | None]] | None = None
+
+    def go_to_it(self) -> None:
+        """Go to the plan that waits, from any screen that is not modal."""
+        app, main = self._session.app, self._session.main
+        if main is not None:
+            while app.screen is not main and not app.screen.is_modal:
+                app.pop_screen()
+            main.to_approval()
+
+    def decide(self, decision: Decision) -> None:
+        """Pass the decision on; the panel is open again when it was refused."""
+        main = self._session.main
+        if (
+            not self._commands.attempt("Decision", lambda station: station.decide(decision))
+            and main
+        ):
+            main.query_one(ApprovalPanel).refused()
+
+    def modify(self) -> None:
+        """Open the editor on the waiting plan, or on the draft that was left."""
+        trace = self._session.state.current
+        if trace is None or trace.approval is None:
+            return
+        from pa_console.tui.screens.plan_editor import PlanEditor, plan_json  # noqa: PLC0415
+
+        key = trace.mission.id, trace.approval.attempt
+        request_id = trace.approval.request_id
+        editor = PlanEditor(plan_json(trace.approval.plan), self._drafts.get(key, ""))
+        self._editing = key, editor
+
+        def closed(plan: Plan | None) -> None:
+            self._drafts[key], self._editing = editor.draft, None
+            if plan is not None:
+                self.decide(Decision(kind="modify", request_id=request_id, plan=plan))
+
+        self._session.app.push_screen(editor, closed)
+
+    def close_void_editor(self) -> None:
+        """Close the editor when its plan no longer waits."""
+        if self._editing is None:
+            return
+        current = self._session.state.current
+        waiting = current.approval if current else None
+        open_key = (current.mission.id, waiting.attempt) if current and waiting else None
+        key, editor = self._editing
+        if key != open_key and self._session.app.screen is editor:
+            editor.dismiss(None)
+            self._session.tell("the plan no longer waits for a decision", "Modify", bad=True)

@@ -1,0 +1,145 @@
+"""Gives the station commands: missions, alarms, the queue, the stop, the simulation."""
+
+from collections.abc import Callable
+
+from pa_console.schema.incident import Incident
+from pa_console.tui.actions.registry import first_key
+from pa_console.tui.actions.whatif import next_rate
+from pa_console.tui.controllers.console_session import ConsoleSession
+from pa_console.tui.controllers.session_feed import SessionFeed
+from pa_console.tui.protocols import LiveStation
+from pa_console.tui.widgets.alarms import AlarmPane
+from pa_console.tui.widgets.mission_prompt import MissionPrompt
+
+
+class CommandController:
+    """Carries out what the station may refuse; a refusal is shown."""
+
+    def __init__(self, session: ConsoleSession, feed: SessionFeed) -> None:
+        self._session, self._feed = session, feed
+
+    def attempt(self, title: str, command: Callable[[LiveStation], object]) -> bool:
+        """Give a command; returns whether it was taken."""
+        station = self._session.station
+        if station is None or self._session.readonly:
+            self._session.tell("the console is read-only", f"{title} refused", bad=True)
+            return False
+        try:
+            command(station)
+        except ValueError as error:
+            self._session.tell(str(error), f"{title} refused", bad=True)
+            return False
+        return True
+
+    # Missions and alarms
+
+    def typing(self, text: str) -> None:
+        """Let the model read the picture and the words while the mission is being written."""
+        if self._session.station is not None:
+            self._session.station.typing(text)
+
+    def submit(self, text: str) -> None:
+        """Submit a mission; a refused text stays in the field."""
+        taken = self.attempt("Mission", lambda station: station.submit(text))
+        if taken and self._session.main is not None:
+            self._session.main.query_one(MissionPrompt).taken(text)
+
+    def cancel_mission(self) -> None:
+        """Cancel the active mission at once."""
+        self.attempt("Cancel", lambda station: station.cancel())
+
+    def acknowledge(self) -> None:
+        """Acknowledge the alarm at the pointer, else the worst that nobody has seen."""
+        if self._session.main is None:
+            return
+        pane = self._session.main.query_one(AlarmPane)
+        item = pane.alarm
+        if item is not None:
+            name = item.alarm.id
+            if self.attempt("Acknowledge", lambda station: station.acknowledge(name)):
+                pane.release()
+
+    # The queue
+
+    def move_queued(self, by: int) -> None:
+        """Move the waiting mission at the pointer by one place."""
+        self._with_queued("Move", lambda station, name: station.move(name, by))
+
+    def defer_queued(self) -> None:
+        """Let every other mission go before the one at the pointer."""
+        self._with_queued("Defer", lambda station, name: station.defer(name))
+
+    def withdraw_queued(self) -> None:
+        """Take the mission at the pointer out of the queue."""
+        self._with_queued("Withdraw", lambda station, name: station.withdraw(name))
+
+    def _with_queued(self, title: str, command: Callable[[LiveStation, str], None]) -> None:
+        """Give a command about the waiting mission at the pointer, once the operator sees which.
+
+        With the pointer elsewhere or out of sight nothing is done but to show it.
+        """
+        main = self._session.main
+        if main is None:
+            return
+        pane = main.query_one(AlarmPane)
+        name = pane.mission
+        if name and pane.region.area:
+            self.attempt(title, lambda station: command(station, name))
+            return
+        main.focus_view("alarms")
+        if not name:
+            pane.next_mission()
+        self._session.tell(f"the pointer is on {pane.mission} now; press the key again", title)
+
+    # The stop
+
+    def stop_all(self) -> None:
+        """Make every asset hold, at once and without a question."""
+        if self.attempt("Stop", lambda station: station.stop_all()):
+            self._session.tell(
+                "every asset was told to hold, open plans are void, the queue is empty; "
+                "the red line at the top says who has confirmed. Nothing else is sent until you "
+                f"release the stop ({first_key('release')})",
+                "■ ALL STOPPED",
+                bad=True,
+            )
+
+    def release_stop(self) -> None:
+        """Release the stop, after a question that says who has not confirmed it."""
+        stop = self._session.state.stop
+        if stop is None:
+            return
+        from pa_console.tui.screens.questions import Confirm  # noqa: PLC0415
+
+        doubtful = f"Not confirmed: {', '.join(stop.unconfirmed)}.\n" if stop.unconfirmed else ""
+        question = (
+            f"Everything was stopped by {stop.by}. {stop.held} assets confirmed that they hold.\n"
+            f"{doubtful}Released, the console takes missions again and alarms become missions.\n"
+            "No asset moves before you approve a plan."
+        )
+
+        def answered(release: bool | None) -> None:
+            if release and self.attempt("Release", lambda station: station.release()):
+                self._session.tell("missions are taken again", "The stop was released")
+
+        self._session.app.push_screen(Confirm(question, yes="Release", no="Stay stopped"), answered)
+
+    # The simulation
+
+    def inject(self, incident: Incident) -> None:
+        """Make something happen in the simulation."""
+        self.attempt("What-if", lambda station: station.inject(incident))
+
+    def set_rate(self, rate: float) -> None:
+        """Set the speed of the simulation."""
+        session = self._session
+        if session.station is not None and not session.readonly:
+            session.station.rate = session.rate = rate
+        self._feed.changed(frozenset(("status",)))
+
+    def change_rate(self, factor: float) -> None:
+        """Go faster or slower, in the simulation or in the recording that is looked at."""
+        if self._session.recording is not None:
+            self._session.recording.change_rate(factor)
+        else:
+            self.set_rate(next_rate(self._session.rate, factor))

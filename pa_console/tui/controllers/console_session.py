@@ -1,0 +1,106 @@
+"""The session that the console shows, the screens over it, and what may be done at this moment."""
+
+from typing import Any
+
+from textual.app import App
+from textual.screen import Screen
+from textual.widgets import Input, TextArea
+
+from pa_console.schema.world import World
+from pa_console.session.replay.player import Player
+from pa_console.session.state.fold import SessionState
+from pa_console.tui.actions.registry import ActionContext, ConsoleAction
+from pa_console.tui.protocols import Clock, LiveStation
+from pa_console.tui.screens.main import MainScreen
+from pa_console.tui.screens.recording import RecordingScreen
+
+
+class ConsoleSession:
+    """What every controller sees: the station or the player, and the screens of the `app`."""
+
+    def __init__(
+        self,
+        app: App[None],
+        world: World,
+        station: LiveStation | None,
+        player: Player | None,
+        *,
+        readonly: bool,
+        clock: Clock,
+    ) -> None:
+        """A live console has a `station`, a replay a `player`."""
+        self.app, self.world = app, world
+        self.station, self.player = station, player
+        self.readonly, self.clock = readonly, clock
+        self.rate = station.rate if station else 1.0
+        self.main: MainScreen | None = None
+        self.folded = SessionState()
+        """What the station's events come to; the player folds its own."""
+
+    @property
+    def state(self) -> SessionState:
+        """The session as it stands, live or at the replay's position."""
+        return self.player.state if self.player else self.folded
+
+    @property
+    def shown(self) -> MainScreen | None:
+        """The main screen, or the recording that was opened over it."""
+        screens = reversed(self.app.screen_stack)
+        return next((screen for screen in screens if isinstance(screen, MainScreen)), None)
+
+    @property
+    def recording(self) -> RecordingScreen | None:
+        """The recording that is looked at, if one is."""
+        return self.shown if isinstance(self.shown, RecordingScreen) else None
+
+    @property
+    def shown_state(self) -> SessionState:
+        """The session that is looked at: the recording's, else the session's own."""
+        return self.recording.state if self.recording else self.state
+
+    def is_open(self, kind: type[Screen[Any]]) -> bool:
+        """Return whether a screen of this kind is open, on top or below another one."""
+        return any(isinstance(screen, kind) for screen in self.app.screen_stack)
+
+    def tell(self, text: str, title: str, bad: bool = False) -> None:
+        """Show a notice; its text is never read as markup."""
+        severity = "error" if bad else "information"
+        self.app.notify(text, title=title, severity=severity, markup=False)
+
+    # What is legal now
+
+    @property
+    def situation(self) -> ActionContext:
+        """What decides which actions are legal now; in a recording none that commands is."""
+        recorded = self.player is not None or self.recording is not None
+        return self._situation_of(self.shown_state, recorded)
+
+    def _situation_of(self, state: SessionState, recorded: bool) -> ActionContext:
+        current, alarms = state.current, state.alarms
+        return ActionContext(
+            replay=recorded,
+            readonly=self.readonly or self.station is None,
+            mission=state.active is not None,
+            traced=current is not None,
+            approval=current is not None and current.approval is not None,
+            alarms=len(alarms),
+            unseen=sum(not item.acknowledged for item in alarms),
+            queue=len(state.queue),
+            stopped=state.stop is not None,
+        )
+
+    def allows(self, action: ConsoleAction) -> bool:
+        """Return whether the action is legal now, and its key not meant for something else.
+
+        What is urgent concerns the session itself, whatever recording is looked at.
+        """
+        now = self.situation
+        if action.urgent:
+            now = self._situation_of(self.state, self.player is not None)
+        return not action.refusal(now) and not (action.opens_field and self._has_other_use)
+
+    @property
+    def _has_other_use(self) -> bool:
+        """Whether a key that opens a field is a letter here, or belongs to the screen on top."""
+        other_screen = self.app.screen is not self.shown
+        return other_screen or isinstance(self.app.focused, Input | TextArea)

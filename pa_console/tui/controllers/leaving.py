@@ -1,0 +1,67 @@
+"""Leaves the console: after a question while a mission is active, or when the terminal is gone."""
+
+import asyncio
+import sys
+from contextlib import suppress
+
+from textual.actions import SkipAction
+
+from pa_console.tui.actions.keymap import shown_keys
+from pa_console.tui.actions.registry import action_of
+from pa_console.tui.controllers.console_session import ConsoleSession
+from pa_console.tui.controllers.settings import SettingsController
+from pa_console.tui.terminal import when_hung_up
+
+CLOSE_WITHIN_S = 3.0
+"""The console leaves after this long even when the session does not end by itself."""
+
+
+class LeavingController:
+    """Ends the session and then the console."""
+
+    def __init__(self, session: ConsoleSession, settings: SettingsController) -> None:
+        self._session, self._app, self._settings = session, session.app, settings
+
+    def watch_terminal(self) -> None:
+        """Leave without a question once nobody is at the terminal to answer it."""
+        if sys.__stdin__ is not None and not self._app.is_headless:
+            when_hung_up(sys.__stdin__.fileno(), self._hung_up)
+
+    def _hung_up(self) -> None:
+        if self._app.is_running:
+            self._app.call_from_thread(self._app.run_worker, self._close(), exit_on_error=False)
+
+    def leave(self) -> None:
+        """Leave, after a question when a mission is active."""
+        session = self._session
+        if session.state.active is None or session.player is not None or session.readonly:
+            self._app.run_worker(self._close(), exit_on_error=False)
+            return
+        from pa_console.tui.screens.questions import Confirm  # noqa: PLC0415
+
+        question = (
+            f"Mission {session.state.active} is still active.\n"
+            "Leaving ends the session; the mission is cancelled."
+        )
+
+        def answered(leave: bool | None) -> None:
+            if leave:
+                self._app.run_worker(self._close(), exit_on_error=False)
+
+        self._app.push_screen(Confirm(question, yes="Leave", no="Stay"), answered)
+
+    def say_how(self) -> None:
+        """Say how to leave, over every screen; with a text selected, let its copying go on."""
+        if getattr(self._app.focused, "selected_text", "") or self._app.screen.get_selected_text():
+            raise SkipAction
+        keys = shown_keys(action_of("quit"), self._settings.loaded.values.keys)
+        back = "Esc goes back; there " if self._app.screen.is_modal else ""
+        self._session.tell(
+            f"{back}{keys} leaves the console, after a question while a mission is active", "Leave?"
+        )
+
+    async def _close(self) -> None:
+        if self._session.station is not None:
+            with suppress(Exception):
+                await asyncio.wait_for(self._session.station.close(), CLOSE_WITHIN_S)
+        self._app.exit()

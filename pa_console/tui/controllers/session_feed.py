@@ -1,0 +1,125 @@
+"""Takes the session's events in, folds them, and repaints the panes that they concern."""
+
+import asyncio
+from collections.abc import Callable
+
+from textual.message import Message
+
+from pa_console.schema.events.event import Event
+from pa_console.tui.actions.registry import ActionContext
+from pa_console.tui.controllers.console_session import ConsoleSession
+from pa_console.tui.protocols import LiveStation
+from pa_console.tui.refresh import ALL_VIEWS, FRAME_S, views_of
+
+LOOK_S = 1.0
+"""How often the age of the telemetry is looked at, in wall seconds."""
+
+
+class SessionFeed:
+    """Feeds the main screen from a live station, at most one frame each FRAME_S seconds."""
+
+    class Received(Message):
+        """The station yielded an event."""
+
+        def __init__(self, event: Event) -> None:
+            super().__init__()
+            self.event = event
+
+    class StreamEnded(Message):
+        """The station yields no more; `problem` is empty when it ended in order."""
+
+        def __init__(self, problem: str) -> None:
+            super().__init__()
+            self.problem = problem
+
+    def __init__(self, session: ConsoleSession, painted: Callable[[], None]) -> None:
+        """`painted` is called after each frame."""
+        self._session, self._app, self._painted = session, session.app, painted
+        self._dirty: frozenset[str] = frozenset()
+        self._flush_due = False
+        self._last_telemetry = session.clock()
+        self._situation = ActionContext()
+        self._waited = False
+
+    def start(self) -> None:
+        """Begin to listen; called after the first paint."""
+        station = self._session.station
+        if station is not None and self._session.player is None:
+            self._app.run_worker(self._listen(station), group="session", exit_on_error=False)
+            self._app.set_interval(LOOK_S, self._look_for_silence)
+        self.changed(ALL_VIEWS)
+
+    async def _listen(self, station: LiveStation) -> None:
+        """Post every event of the session; the screen stays usable when the stream breaks."""
+        problem = ""
+        try:
+            async for event in station.run():
+                self._app.post_message(self.Received(event))
+                await asyncio.sleep(0)
+        except Exception as error:  # whatever broke, the operator must keep the console
+            problem = f"{type(error).__name__}: {error}"
+        self._app.post_message(self.StreamEnded(problem))
+
+    def take(self, event: Event) -> None:
+        """Fold one event, and note which panes it concerns."""
+        self._session.folded.apply(event)
+        if event.data.kind == "telemetry":
+            self._last_telemetry = self._session.clock()
+        self.changed(views_of(event.data.kind))
+
+    def end(self, problem: str) -> None:
+        """Say that nothing new will arrive when that was not asked for."""
+        if problem:
+            self._app.notify(
+                f"The session broke off: {problem}. What was received stays "
+                "readable; start the console again to go on.",
+                title="No more events",
+                severity="error",
+                timeout=60,
+                markup=False,
+            )
+        self.changed(ALL_VIEWS)
+
+    def changed(self, views: frozenset[str]) -> None:
+        """Have `views` repainted with the next frame."""
+        self._dirty |= views
+        if not self._flush_due:
+            self._flush_due = True
+            self._app.set_timer(FRAME_S, self.flush)
+
+    def flush(self) -> None:
+        """Begin the next frame; a console that is closing has no screen left to paint."""
+        self._flush_due = False
+        if self._app.is_running:
+            self._paint()
+            self._painted()
+
+    def _paint(self) -> None:
+        """Repaint what has changed since the last frame."""
+        session = self._session
+        views, self._dirty = self._dirty, frozenset()
+        if session.recording is not None:
+            session.recording.repaint()
+        main = session.main
+        if views and main is not None and main.is_mounted and session.player is None:
+            silent = session.clock() - self._last_telemetry
+            main.refresh_views(session.state, views, session.rate, silent)
+        self._tell_what_waits()
+        if session.situation != self._situation:
+            self._situation = session.situation
+            self._app.refresh_bindings()
+
+    def _tell_what_waits(self) -> None:
+        """Tell an operator who looks at another screen that a plan has begun to wait."""
+        session = self._session
+        current = session.state.current
+        waits = current is not None and current.approval is not None
+        away = session.main is not None and self._app.screen is not session.main
+        if waits and not self._waited and away and not (session.readonly or session.player):
+            text = "A plan waits for your decision: Esc goes back to it"
+            self._app.notify(text, title="Approval")
+        self._waited = waits
+
+    def _look_for_silence(self) -> None:
+        if self._session.clock() - self._last_telemetry > 4 * LOOK_S:
+            self.changed(frozenset(("status",)))

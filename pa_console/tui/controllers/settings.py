@@ -1,0 +1,56 @@
+"""Puts the user's settings in force: theme, keys, delays."""
+
+from collections.abc import Mapping
+
+from pa_console.settings.sources import Loaded
+from pa_console.tui.actions.keymap import KeymapError, check_keys
+from pa_console.tui.controllers.console_session import ConsoleSession
+from pa_console.tui.theme import DEFAULT_THEME, THEMES
+
+
+class SettingsController:
+    """Follows the settings, at the start and whenever the settings screen has saved one."""
+
+    def __init__(self, session: ConsoleSession, loaded: Loaded) -> None:
+        """`loaded` is what is in force."""
+        self._session, self._app = session, session.app
+        self.loaded = loaded
+        self.keys: Mapping[str, str] = {}
+        """The user's own keys, by the names of the actions."""
+
+    def use_theme(self) -> None:
+        """Show the chosen colours, before anything is painted."""
+        for theme in THEMES:
+            self._app.register_theme(theme)
+        chosen = self.loaded.values.theme
+        self._app.theme = chosen if chosen in self._app.available_themes else DEFAULT_THEME
+
+    def use(self, loaded: Loaded) -> None:
+        """Put everything in force that needs no restart; what cannot be used is told."""
+        shown, self.loaded = self.loaded.values.theme, loaded
+        values = loaded.values
+        if values.theme != shown:  # else the one that was picked meanwhile stays
+            self.use_theme()
+        if values.theme not in self._app.available_themes:
+            problem = f"there is no theme {values.theme!r}; the settings list them"
+            self._cannot_use("theme", str(loaded.error(("theme",), problem)))
+        try:
+            check_keys(values.keys)
+        except KeymapError as error:
+            self._cannot_use("keys", str(loaded.error(("keys", error.name), error.problem)))
+        else:
+            self.keys = dict(values.keys)
+            self._app.set_keymap(self.keys)
+        if self._session.main is not None:
+            self._session.main.use_delays(values.approval_delay_s, values.stale_after_s)
+
+    def _cannot_use(self, what: str, problem: str) -> None:
+        title = f"Your {what} cannot be used; the console's own is"
+        self._session.tell(problem, title, bad=True)
+
+    def show(self) -> None:
+        """Show the settings."""
+        from pa_console.tui.screens.settings import SettingsScreen  # noqa: PLC0415
+
+        if not self._session.is_open(SettingsScreen):
+            self._app.push_screen(SettingsScreen(self.loaded, self.use))

@@ -1,0 +1,1 @@
+"""Recorded sessions in the console: opened, driven, and compared."""

@@ -1,0 +1,32 @@
+"""Every action of the registry is carried out: by one controller, or by Textual itself."""
+
+from typing import Any, get_type_hints
+from unittest.mock import create_autospec
+
+from pa_console.tui.actions.registry import ACTIONS, find_action
+from pa_console.tui.app import ConsoleApp
+from pa_console.tui.controllers.controllers import Controllers
+
+
+def test_an_action_is_carried_out_by_one_controller_or_by_textual() -> None:
+    made: dict[str, Any] = {
+        name: create_autospec(kind, instance=True)
+        for name, kind in get_type_hints(Controllers).items()
+    }
+    for action in ACTIONS:
+        if isinstance(action.does, str):
+            assert callable(getattr(ConsoleApp, f"action_{action.does}"))
+            continue
+        before = sum(len(controller.method_calls) for controller in made.values())
+        action.does(Controllers(**made))
+        after = sum(len(controller.method_calls) for controller in made.values())
+        assert after == before + 1, action.id
+
+
+def test_textual_finds_each_action_by_what_it_is_bound_to() -> None:
+    for action in ACTIONS:
+        name, _, rest = action.action.partition("(")
+        parameters = (action.id,) if rest else ()
+        assert find_action(name, parameters) is action
+        assert callable(getattr(ConsoleApp, f"action_{name}"))
+    assert find_action("carry_out", ("nothing",)) is None
