@@ -1,8 +1,118 @@
-"""PA Console: command a team of robots in plain language, safely, on an edge computer."""
+"""PA Console: command a team of robots in plain language, safely, on an edge computer.
 
-from importlib.metadata import PackageNotFoundError, version
+`import pa_console as pa` gives the names of `__all__`, and imports what a name needs when that is
+first used. The manual's page python-api.md shows what to do with them.
+"""
 
-try:
-    __version__ = version("pa-console")
-except PackageNotFoundError:
-    __version__ = "0.0.0"
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pa_console.api import (
+        Outcome,
+        Station,
+        auto_approver,
+        check_plan,
+        load_rules,
+        load_site,
+        load_world,
+        open_station,
+        read_log,
+        verify_log,
+    )
+    from pa_console.fleets.fleet import Fleet, Forecast, Received
+    from pa_console.fleets.simulated import SimulatedFleet
+    from pa_console.orchestrator.station.assembly import Site
+    from pa_console.policy.rulebook import Rulebook
+    from pa_console.schema.command import CommandReply, DeviceCommand
+    from pa_console.schema.events.event import ApprovalRequested, Event
+    from pa_console.schema.finding import Finding
+    from pa_console.schema.mission import Decision, Mission
+    from pa_console.schema.plan import Plan
+    from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Track
+    from pa_console.schema.world import World
+    from pa_console.session.state.fold import SessionState
+
+    __version__: str
+
+__all__ = [
+    "ApprovalRequested",
+    "AssetTelemetry",
+    "CommandReply",
+    "Decision",
+    "DeviceCommand",
+    "Event",
+    "Finding",
+    "Fleet",
+    "Forecast",
+    "GateCover",
+    "Mission",
+    "Outcome",
+    "Picture",
+    "Plan",
+    "Received",
+    "Rulebook",
+    "SessionState",
+    "SimulatedFleet",
+    "Site",
+    "Station",
+    "Track",
+    "World",
+    "auto_approver",
+    "check_plan",
+    "load_rules",
+    "load_site",
+    "load_world",
+    "open_station",
+    "read_log",
+    "verify_log",
+]
+
+_HOMES = {
+    "api": (
+        "Outcome", "Station", "auto_approver", "check_plan", "load_rules", "load_site",
+        "load_world", "open_station", "read_log", "verify_log",
+    ),
+    "fleets.fleet": ("Fleet", "Forecast", "Received"),
+    "fleets.simulated": ("SimulatedFleet",),
+    "orchestrator.station.assembly": ("Site",),
+    "policy.rulebook": ("Rulebook",),
+    "schema.command": ("CommandReply", "DeviceCommand"),
+    "schema.events.event": ("ApprovalRequested", "Event"),
+    "schema.finding": ("Finding",),
+    "schema.mission": ("Decision", "Mission"),
+    "schema.plan": ("Plan",),
+    "schema.telemetry": ("AssetTelemetry", "GateCover", "Picture", "Track"),
+    "schema.world": ("World",),
+    "session.state.fold": ("SessionState",),
+}  # fmt: skip
+"""The public names by the module that each is imported from."""
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first asked for."""
+    for home, names in _HOMES.items():
+        if name in names:
+            found = getattr(import_module(f"pa_console.{home}"), name)
+            break
+    else:
+        if name != "__version__":
+            raise AttributeError(f"module 'pa_console' has no attribute {name!r}")
+        found = _version()
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    """Name what is public, imported or not."""
+    return sorted({*globals(), *__all__, "__version__"})
+
+
+def _version() -> str:
+    """Return the version that is installed; 0.0.0 where the package only lies on the path."""
+    from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415 - slow to import
+
+    try:
+        return version("pa-console")
+    except PackageNotFoundError:
+        return "0.0.0"

@@ -34,6 +34,12 @@ print(json.dumps(sorted({name.partition(".")[0] for name in sys.modules})))
 
 
 STARTED = "import pa_console.cli.main, sys; print(*sys.modules)"
+HELPED = """
+import sys
+from pa_console.cli.main import app
+app(["--help"], standalone_mode=False)
+print(*sys.modules)
+"""
 VERBS_LOADED = """
 import sys
 from pa_console.cli.verbs import VERBS, load_verb
@@ -84,6 +90,18 @@ def test_the_command_line_starts_without_what_its_verbs_need() -> None:
     started = loaded_by(STARTED)
     assert "pa_console.cli.verbs" in started
     assert not started & {"pydantic", "numpy", "shapely", "pa_console.evaluation", "textual"}
+
+
+def test_the_help_tells_of_every_verb_and_loads_none() -> None:
+    helped = loaded_by(HELPED)
+    assert {"console", "mission", "manual", "pa_console.cli.verbs"} <= helped
+    assert not helped & {
+        "numpy",
+        "shapely",
+        "cel",
+        "pa_console.cli.mission",
+        "pa_console.schema.world",
+    }
 
 
 def test_every_verb_is_there_without_what_trains_and_without_a_screen() -> None:

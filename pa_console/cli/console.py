@@ -67,13 +67,13 @@ def console(
             from pa_console.orchestrator.station.assembly import (  # noqa: PLC0415
                 Site,
                 load_site,
-                open_scenario,
                 open_station,
             )
             from pa_console.orchestrator.station.rules_in_force import RulesWatch  # noqa: PLC0415
             from pa_console.orchestrator.station.ticking import RealTimeClock  # noqa: PLC0415 - meanwhile
             from pa_console.policy.trust.pinned_rules import RefusedRulesError, RulesPins  # noqa: PLC0415
             from pa_console.signing import load_signer  # noqa: PLC0415
+            from pa_console.sim.worlds.scenario_file import open_scenario  # noqa: PLC0415
             from pa_console.tui.app import ConsoleApp  # noqa: PLC0415
 
             pins, deadline_s = RulesPins(), settings.values.check_deadline_ms / 1000.0

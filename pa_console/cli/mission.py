@@ -32,7 +32,7 @@ from pa_console.cli.terminal_approval import ask_decision
 from pa_console.end_signals import EndableRun, end_signals, exit_code_of
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.models.catalogue import find_model
-from pa_console.orchestrator.station.assembly import load_site, open_scenario, open_station
+from pa_console.orchestrator.station.assembly import load_site, open_station
 from pa_console.orchestrator.station.headless import exit_code, run_missions, standing_approver
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.policy.trust.pinned_rules import RulesPins
@@ -45,6 +45,7 @@ from pa_console.session.log.writer import LogWriter
 from pa_console.session.state.fold import SessionState
 from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.signing import load_signer
+from pa_console.sim.worlds.scenario_file import open_scenario
 
 
 class Approve(StrEnum):

@@ -4,9 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from pa_console.cli.output import errors
-from pa_console.session.log.session_index import SessionIndex
 from pa_console.session.log.witness import URLS, Witness
-from pa_console.session.log.writer import LogError, LogWriter, default_folder, new_log_path
+from pa_console.session.log.writer import LogError, LogWriter, default_folder, open_session_log
 from pa_console.settings.folders import nearest_existing
 from pa_console.settings.schema import Settings
 from pa_console.signing import Signer
@@ -26,16 +25,15 @@ def open_log(
     """
     folder = settings.logs or default_folder()
     target = witness_target(witness) if witness else ""
-    log = path or new_log_path(folder, session)
-    if target and not target.startswith(URLS) and _same_disk(Path(target), log):
+    if target and not target.startswith(URLS) and _same_disk(Path(target), path or folder):
         warn_of_witness(f"the witness {target} is on the same disk as the log")
-    return LogWriter(
-        log,
+    return open_session_log(
         session,
-        signer=signer,
-        index=SessionIndex(folder, signer) if path is None else None,
-        witness=Witness(target) if target else None,
+        signer,
+        path=path,
+        folder=folder,
         on_error=on_error,
+        witness=Witness(target) if target else None,
     )
 
 

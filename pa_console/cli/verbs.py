@@ -1,39 +1,71 @@
 """The verbs by name; the module of a verb is imported only when the verb is asked for."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache
 from pkgutil import resolve_name
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 from typer.main import get_group
 
 from pa_console.cli.examples import EXAMPLES, add_examples
 
+
+class Verb(NamedTuple):
+    """Where a verb is below `pa_console.cli`, a function or the app of a group, and its help."""
+
+    place: str
+    line: str
+
+
 VERBS = {
-    "console": "console:console",
-    "mission": "mission:mission",
-    "replay": "replay.replay:replay",
-    "doctor": "doctor.doctor:doctor",
-    "export": "export.export:app",
-    "rules": "rules.rules:app",
-    "models": "models:app",
-    "eval": "evaluate:app",
-    "bench": "bench.bench:app",
-    "scenarios": "scenarios:app",
-    "world": "world:app",
-    "train": "train.train:app",
-    "settings": "settings:app",
-    "manual": "manual:manual",
+    "console": Verb(
+        "console:console",
+        "Open the console: live checkpoint, policy browser, missions, trace and approval.",
+    ),
+    "mission": Verb(
+        "mission:mission",
+        "Plan, check, rehearse, judge, decide, execute and verify one mission, or a situation's.",
+    ),
+    "replay": Verb(
+        "replay.replay:replay",
+        "Play LOG back in the console, verify it, run it again, or compare it with another one.",
+    ),
+    "doctor": Verb(
+        "doctor.doctor:doctor",
+        "Look for everything that the console needs; exit code 0 when nothing is missing.",
+    ),
+    "export": Verb(
+        "export.export:app", "Write a recorded session as Markdown, MCAP, SVG or asciinema cast."
+    ),
+    "rules": Verb(
+        "rules.rules:app", "List, search, check, lint, sign, compare, try and trace rules."
+    ),
+    "models": Verb("models:app", "List and pull language models."),
+    "eval": Verb(
+        "evaluate:app", "Run mission sets against models and variants of the pipeline; more below."
+    ),
+    "bench": Verb(
+        "bench.bench:app", "Compare the parts with the plain way and the limit; more benches below."
+    ),
+    "scenarios": Verb("scenarios:app", "List, show and check the situations of a world."),
+    "world": Verb("world:app", "Generate a checkpoint world, or check one."),
+    "train": Verb(
+        "train.train:app",
+        "Make training data, train the adapters of the default model, describe them.",
+    ),
+    "settings": Verb("settings:app", "Show, change and reset the settings."),
+    "manual": Verb("manual:manual", "Read the manual: list its pages, or show one of them."),
 }
-"""Where each verb is below `pa_console.cli`: a function, or the app of a group of verbs."""
+"""The verbs in the order of the help; each says the same of itself."""
 
 
 @cache
 def load_verb(name: str) -> Any:
     """Return the command of a verb, its help ended with its example; KeyError when unknown."""
-    found = resolve_name(f"pa_console.cli.{VERBS[name]}")
+    found = resolve_name(f"pa_console.cli.{VERBS[name].place}")
     alone = typer.Typer(rich_markup_mode=None)
     if isinstance(found, typer.Typer):
         alone.add_typer(found, name=name)
@@ -60,7 +92,7 @@ class _OnDemand(Mapping[str, Any]):
 
 
 class Verbs(TyperGroup):
-    """The command line as a whole; only its help and whoever asks for them load all verbs."""
+    """The command line as a whole; a verb is loaded when it is run, or asked for its help."""
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
@@ -69,3 +101,23 @@ class Verbs(TyperGroup):
     def list_commands(self, ctx: object) -> list[str]:  # noqa: ARG002 - the same for every caller
         """Return the names of all verbs, in the order of the help, without loading them."""
         return list(VERBS)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the line of each verb into the help."""
+        with self._unloaded():
+            super().format_commands(ctx, formatter)
+
+    def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
+        """Return the verbs and options that begin so, for the shell's completion."""
+        with self._unloaded():
+            return super().shell_complete(ctx, incomplete)
+
+    @contextmanager
+    def _unloaded(self) -> Generator[None]:
+        """Let each verb be known by its line alone."""
+        loading = self.commands
+        self.commands = {name: TyperCommand(name, help=verb.line) for name, verb in VERBS.items()}
+        try:
+            yield
+        finally:
+            self.commands = loading

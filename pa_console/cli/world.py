@@ -6,10 +6,10 @@ from typing import Annotated
 import typer
 
 from pa_console.cli.output import errors, out, print_document
-from pa_console.orchestrator.station.assembly import open_world
 from pa_console.schema.quantities import count
 from pa_console.session.log.log_file import refuse_audit_file
 from pa_console.sim.checkpoint import Checkpoint
+from pa_console.sim.worlds.world_file import open_world
 from pa_console.sim.worlds.world_generator import generate_world, world_yaml
 
 app = typer.Typer(no_args_is_help=True, help="Generate a checkpoint world, or check one.")

@@ -15,7 +15,7 @@ from time import perf_counter
 
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.engine.protocol import Completed, Request
-from pa_console.orchestrator.station.assembly import LoadedScenario, Site, load_site, open_station
+from pa_console.orchestrator.station.assembly import Site, load_site, open_station
 from pa_console.orchestrator.station.headless import standing_approver
 from pa_console.orchestrator.station.station import Station
 from pa_console.schema.command import CommandReply, DeviceCommand
@@ -26,6 +26,7 @@ from pa_console.schema.plan import COMMANDS, Verb
 from pa_console.schema.scenario import Scenario, ScriptedEvent
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.picture.picture import period_ticks
+from pa_console.sim.worlds.scenario_file import LoadedScenario
 from pa_console.sim.worlds.terrain import Terrain
 from tests.scripted import ScriptedEngine, plan
 

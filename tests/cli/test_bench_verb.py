@@ -16,9 +16,10 @@ from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.true_outcome import RunResult
 from pa_console.llm.models.cache import CACHE_VARIABLE
 from pa_console.llm.models.catalogue import LocalModel
-from pa_console.orchestrator.station.assembly import Site, open_world
+from pa_console.orchestrator.station.assembly import Site
 from pa_console.schema.scenario import Scenario
 from pa_console.schema.world import World
+from pa_console.sim.worlds.world_file import open_world
 from tests.cli.inside import Call
 from tests.scripted import ScriptedEngine
 

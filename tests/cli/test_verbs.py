@@ -13,6 +13,7 @@ from typer.main import get_command
 from pa_console import __version__
 from pa_console.cli.examples import EXAMPLES
 from pa_console.cli.main import app
+from pa_console.cli.verbs import VERBS, load_verb
 from tests.cli.inside import Call
 from tests.cli.parsing import left_over
 
@@ -83,6 +84,11 @@ def test_every_verb_has_help(call: Call, words: tuple[str, ...]) -> None:
     assert " ".join(("Usage: pa-console", *words)) in done.said
     assert call(*words, "-h").out == done.out
     assert "Example: pa-console " in done.said
+
+
+@pytest.mark.parametrize("name", VERBS)
+def test_the_help_says_of_a_verb_what_it_says_of_itself(name: str) -> None:
+    assert load_verb(name).get_short_help_str(limit=500) == VERBS[name].line
 
 
 @pytest.mark.parametrize("example", EXAMPLES.values())

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.orchestrator.station.assembly import open_world
 from pa_console.sim.checkpoint import Checkpoint
+from pa_console.sim.worlds.world_file import open_world
 from tests.cli.inside import Call
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from pa_console.orchestrator.station.assembly import LoadedScenario, Site, open_station
+from pa_console.orchestrator.station.assembly import Site, open_station
 from pa_console.orchestrator.station.headless import run_missions, standing_approver
 from pa_console.orchestrator.station.station import Station
 from pa_console.orchestrator.station.ticking import SteppedClock
@@ -12,6 +12,7 @@ from pa_console.schema.incident import Incident
 from pa_console.schema.scenario import Scenario, ScriptedEvent
 from pa_console.session.log.writer import LogWriter
 from pa_console.session.state.fold import SessionState
+from pa_console.sim.worlds.scenario_file import LoadedScenario
 from tests.scripted import ScriptedEngine, plan
 
 RECON = plan(("Drone_T04", "observe WestGate"))

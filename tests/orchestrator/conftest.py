@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import pytest
 
-from pa_console.orchestrator.station.assembly import LoadedScenario, Site, load_site, open_station
+from pa_console.orchestrator.station.assembly import Site, load_site, open_station
 from pa_console.orchestrator.station.headless import Approver, run_missions, standing_approver
 from pa_console.orchestrator.station.station import Station
 from pa_console.orchestrator.station.ticking import SteppedClock
@@ -13,6 +13,7 @@ from pa_console.schema.events.event import Event
 from pa_console.schema.incident import Incident
 from pa_console.schema.scenario import Scenario
 from pa_console.session.state.fold import MissionTrace, SessionState
+from pa_console.sim.worlds.scenario_file import LoadedScenario
 from tests.scripted import ScriptedEngine
 
 MISSION = "Watch the checkpoint and say what you see."

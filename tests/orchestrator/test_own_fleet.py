@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import pytest
 
 from pa_console.fleets.fleet import Received
-from pa_console.orchestrator.station.assembly import LoadedScenario, Site, open_station
+from pa_console.orchestrator.station.assembly import Site, open_station
 from pa_console.orchestrator.station.headless import run_missions, standing_approver
 from pa_console.orchestrator.station.station import Station
 from pa_console.orchestrator.station.ticking import SteppedClock
@@ -16,6 +16,7 @@ from pa_console.schema.scenario import Scenario
 from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture
 from pa_console.schema.world import World
 from pa_console.session.state.fold import SessionState
+from pa_console.sim.worlds.scenario_file import LoadedScenario
 from tests.scripted import ScriptedEngine, plan
 
 TELLS = ev.Noticed(level="info", subject="Drone_T04", text="its operator has said hello")

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from pa_console.evaluation.runs.run_record import RunRecord
 from pa_console.orchestrator.planning.judging import OutcomeCase, PlanCase
-from pa_console.orchestrator.station.assembly import open_world
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import find_data
 from pa_console.schema.events import event as ev
@@ -19,6 +18,7 @@ from pa_console.schema.world import World
 from pa_console.session.log.reader import read_log
 from pa_console.session.state.fold import SessionState
 from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.sim.worlds.world_file import open_world
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from rich.table import Table
 
 from pa_console.cli.output import JsonOption, WorldOption, errors, out, print_json
 from pa_console.evaluation.runs.twin import repeated_hashes
-from pa_console.orchestrator.station.assembly import open_scenario, open_world
-from pa_console.sim.worlds.scenario_file import list_scenarios
+from pa_console.sim.worlds.scenario_file import list_scenarios, open_scenario
+from pa_console.sim.worlds.world_file import open_world
 
 
 def twins(

@@ -123,8 +123,8 @@ def _missions(
     name: str, new: Rulebook, was: str, world: str, tried: tuple[int, int], effects: Effects
 ) -> None:
     from pa_console.evaluation.runs.jobs import load_with_worlds, mission_file  # noqa: PLC0415
-    from pa_console.orchestrator.station.assembly import open_world  # noqa: PLC0415
     from pa_console.rule_analysis.mission_probe import effect_on_mission  # noqa: PLC0415
+    from pa_console.sim.worlds.world_file import open_world  # noqa: PLC0415
 
     own, own_path = open_world(world)
     path = mission_file(name, own_path)

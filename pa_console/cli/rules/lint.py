@@ -6,10 +6,10 @@ import typer
 
 from pa_console.cli.export.source import ExportBar
 from pa_console.cli.output import FAILED, JsonOption, WorldOption, out, print_json
-from pa_console.orchestrator.station.assembly import open_world
 from pa_console.policy.authoring.lint import Searched, lint_rules, search_rules, search_steps
 from pa_console.policy.rulebook import load_rules, read_rule_set
 from pa_console.resources import find_data
+from pa_console.sim.worlds.world_file import open_world
 
 STYLES = {"error": "red", "warning": "yellow", "note": "dim"}
 

@@ -28,10 +28,9 @@ from pa_console.schema.document import read_bytes
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events.event import SessionStarted
 from pa_console.schema.plan import MAX_ACTIONS
-from pa_console.schema.scenario import Scenario
 from pa_console.schema.world import World
-from pa_console.sim.worlds.scenario_file import load_scenario, scenario_path
-from pa_console.sim.worlds.world_file import load_world
+from pa_console.sim.worlds.scenario_file import LoadedScenario
+from pa_console.sim.worlds.world_file import open_world
 
 PINNED_PACKAGES = ("llama-cpp-python", "llguidance", "pymunk", "common-expression-language")
 
@@ -62,25 +61,28 @@ class Site:
         return Retriever(self.rulebook.rules, method)
 
 
-@dataclass(frozen=True)
-class LoadedScenario:
-    """A scenario and the hash of its file."""
+def open_rules(
+    name: str,
+    *,
+    unsigned: bool = False,
+    pins: RulesPins | None = None,
+    accept: bool = False,
+    deadline_s: float = DEADLINE_S,
+) -> tuple[Rulebook, Path]:
+    """Load rules by installed name or path, with their file; raises DocumentError.
 
-    scenario: Scenario
-    sha256: str
-
-
-def open_scenario(world: World, world_path: Path, name: str) -> LoadedScenario:
-    """Load a scenario of `world` by name, or from a path; raises DocumentError."""
-    path = scenario_path(world_path, name)
-    scenario = load_scenario(path, world)
-    return LoadedScenario(scenario, hashlib.sha256(read_bytes(path)).hexdigest())
-
-
-def open_world(name: str) -> tuple[World, Path]:
-    """Load a world by installed name or path, with its file; raises DocumentError."""
-    path = find_data("worlds", name, "world.yaml")
-    return load_world(path), path
+    Rules that were altered since they were signed raise AlteredRulesError, unless `unsigned`. With
+    `pins`, rules that are less than those used before raise RefusedRulesError, unless the operator
+    does `accept` them. The core is in force whatever the file says; a check may take `deadline_s`.
+    """
+    path = find_data("rules", name, "rules.yaml")
+    rulebook = load_rules(path, deadline_s)
+    if not unsigned:
+        refuse_altered(path, rulebook.seal)
+    if pins is not None:
+        seal = pins.admit(rulebook.name, rulebook.seal, accept=accept or unsigned)
+        rulebook = rulebook.sealed(seal)
+    return with_core(rulebook, deadline_s), path
 
 
 def load_site(
@@ -92,21 +94,11 @@ def load_site(
     accept: bool = False,
     deadline_s: float = DEADLINE_S,
 ) -> Site:
-    """Load a world and a rule file by installed name or path; raises DocumentError.
-
-    Rules that were altered since they were signed raise AlteredRulesError, unless `unsigned`. With
-    `pins`, rules that are less than those used before raise RefusedRulesError, unless the operator
-    does `accept` them. The core is in force whatever the file says; a check may take `deadline_s`.
-    """
+    """Load a world and rules by installed name or path, as `open_world` and `open_rules` do."""
     loaded, world_path = open_world(world)
-    rules_path = find_data("rules", rules, "rules.yaml")
-    rulebook = load_rules(rules_path, deadline_s)
-    if not unsigned:
-        refuse_altered(rules_path, rulebook.seal)
-    if pins is not None:
-        seal = pins.admit(rulebook.name, rulebook.seal, accept=accept or unsigned)
-        rulebook = rulebook.sealed(seal)
-    rulebook = with_core(rulebook, deadline_s)
+    rulebook, rules_path = open_rules(
+        rules, unsigned=unsigned, pins=pins, accept=accept, deadline_s=deadline_s
+    )
     return Site(loaded, world_path, rulebook, rules_path)
 
 

@@ -18,7 +18,12 @@ SETUP_SETTLE_S = 2.0
 
 
 def standing_approver(
-    mode: ApprovalMode, override_reason: str = "", reading: int = 0, *, least: float | None = None
+    mode: ApprovalMode,
+    override_reason: str = "",
+    reading: int = 0,
+    *,
+    least: float | None = None,
+    given: str = "",
 ) -> Approver:
     """Return the approver that follows a standing instruction given before the mission.
 
@@ -32,11 +37,13 @@ def standing_approver(
     Nobody watches a standing approval, so it takes no plan for an order that may have been misread
     (`doubt`): both models have to be at least so sure, 0 to 1, as `least` says. None takes it all
     the same, for evaluations, where the truth of every plan is wanted.
+
+    The log names the instruction as it was `given`, by default as the command line's.
     """
     chosen: list[str] = []
 
     def decide(request: ev.ApprovalRequested) -> Decision:
-        by = f"standing instruction: --approve {mode}"
+        by = f"standing instruction: {given or f'--approve {mode}'}"
         others = request.readings[reading - 1 : reading] if reading and not chosen else ()
         for asked in others:
             chosen.append(asked)

@@ -92,6 +92,11 @@ class Station:
         return self._gate.stopped
 
     @property
+    def worked_on(self) -> str:
+        """The id of the mission that is being worked on, empty when none is."""
+        return self._worker.worked_on
+
+    @property
     def awaits_decision(self) -> bool:
         """Whether a plan waits for `decide`."""
         return self._worker.awaits_decision

@@ -33,6 +33,7 @@ __all__ = [
     "VerifyResult",
     "default_folder",
     "new_log_path",
+    "open_session_log",
     "read_log",
     "verify",
 ]
@@ -309,3 +310,26 @@ class LogWriter:
             raise problem from error
         if not told:
             self._on_error(problem)
+
+
+def open_session_log(
+    session: str,
+    signer: Signer,
+    *,
+    path: Path | None,
+    folder: Path,
+    on_error: Callable[[LogError], None],
+    witness: Witness | None = None,
+) -> LogWriter:
+    """Open the signed log of a session: at `path`, or a new one in `folder`, whose index notes it.
+
+    Raises LogError when it cannot be opened.
+    """
+    return LogWriter(
+        path or new_log_path(folder, session),
+        session,
+        signer=signer,
+        index=SessionIndex(folder, signer) if path is None else None,
+        witness=witness,
+        on_error=on_error,
+    )

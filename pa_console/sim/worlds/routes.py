@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from functools import cached_property
 
-import networkx as nx
 import numpy as np
 import numpy.typing as npt
 import shapely
@@ -66,6 +65,8 @@ class Area:
     @cached_property
     def _ways(self) -> tuple[Floats, Floats]:
         """The (n, n) lengths of the straight lines between corners, and of the shortest ways."""
+        import networkx as nx  # noqa: PLC0415 - slow to import, and a world is read without it
+
         count = len(self._nodes)
         first, second = np.triu_indices(count, k=1)
         seen = self._sees(self._nodes[first], self._nodes[second])

@@ -1,9 +1,11 @@
 """Loads scenario files and checks that a world has everything that they speak of."""
 
+import hashlib
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
-from pa_console.schema.document import Document, DocumentError, FieldPath
+from pa_console.schema.document import Document, DocumentError, FieldPath, read_bytes
 from pa_console.schema.incident import (
     FalseContact,
     Incident,
@@ -19,6 +21,21 @@ FOLDER = "scenarios"
 """Where the scenarios of a world lie: beside its world file."""
 
 Problem = tuple[FieldPath, str]
+
+
+@dataclass(frozen=True)
+class LoadedScenario:
+    """A scenario and the hash of its file."""
+
+    scenario: Scenario
+    sha256: str
+
+
+def open_scenario(world: World, world_path: Path, name: str) -> LoadedScenario:
+    """Load a scenario of `world` by name, or from a path; raises DocumentError."""
+    path = scenario_path(world_path, name)
+    scenario = load_scenario(path, world)
+    return LoadedScenario(scenario, hashlib.sha256(read_bytes(path)).hexdigest())
 
 
 def load_scenario(path: Path, world: World) -> Scenario:

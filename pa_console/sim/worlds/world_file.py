@@ -11,6 +11,7 @@ import numpy.typing as npt
 import shapely
 from shapely.geometry import LineString, Polygon
 
+from pa_console.resources import find_data
 from pa_console.schema.base import Point
 from pa_console.schema.document import Document, FieldPath
 from pa_console.schema.world import World
@@ -26,6 +27,12 @@ MOST_FRAME_M2 = 40_000.0
 Problem = tuple[FieldPath, str]
 Floats = npt.NDArray[np.float64]
 Lines = npt.NDArray[np.object_]
+
+
+def open_world(name: str) -> tuple[World, Path]:
+    """Load a world by installed name or path, with its file; raises DocumentError."""
+    path = find_data("worlds", name, "world.yaml")
+    return load_world(path), path
 
 
 def load_world(path: Path) -> World:

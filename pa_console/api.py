@@ -1,0 +1,400 @@
+"""What a program does with PA Console, without a screen; `import pa_console as pa` gives it.
+
+Everything here is composed of the parts that the console itself uses. The settings of the console
+play no part: a program says what it wants.
+"""
+
+import asyncio
+from collections.abc import Awaitable, Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AsyncExitStack, aclosing, suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import Self
+
+from pydantic import TypeAdapter
+
+from pa_console.fleets.fleet import Fleet, Outlook, Simulated
+from pa_console.fleets.simulated import SimulatedFleet
+from pa_console.llm.engine.engine import Engine
+from pa_console.llm.models.catalogue import find_model
+from pa_console.orchestrator.planning.safeguards import examine
+from pa_console.orchestrator.station import assembly, headless
+from pa_console.orchestrator.station import station as stations
+from pa_console.orchestrator.station.assembly import Site
+from pa_console.orchestrator.station.ticking import RealTimeClock, SteppedClock
+from pa_console.policy.rulebook import Rulebook
+from pa_console.policy.trust.pinned_rules import RulesPins
+from pa_console.schema.events import event as ev
+from pa_console.schema.finding import Finding
+from pa_console.schema.incident import Incident
+from pa_console.schema.mission import Decision, Metrics, Mission, MissionStatus, Verification
+from pa_console.schema.plan import Plan
+from pa_console.schema.world import World
+from pa_console.session.log import reader, verification
+from pa_console.session.log.chain import LogError
+from pa_console.session.log.writer import LogWriter, default_folder, open_session_log
+from pa_console.session.state.fold import MissionTrace, SessionState
+from pa_console.signing import load_signer
+from pa_console.sim.worlds.scenario_file import open_scenario
+from pa_console.sim.worlds.world_file import open_world
+
+Approver = Callable[[ev.ApprovalRequested], Decision | Awaitable[Decision]]
+"""Decides about one plan at a time, as an operator does (paper, Step 6)."""
+OnEvent = Callable[[ev.Event, SessionState], None]
+"""Is told of an event, and of the session as it stands after it."""
+
+STANDING_CONFIDENCE = 0.7
+"""How sure planner and judge have to be of what was asked, 0 to 1, for `auto_approver`."""
+
+
+def load_world(world: str = "checkpoint") -> World:
+    """Return a world: an installed one by its name, or that of a folder or file of yours.
+
+    Lengths are metres, x east and y north, speeds metres per second, times seconds. Raises
+    DocumentError, a ValueError, that names file, line and field.
+    """
+    return open_world(world)[0]
+
+
+def load_rules(rules: str = "checkpoint", *, unsigned: bool = False) -> Rulebook:
+    """Return the rules of an installed set or of a file, and the core, which is always in force.
+
+    Raises DocumentError, a ValueError, that names file, line and field, also for rules that were
+    altered since they were signed, unless they are to be taken as if `unsigned`.
+    """
+    return assembly.open_rules(rules, unsigned=unsigned)[0]
+
+
+def load_site(
+    world: str = "checkpoint",
+    rules: str = "checkpoint",
+    *,
+    unsigned: bool = False,
+    accept_rules: bool = False,
+) -> Site:
+    """Return a world and the rules in force there, for `open_station`.
+
+    As in the console, rules that are less than those used before on this machine (of a lower
+    version, not signed, signed by another) raise ValueError, unless you `accept_rules`. Otherwise
+    as `load_world` and `load_rules`.
+    """
+    return assembly.load_site(
+        world, rules, unsigned=unsigned, pins=RulesPins(), accept=accept_rules
+    )
+
+
+def check_plan(
+    plan: Plan,
+    rules: Rulebook,
+    world: World,
+    *,
+    fleet: Outlook | None = None,
+    mission: str = "Carry out this plan.",
+) -> tuple[Finding, ...]:
+    """Return what the safeguards find in `plan` (paper, Section IV-F); no model is asked.
+
+    The plan is rehearsed in a forecast from the present picture of `fleet`, by default of a quiet
+    watch in `world`. Then there is one finding for every rule, in the order of `rules`. A plan that
+    cannot even be started, for it names what does not exist, has findings of the id PLAN only.
+    `mission` is what was ordered, for rules about the words of an order. No command reaches a
+    device. It takes about a second, and blocks the calling thread.
+    """
+    given = Mission(id="check", text=mission, created=datetime.now(UTC))
+    outlook = SimulatedFleet.start(world) if fleet is None else fleet
+    with ThreadPoolExecutor(1) as beside_any_event_loop:
+        examining = examine(plan, given, outlook, rules)
+        return beside_any_event_loop.submit(asyncio.run, examining).result().findings
+
+
+def auto_approver(request: ev.ApprovalRequested) -> Decision:
+    """Approve what safeguards and judge allow and nobody doubts; reject every other plan.
+
+    Warnings are acknowledged. A judge's Failure is never overridden, and an order that planner or
+    judge may have misread (less sure than STANDING_CONFIDENCE) is not carried out.
+    """
+    approver = headless.standing_approver("auto", least=STANDING_CONFIDENCE, given="auto_approver")
+    return approver(request)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a mission ended.
+
+    `status` is `verified` only if telemetry has shown that the plan happened. `plan` is the one
+    that was approved last, None if none was. `metrics` are seconds per stage, executing in seconds
+    of the fleet's clock and all else in wall time.
+    """
+
+    mission: Mission
+    status: MissionStatus
+    reason: str
+    plan: Plan | None
+    verification: Verification | None
+    report: str
+    metrics: Metrics | None
+
+
+class Station:
+    """A control station that works as long as its context lasts; `open_station` gives it.
+
+    Use it in the event loop in which its context was entered.
+    """
+
+    def __init__(
+        self,
+        station: stations.Station,
+        open_log: Callable[[], LogWriter],
+        approver: Approver,
+        on_event: OnEvent | None,
+    ) -> None:
+        self._station, self._open_log = station, open_log
+        self._approver, self._on_event = approver, on_event
+        self.state = SessionState()
+        """The session as it stands: picture, alarms, queue, missions."""
+        self.log: Path | None = None
+        """The file of the session's log, as soon as it is open."""
+        self._ends: dict[str, asyncio.Future[Outcome]] = {}
+        self._asking: asyncio.Task[None] | None = None
+        self._begun = asyncio.Event()
+        self._over: Exception | None = None
+        self._context = AsyncExitStack()
+
+    async def __aenter__(self) -> Self:
+        """Begin the session; returns when the first picture is there."""
+        async with AsyncExitStack() as stack:
+            writer = stack.enter_context(self._open_log())
+            self.log = writer.path
+            self._station.write_to(writer)
+            stack.push_async_callback(self._end, asyncio.create_task(self._attend()))
+            await self._begun.wait()
+            self._context = stack.pop_all()
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        """End the session; a mission that is worked on is cancelled, its assets made safe."""
+        await self._context.aclose()
+
+    async def run_mission(self, text: str) -> Outcome:
+        """Plan, check, decide, execute and verify one mission in plain language.
+
+        Missions that wait are worked on by priority, one at a time. Whoever cancels this call
+        cancels the mission: assets under way for it go to a safe state. Raises ValueError for a
+        mission that the station does not take, RuntimeError when the session ends before, and
+        whatever the approver raises; the plan is then rejected.
+        """
+        if self._over is not None:
+            raise self._over
+        mission = self._station.submit(text)
+        end = self._ends[mission.id] = asyncio.get_running_loop().create_future()
+        try:
+            return await end
+        except asyncio.CancelledError:
+            self._abandon(mission.id)
+            raise
+        finally:
+            del self._ends[mission.id]
+
+    def inject(self, incident: Mapping[str, object]) -> None:
+        """Let something happen in a simulated fleet, e.g. a vehicle appear 60 m from a gate.
+
+        That is `{"kind": "spawn", "gate": "WestGate", "distance_m": 60.0}`; the manual's page on
+        scenarios has all kinds. Raises ValueError for what there is not, and on any other fleet.
+        """
+        self._station.inject(TypeAdapter[Incident](Incident).validate_python(incident))
+
+    async def advance(self, seconds: float) -> None:
+        """Wait until `seconds` on the fleet's clock have passed."""
+        await self._station.advance(seconds)
+
+    async def settled(self) -> None:
+        """Wait until no mission is worked on and none waits, those of alarms included."""
+        await self._station.settled()
+
+    def stop_all(self) -> None:
+        """Tell every asset to hold, now; no mission is taken until `release`."""
+        self._station.stop_all(by="program")
+
+    def release(self) -> None:
+        """Release the stop, by which no asset moves; raises ValueError when nothing is stopped."""
+        self._station.release(by="program")
+
+    async def _attend(self) -> None:
+        """Follow the session to its end, and let the approver decide."""
+        try:
+            async with aclosing(self._station.run()) as events:
+                async for event in events:
+                    self.state.apply(event)
+                    if self._on_event is not None:
+                        self._on_event(event, self.state)
+                    self._take(event)
+            self._over = RuntimeError(f"the session is over: {self.state.ended}")
+        except Exception as error:
+            self._over = error
+            raise
+        finally:
+            self._begun.set()
+            self._ask_no_more()
+            for end in self._ends.values():
+                _settle(end, self._over or RuntimeError("the session was cancelled"))
+
+    async def _end(self, attending: asyncio.Task[None]) -> None:
+        await self._station.close("closed by the program")
+        await attending
+
+    def _take(self, event: ev.Event) -> None:
+        match event.data:
+            case ev.TelemetryReceived():
+                self._begun.set()
+            case ev.ApprovalRequested():
+                self._ask_no_more()
+                self._asking = asyncio.create_task(self._ask(event.data, event.mission))
+            case ev.DecisionMade(accepted=False, detail=problem):
+                self._reject(f"the program's decision cannot be accepted: {problem}")
+            case ev.MissionPreempted():
+                self._ask_no_more()
+            case ev.MissionFinished() if event.mission is not None:
+                self._ask_no_more()
+                if (end := self._ends.get(event.mission)) is not None:
+                    _settle(end, _outcome(self.state.missions[event.mission]))
+            case _:
+                pass
+
+    async def _ask(self, request: ev.ApprovalRequested, mission: str | None) -> None:
+        """Let the approver decide about a plan; it is rejected when he, or the log, fails."""
+        try:
+            said = self._approver(request)
+            decision = said if isinstance(said, Decision) else await said
+            if self._station.awaits_decision:
+                named = {"request_id": request.request_id}
+                self._station.decide(decision.model_copy(update=named))
+        except Exception as error:
+            self._reject(f"the program's approver failed: {type(error).__name__}: {error}")
+            if mission is not None and (end := self._ends.get(mission)) is not None:
+                _settle(end, error)
+
+    def _reject(self, reason: str) -> None:
+        if self._station.awaits_decision:
+            self._station.decide(Decision(kind="reject", by="program", reason=reason))
+
+    def _ask_no_more(self) -> None:
+        """Leave an approver alone whose plan does not wait any more."""
+        if self._asking is not None:
+            self._asking.cancel()
+
+    def _abandon(self, mission: str) -> None:
+        """Let go of a mission, unless it is over."""
+        if self._station.worked_on == mission:
+            self._station.cancel()
+        else:
+            with suppress(ValueError):
+                self._station.withdraw(mission)
+
+
+def open_station(
+    site: Site,
+    *,
+    approver: Approver,
+    model: str | None = None,
+    engine: Engine | None = None,
+    fleet: Fleet | None = None,
+    seed: int = 0,
+    scenario: str | None = None,
+    alarms: bool | None = None,
+    rate: float | None = None,
+    log: Path | str | None = None,
+    on_event: OnEvent | None = None,
+) -> Station:
+    """Return a station on `site`, for `async with`: it works as long as that context lasts.
+
+    `approver` is asked about every plan, also about one that may only be rejected or modified. It
+    must not block; it may return an awaitable instead of a Decision, and may then take its time.
+    Nothing moves before it has approved, and a plan whose approver fails is rejected.
+
+    `model` is one of the catalogue, or the path of a GGUF file, by default the default model, which
+    `pa-console models pull` fetches. An `engine` of your own, to be shared by several stations or
+    to answer from a script, is used instead and not closed.
+
+    `fleet` is what the station drives, by default a simulation that begins with `seed` and plays
+    `scenario`, by name or path. `alarms` become missions by themselves, by default if a scenario is
+    played. The fleet's clock makes `rate` seconds a second, by default 1; a simulation goes as
+    fast as it can by default, and waits while a mission is thought about.
+
+    `log` is where the signed session log is written, by default a new file beside those of the
+    console; while it cannot be written, nothing is approved. `on_event` is told of every event once
+    the log has it. The signing key of this machine is made on first use.
+
+    Raises ModelError when the model is not there, ValueError for a scenario that is not. Entering
+    the context raises LogError when the log cannot be opened, leaving it when records are lost.
+    """
+    played = open_scenario(site.world, site.world_path, scenario) if scenario else None
+    at_once = rate is None and (fleet is None or isinstance(fleet, Simulated))
+    inner = assembly.open_station(
+        site,
+        engine if engine is not None else Engine(find_model(model)),
+        SteppedClock() if at_once else RealTimeClock(rate or 1.0),
+        seed=seed,
+        keep_engine=engine is not None,
+        scenario=played,
+        respond=alarms if alarms is not None else played is not None,
+        fleet=fleet,
+    )
+    open_log = partial(
+        open_session_log,
+        inner.session,
+        load_signer(),
+        path=Path(log) if log is not None else None,
+        folder=default_folder(),
+        on_error=_told_by_the_station,
+    )
+    return Station(inner, open_log, approver, on_event)
+
+
+def verify_log(
+    path: Path | str, *, keys: frozenset[str] | None = None
+) -> verification.VerifyResult:
+    """Check every record of a session log, its hash chain, its signatures and its signed head.
+
+    The result's `intact` says that nothing was changed, added or removed since a known key signed
+    it, and `problem` what is wrong. `keys` are fingerprints, `SHA256:` and 43 characters, that may
+    vouch, by default this machine's. Raises LogError, a ValueError, for a file that cannot be read.
+    """
+    return verification.verify(Path(path), keys)
+
+
+def read_log(path: Path | str) -> Iterator[ev.Event]:
+    """Yield the events of a session log, oldest first, its chain and signatures unchecked.
+
+    `t` of an event is wall time in UTC, `tick` steps of the fleet's clock. Raises LogError, a
+    ValueError that names the line, at the first line that cannot be read.
+    """
+    return reader.read_log(Path(path))
+
+
+def _outcome(trace: MissionTrace) -> Outcome:
+    approved = trace.find(trace.executing) if trace.executing else None
+    return Outcome(
+        mission=trace.mission,
+        status=trace.status or "failed",
+        reason=trace.reason,
+        plan=approved.plan if approved is not None else None,
+        verification=trace.verification,
+        report=trace.report,
+        metrics=trace.metrics,
+    )
+
+
+def _settle(end: asyncio.Future[Outcome], found: Outcome | Exception) -> None:
+    """Give what was found to whoever waits for it, unless he has got something before."""
+    if end.done():
+        return
+    if isinstance(found, Exception):
+        end.set_exception(found)
+    else:
+        end.set_result(found)
+
+
+def _told_by_the_station(_: LogError) -> None:
+    """Leave a log that cannot be written to the station: it tells so, and approves nothing."""
