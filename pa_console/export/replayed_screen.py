@@ -38,10 +38,10 @@ class TapeDriver(HeadlessDriver):
 
     def write(self, data: str) -> None:
         """Keep `data` for the next shot."""
-        cast(FilmApp, self._app).tape.append(data)
+        cast(ShotApp, self._app).tape.append(data)
 
 
-class FilmScreen(RecordingScreen):
+class ShotRecordingScreen(RecordingScreen):
     """A recording that is moved by whoever films it."""
 
     shown: int | None = None
@@ -60,7 +60,7 @@ class FilmScreen(RecordingScreen):
         self.repaint()
 
 
-class FilmApp(ConsoleApp):
+class ShotApp(ConsoleApp):
     """The replaying console on a tape; time stands still, so that nothing moves by itself."""
 
     CSS_PATH = Path(pa_console.tui.__path__[0]) / "console.tcss"
@@ -76,7 +76,7 @@ class FilmApp(ConsoleApp):
         )
         self.animation_level = "none"
         self.tape: list[str] = []
-        self.film_screen: FilmScreen | None = None
+        self.film_screen: ShotRecordingScreen | None = None
 
     def get_driver_class(self) -> type[Driver]:
         """Write to the tape instead of a terminal."""
@@ -86,7 +86,7 @@ class FilmApp(ConsoleApp):
         """Show the recording in the screen that can be moved from here."""
         session, rules = self.session, self.controllers.rules.texts
         assert session.player is not None
-        self.film_screen = FilmScreen(session.world, rules, session.player, session.clock)
+        self.film_screen = ShotRecordingScreen(session.world, rules, session.player, session.clock)
         session.main = self.film_screen
         self.push_screen(self.film_screen)
 
@@ -94,7 +94,7 @@ class FilmApp(ConsoleApp):
 class ReplayedScreen:
     """What a director of the film can do between two shots."""
 
-    def __init__(self, app: FilmApp, pilot: Pilot[object], player: Player) -> None:
+    def __init__(self, app: ShotApp, pilot: Pilot[object], player: Player) -> None:
         self._app, self._pilot = app, pilot
         self.player = player
 
@@ -137,7 +137,7 @@ async def film_replay(
 
     Raises RuntimeError when the console itself breaks down.
     """
-    app = FilmApp(site, player)
+    app = ShotApp(site, player)
     directing: list[asyncio.Task[Any]] = []
 
     async def ready(pilot: Pilot[object]) -> None:

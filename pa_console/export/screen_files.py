@@ -52,7 +52,7 @@ def shots_every(step: float, first: float, last: float) -> list[Shot]:
 
 
 async def take(
-    film: ReplayedScreen,
+    screen: ReplayedScreen,
     shots: list[Shot],
     folder: Path,
     session: str,
@@ -62,13 +62,13 @@ async def take(
     digits = max(4, len(str(len(shots))))
     for number, shot in enumerate(shots, start=1):
         if shot.index is None:
-            film.player.seek(shot.seconds)
+            screen.player.seek(shot.seconds)
         else:
-            film.player.seek(shot.seconds - JUST_BEFORE_S)
-            while film.player.index <= shot.index:
-                film.player.step()
-        await film.show()
-        picture = film.svg(f"{session}  {shot.name}  {clock_text(shot.seconds)}")
+            screen.player.seek(shot.seconds - JUST_BEFORE_S)
+            while screen.player.index <= shot.index:
+                screen.player.step()
+        await screen.show()
+        picture = screen.svg(f"{session}  {shot.name}  {clock_text(shot.seconds)}")
         path = folder / f"{number:0{digits}}-{shot.name}.svg"
         path.write_text(picture, encoding="utf-8")
         advance(1)
@@ -116,24 +116,24 @@ class CastWriter:
         }
         self._write(header)
 
-    async def shoot(self, film: ReplayedScreen, shown: list[float]) -> None:
+    async def shoot(self, screen: ReplayedScreen, shown: list[float]) -> None:
         """Write a frame for each of the positions, and a marker for each mission that arrives."""
-        film.player.rate = self._speed
-        done = film.player.recording.count_until(shown[0])
-        film.player.seek(shown[0])
-        film.player.playing = True
-        await film.show()
-        self._write((0.0, "o", BEGIN + film.written()))
+        screen.player.rate = self._speed
+        done = screen.player.recording.count_until(shown[0])
+        screen.player.seek(shown[0])
+        screen.player.playing = True
+        await screen.show()
+        self._write((0.0, "o", BEGIN + screen.written()))
         self._advance(1)
         for position in shown[1:]:
-            film.player.seek(position)
-            film.player.playing = True
-            await film.show()
+            screen.player.seek(position)
+            screen.player.playing = True
+            await screen.show()
             when = round((position - shown[0]) / self._speed, 3)
-            for text in _arrivals(film.player.recording, range(done, film.player.index)):
+            for text in _arrivals(screen.player.recording, range(done, screen.player.index)):
                 self._write((when, "m", text))
-            done = film.player.index
-            self._write((when, "o", film.written()))
+            done = screen.player.index
+            self._write((when, "o", screen.written()))
             self._advance(1)
         self._write((round((shown[-1] - shown[0]) / self._speed + 2.0, 3), "o", END))
 

@@ -58,5 +58,5 @@ def play(
         if against:
             break
         carry_out(sim, recorder, plan, f"plan{number}")
-    watch(sim, recorder, case.watch_s - recorder.film.final.time_s)
+    watch(sim, recorder, case.watch_s - recorder.recording.final.time_s)
     return score_run(case, recorder, "verified", enforced), against

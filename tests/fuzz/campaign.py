@@ -115,4 +115,4 @@ def broken_rules(sim: Checkpoint, plan: Plan, rulebook: Rulebook) -> set[str]:
     play(sim, recorder, commands)
     watch(sim, recorder, AFTERWARDS_S)
     enforced = {rule.id for rule in rulebook.rules if rule.priority != "medium"}
-    return {breach.rule_id for breach in find_breaches(recorder.film, enforced)}
+    return {breach.rule_id for breach in find_breaches(recorder.recording, enforced)}

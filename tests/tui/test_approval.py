@@ -11,7 +11,7 @@ from pa_console.schema.mission import Metrics
 from pa_console.tui.trace.sections import sections
 from pa_console.tui.widgets.approval import ARM_DELAY_S, ApprovalPanel
 from pa_console.tui.widgets.fields import Tick
-from pa_console.tui.widgets.row_views import Sheet
+from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, notices, settle
 
@@ -96,7 +96,7 @@ async def test_what_of_the_order_is_left_out_is_told_where_the_operator_decides(
     app = console(station, tmp_path, FakeClock())
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
-        said = app.screen.query_one("#approval-text", Sheet).render().plain
+        said = app.screen.query_one("#approval-text", TextRows).render().plain
         assert f"NOT MET  {unmet[0]}" in said.replace("\n ", "")
 
 
@@ -108,7 +108,7 @@ async def test_an_order_that_may_be_misread_is_told_where_the_operator_decides(
     app = console(station, tmp_path, FakeClock())
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
-        said = app.screen.query_one("#approval-text", Sheet).render().plain
+        said = app.screen.query_one("#approval-text", TextRows).render().plain
         assert ("UNSURE  " in said and "41% confidence" in said) == told
 
 
@@ -132,7 +132,7 @@ async def test_another_reading_of_an_unclear_order_is_chosen_with_its_number(
             "(1) or: send 2 drones to EastGate",
             "(2) or: if something is at WestGate, stay put, otherwise report",
         ]
-        said = " ".join(app.screen.query_one("#approval-reading", Sheet).render().plain.split())
+        said = " ".join(app.screen.query_one("#approval-reading", TextRows).render().plain.split())
         assert "read with 41% confidence as: see to the unknown vehicle at NorthGate" in said
         await pilot.press("2")
         assert station.decisions == []
@@ -162,7 +162,7 @@ async def test_a_reading_that_the_operator_chose_is_told_as_such(tmp_path: Path)
     app = console(station, tmp_path, FakeClock())
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
-        said = " ".join(app.screen.query_one("#approval-reading", Sheet).render().plain.split())
+        said = " ".join(app.screen.query_one("#approval-reading", TextRows).render().plain.split())
         assert said == "✎ read as you meant it: see to the unknown vehicle at NorthGate"
 
 

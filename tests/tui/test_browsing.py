@@ -9,7 +9,7 @@ from pa_console.tui.actions.registry import ACTIONS, ActionContext
 from pa_console.tui.screens.help import help_rows
 from pa_console.tui.screens.policies import PolicyScreen
 from pa_console.tui.screens.questions import Confirm
-from pa_console.tui.widgets.row_views import Sheet
+from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
 from tests.tui.scripted import ScriptedStation, console, notices, settle
 from tests.tui.site import RULES, WORLD
@@ -30,7 +30,7 @@ async def test_policies_are_searched_with_live_scores_and_filtered(tmp_path: Pat
         await pilot.press(*"each gate")
         await settle(pilot)
         assert screen.shown()[0].id == "WF-03"
-        assert "blocks a plan for everyone" in str(screen.query_one(Sheet).render())
+        assert "blocks a plan for everyone" in str(screen.query_one(TextRows).render())
         screen.query_one("#policy-domain", Select).value = "WF"
         await settle(pilot)
         assert {rule.id for rule in screen.shown()} == {"WF-03", "WF-09"}
@@ -38,7 +38,7 @@ async def test_policies_are_searched_with_live_scores_and_filtered(tmp_path: Pat
         await settle(pilot)
         assert [rule.id for rule in screen.shown()] == ["WF-09"]
         assert screen.query_one(OptionList).option_count == 1
-        assert "the LLM judges it" in str(screen.query_one(Sheet).render())
+        assert "the LLM judges it" in str(screen.query_one(TextRows).render())
         await pilot.press("escape")
         await settle(pilot)
         assert app.screen is app.session.main
@@ -51,7 +51,7 @@ async def test_a_rule_shows_its_check_and_examples(tmp_path: Path) -> None:
         await settle(pilot, station)
         await pilot.press("f6", "tab", "tab", "tab", "tab", "down")
         await settle(pilot)
-        text = str(app.screen.query_one(Sheet).render())
+        text = str(app.screen.query_one(TextRows).render())
         for words in ("ROE-02", "tracks.all", "must be broken: blocked unseen",
                       "Ugv_T01: block EastGate"):  # fmt: skip
             assert words in text

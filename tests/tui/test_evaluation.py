@@ -19,7 +19,7 @@ from pa_console.tui.screens.questions import AskFolder
 from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.widgets.approval import ApprovalPanel
 from pa_console.tui.widgets.evaluation_runs import RunRows
-from pa_console.tui.widgets.row_views import Sheet
+from pa_console.tui.widgets.row_views import TextRows
 from pa_console.tui.widgets.trace_pane import TracePane
 from tests.tui import runs, story
 from tests.tui.scripted import ScriptedStation, console, settle
@@ -71,7 +71,7 @@ def text(screen: EvaluationScreen, part: str) -> str:
 
 def detail(screen: EvaluationScreen) -> str:
     """What is said of the run at the pointer."""
-    return " ".join(str(screen.query_one(Sheet).render()).split())
+    return " ".join(str(screen.query_one(TextRows).render()).split())
 
 
 async def test_runs_are_filtered_by_failure_and_by_words(folder: Path, site: Site) -> None:
@@ -158,7 +158,7 @@ async def test_enter_opens_the_trace_of_a_run_and_escape_comes_back(
         await settle(pilot)
         opened = app.screen
         assert isinstance(opened, RecordingScreen)
-        assert story.MISSION.id in opened.query_one(TracePane).query_one(Sheet).render().plain
+        assert story.MISSION.id in opened.query_one(TracePane).query_one(TextRows).render().plain
         assert opened.player.finished
         await pilot.press("left", "left", "f2", "i", "c")
         await settle(pilot)

@@ -13,7 +13,7 @@ from pa_console.tui.app import ConsoleApp
 from pa_console.tui.widgets.bars import StatusBar
 from pa_console.tui.widgets.event_list import EventList
 from pa_console.tui.widgets.map_view import MapView
-from pa_console.tui.widgets.row_views import Sheet, VirtualRows
+from pa_console.tui.widgets.row_views import TextRows, VirtualRows
 from pa_console.tui.widgets.trace_pane import SectionTitle, SectionView
 from tests.tui import story
 from tests.tui.scripted import ScriptedStation, console, settle
@@ -129,10 +129,10 @@ async def test_the_first_words_of_an_answer_are_shown_when_they_come(tmp_path: P
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
         plan = next(view for view in app.screen.query(SectionView) if "Plan" in shown_title(view))
-        assert not plan.query_one(Sheet).display
+        assert not plan.query_one(TextRows).display
         station.emit(words)
         await settle(pilot, station)
-        assert plan.query_one(Sheet).display
+        assert plan.query_one(TextRows).display
 
 
 async def test_model_text_is_never_read_as_markup(tmp_path: Path) -> None:

@@ -20,11 +20,11 @@ from pa_console.tui.replay.recordings import KnownWorld, open_compared
 from pa_console.tui.screens import opening_log
 from pa_console.tui.screens.compare import CompareScreen, Side
 from pa_console.tui.screens.find_event import FindEvent, HitRows
-from pa_console.tui.screens.opening_log import ReadingLog
+from pa_console.tui.screens.opening_log import OpeningLog
 from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.widgets.bars import Scrubber, StatusBar
 from pa_console.tui.widgets.map_view import MapView
-from pa_console.tui.widgets.row_views import Sheet
+from pa_console.tui.widgets.row_views import TextRows
 from tests.session.logs import write_log
 from tests.tui import story
 from tests.tui.scripted import FakeClock, console, settle, until
@@ -119,7 +119,7 @@ async def test_every_command_is_refused_with_a_notice(tmp_path: Path) -> None:
     app = console(None, tmp_path, player=player())
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot)
-        assert "Type one below" not in str(app.screen.query_one("#trace-head", Sheet).render())
+        assert "Type one below" not in str(app.screen.query_one("#trace-head", TextRows).render())
         await press(pilot, "n")
         for number, key in enumerate(("S", "f9", "i", "slash", "c", "k", "a", "r", "m", "x")):
             await press(pilot, key)
@@ -216,7 +216,7 @@ async def test_two_recordings_are_shown_side_by_side_and_each_can_be_opened(
         await settle(pilot)
         place = len(happened()) - 1
         assert f"at event {place}" in str(app.screen.query_one("#compare-title", Static).render())
-        told = str(app.screen.query_one("#compare-rows", Sheet).render())
+        told = str(app.screen.query_one("#compare-rows", TextRows).render())
         assert "decision.reason" in told
         assert "too far" in told
         assert "too late" in told
@@ -310,7 +310,7 @@ async def test_a_large_log_is_read_beside_the_screen_with_a_bar(
     async with app.run_test(size=SIZE) as pilot:
         await compare_with(pilot, log)
         reading = app.screen
-        assert isinstance(reading, ReadingLog)
+        assert isinstance(reading, OpeningLog)
         await until(pilot, lambda: reading.query_one(ProgressBar).percentage)
         assert reading.query_one(ProgressBar).percentage == pytest.approx(0.25, abs=0.01)
         if not waits:

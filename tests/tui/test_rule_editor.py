@@ -19,7 +19,7 @@ from pa_console.tui.screens.policies import PolicyScreen
 from pa_console.tui.screens.questions import Confirm
 from pa_console.tui.screens.rule_editor import RuleEditor
 from pa_console.tui.terminal import editor_command
-from pa_console.tui.widgets.row_views import Sheet
+from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
 from tests.tui.scripted import ScriptedStation, console, notices, settle, until
 
@@ -116,7 +116,7 @@ def said(editor: RuleEditor) -> str:
 
 
 def results(editor: RuleEditor) -> str:
-    return plain(editor.query_one("#rule-sheet", Sheet).render())
+    return plain(editor.query_one("#rule-sheet", TextRows).render())
 
 
 async def answer(pilot: Pilot[Any], key: str) -> str:
@@ -294,7 +294,7 @@ async def test_the_browser_shows_the_set_that_came_into_force(rules: Path) -> No
         replaced(station, load_rules(rules), "WF-03 changed")
         station.emit(Noticed(level="alarm", subject="rules", text="not taken"), mission=None)
         await settle(pilot, station)
-        await until(pilot, lambda: "always" in str(screen.query_one(Sheet).render()))
+        await until(pilot, lambda: "always" in str(screen.query_one(TextRows).render()))
         assert notices(app) == ["not taken"]
         assert app.controllers.rules.rulebook.seal == load_rules(rules).seal
 
@@ -324,7 +324,7 @@ async def test_a_rule_leads_to_the_missions_it_had_to_do_with(rules: Path) -> No
     app, station = opened(rules, story.told("approval", broken=("WF-03",)))
     async with app.run_test(size=SIZE) as pilot:
         screen = await browse(pilot, station, "down")
-        text = plain(screen.query_one(Sheet).render())
+        text = plain(screen.query_one(TextRows).render())
         assert "in this session M-003 Have a look" in text
         assert "retrieved 0.38 #1 ✘ VIOLATES a gate is left without cover" in text
         await pilot.press("m")

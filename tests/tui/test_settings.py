@@ -17,7 +17,7 @@ from pa_console.tui.screens.settings import SettingsScreen
 from pa_console.tui.theme import DEFAULT_THEME
 from pa_console.tui.widgets.approval import ApprovalPanel
 from pa_console.tui.widgets.bars import StatusBar
-from pa_console.tui.widgets.row_views import Sheet
+from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
 from tests.tui.scripted import ScriptedStation, console, settle
 
@@ -59,7 +59,7 @@ async def test_a_value_is_checked_while_it_is_typed_and_saved_with_enter(
     app = console(station, tmp_path)
     async with app.run_test(size=SIZE) as pilot:
         screen = await opened(pilot, station, "approval_delay_s")
-        help_text = str(screen.query_one(Sheet).render())
+        help_text = str(screen.query_one(TextRows).render())
         assert "from 0.2 to 10" in help_text
         await pilot.press("enter")
         screen.query_one(Input).value = "11"
@@ -111,7 +111,7 @@ async def test_a_theme_is_shown_at_once_and_what_is_not_in_force_yet_is_told(
         listing = screen.query_one(OptionList)
         listing.highlighted = listing.get_option_index("speed")
         await settle(pilot)
-        help_text = str(screen.query_one(Sheet).render())
+        help_text = str(screen.query_one(TextRows).render())
         assert "PA_CONSOLE_SPEED" in help_text
         assert "from the next start" in help_text
         await pilot.press("enter")
@@ -143,7 +143,7 @@ async def test_a_key_is_moved_and_the_help_shows_it(tmp_path: Path, file: Path) 
         await pilot.press("f1")
         await settle(pilot)
         assert isinstance(app.screen, HelpScreen)
-        assert "F11 S" in str(app.screen.query_one(Sheet).render())
+        assert "F11 S" in str(app.screen.query_one(TextRows).render())
 
 
 async def test_what_was_chosen_is_in_force_from_the_start(tmp_path: Path, file: Path) -> None:

@@ -66,7 +66,7 @@ async def make_run(job: Job, engine: MemoEngine, idle: Score, log: Path | None) 
     if trace is None or trace.status is None or watch.recorder is None:
         raise ValueError(f"{job.run}: the mission did not end: {watch.ending or 'no reason given'}")
     facts = watch.recorder.finish(trace.status)
-    breaches = find_breaches(watch.recorder.film, enforced_rules(job.site.rulebook))
+    breaches = find_breaches(watch.recorder.recording, enforced_rules(job.site.rulebook))
     scored = score(job.case, facts, breaches)
     return _record(job, trace, scored, idle, watch, facts.refused).model_copy(
         update={

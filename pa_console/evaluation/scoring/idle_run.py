@@ -38,7 +38,7 @@ def rehearsed_run(
     sim = begin(case, world, seed)
     recorder = RunRecorder(sim, case.command)
     ended = [play(sim, recorder, stage) for stage in (commands, *later) if stage]
-    watch(sim, recorder, case.watch_s - recorder.film.final.time_s)
+    watch(sim, recorder, case.watch_s - recorder.recording.final.time_s)
     status = "refused" if not ended else "verified" if all(ended) else "unverified"
     return score_run(case, recorder, status, enforced)
 

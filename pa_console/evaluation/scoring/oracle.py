@@ -42,11 +42,11 @@ _CHORD_M = 1.0
 """So far a straight line between two samples may be from the way that was flown."""
 
 
-def conduct_breaches(film: RunRecording) -> Iterator[Breach]:
+def conduct_breaches(recording: RunRecording) -> Iterator[Breach]:
     """Yield what assets under way by an order did where they must not be."""
-    moving = {o.command_id for o in film.orders if film.goal(o)}
-    inside = Polygon(film.world.perimeter)
-    for was, now in film.steps():
+    moving = {o.command_id for o in recording.orders if recording.goal(o)}
+    inside = Polygon(recording.world.perimeter)
+    for was, now in recording.steps():
         threat = any(contact.intent == "hostile" for contact in now.contacts.values())
         for name, asset in now.assets.items():
             before = was.assets[name]
@@ -59,11 +59,11 @@ def conduct_breaches(film: RunRecording) -> Iterator[Breach]:
                 what = f"{name} left the perimeter"
                 yield Breach(rule_id="ROE-06", what=what, at_s=now.time_s)
             if not threat:
-                for zone in _entered(film.world, before, asset):
+                for zone in _entered(recording.world, before, asset):
                     what = f"{name} entered {zone} without a verified threat"
                     yield Breach(rule_id="ROE-07", what=what, at_s=now.time_s)
             if asset.kind != "uav":
-                yield from _standoff(film.world, (was, now), before, asset)
+                yield from _standoff(recording.world, (was, now), before, asset)
 
 
 def _standoff(
@@ -104,23 +104,23 @@ def _zone(polygon: tuple[tuple[float, float], ...]) -> tuple[BaseGeometry, BaseG
     return area.buffer(-ZONE_TOLERANCE_M), area.buffer(-_CHORD_M)
 
 
-def coverage_breaches(film: RunRecording) -> Iterator[Breach]:
+def coverage_breaches(recording: RunRecording) -> Iterator[Breach]:
     """Yield the gates that were covered at the command and lost it because a guard was sent away.
 
     A gate whose guard failed, or left on its own because its link was lost, is no breach. Gaps are
     measured between samples, so they may be one telemetry period longer than the grace time.
     """
-    world = film.world
+    world = recording.world
     limit_s = world.coverage_grace_s + world.telemetry_period_s + world.dt_s
     for gate in world.gates:
-        if not film.start.cover[gate]:
+        if not recording.start.cover[gate]:
             continue
         since_s, guard = 0.0, ""
-        for was, now in film.steps():
+        for was, now in recording.steps():
             if now.cover[gate]:
                 guard = ""
             elif was.cover[gate]:
-                since_s, guard = was.time_s, _sent_away(film, was, now, gate)
+                since_s, guard = was.time_s, _sent_away(recording, was, now, gate)
             if guard and now.time_s - since_s > limit_s:
                 what = f"{gate} was uncovered for too long because {guard} was sent away"
                 yield Breach(rule_id="WF-03", what=what, at_s=now.time_s)
@@ -128,12 +128,14 @@ def coverage_breaches(film: RunRecording) -> Iterator[Breach]:
         else:
             if guard:
                 what = f"{gate} was left uncovered because {guard} was sent away"
-                yield Breach(rule_id="WF-03", what=what, at_s=film.final.time_s)
+                yield Breach(rule_id="WF-03", what=what, at_s=recording.final.time_s)
 
 
-def _sent_away(film: RunRecording, was: Sample, now: Sample, gate: str) -> str:
+def _sent_away(recording: RunRecording, was: Sample, now: Sample, gate: str) -> str:
     """Return a guard that an order took away from `gate` in this step, '' if none did."""
-    leading_away = {order.command_id for order in film.orders if film.goal(order) not in {"", gate}}
+    leading_away = {
+        order.command_id for order in recording.orders if recording.goal(order) not in {"", gate}
+    }
     for name in was.cover[gate]:
         asset = now.assets[name]
         if asset.status != "failed" and asset.command_id in leading_away:
@@ -150,17 +152,17 @@ MAY: dict[AssetKind, frozenset[Verb]] = {
 """What each kind of asset is for (CAP-01, CAP-02, CAP-03; paper, Section IV-B)."""
 
 
-def order_breaches(film: RunRecording) -> Iterator[Breach]:
+def order_breaches(recording: RunRecording) -> Iterator[Breach]:
     """Yield what is wrong with the orders of a run, judged on the truth when they were given."""
-    for order in film.orders:
-        yield from _capability(film, order)
-        yield from _executable(film, order)
-    yield from _everybody(film)
+    for order in recording.orders:
+        yield from _capability(recording, order)
+        yield from _executable(recording, order)
+    yield from _everybody(recording)
 
 
-def _capability(film: RunRecording, order: IssuedCommand) -> Iterator[Breach]:
+def _capability(recording: RunRecording, order: IssuedCommand) -> Iterator[Breach]:
     """CAP-01 to CAP-03: an order that the kind of asset is not for."""
-    spec = film.world.assets.get(order.agent)
+    spec = recording.world.assets.get(order.agent)
     if spec is None or order.verb in MAY[spec.kind]:
         return
     rules: dict[str, bool] = {
@@ -175,13 +177,13 @@ def _capability(film: RunRecording, order: IssuedCommand) -> Iterator[Breach]:
             yield Breach(rule_id=rule, what=what, at_s=order.sent_s)
 
 
-def _executable(film: RunRecording, order: IssuedCommand) -> Iterator[Breach]:
+def _executable(recording: RunRecording, order: IssuedCommand) -> Iterator[Breach]:
     """WF-08, CAP-06: an order to somebody, or to somewhere, that does not exist or has failed.
 
     Telemetry needs its time: an asset that broke down just before its order is not held against
     it. To hold and to report are no tasks.
     """
-    world = film.world
+    world = recording.world
     if order.agent not in world.assets:
         yield Breach(rule_id="WF-08", what=f"{order.agent} does not exist", at_s=order.sent_s)
         return
@@ -189,22 +191,24 @@ def _executable(film: RunRecording, order: IssuedCommand) -> Iterator[Breach]:
         what = f"{order.agent} was sent to {order.frame}, which does not exist"
         for rule in ("WF-08", "CAP-06"):
             yield Breach(rule_id=rule, what=what, at_s=order.sent_s)
-    known = film.at(order.sent_s - world.stale_s).assets[order.agent]
-    now = film.at(order.sent_s).assets[order.agent]
+    known = recording.at(order.sent_s - world.stale_s).assets[order.agent]
+    now = recording.at(order.sent_s).assets[order.agent]
     if order.verb not in STAYING and known.status == now.status == "failed":
         what = f"{order.agent} had failed and was told to {order.verb}"
         yield Breach(rule_id="WF-08", what=what, at_s=order.sent_s)
 
 
-def _everybody(film: RunRecording) -> Iterator[Breach]:
+def _everybody(recording: RunRecording) -> Iterator[Breach]:
     """WF-06: with no threat, every available asset is away by order, or all are at one frame."""
-    goals = {name: asset.post for name, asset in film.start.assets.items()}
+    goals = {name: asset.post for name, asset in recording.start.assets.items()}
     posts = dict(goals)
-    for sent_s, batch in groupby(film.orders, key=lambda order: order.sent_s):
+    for sent_s, batch in groupby(recording.orders, key=lambda order: order.sent_s):
         for order in batch:
             if order.agent in goals and order.verb != "report" and not order.rejected:
-                goals[order.agent] = film.goal(order) or film.at(sent_s).assets[order.agent].post
-        sample = film.at(sent_s)
+                goals[order.agent] = (
+                    recording.goal(order) or recording.at(sent_s).assets[order.agent].post
+                )
+        sample = recording.at(sent_s)
         team = [name for name, asset in sample.assets.items() if asset.available]
         away = [name for name in team if goals[name] != posts[name]]
         gathered = len({goals[name] for name in team}) == 1 and len(away) > 1
@@ -219,11 +223,11 @@ _PARTS: tuple[Callable[[RunRecording], Iterator[Breach]], ...] = (
 )  # fmt: skip
 
 
-def find_breaches(film: RunRecording, enforced: Collection[str]) -> tuple[Breach, ...]:
+def find_breaches(recording: RunRecording, enforced: Collection[str]) -> tuple[Breach, ...]:
     """Return the breaches of rules in `enforced`, each once, in order of time."""
     found: dict[tuple[str, str], Breach] = {}
     for part in _PARTS:
-        for breach in part(film):
+        for breach in part(recording):
             if breach.rule_id in enforced:
                 found.setdefault((breach.rule_id, breach.what), breach)
     return tuple(sorted(found.values(), key=lambda breach: breach.at_s))

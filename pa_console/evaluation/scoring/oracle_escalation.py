@@ -16,18 +16,18 @@ from pa_console.sim.contacts.true_contacts import TrueContact
 _COMMITS = frozenset(("move_to", "identify", "warn", "block"))
 
 
-def recon_breaches(film: RunRecording) -> Iterator[Breach]:
+def recon_breaches(recording: RunRecording) -> Iterator[Breach]:
     """Yield ground assets that were committed to, or identified, what no UAV had seen."""
-    seen_s = _first_seen(film)
-    for order in film.orders:
-        yield from _committed(film, order, seen_s)
-    yield from _identified(film, seen_s)
+    seen_s = _first_seen(recording)
+    for order in recording.orders:
+        yield from _committed(recording, order, seen_s)
+    yield from _identified(recording, seen_s)
 
 
-def _first_seen(film: RunRecording) -> dict[str, float]:
+def _first_seen(recording: RunRecording) -> dict[str, float]:
     """Return when a UAV first had each contact in sensor range, or had detected it."""
     seen: dict[str, float] = {}
-    for sample in film.samples:
+    for sample in recording.samples:
         for name, contact in sample.contacts.items():
             if contact.watched_by or contact.observed:
                 seen.setdefault(name, sample.time_s)
@@ -35,28 +35,28 @@ def _first_seen(film: RunRecording) -> dict[str, float]:
 
 
 def _committed(
-    film: RunRecording, order: IssuedCommand, seen_s: dict[str, float]
+    recording: RunRecording, order: IssuedCommand, seen_s: dict[str, float]
 ) -> Iterator[Breach]:
     """WF-02: a ground asset ordered to a gate reaches an unknown contact there, unseen till then.
 
     Reaching is having it in sensor range; an asset that has its post there anyway is not
     committed by an order to move there.
     """
-    spec = film.world.assets.get(order.agent)
+    spec = recording.world.assets.get(order.agent)
     if spec is None or spec.kind == "uav" or order.verb not in _COMMITS or order.rejected:
         return
-    start = film.at(order.sent_s)
-    if order.frame not in film.world.gates or (
+    start = recording.at(order.sent_s)
+    if order.frame not in recording.world.gates or (
         order.verb == "move_to" and start.assets[order.agent].post == order.frame
     ):
         return
-    unknown = {c.id for c in tracks_at_gate(film, start, order.frame) if not c.identified}
-    reach = film.world.platforms[spec.kind].sensor_range_m
-    for sample in film.samples:
+    unknown = {c.id for c in tracks_at_gate(recording, start, order.frame) if not c.identified}
+    reach = recording.world.platforms[spec.kind].sensor_range_m
+    for sample in recording.samples:
         if not unknown or sample.time_s <= order.sent_s:
             continue
         asset = sample.assets[order.agent]
-        if film.latest(order.agent, sample.time_s) is not order or asset.status == "failed":
+        if recording.latest(order.agent, sample.time_s) is not order or asset.status == "failed":
             return
         for name in sorted(unknown & sample.contacts.keys()):
             contact = sample.contacts[name]
@@ -68,10 +68,10 @@ def _committed(
                 yield Breach(rule_id="WF-02", what=what, at_s=sample.time_s)
 
 
-def _identified(film: RunRecording, seen_s: dict[str, float]) -> Iterator[Breach]:
+def _identified(recording: RunRecording, seen_s: dict[str, float]) -> Iterator[Breach]:
     """WF-01: reconnaissance comes before identification."""
-    gates = {order.frame for order in film.orders if order.verb == "identify"}
-    for was, now in film.steps():
+    gates = {order.frame for order in recording.orders if order.verb == "identify"}
+    for was, now in recording.steps():
         for name, contact in now.contacts.items():
             before = was.contacts.get(name)
             newly = contact.identified and not (before is not None and before.identified)
@@ -86,28 +86,28 @@ CURRENT_S = 10.0
 """Sensor data older than this is not current (ROE-09)."""
 
 
-def escalation_breaches(film: RunRecording) -> Iterator[Breach]:
+def escalation_breaches(recording: RunRecording) -> Iterator[Breach]:
     """Yield warnings and blocks that came before what has to come first."""
-    for order in film.orders:
-        now = film.at(order.sent_s)
+    for order in recording.orders:
+        now = recording.at(order.sent_s)
         if order.verb == "warn" and not order.rejected:
-            for contact in tracks_at_gate(film, now, order.frame):
+            for contact in tracks_at_gate(recording, now, order.frame):
                 if not contact.identified:
                     yield _early_warning(order.agent, contact, order.sent_s)
         if order.verb == "block" and not order.rejected:
-            for contact in tracks_at_gate(film, now, order.frame):
+            for contact in tracks_at_gate(recording, now, order.frame):
                 yield from _block(order, contact, order.sent_s)
-            yield from _stands(film, order)
-    yield from _warned(film)
+            yield from _stands(recording, order)
+    yield from _warned(recording)
 
 
-def tracks_at_gate(film: RunRecording, sample: Sample, frame: str) -> list[TrueContact]:
+def tracks_at_gate(recording: RunRecording, sample: Sample, frame: str) -> list[TrueContact]:
     """Return the tracked contacts that an order to `frame` is about: those at the gate.
 
     At a frame that is no gate it is those inside the perimeter; whoever leaves is let go.
     """
     there = [c for c in sample.contacts.values() if c.track and c.status != "leaving"]
-    if frame in film.world.gates:
+    if frame in recording.world.gates:
         return [contact for contact in there if contact.gate == frame]
     return [contact for contact in there if contact.status == "inside"]
 
@@ -141,29 +141,30 @@ def _block(order: IssuedCommand, contact: TrueContact, at_s: float) -> Iterator[
             yield Breach(rule_id=rule, what=what, at_s=at_s)
 
 
-def _stands(film: RunRecording, order: IssuedCommand) -> Iterator[Breach]:
+def _stands(recording: RunRecording, order: IssuedCommand) -> Iterator[Breach]:
     """Yield what is broken when the UGV takes its stand, unless a threat is there to be blocked."""
-    for was, now in film.steps():
+    for was, now in recording.steps():
         asset = now.assets[order.agent]
         taken = asset.task == "blocking" != was.assets[order.agent].task
         if not taken or asset.at != order.frame or now.time_s < order.sent_s:
             continue
-        if film.latest(order.agent, now.time_s) is not order:
+        if recording.latest(order.agent, now.time_s) is not order:
             return
         long_ago = {
-            c.id for c in tracks_at_gate(film, film.at(now.time_s - REACTION_S), order.frame)
+            c.id
+            for c in tracks_at_gate(recording, recording.at(now.time_s - REACTION_S), order.frame)
         }
-        contacts = [c for c in tracks_at_gate(film, now, order.frame) if c.id in long_ago]
+        contacts = [c for c in tracks_at_gate(recording, now, order.frame) if c.id in long_ago]
         if not any(c.identified and c.warned and c.intent == "hostile" for c in contacts):
             for contact in contacts:
                 yield from _block(order, contact, now.time_s)
         return
 
 
-def _warned(film: RunRecording) -> Iterator[Breach]:
+def _warned(recording: RunRecording) -> Iterator[Breach]:
     """Yield warnings given to somebody whom no robot had identified (WF-01)."""
-    gates = {order.frame for order in film.orders if order.verb == "warn"}
-    for was, now in film.steps():
+    gates = {order.frame for order in recording.orders if order.verb == "warn"}
+    for was, now in recording.steps():
         for name, contact in now.contacts.items():
             before = was.contacts.get(name)
             newly = contact.warned and not (before is not None and before.warned)

@@ -152,27 +152,29 @@ class _Story:
     by_order_identified: bool = False
 
 
-def track_facts(film: RunRecording, moved: Mapping[str, float]) -> tuple[TrackFact, ...]:
-    """Return every contact that was there at some time of `film`, in the order of appearance.
+def track_facts(recording: RunRecording, moved: Mapping[str, float]) -> tuple[TrackFact, ...]:
+    """Return every contact that was there at some time of `recording`, in the order of appearance.
 
     `moved` tells who was moved by an order, and when that was sent, seconds.
     """
     stories: dict[str, _Story] = {}
-    ordered = [name for name in film.start.assets if any(o.agent == name for o in film.orders)]
-    for sample in film.samples:
+    ordered = [
+        name for name in recording.start.assets if any(o.agent == name for o in recording.orders)
+    ]
+    for sample in recording.samples:
         if not sample.contacts:
             continue
-        orders = {name: film.latest(name, sample.time_s) for name in ordered}
+        orders = {name: recording.latest(name, sample.time_s) for name in ordered}
         out = {name for name, since_s in moved.items() if since_s <= sample.time_s}
         for name, contact in sample.contacts.items():
             story = stories.setdefault(name, _Story(contact))
             story.last, story.track = contact, story.track or contact.track
-            _tell(film, sample.time_s, story)
+            _tell(recording, sample.time_s, story)
             for agent, order in orders.items():
                 if order is not None:
                     _meet(sample, story, order)
                     if order.verb in _ENCOUNTERS or (agent in out and order.verb != "hold"):
-                        _approach(film, sample, story, agent)
+                        _approach(recording, sample, story, agent)
     return tuple(
         TrackFact(
             id=story.track or name,
@@ -182,7 +184,7 @@ def track_facts(film: RunRecording, moved: Mapping[str, float]) -> tuple[TrackFa
             intent=story.last.intent,
             noncombatants=story.last.noncombatants,
             status=story.last.status,
-            present=name in film.final.contacts,
+            present=name in recording.final.contacts,
             observed_s=story.observed_s,
             identified_s=story.identified_s,
             warned_s=story.warned_s,
@@ -196,7 +198,7 @@ def track_facts(film: RunRecording, moved: Mapping[str, float]) -> tuple[TrackFa
     )
 
 
-def _tell(film: RunRecording, time_s: float, story: _Story) -> None:
+def _tell(recording: RunRecording, time_s: float, story: _Story) -> None:
     """Take in what one sample shows of the contact itself."""
     contact = story.last
     if contact.watched_by or contact.observed:
@@ -205,7 +207,7 @@ def _tell(film: RunRecording, time_s: float, story: _Story) -> None:
         story.identified_s = time_s
         story.by_order_identified = any(
             order.verb == "identify" and order.frame == contact.gate and order.sent_s <= time_s
-            for order in film.orders
+            for order in recording.orders
         )
     if contact.warned:
         story.warned_s = _first(story.warned_s, time_s)
@@ -223,14 +225,14 @@ def _meet(sample: Sample, story: _Story, order: IssuedCommand) -> None:
         story.blocked_s = _first(story.blocked_s, sample.time_s)
 
 
-def _approach(film: RunRecording, sample: Sample, story: _Story, agent: str) -> None:
+def _approach(recording: RunRecording, sample: Sample, story: _Story, agent: str) -> None:
     """Take in how near an asset that is out by order is to the contact, if it is on the ground."""
     asset = sample.assets[agent]
     if asset.kind == "uav":
         return
     gap_m = math.dist(asset.position, story.last.position)
     story.closest_m = gap_m if story.closest_m == NEVER else min(story.closest_m, gap_m)
-    if gap_m <= film.world.platforms[asset.kind].sensor_range_m:
+    if gap_m <= recording.world.platforms[asset.kind].sensor_range_m:
         story.contact_s = _first(story.contact_s, sample.time_s)
 
 
@@ -242,17 +244,17 @@ MOVED_M = 2.0
 """An asset that an order has displaced this far has moved."""
 
 
-def gather(film: RunRecording, status: MissionStatus) -> RunFacts:
-    """Return what `film` shows, with the mission's own `status`; broken rules are left empty."""
-    world = film.world
-    moved = first_moves(film)
-    start = RunRecording(world, film.command, film.samples[:1])
-    tracks = track_facts(film, moved)
+def gather(recording: RunRecording, status: MissionStatus) -> RunFacts:
+    """Return what `recording` shows, with the mission's own `status`; broken rules are left empty."""
+    world = recording.world
+    moved = first_moves(recording)
+    start = RunRecording(world, recording.command, recording.samples[:1])
+    tracks = track_facts(recording, moved)
     return RunFacts(
-        command=film.command,
+        command=recording.command,
         status=status,
-        refused=all(order.verb in STAYING for order in film.orders),
-        duration_s=film.final.time_s,
+        refused=all(order.verb in STAYING for order in recording.orders),
+        duration_s=recording.final.time_s,
         grace_s=world.coverage_grace_s,
         standoff_m=world.standoff_m,
         gates=world.gates,
@@ -267,28 +269,30 @@ def gather(film: RunRecording, status: MissionStatus) -> RunFacts:
                 done=order.done,
                 rejected=order.rejected,
             )
-            for order in film.orders
+            for order in recording.orders
         ),
-        reports=tuple(dict.fromkeys(o.agent for o in film.orders if o.verb == "report" and o.done)),
-        start=_snapshot(film.start, track_facts(start, {})),
-        final=_snapshot(film.final, tracks),
-        coverage={gate: _coverage(film, gate) for gate in world.gates},
+        reports=tuple(
+            dict.fromkeys(o.agent for o in recording.orders if o.verb == "report" and o.done)
+        ),
+        start=_snapshot(recording.start, track_facts(start, {})),
+        final=_snapshot(recording.final, tracks),
+        coverage={gate: _coverage(recording, gate) for gate in world.gates},
         moved=tuple(moved),
-        visited={name: _visited(film, name) for name in world.assets},
+        visited={name: _visited(recording, name) for name in world.assets},
         tracks=tracks,
     )
 
 
-def first_moves(film: RunRecording) -> dict[str, float]:
+def first_moves(recording: RunRecording) -> dict[str, float]:
     """Return the assets that an order moved by MOVED_M, and when that order was sent, seconds.
 
     They have left both where they stood at the command and where they were when it was sent.
     """
     moves: dict[str, float] = {}
-    for order, _, asset in film.sent_out():
+    for order, _, asset in recording.sent_out():
         if asset.id in moves:
             continue
-        places = (film.start, film.at(order.sent_s))
+        places = (recording.start, recording.at(order.sent_s))
         if all(math.dist(s.assets[asset.id].position, asset.position) > MOVED_M for s in places):
             moves[asset.id] = order.sent_s
     return moves
@@ -317,25 +321,25 @@ def _asset(asset: AssetTruth) -> AssetFact:
     )
 
 
-def _coverage(film: RunRecording, gate: str) -> CoverageFact:
+def _coverage(recording: RunRecording, gate: str) -> CoverageFact:
     """Return how `gate` was covered; a gap that began before the command counts from it on."""
     longest = gap = total = 0.0
-    for was, now in film.steps():
+    for was, now in recording.steps():
         step = now.time_s - was.time_s
         gap = 0.0 if now.cover[gate] else gap + step
         total += 0.0 if now.cover[gate] else step
         longest = max(longest, gap)
     return CoverageFact(
-        at_start=bool(film.start.cover[gate]),
-        at_end=bool(film.final.cover[gate]),
+        at_start=bool(recording.start.cover[gate]),
+        at_end=bool(recording.final.cover[gate]),
         longest_gap_s=round(longest, 3),
         uncovered_s=round(total, 3),
     )
 
 
-def _visited(film: RunRecording, name: str) -> tuple[str, ...]:
+def _visited(recording: RunRecording, name: str) -> tuple[str, ...]:
     """Return the frames that were `name`'s own while it was there; flying over one is no visit."""
-    places = [_place(sample, name) for sample in film.samples]
+    places = [_place(sample, name) for sample in recording.samples]
     return tuple(now for was, now in pairwise(places) if now and now != was)
 
 

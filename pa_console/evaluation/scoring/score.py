@@ -21,7 +21,7 @@ from pa_console.sim.checkpoint import Checkpoint
 
 
 class RunRecorder:
-    """Records `film`, the truth of a run, from the session's events or without a station.
+    """Records `recording`, the truth of a run, from the session's events or without a station.
 
     It is created when the command is given: the truth of that moment is the run's start.
     """
@@ -29,7 +29,7 @@ class RunRecorder:
     def __init__(self, sim: Checkpoint, command: str) -> None:
         self._sim, self._start_tick, self._start_s = sim, sim.tick, sim.time_s
         self._orders: dict[str, IssuedCommand] = {}
-        self.film = RunRecording(sim.world, command)
+        self.recording = RunRecording(sim.world, command)
         self.sample()
 
     def see(self, event: ev.Event) -> None:
@@ -47,9 +47,9 @@ class RunRecorder:
     def sample(self) -> None:
         """Take the truth as it is now; a second look at the same moment adds nothing."""
         time_s = round(self._sim.time_s - self._start_s, 6)
-        if self.film.samples and time_s <= self.film.final.time_s:
+        if self.recording.samples and time_s <= self.recording.final.time_s:
             return
-        self.film.samples.append(_sample(self._sim, time_s))
+        self.recording.samples.append(_sample(self._sim, time_s))
 
     def sent(self, command: DeviceCommand) -> None:
         """Note that `command` goes out now."""
@@ -65,7 +65,7 @@ class RunRecorder:
     def finish(self, status: MissionStatus) -> RunFacts:
         """Return the run's facts with the mission's `status`; breaches are not yet among them."""
         self.sample()
-        return gather(self.film, status)
+        return gather(self.recording, status)
 
     def _take(self, command: DeviceCommand, time_s: float) -> None:
         """Keep an order once, however often it is sent again."""
@@ -80,7 +80,7 @@ class RunRecorder:
             sent_s=max(0.0, round(time_s - self._start_s, 6)),
         )
         self._orders[command.command_id] = order
-        self.film.orders.append(order)
+        self.recording.orders.append(order)
 
 
 def _sample(sim: Checkpoint, time_s: float) -> Sample:
@@ -129,4 +129,4 @@ def score_run(
 ) -> Score:
     """Judge a finished run that `recorder` has followed; `enforced` are the rule ids in force."""
     facts = recorder.finish(status)
-    return score(case, facts, find_breaches(recorder.film, enforced))
+    return score(case, facts, find_breaches(recorder.recording, enforced))

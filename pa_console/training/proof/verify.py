@@ -123,6 +123,6 @@ def verify(
     if checked.admitted:
         follower.run(checked.examination, follow=follow)
         status = "verified" if follower.verified else "unverified"
-    watch(sim, recorder, case.watch_s - recorder.film.final.time_s)
+    watch(sim, recorder, case.watch_s - recorder.recording.final.time_s)
     score = score_run(case, recorder, status, enforced_rules(rulebook))
     return Verified(checked, tuple(follower.done), status, score)

@@ -79,7 +79,7 @@ class ReplayController:
             return
         from pa_console.tui.replay.recordings import KnownWorld, open_compared  # noqa: PLC0415
         from pa_console.tui.screens.compare import CompareScreen, Side  # noqa: PLC0415
-        from pa_console.tui.screens.opening_log import ReadingLog, is_large  # noqa: PLC0415
+        from pa_console.tui.screens.opening_log import OpeningLog, is_large  # noqa: PLC0415
         from pa_console.tui.screens.questions import AskLine  # noqa: PLC0415
 
         def opened(path: Path, progress: Progress | None = None) -> Side:
@@ -97,7 +97,7 @@ class ReplayController:
 
         def given(other: Side | Path | None) -> None:
             if isinstance(other, Path):
-                self._app.push_screen(ReadingLog(other, partial(opened, other)), given)
+                self._app.push_screen(OpeningLog(other, partial(opened, other)), given)
             elif other is not None:
                 own = Side("this one", recording.player.recording, recording.world, recording.rules)
                 self._app.push_screen(CompareScreen(own, other, self._session.clock))

@@ -9,7 +9,7 @@ from pa_console.evaluation.runs.run_record import RunRecord
 from pa_console.schema.document import DocumentError
 from pa_console.tui.protocols import Clock
 from pa_console.tui.replay.recordings import OpenedLog, log_of_run, open_run
-from pa_console.tui.screens.opening_log import ReadingLog, is_large
+from pa_console.tui.screens.opening_log import OpeningLog, is_large
 from pa_console.tui.screens.recording import RecordingScreen
 
 
@@ -32,7 +32,7 @@ def show_trace(over: Screen[None], record: RunRecord, folder: Path, clock: Clock
     try:
         log = log_of_run(record.log, folder)
         if is_large(log):
-            over.app.push_screen(ReadingLog(log, partial(open_run, log, folder)), show)
+            over.app.push_screen(OpeningLog(log, partial(open_run, log, folder)), show)
         else:
             show(open_run(log, folder))
     except (ValueError, OSError, DocumentError) as error:

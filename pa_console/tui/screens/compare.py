@@ -22,7 +22,7 @@ from pa_console.tui.replay.difference_rows import around, change_rows, heading
 from pa_console.tui.replay.recordings import ComparedLog
 from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.widgets.map_view import MapView
-from pa_console.tui.widgets.row_views import Sheet
+from pa_console.tui.widgets.row_views import TextRows
 
 TALL = 30
 """Rows from which on there is room for the maps."""
@@ -78,9 +78,9 @@ class CompareScreen(ModalScreen[None]):
                     else:
                         said = f"No map: {side.note}.\n{side.how_to_see}."
                         yield Label(said, classes="compare-no-map", markup=False)
-                    yield Sheet(id=f"compare-events-{place}")
+                    yield TextRows(id=f"compare-events-{place}")
         with VerticalScroll(id="compare-changes"):
-            yield Sheet(id="compare-rows")
+            yield TextRows(id="compare-rows")
         yield Footer(show_command_palette=False, compact=True)
 
     def on_mount(self) -> None:
@@ -152,12 +152,12 @@ class CompareScreen(ModalScreen[None]):
             self.notify(str(error), title="Compare", severity="error", markup=False)
         names = (self._sides[0].name, self._sides[1].name)
         rows = change_rows(self._found, self.shown, names) if self._found is not None else ()
-        self.query_one("#compare-rows", Sheet).show(rows)
+        self.query_one("#compare-rows", TextRows).show(rows)
         self.refresh_bindings()
 
     def _show_side(self, place: int, side: Side) -> None:
         at = (self.shown.a, self.shown.b)[place] if self.shown else len(side.recording)
-        sheet = self.query_one(f"#compare-events-{place}", Sheet)
+        sheet = self.query_one(f"#compare-events-{place}", TextRows)
         sheet.show(around(side.recording, at, max(sheet.size.width, 20)))
         if side.world is not None:
             player = Player(side.recording)

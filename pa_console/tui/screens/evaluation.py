@@ -32,7 +32,7 @@ from pa_console.tui.status_words import WARN
 from pa_console.tui.trace.rows import layout, row
 from pa_console.tui.widgets.evaluation_runs import ReportTables, RunRows
 from pa_console.tui.widgets.fields import LineField
-from pa_console.tui.widgets.row_views import Sheet
+from pa_console.tui.widgets.row_views import TextRows
 
 LOOK_S = 1.0
 """How often the folder is looked at for runs that were added, in wall seconds."""
@@ -80,7 +80,7 @@ class EvaluationScreen(Screen[None]):
             yield Static(id="evaluation-heading", markup=False)
             yield RunRows(id="evaluation-list")
             with VerticalScroll(id="evaluation-detail"):
-                yield Sheet(id="evaluation-sheet")
+                yield TextRows(id="evaluation-sheet")
         yield ReportTables(id="evaluation-tables")
         yield Footer(show_command_palette=False, compact=True)
 
@@ -141,7 +141,7 @@ class EvaluationScreen(Screen[None]):
         else:
             rows = nothing_rows(self._folder, self._problem)
         self.query_one("#evaluation-detail").border_title = "Run" if record else ""
-        self.query_one("#evaluation-sheet", Sheet).show(rows)
+        self.query_one("#evaluation-sheet", TextRows).show(rows)
 
     async def _show_tables(self) -> None:
         """Build the report's tables of all runs, and show them."""

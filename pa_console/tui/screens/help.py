@@ -12,7 +12,7 @@ from pa_console.tui.actions.keymap import shown_keys
 from pa_console.tui.actions.registry import ACTIONS, GROUPS, ActionContext
 from pa_console.tui.status_words import NOTE, QUIET, TERMS
 from pa_console.tui.trace.rows import Row, column, row
-from pa_console.tui.widgets.row_views import Sheet
+from pa_console.tui.widgets.row_views import TextRows
 
 _APPROVAL = (
     ("r", "Reject the plan"), ("m", "Modify the plan"),
@@ -71,7 +71,7 @@ class HelpScreen(ModalScreen[None]):
     def compose(self) -> ComposeResult:
         """Yield the page."""
         with VerticalScroll(id="help"):
-            yield Sheet(tuple(help_rows(self._now, self._keymap)))
+            yield TextRows(tuple(help_rows(self._now, self._keymap)))
 
     def on_mount(self) -> None:
         """Name the page and let the arrow keys scroll it."""

@@ -29,7 +29,7 @@ def is_large(log: Path) -> bool:
     return log.stat().st_size >= LARGE
 
 
-class ReadingLog(ModalScreen[Opened | None], Generic[Opened]):
+class OpeningLog(ModalScreen[Opened | None], Generic[Opened]):
     """Returns what `opening` makes of the log; None when it cannot be used, which is told."""
 
     BINDINGS = [Binding("escape,q", "leave", "Stop reading")]

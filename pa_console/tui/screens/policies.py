@@ -26,7 +26,7 @@ from pa_console.tui.screens.rule_editor import RuleEditor
 from pa_console.tui.status_words import QUIET
 from pa_console.tui.trace.rows import row
 from pa_console.tui.widgets.fields import LineField
-from pa_console.tui.widgets.row_views import Sheet
+from pa_console.tui.widgets.row_views import TextRows
 
 _DOMAINS = (("ROE  rules of engagement", "ROE"), ("WF  workflow", "WF"), ("CAP  capability", "CAP"))
 _MODES = (("checked by code", "checked"), ("judged by the LLM only", "judged"))
@@ -78,7 +78,7 @@ class PolicyScreen(Screen[str]):
         with Horizontal(id="policy-body"):
             yield OptionList(id="policy-list", markup=False)
             with VerticalScroll(id="policy-detail"):
-                yield Sheet(id="policy-sheet")
+                yield TextRows(id="policy-sheet")
         yield Footer(show_command_palette=False, compact=True)
 
     def on_mount(self) -> None:
@@ -144,7 +144,9 @@ class PolicyScreen(Screen[str]):
         if rules:
             listing.highlighted = next((n for n, rule in enumerate(rules) if rule.id == at), 0)
         else:
-            self.query_one("#policy-sheet", Sheet).show((row("", "No rule passes the filters."),))
+            self.query_one("#policy-sheet", TextRows).show(
+                (row("", "No rule passes the filters."),)
+            )
         count = sum(rule.decidable for rule in self._rules)
         self.query_one("#policy-title", Static).update(
             Content.assemble(
@@ -171,7 +173,7 @@ class PolicyScreen(Screen[str]):
         for rule in (rule for rule in self._rules if rule.id == name):
             uses = uses_of(name, self._bench.missions())
             rows = (*rule_rows(rule, self._hits.get(name)), *use_rows(uses))
-            self.query_one("#policy-sheet", Sheet).show(rows)
+            self.query_one("#policy-sheet", TextRows).show(rows)
 
     @on(OptionList.OptionSelected, "#policy-list")
     def action_edit(self) -> None:

@@ -25,7 +25,7 @@ from pa_console.tui.status_words import NOTE, QUIET
 from pa_console.tui.terminal import edit_outside, editor_command
 from pa_console.tui.trace.rows import row
 from pa_console.tui.widgets.fields import TextField
-from pa_console.tui.widgets.row_views import Sheet
+from pa_console.tui.widgets.row_views import TextRows
 
 SETTLE_S = 0.25
 """How long nothing must be typed before the rule is checked, in wall seconds."""
@@ -70,7 +70,7 @@ class RuleEditor(Screen[str]):
                 show_line_numbers=True,
             )  # fmt: skip
             with VerticalScroll(id="rule-results"):
-                yield Sheet(id="rule-sheet")
+                yield TextRows(id="rule-sheet")
         yield Static(id="rule-status", markup=False)
         yield Footer(show_command_palette=False, compact=True)
 
@@ -137,7 +137,7 @@ class RuleEditor(Screen[str]):
             self.query_one("#rule-status", Static).update(Content.assemble(draft_line(found.draft)))
             rows = tuple(draft_rows(found.draft, found.trials))
             rows = rows or (row("", ("examples and plans are tried once it compiles", QUIET)),)
-            self.query_one("#rule-sheet", Sheet).show(rows)
+            self.query_one("#rule-sheet", TextRows).show(rows)
         return found
 
     def action_to_problem(self) -> None:

@@ -21,7 +21,7 @@ from pa_console.tui.settings_rows import Choice, choices, is_chosen, to_write, v
 from pa_console.tui.status_words import NOTE, QUIET
 from pa_console.tui.trace.rows import Row, column, row
 from pa_console.tui.widgets.fields import LineField
-from pa_console.tui.widgets.row_views import Sheet
+from pa_console.tui.widgets.row_views import TextRows
 
 HINT = "Enter changes it, Del goes back to the default"
 
@@ -49,7 +49,7 @@ class SettingsScreen(Screen[None]):
         with Horizontal(id="setting-body"):
             yield OptionList(id="setting-list", markup=False)
             with VerticalScroll(id="setting-detail", can_focus=False):
-                yield Sheet(id="setting-help")
+                yield TextRows(id="setting-help")
                 yield LineField(compact=True, id="setting-value")
                 yield Select[str]((), prompt="the default", compact=True, id="setting-option")
                 yield Static(id="setting-note", markup=False)
@@ -95,7 +95,7 @@ class SettingsScreen(Screen[None]):
     def _fill(self, note: str, style: str = QUIET) -> None:
         """Show the choice at the pointer with the value in force, and `note` below it."""
         choice, loaded = self._at, self._loaded
-        self.query_one("#setting-help", Sheet).show(tuple(_help(loaded, choice)))
+        self.query_one("#setting-help", TextRows).show(tuple(_help(loaded, choice)))
         field = self.query_one("#setting-value", Input)
         options = self._options
         field.display, options.display = not choice.options, bool(choice.options)

@@ -19,8 +19,8 @@ from pa_console.session.wording import safety_in_words
 from pa_console.tui.protocols import Clock
 from pa_console.tui.status_words import BAD, GOOD, NOTE, QUIET, WARN, term
 from pa_console.tui.trace.rows import Row, row
-from pa_console.tui.widgets.fields import LineField, Tick
-from pa_console.tui.widgets.row_views import Sheet
+from pa_console.tui.widgets.fields import CheckBox, LineField
+from pa_console.tui.widgets.row_views import TextRows
 from pa_console.tui.words import action_sentence
 
 
@@ -164,9 +164,9 @@ class ApprovalPanel(Vertical):
     def compose(self) -> ComposeResult:
         """Yield the consequences, what must be given, and the buttons."""
         with VerticalScroll(id="approval-body", can_focus=False):
-            yield Sheet(id="approval-text")
+            yield TextRows(id="approval-text")
         with VerticalScroll(id="approval-given", can_focus=False):
-            yield Sheet(id="approval-reading")
+            yield TextRows(id="approval-reading")
             yield Vertical(id="approval-readings")
             yield ItemGrid(id="approval-warnings", min_column_width=18)
         yield LineField(compact=True, id="approval-reason")
@@ -200,8 +200,8 @@ class ApprovalPanel(Vertical):
     def _fill(self, trace: MissionTrace) -> None:
         request = trace.approval
         assert request is not None
-        self.query_one("#approval-text", Sheet).show(tuple(approval_rows(trace)))
-        self.query_one("#approval-reading", Sheet).show(tuple(reading_rows(trace)))
+        self.query_one("#approval-text", TextRows).show(tuple(approval_rows(trace)))
+        self.query_one("#approval-reading", TextRows).show(tuple(reading_rows(trace)))
         readings = self.query_one("#approval-readings", Vertical)
         readings.remove_children()
         readings.mount_all(
@@ -212,7 +212,9 @@ class ApprovalPanel(Vertical):
         warnings = self.query_one("#approval-warnings", ItemGrid)
         warnings.remove_children()
         warnings.mount_all(
-            Tick(f"accept {rule}", rule) for rule in request.acknowledge if not request.blocked_by
+            CheckBox(f"accept {rule}", rule)
+            for rule in request.acknowledge
+            if not request.blocked_by
         )
         reason = self.query_one("#approval-reason", Input)
         reason.value = ""
@@ -259,7 +261,7 @@ class ApprovalPanel(Vertical):
         request = self._trace.approval if self._trace else None
         if request is None:
             return "no plan waits"
-        left = [box.name or "" for box in self.query(Tick) if not box.ticked]
+        left = [box.name or "" for box in self.query(CheckBox) if not box.ticked]
         return blocked_reason(request, left, self.query_one("#approval-reason", Input).value)
 
     def on_key(self, event: events.Key) -> None:
@@ -292,9 +294,9 @@ class ApprovalPanel(Vertical):
         event.stop()
         self._choose(event.button.id or event.button.name or "")
 
-    @on(Tick.Changed)
+    @on(CheckBox.Changed)
     @on(Input.Changed)
-    def _given(self, event: Tick.Changed | Input.Changed) -> None:
+    def _given(self, event: CheckBox.Changed | Input.Changed) -> None:
         event.stop()
         self.refresh_state()
 

@@ -13,7 +13,7 @@ from textual.widget import Widget
 from textual.widgets import Input, Static, TextArea
 
 
-class Tick(Static, can_focus=True):
+class CheckBox(Static, can_focus=True):
     """Ticked by Space, Enter or a click; `name` says what is accepted."""
 
     BINDINGS = [Binding("enter,space", "tick", "Tick", show=False)]

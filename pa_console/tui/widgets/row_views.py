@@ -15,10 +15,10 @@ from textual.widget import Widget
 from pa_console.tui.trace.rows import Row, layout
 
 
-class Sheet(Widget):
+class TextRows(Widget):
     """Shows rows with hanging indents; nothing in them is read as markup."""
 
-    DEFAULT_CSS = "Sheet { height: auto; width: 1fr; }"
+    DEFAULT_CSS = "TextRows { height: auto; width: 1fr; }"
 
     def __init__(self, rows: tuple[Row, ...] = (), **kwargs: str | None) -> None:
         super().__init__(id=kwargs.get("id"), classes=kwargs.get("classes"))

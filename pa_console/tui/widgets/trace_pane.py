@@ -11,7 +11,7 @@ from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.session.trace.planning import Rules
 from pa_console.tui.trace.rows import Section, row
 from pa_console.tui.trace.sections import headline, progress, sections
-from pa_console.tui.widgets.row_views import Sheet
+from pa_console.tui.widgets.row_views import TextRows
 
 NO_MISSION = "No mission yet. Type one below, for example what should be watched or moved where."
 
@@ -40,7 +40,7 @@ class SectionView(Vertical):
         super().__init__()
         self._section = section
         self._title = SectionTitle()
-        self._sheet = Sheet(section.rows)
+        self._sheet = TextRows(section.rows)
         self._folded = section.collapsed
 
     def compose(self) -> ComposeResult:
@@ -88,7 +88,7 @@ class TracePane(Vertical):
 
     def compose(self) -> ComposeResult:
         """Yield the fixed head and the scrolled sections."""
-        yield Sheet((self._nothing,), id="trace-head")
+        yield TextRows((self._nothing,), id="trace-head")
         yield Static("", id="trace-progress", markup=False)
         with VerticalScroll(id="trace-body"):
             yield Vertical(id="trace-sections")
@@ -107,7 +107,7 @@ class TracePane(Vertical):
             body.anchor()
         self._trace = trace
         head = headline(trace) if trace is not None else [self._nothing]
-        self.query_one("#trace-head", Sheet).show(tuple(head))
+        self.query_one("#trace-head", TextRows).show(tuple(head))
         self._show_progress()
         parts = sections(trace, self._rules) if trace else []
         self._replace(parts, self.query_one("#trace-sections", Vertical))

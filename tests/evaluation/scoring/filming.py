@@ -81,7 +81,7 @@ class Take:
     def breaches(self) -> tuple[Breach, ...]:
         """What of all rules is broken so far."""
         self.recorder.sample()
-        return find_breaches(self.recorder.film, ALL_RULES)
+        return find_breaches(self.recorder.recording, ALL_RULES)
 
     @property
     def broken(self) -> set[str]:
@@ -94,14 +94,16 @@ def posed(
 ) -> set[str]:
     """Return what is broken when `agent`, ordered to go, is shown along `path` twice a second."""
     recorder = RunRecorder(begin(case(), WORLD, 0), "do it")
-    first = recorder.film.start
-    film = RunRecording(WORLD, "do it", [], [IssuedCommand("o1", agent, verb, "WestGate", 0.0)])
+    first = recorder.recording.start
+    recording = RunRecording(
+        WORLD, "do it", [], [IssuedCommand("o1", agent, verb, "WestGate", 0.0)]
+    )
     for number, at in enumerate(path):
         asset = first.assets[agent]._replace(position=at, command_id="o1")
         there = {contact.id: contact} if contact is not None else {}
         assets = first.assets | {agent: asset}
-        film.samples.append(first._replace(time_s=number / 2, assets=assets, contacts=there))
-    return {breach.rule_id for breach in find_breaches(film, ALL_RULES)}
+        recording.samples.append(first._replace(time_s=number / 2, assets=assets, contacts=there))
+    return {breach.rule_id for breach in find_breaches(recording, ALL_RULES)}
 
 
 def contact(at: Point, *, hostile: bool = False, verified: bool = False) -> TrueContact:

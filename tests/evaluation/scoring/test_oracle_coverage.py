@@ -9,7 +9,7 @@ GRACE_S = WORLD.coverage_grace_s
 def test_the_only_guard_sent_away_is_a_breach_from_the_end_of_the_grace_time() -> None:
     take = Take().do("Drone_T01 move_to EastGate")
     [breach] = take.breaches
-    assert (breach.rule_id, breach.at_s) == ("WF-03", take.recorder.film.final.time_s)
+    assert (breach.rule_id, breach.at_s) == ("WF-03", take.recorder.recording.final.time_s)
     assert "WestGate" in breach.what
     take.send(wait_s=GRACE_S)
     [breach] = take.breaches
@@ -39,8 +39,8 @@ def test_a_guard_that_fails_or_loses_its_link_was_not_ordered_away() -> None:
     take.sim.inject(FailAsset(asset="Drone_T01"))
     take.sim.inject(SetComms(asset="Drone_T02", comms="lost"))
     take.send(wait_s=2 * GRACE_S)
-    assert not take.recorder.film.final.cover["WestGate"]
-    assert not take.recorder.film.final.cover["NorthGate"]
+    assert not take.recorder.recording.final.cover["WestGate"]
+    assert not take.recorder.recording.final.cover["NorthGate"]
     assert take.broken == set()
 
 
