@@ -13,9 +13,11 @@ from pathlib import Path
 import pytest
 
 import pa_console as pa
+from pa_console.api import STANDING_CONFIDENCE
 from pa_console.llm.errors import EngineError
 from pa_console.llm.models.catalogue import Catalog, LocalModel
 from pa_console.schema.incident import FailAsset
+from pa_console.settings.schema import Settings
 from tests.scripted import SUCCESS, ScriptedEngine, plan
 
 ROOT = Path(pa.__file__).parents[1]
@@ -208,6 +210,10 @@ async def test_an_unsure_order_is_not_approved_by_auto_approver(tmp_path: Path) 
     assert outcome.reason.startswith("too doubtful for standing approval")
     [trace] = station.state.missions.values()
     assert trace.decisions[-1].decision.by == "standing instruction: auto_approver"
+
+
+def test_auto_approver_is_as_careful_as_the_command_line_is_by_default() -> None:
+    assert Settings.model_fields["standing_confidence"].default == STANDING_CONFIDENCE
 
 
 async def test_whoever_cancels_the_call_cancels_the_mission(tmp_path: Path) -> None:
