@@ -1,4 +1,4 @@
-"""Films a recorded session: the console itself, played without a terminal, shot by shot."""
+"""A recorded session on the console's own screen, without a terminal, picture by picture."""
 
 import asyncio
 import io
@@ -42,7 +42,7 @@ class TapeDriver(HeadlessDriver):
 
 
 class ShotRecordingScreen(RecordingScreen):
-    """A recording that is moved by whoever films it."""
+    """A recording that is moved by whoever takes the pictures."""
 
     shown: int | None = None
     """How many events had been played when it was painted last."""
@@ -76,7 +76,7 @@ class ShotApp(ConsoleApp):
         )
         self.animation_level = "none"
         self.tape: list[str] = []
-        self.film_screen: ShotRecordingScreen | None = None
+        self.recording_screen: ShotRecordingScreen | None = None
 
     def get_driver_class(self) -> type[Driver]:
         """Write to the tape instead of a terminal."""
@@ -86,13 +86,15 @@ class ShotApp(ConsoleApp):
         """Show the recording in the screen that can be moved from here."""
         session, rules = self.session, self.controllers.rules.texts
         assert session.player is not None
-        self.film_screen = ShotRecordingScreen(session.world, rules, session.player, session.clock)
-        session.main = self.film_screen
-        self.push_screen(self.film_screen)
+        self.recording_screen = ShotRecordingScreen(
+            session.world, rules, session.player, session.clock
+        )
+        session.main = self.recording_screen
+        self.push_screen(self.recording_screen)
 
 
 class ReplayedScreen:
-    """What a director of the film can do between two shots."""
+    """What can be done between two pictures."""
 
     def __init__(self, app: ShotApp, pilot: Pilot[object], player: Player) -> None:
         self._app, self._pilot = app, pilot
@@ -100,8 +102,8 @@ class ReplayedScreen:
 
     async def show(self) -> None:
         """Paint the state that the player was moved to."""
-        if self._app.film_screen is not None:
-            self._app.film_screen.show_now()
+        if self._app.recording_screen is not None:
+            self._app.recording_screen.show_now()
         await self._pilot.pause()
         await self._drawn()
 
@@ -130,7 +132,7 @@ class ReplayedScreen:
         return picture.replace("<svg ", '<svg xml:space="preserve" ', 1)
 
 
-async def film_replay(
+async def picture_replay(
     site: Site, player: Player, size: Size, direct: Callable[[ReplayedScreen], Awaitable[None]]
 ) -> None:
     """Show `player` on a screen of `size` while `direct` takes shots; what it raises is raised.
@@ -158,4 +160,4 @@ async def film_replay(
         await asyncio.gather(running, return_exceptions=True)
         raise
     if app.return_code:
-        raise RuntimeError("the console broke down while it was filmed")
+        raise RuntimeError("the console broke down while pictures were taken of it")

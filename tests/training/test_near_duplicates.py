@@ -12,7 +12,7 @@ from pa_console.training.situations.worlds import shipped_missions, shipped_worl
 MISSIONS = (
     "Have the robot at the plaza check the hatch of bay two before lunch",
     "Bring Drone_T01 to EastGate because the bus with the choir is early",
-    "A goat has climbed the roof of WestGate, somebody should recording it for the newspaper",
+    "A goat has climbed the roof of WestGate, somebody should film it for the newspaper",
 )
 SAME = (
     (0, "have the robot at the plaza check the hatch of bay three before lunch"),
@@ -29,14 +29,14 @@ SAME = (
     (1, "because the bus with the choir is early bring Drone_T03 to southgate"),
     (1, "Send Drone_T01 to EastGate because the bus with the choir is early"),
     (1, "Bring Drone_T01 to EastGate because the van with the choir is early"),
-    (2, "A goat has climbed the roof of NorthGate, somebody should recording it for the newspaper"),
-    (2, "a goaat haz climbd the roof of westgate sombody shud recording it for the newspaper"),
+    (2, "A goat has climbed the roof of NorthGate, somebody should film it for the newspaper"),
+    (2, "a goaat haz climbd the roof of westgate sombody shud film it for the newspaper"),
     (
         2,
         "ok listen. "
-        "A goat has climbed the roof of WestGate, somebody should recording it for the newspaper. Over.",
+        "A goat has climbed the roof of WestGate, somebody should film it for the newspaper. Over.",
     ),
-    (2, "Somebody should recording it for the newspaper, a goat has climbed the roof of WestGate"),
+    (2, "Somebody should film it for the newspaper, a goat has climbed the roof of WestGate"),
 )
 OTHER = (
     (0, "I want the hatch of bay two looked at by the plaza's robot, and before we eat"),

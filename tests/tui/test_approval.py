@@ -10,7 +10,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Metrics
 from pa_console.tui.trace.sections import sections
 from pa_console.tui.widgets.approval import ARM_DELAY_S, ApprovalPanel
-from pa_console.tui.widgets.fields import Tick
+from pa_console.tui.widgets.fields import CheckBox
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, notices, settle
@@ -268,7 +268,7 @@ async def test_warnings_must_be_ticked(tmp_path: Path) -> None:
         clock.now += ARM_DELAY_S
         await pilot.press("a")
         assert station.decisions == []
-        app.screen.query_one(Tick).focus()
+        app.screen.query_one(CheckBox).focus()
         await pilot.press("space", "a")
         await settle(pilot, station)
         assert station.decisions[0].acknowledged == ("CAP-04",)

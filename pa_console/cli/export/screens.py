@@ -64,7 +64,7 @@ def svg(
     rules: SessionRules = None,
 ) -> None:
     """Write numbered SVG pictures of the replayed console: 0001-approval_requested.svg, ..."""
-    from pa_console.export.replayed_screen import ReplayedScreen, film_replay  # noqa: PLC0415 - the screens load slowly
+    from pa_console.export.replayed_screen import ReplayedScreen, picture_replay  # noqa: PLC0415 - the screens load slowly
     from pa_console.export.screen_files import KINDS, shots_at, shots_every, take  # noqa: PLC0415
     from pa_console.session.replay.player import Player  # noqa: PLC0415
 
@@ -91,7 +91,7 @@ def svg(
         async def direct(made: ReplayedScreen) -> None:
             await take(made, shots, folder, session.started.session, bar.advance)
 
-        asyncio.run(film_replay(site, player, screen, direct))
+        asyncio.run(picture_replay(site, player, screen, direct))
     written(target, f"{count(len(shots), 'picture')} of {screen[0]}x{screen[1]}")
 
 
@@ -115,7 +115,7 @@ def cast(
 
     Play it with: asciinema play FILE
     """
-    from pa_console.export.replayed_screen import ReplayedScreen, film_replay  # noqa: PLC0415
+    from pa_console.export.replayed_screen import ReplayedScreen, picture_replay  # noqa: PLC0415
     from pa_console.export.screen_files import CastWriter, positions  # noqa: PLC0415 - loads the screens
     from pa_console.session.replay.player import Player  # noqa: PLC0415
 
@@ -133,7 +133,7 @@ def cast(
         async def direct(made: ReplayedScreen) -> None:
             await writer.shoot(made, shown)
 
-        asyncio.run(film_replay(site, player, screen, direct))
+        asyncio.run(picture_replay(site, player, screen, direct))
     seconds = (shown[-1] - shown[0]) / speed
     written(target, f"{count(len(shown), 'frame')} of {screen[0]}x{screen[1]}, {seconds:.0f} s")
 

@@ -245,7 +245,7 @@ MOVED_M = 2.0
 
 
 def gather(recording: RunRecording, status: MissionStatus) -> RunFacts:
-    """Return what `recording` shows, with the mission's own `status`; broken rules are left empty."""
+    """Return what `recording` shows, with the mission's own `status`; no rule is broken yet."""
     world = recording.world
     moved = first_moves(recording)
     start = RunRecording(world, recording.command, recording.samples[:1])

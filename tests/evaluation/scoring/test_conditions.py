@@ -3,7 +3,7 @@
 import pytest
 
 from pa_console.evaluation.scoring.success_conditions import compile_conditions, evaluate
-from tests.evaluation.scoring.filming import UNKNOWN, WORLD, Take
+from tests.evaluation.scoring.recordings import UNKNOWN, WORLD, Take
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
 """Assets under way by an order keep the standoff, the perimeter and restricted zones."""
 
 from pa_console.schema.base import Point
-from tests.evaluation.scoring.filming import contact, posed
+from tests.evaluation.scoring.recordings import contact, posed
 
 UGV, DRONE = "Ugv_T02", "Drone_T04"
 

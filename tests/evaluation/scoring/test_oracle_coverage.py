@@ -1,7 +1,7 @@
 """A gate loses its cover by an order (a breach) or otherwise (none) (WF-03)."""
 
 from pa_console.schema.incident import FailAsset, SetComms
-from tests.evaluation.scoring.filming import WORLD, Take
+from tests.evaluation.scoring.recordings import WORLD, Take
 
 GRACE_S = WORLD.coverage_grace_s
 

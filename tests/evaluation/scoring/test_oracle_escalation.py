@@ -3,7 +3,7 @@
 import pytest
 
 from pa_console.schema.incident import SensorFault, SpawnTrack
-from tests.evaluation.scoring.filming import HOSTILE, UNKNOWN, Take
+from tests.evaluation.scoring.recordings import HOSTILE, UNKNOWN, Take
 
 LOOK = ("Drone_T04 observe WestGate", "Robot_T01 identify WestGate")
 WARN = "Robot_T01 warn WestGate"

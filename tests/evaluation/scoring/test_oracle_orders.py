@@ -3,7 +3,7 @@
 import pytest
 
 from pa_console.schema.incident import FailAsset
-from tests.evaluation.scoring.filming import HOSTILE, WORLD, Take
+from tests.evaluation.scoring.recordings import HOSTILE, WORLD, Take
 
 EVERYBODY = tuple(f"{name} move_to EastGate" for name in WORLD.assets)
 

@@ -1,7 +1,7 @@
 """Ground assets are committed to an unknown vehicle only after a UAV has seen it (WF-01, WF-02)."""
 
 from pa_console.schema.incident import FailAsset, SpawnTrack
-from tests.evaluation.scoring.filming import Take
+from tests.evaluation.scoring.recordings import Take
 
 EAST = SpawnTrack(gate="EastGate", distance_m=60.0)
 """The east gate is watched by a UGV and a camera: no UAV sees what comes there."""

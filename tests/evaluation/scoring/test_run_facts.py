@@ -9,7 +9,7 @@ from pa_console.evaluation.scoring.score import RunRecorder
 from pa_console.schema.command import CommandReply
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset, SetComms
-from tests.evaluation.scoring.filming import UNKNOWN, WORLD, Take, order
+from tests.evaluation.scoring.recordings import UNKNOWN, WORLD, Take, order
 
 
 def test_a_run_without_orders_is_refused_and_nobody_has_moved() -> None:

@@ -16,7 +16,7 @@ from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Action, Plan
 from pa_console.sim.checkpoint import Checkpoint
-from tests.evaluation.scoring.filming import ALL_RULES, UNKNOWN, WORLD, Take, case, order
+from tests.evaluation.scoring.recordings import ALL_RULES, UNKNOWN, WORLD, Take, case, order
 from tests.fuzz.generate import situation
 
 WATCHED = "run.tracks.exists(t, t.gate == 'WestGate' && t.by_order_observed)"
