@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Literal, NamedTuple
 
 from pa_console.orders.order import TASK_OF, Ask, Task
-from pa_console.schema.plan import COMMANDS, Verb
+from pa_console.schema.command import COMMANDS, Verb
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import KINDS, AssetKind, World
 

@@ -16,7 +16,8 @@ from pa_console.orders.mentions import Mention, Sort, find_mentions
 from pa_console.orders.order import TASK_OF, Ask, Reading, Task, Who
 from pa_console.orders.reading import read_asked
 from pa_console.orders.world_names import WORD
-from pa_console.schema.plan import Plan, Verb
+from pa_console.schema.command import Verb
+from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
 

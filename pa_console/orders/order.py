@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 from pa_console.orders.condition import Condition
-from pa_console.schema.plan import Verb
+from pa_console.schema.command import Verb
 from pa_console.schema.world import AssetKind
 
 Task = Literal[

@@ -25,9 +25,10 @@ from pa_console.rule_analysis.changed_decisions import (
     orders_of,
     plan_flips,
 )
+from pa_console.schema.command import COMMANDS
 from pa_console.schema.evaluation import MissionCase
 from pa_console.schema.mission import Mission
-from pa_console.schema.plan import COMMANDS, Action, Plan
+from pa_console.schema.plan import Action, Plan
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 

@@ -1,9 +1,39 @@
-"""Messages between the orchestrator and a device over the link (paper, Section IV-G)."""
+"""The commands of devices, and the messages that carry them over the link (paper, IV-G)."""
 
-from typing import Literal
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Literal, NamedTuple
 
 from pa_console.schema.base import Name, StrictModel
-from pa_console.schema.plan import Verb
+from pa_console.schema.world import AssetKind
+
+Verb = Literal[
+    "hold", "move_to", "observe", "identify", "warn", "block", "return_to_base", "report"
+]
+
+
+class CommandSpec(NamedTuple):
+    """Who may carry a command out, and whether it names a frame."""
+
+    kinds: frozenset[AssetKind]
+    takes_frame: bool
+
+
+_ALL: frozenset[AssetKind] = frozenset(("uav", "ugv", "robot"))
+
+COMMANDS: Mapping[Verb, CommandSpec] = MappingProxyType(
+    {
+        "hold": CommandSpec(_ALL, False),
+        "move_to": CommandSpec(_ALL, True),
+        "observe": CommandSpec(frozenset(("uav",)), True),
+        "identify": CommandSpec(frozenset(("robot",)), True),
+        "warn": CommandSpec(frozenset(("robot",)), True),
+        "block": CommandSpec(frozenset(("ugv",)), True),
+        "return_to_base": CommandSpec(_ALL, False),
+        "report": CommandSpec(_ALL, False),
+    }
+)
+"""The whole vocabulary. It has no command for force, and none is ever added (ROE-01)."""
 
 ReplyStatus = Literal["acknowledged", "refused", "progress", "done", "failed"]
 FINAL_REPLIES: frozenset[ReplyStatus] = frozenset(("refused", "done", "failed"))

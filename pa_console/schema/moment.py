@@ -3,7 +3,7 @@
 from pydantic import Field
 
 from pa_console.schema.base import Name, NonNegative, StrictModel
-from pa_console.schema.plan import Verb
+from pa_console.schema.command import Verb
 from pa_console.schema.telemetry import Identity, Intent, TrackStatus
 from pa_console.schema.world import AssetKind
 

@@ -1,42 +1,12 @@
 """The plan that the LLM writes: a reason and device commands (paper, Section IV-E)."""
 
 import json
-from collections.abc import Mapping
-from types import MappingProxyType
-from typing import Annotated, Literal, NamedTuple, cast
+from typing import Annotated, cast
 
 from pydantic import BeforeValidator, Field, field_validator
 
 from pa_console.schema.base import StrictModel
-from pa_console.schema.world import AssetKind
-
-Verb = Literal[
-    "hold", "move_to", "observe", "identify", "warn", "block", "return_to_base", "report"
-]
-
-
-class CommandSpec(NamedTuple):
-    """Who may carry a command out, and whether it names a frame."""
-
-    kinds: frozenset[AssetKind]
-    takes_frame: bool
-
-
-_ALL: frozenset[AssetKind] = frozenset(("uav", "ugv", "robot"))
-
-COMMANDS: Mapping[Verb, CommandSpec] = MappingProxyType(
-    {
-        "hold": CommandSpec(_ALL, False),
-        "move_to": CommandSpec(_ALL, True),
-        "observe": CommandSpec(frozenset(("uav",)), True),
-        "identify": CommandSpec(frozenset(("robot",)), True),
-        "warn": CommandSpec(frozenset(("robot",)), True),
-        "block": CommandSpec(frozenset(("ugv",)), True),
-        "return_to_base": CommandSpec(_ALL, False),
-        "report": CommandSpec(_ALL, False),
-    }
-)
-"""The whole vocabulary. It has no command for force, and none is ever added (ROE-01)."""
+from pa_console.schema.command import COMMANDS, Verb
 
 MAX_ACTIONS = 64
 MAX_REASON = 600

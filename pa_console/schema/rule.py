@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, Field, StringConstraints, model_validator
 
 from pa_console.schema.base import Hex32, Hex64, Positive, StrictModel
-from pa_console.schema.plan import Verb
+from pa_console.schema.command import Verb
 
 Domain = Literal["ROE", "WF", "CAP"]
 Priority = Literal["critical", "high", "medium"]

@@ -8,8 +8,7 @@ asset under way goes on to where its reported route ends.
 import math
 import random
 
-from pa_console.schema.command import DeviceCommand
-from pa_console.schema.plan import Verb
+from pa_console.schema.command import DeviceCommand, Verb
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Task
 from pa_console.schema.world import World
 from pa_console.sim.assets import battery

@@ -4,7 +4,8 @@ import re
 from collections import Counter
 from collections.abc import Iterable
 
-from pa_console.schema.plan import Action, Verb
+from pa_console.schema.command import Verb
+from pa_console.schema.plan import Action
 from pa_console.schema.telemetry import Digest, Picture
 from pa_console.schema.world import AssetKind
 

@@ -18,11 +18,10 @@ from pa_console.llm.engine.protocol import Completed, Request
 from pa_console.orchestrator.station.assembly import Site, load_site, open_station
 from pa_console.orchestrator.station.headless import standing_approver
 from pa_console.orchestrator.station.station import Station
-from pa_console.schema.command import CommandReply, DeviceCommand
+from pa_console.schema.command import COMMANDS, CommandReply, DeviceCommand, Verb
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset, Incident, SetRadio, SpawnTrack
-from pa_console.schema.plan import COMMANDS, Verb
 from pa_console.schema.scenario import Scenario, ScriptedEvent
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.picture.picture import period_ticks

@@ -10,11 +10,10 @@ from shapely import Polygon
 from pa_console.evaluation.runs.true_outcome import RunResult, TruthWatch
 from pa_console.orchestrator.station.assembly import Site
 from pa_console.schema.base import Point
-from pa_console.schema.command import DeviceCommand
+from pa_console.schema.command import DeviceCommand, Verb
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import ActionOutcome, Decision, Metrics, Outcome, Verification
-from pa_console.schema.plan import Verb
 from pa_console.schema.telemetry import Picture
 from pa_console.sim.checkpoint import Checkpoint
 from tests.orchestrator.pictures import track

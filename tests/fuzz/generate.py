@@ -3,6 +3,7 @@
 import json
 import random
 
+from pa_console.schema.command import COMMANDS, Verb
 from pa_console.schema.incident import (
     FailAsset,
     Incident,
@@ -11,7 +12,6 @@ from pa_console.schema.incident import (
     SetComms,
     SpawnTrack,
 )
-from pa_console.schema.plan import COMMANDS, Verb
 from pa_console.schema.world import World
 
 INJECTIONS = (

@@ -15,7 +15,8 @@ from pa_console.llm.roles.grammar import (
     plan_grammar,
 )
 from pa_console.llm.roles.judge import read_verdict
-from pa_console.schema.plan import COMMANDS, Plan, Verb
+from pa_console.schema.command import COMMANDS, Verb
+from pa_console.schema.plan import Plan
 from tests.llm.site import KINDS, WORLD, picture
 
 BYTES = LLTokenizer("byte")

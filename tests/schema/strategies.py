@@ -9,8 +9,9 @@ from annotated_types import Ge, Gt, Le, MaxLen, MinLen
 from hypothesis import strategies as st
 from pydantic import BaseModel
 
+from pa_console.schema.command import COMMANDS
 from pa_console.schema.events.event import Event, EventPayload
-from pa_console.schema.plan import COMMANDS, Action
+from pa_console.schema.plan import Action
 from pa_console.schema.rule import Priority, Rule, RuleSet
 
 PAYLOADS: tuple[type[BaseModel], ...] = get_args(get_args(EventPayload)[0])

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from pa_console.schema.plan import COMMANDS, MAX_ACTIONS, MAX_REASON, Plan
+from pa_console.schema.command import COMMANDS
+from pa_console.schema.plan import MAX_ACTIONS, MAX_REASON, Plan
 from tests.schema.strategies import FRAMES, TEXT, models
 
 WORDS = st.text(st.characters(categories=["L", "N"]), min_size=1, max_size=10)

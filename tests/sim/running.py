@@ -1,7 +1,6 @@
 """Sends commands and collects answers, for tests of the simulation."""
 
-from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand
-from pa_console.schema.plan import Verb
+from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand, Verb
 from pa_console.sim.checkpoint import Checkpoint
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.schema.command import DeviceCommand
+from pa_console.schema.command import COMMANDS, DeviceCommand
 from pa_console.schema.incident import (
     DegradeAsset,
     FailAsset,
@@ -25,7 +25,6 @@ from pa_console.schema.incident import (
     SpawnTrack,
     SpoofTelemetry,
 )
-from pa_console.schema.plan import COMMANDS
 from pa_console.schema.world import World
 from pa_console.sim.assets import motion
 from pa_console.sim.checkpoint import Checkpoint

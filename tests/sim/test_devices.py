@@ -5,7 +5,7 @@ from itertools import combinations
 
 import pytest
 
-from pa_console.schema.command import DeviceCommand
+from pa_console.schema.command import COMMANDS, DeviceCommand, Verb
 from pa_console.schema.incident import (
     DegradeAsset,
     FailAsset,
@@ -14,7 +14,6 @@ from pa_console.schema.incident import (
     SetBattery,
     SetComms,
 )
-from pa_console.schema.plan import COMMANDS, Verb
 from pa_console.schema.world import Wall, World
 from pa_console.sim.checkpoint import Checkpoint
 from tests.sim.running import carry_out, finish, order, run

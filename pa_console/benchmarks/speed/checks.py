@@ -20,9 +20,10 @@ from pa_console.policy.checks.findings import finding, violation
 from pa_console.policy.checks.rule_checks import check_plan
 from pa_console.policy.expressions.expression import make_context
 from pa_console.policy.rulebook import CompiledRule, Rulebook
+from pa_console.schema.command import COMMANDS
 from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission
-from pa_console.schema.plan import COMMANDS, Action, Plan
+from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.rule import Rule
 from pa_console.schema.telemetry import Track

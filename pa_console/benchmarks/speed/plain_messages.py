@@ -7,7 +7,8 @@ from typing import Any
 from pa_console.llm.roles.dialect import DialectName
 from pa_console.llm.roles.grammar import FEEDBACK_CHARS, MOST_VIOLATED, REASON_CHARS
 from pa_console.schema.base import StrictModel
-from pa_console.schema.plan import COMMANDS, MAX_ACTIONS
+from pa_console.schema.command import COMMANDS
+from pa_console.schema.plan import MAX_ACTIONS
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 

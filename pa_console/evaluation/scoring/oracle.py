@@ -31,7 +31,7 @@ from pa_console.evaluation.scoring.run_recording import (
     RunRecording,
     Sample,
 )
-from pa_console.schema.plan import Verb
+from pa_console.schema.command import Verb
 from pa_console.schema.world import AssetKind, World
 from pa_console.sim.contacts.true_contacts import TrueContact
 

@@ -20,8 +20,8 @@ from pa_console.evaluation.scoring.run_recording import (
     Sample,
 )
 from pa_console.schema.base import StrictModel
+from pa_console.schema.command import Verb
 from pa_console.schema.mission import MissionStatus
-from pa_console.schema.plan import Verb
 from pa_console.schema.telemetry import AssetStatus, Identity, Intent, Task, TrackStatus
 from pa_console.schema.world import AssetKind
 from pa_console.sim.contacts.true_contacts import TrueContact

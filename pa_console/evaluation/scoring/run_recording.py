@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from pa_console.schema.base import Point
-from pa_console.schema.plan import Verb
+from pa_console.schema.command import Verb
 from pa_console.schema.telemetry import AssetStatus, Task
 from pa_console.schema.world import AssetKind, World
 from pa_console.sim.contacts.true_contacts import TrueContact

@@ -8,7 +8,8 @@ import json
 from collections.abc import Collection, Iterable, Sequence
 from typing import Literal, NamedTuple
 
-from pa_console.schema.plan import COMMANDS, MAX_ACTIONS, Action, Verb
+from pa_console.schema.command import COMMANDS, Verb
+from pa_console.schema.plan import MAX_ACTIONS, Action
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import KINDS, AssetKind, World
 

@@ -2,8 +2,9 @@
 
 from collections.abc import Iterable, Sequence
 
+from pa_console.schema.command import COMMANDS
 from pa_console.schema.mission import Verification
-from pa_console.schema.plan import COMMANDS, Plan
+from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.telemetry import Digest
 from pa_console.schema.world import PLAIN_KINDS, World

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from pa_console.orchestrator.planning.rehearsal import device_commands
 from pa_console.policy.checks.check_context import goes_to
-from pa_console.schema.command import DeviceCommand
-from pa_console.schema.plan import Action, Plan, Verb
+from pa_console.schema.command import DeviceCommand, Verb
+from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Timeline
 from pa_console.schema.telemetry import AssetTelemetry, Picture
 from pa_console.schema.world import World

@@ -6,9 +6,9 @@ from time import perf_counter
 
 from pa_console.orchestrator.mission.services import MissionContext
 from pa_console.policy.checks.rule_checks import check_mission
+from pa_console.schema.command import Verb
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Mission
-from pa_console.schema.plan import Verb
 from pa_console.schema.rule import RuleHit
 
 

@@ -17,7 +17,7 @@ from pa_console.orchestrator.tasking.obstacles import (
     unfit,
 )
 from pa_console.orders.order import Ask, Reading, Task
-from pa_console.schema.plan import Verb
+from pa_console.schema.command import Verb
 from pa_console.schema.telemetry import Picture, Track
 from pa_console.schema.world import PLAIN_KINDS, AssetKind
 

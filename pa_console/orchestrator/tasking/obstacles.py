@@ -15,7 +15,7 @@ from pa_console.orders.feasibility import (
     obstacle,
 )
 from pa_console.orders.order import Ask, Reading, Task
-from pa_console.schema.plan import COMMANDS
+from pa_console.schema.command import COMMANDS
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
 

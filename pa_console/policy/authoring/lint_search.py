@@ -16,7 +16,8 @@ from pa_console.policy.authoring.lint_states import (
 from pa_console.policy.checks.rule_checks import check_plan
 from pa_console.policy.ordering.monitor import Monitor
 from pa_console.policy.rulebook import CompiledRule, Rulebook, compile_rule
-from pa_console.schema.plan import COMMANDS, Action, Plan
+from pa_console.schema.command import COMMANDS
+from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rule import PRIORITIES, Rule
 from pa_console.schema.world import World
 

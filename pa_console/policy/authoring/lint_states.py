@@ -21,8 +21,9 @@ from pa_console.policy.authoring.examples import (
 )
 from pa_console.policy.checks.check_context import goes_to
 from pa_console.policy.checks.sightings import Sighting, Sightings
+from pa_console.schema.command import COMMANDS
 from pa_console.schema.mission import Mission
-from pa_console.schema.plan import COMMANDS, Action, Plan
+from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import (
     AssetTimeline,
     GateTimeline,

@@ -44,8 +44,9 @@ from typing import Any
 from pa_console.policy.checks.plain_text import foldings, plain_words
 from pa_console.policy.checks.sightings import Sightings
 from pa_console.policy.expressions.expression import PLAN_VARIABLES
+from pa_console.schema.command import COMMANDS
 from pa_console.schema.mission import Mission
-from pa_console.schema.plan import COMMANDS, Action, Plan
+from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Task, Track
 from pa_console.schema.world import World

@@ -7,8 +7,9 @@ nobody can take them out of force. Nothing is dropped or mended: the plan comes 
 from collections import Counter
 from collections.abc import Iterable
 
+from pa_console.schema.command import COMMANDS
 from pa_console.schema.finding import Finding, FindingStatus
-from pa_console.schema.plan import COMMANDS, Action, Plan
+from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rule import Rule
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World

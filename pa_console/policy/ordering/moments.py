@@ -4,8 +4,8 @@ import math
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
+from pa_console.schema.command import Verb
 from pa_console.schema.moment import Moment, OrderMoment, TrackMoment
-from pa_console.schema.plan import Verb
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
 from pa_console.schema.world import World
 

@@ -3,8 +3,7 @@
 import math
 from collections.abc import Iterator
 
-from pa_console.schema.command import CommandReply, DeviceCommand, ReplyStatus
-from pa_console.schema.plan import COMMANDS
+from pa_console.schema.command import COMMANDS, CommandReply, DeviceCommand, ReplyStatus
 from pa_console.schema.telemetry import Task
 from pa_console.sim.assets import battery
 from pa_console.sim.assets.blocked_motion import unstick

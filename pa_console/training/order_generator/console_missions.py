@@ -10,7 +10,7 @@ from pa_console.policy.ordering.moments import moment
 from pa_console.policy.ordering.workflow import WorkflowRun
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import find_data
-from pa_console.schema.plan import Verb
+from pa_console.schema.command import Verb
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 

@@ -10,7 +10,8 @@ from typing import Literal, NamedTuple
 
 from pa_console.orders.order import Order
 from pa_console.orders.picture_facts import due_asks
-from pa_console.schema.plan import COMMANDS, Action, Plan, Verb
+from pa_console.schema.command import COMMANDS, Verb
+from pa_console.schema.plan import Action, Plan
 from pa_console.schema.world import KINDS, World
 from pa_console.training.samples.corrupted_orders import misread
 from pa_console.training.samples.planner_samples import Proven

@@ -14,8 +14,9 @@ from pa_console.orders.canonical_words import canonical_order
 from pa_console.orders.order import Ask
 from pa_console.orders.picture_facts import due_asks
 from pa_console.orders.plan_words import planned
+from pa_console.schema.command import Verb
 from pa_console.schema.finding import Finding
-from pa_console.schema.plan import Action, Plan, Verb
+from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.world import World
 from pa_console.training.proof.verify import Verified

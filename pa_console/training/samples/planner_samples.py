@@ -11,8 +11,9 @@ from pa_console.llm.roles.prompts import Prompt
 from pa_console.orders.order import Order
 from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.command import Verb
 from pa_console.schema.evaluation import MissionCase
-from pa_console.schema.plan import Plan, Verb
+from pa_console.schema.plan import Plan
 from pa_console.training.order_generator.console_missions import console_missions
 from pa_console.training.order_generator.sampler import sample_order
 from pa_console.training.phrasing.phrasing import phrase

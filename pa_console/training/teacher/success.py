@@ -6,7 +6,7 @@ They are written from the meaning of the order alone and share nothing with how 
 from collections.abc import Iterator, Sequence
 
 from pa_console.orders.order import Ask, Order, Task
-from pa_console.schema.plan import Verb
+from pa_console.schema.command import Verb
 from pa_console.schema.world import World
 
 NOTHING = ("run.refused", "size(run.moved) == 0")

@@ -23,8 +23,9 @@ from pa_console.orders.canonical_words import canonical_order
 from pa_console.orders.order import Ask, Order, Task
 from pa_console.orders.picture_facts import due_asks
 from pa_console.schema.base import Positive, StrictModel
+from pa_console.schema.command import Verb
 from pa_console.schema.evaluation import Expectation
-from pa_console.schema.plan import Action, Plan, Verb
+from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Digest, Picture
 from pa_console.schema.world import KINDS, World
 from pa_console.training.teacher import encounters, moves

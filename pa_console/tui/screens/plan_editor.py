@@ -9,7 +9,8 @@ from textual.containers import Horizontal, Vertical
 from textual.screen import ModalScreen
 from textual.widgets import Button, Static, TextArea
 
-from pa_console.schema.plan import COMMANDS, Plan
+from pa_console.schema.command import COMMANDS
+from pa_console.schema.plan import Plan
 from pa_console.tui.widgets.fields import TextField
 
 

@@ -9,10 +9,9 @@ from pa_console.evaluation.scoring.run_recording import IssuedCommand, RunRecord
 from pa_console.evaluation.scoring.score import RunRecorder
 from pa_console.resources import data_folder
 from pa_console.schema.base import Point
-from pa_console.schema.command import DeviceCommand
+from pa_console.schema.command import DeviceCommand, Verb
 from pa_console.schema.evaluation import MissionCase
 from pa_console.schema.incident import Incident, SpawnTrack
-from pa_console.schema.plan import Verb
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.contacts.true_contacts import TrueContact
 from pa_console.sim.worlds.world_file import load_world

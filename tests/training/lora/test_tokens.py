@@ -13,7 +13,7 @@ from llguidance.llamacpp import lltokenizer_from_vocab
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.llm.roles.grammar import compact_judge_grammar, plan_grammar
 from pa_console.llm.worker.runtime import Runtime
-from pa_console.schema.plan import COMMANDS
+from pa_console.schema.command import COMMANDS
 from pa_console.training.lora.material import Tokeniser, make_packs
 from pa_console.training.samples.sample import Sample
 from tests.llm.conftest import smallest_model
