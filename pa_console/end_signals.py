@@ -11,6 +11,8 @@ from typing import TypeVar
 
 T = TypeVar("T")
 ENDING = (signal.SIGTERM, signal.SIGHUP)
+HEED_S = 0.5
+"""Within this time a signal is heeded while an answer is waited for on the terminal."""
 
 
 @contextmanager
@@ -69,12 +71,24 @@ class EndableRun:
 
     @contextmanager
     def asking(self) -> Generator[None]:
-        """Let `end` interrupt the block at once: nothing else runs while it waits for an answer."""
+        """Let `end` interrupt the block at once: nothing else runs while it waits for an answer.
+
+        A signal that comes just before the terminal is read would wait for the answer. A timer
+        interrupts the reading now and then, so that the signal is heeded.
+        """
+        before = signal.signal(signal.SIGALRM, self._heed)
+        signal.setitimer(signal.ITIMER_REAL, HEED_S, HEED_S)
         self._asking = True
         try:
             yield
         finally:
             self._asking = False
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            signal.signal(signal.SIGALRM, before)
+
+    def _heed(self, _number: int, _: FrameType | None) -> None:
+        if self.ended_by:
+            _interrupt()
 
     def end(self, number: int) -> None:
         """End the session because of the signal `number`; one that is over stays as it is."""

@@ -1,5 +1,7 @@
 """`pa-console mission`: one mission through all eight steps, without the screen."""
 
+import errno
+import signal
 from asyncio import CancelledError
 from dataclasses import replace
 from enum import StrEnum
@@ -29,7 +31,7 @@ from pa_console.cli.output import (
 from pa_console.cli.session_log import open_log, tell_of_witness
 from pa_console.cli.settings_defaults import settings_of
 from pa_console.cli.terminal_approval import ask_decision
-from pa_console.end_signals import EndableRun, end_signals, exit_code_of
+from pa_console.end_signals import EndableRun, end_signals, exit_code_of, leave_terminal
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.orchestrator.station.assembly import load_site, open_station
@@ -149,6 +151,11 @@ def mission(
     except (CancelledError, KeyboardInterrupt):
         if not endable.ended_by:
             raise
+    except OSError as error:
+        if not endable.ended_by and error.errno != errno.EIO:  # the terminal is gone
+            raise
+        endable.ended_by = endable.ended_by or signal.SIGHUP
+        leave_terminal()
     path, traces = writer.path, progress.traces
     if endable.ended_by:
         errors.print(f"the session was ended; log: {path}", markup=False, soft_wrap=True)

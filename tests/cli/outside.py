@@ -23,7 +23,8 @@ from pa_console.cli.main import main
 from tests.scripted import ScriptedEngine, plan
 
 answer = sys.argv.pop(1)
-engine = ScriptedEngine([None if answer == "none" else plan(("Drone_T04", "move_to EastGate"))])
+moved = plan(("Drone_T04", "move_to EastGate"))
+engine = ScriptedEngine([moved if answer == "plan" else None])
 if answer == "never-closed":
     engine.close = asyncio.Event().wait
 for verb in (console, mission):
@@ -39,7 +40,7 @@ class Outside:
     """One `pa-console`, whose session log is the only one in `logs`.
 
     `answers` is "plan" for a sound plan, "none" for a model that never answers, "never-closed" for
-    one that cannot be closed. With `terminal`, its streams are a terminal that controls it.
+    one that cannot be closed either. With `terminal`, its streams are a terminal that controls it.
     """
 
     def __init__(

@@ -106,7 +106,7 @@ def test_a_mission_ends_while_it_asks_on_the_terminal(
 
 def test_a_second_signal_does_not_wait_for_the_session_to_end(start: Start) -> None:
     mission = start("mission", ORDER, answers="never-closed")
-    mission.until("approval_requested")
+    mission.until("mission_received")
     mission.process.send_signal(signal.SIGTERM)
     mission.until("session_ended")
     mission.process.send_signal(signal.SIGTERM)

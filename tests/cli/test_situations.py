@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Callable
 from contextlib import aclosing
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -97,6 +98,9 @@ def test_the_console_opens_on_the_situation(
     opened: list[Station] = []
     seen: list[SessionStarted] = []
 
+    def stop(_number: int) -> None:
+        raise AssertionError("no signal was sent")
+
     class App:
         """A screen that is closed at once."""
 
@@ -113,6 +117,8 @@ def test_the_console_opens_on_the_situation(
             assert rules_file.is_file()
             assert settings.origin("mouse").place == "--mouse"
             opened.append(station)
+            leaving = SimpleNamespace(end=stop, ended_by=0)
+            self.controllers = SimpleNamespace(leaving=leaving)
 
         def run(self, *, mouse: bool) -> None:
             assert not mouse
