@@ -1,1 +1,1 @@
-"""Fleets that a station can drive: the simulated one, and those on a message bus."""
+"""Fleets that a station can drive: the protocol of one, and the simulated fleet."""

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from pa_console.policy.authoring.example_situation import WORLD
 from pa_console.policy.ordering.monitor import Monitor
-from pa_console.policy.rulebook import Rulebook, compile_rule, load_rules
+from pa_console.policy.rulebook import Compiler, Rulebook, load_rules
 from pa_console.schema.moment import Moment, TrackMoment
 from pa_console.schema.rule import Ordering, Rule
 from tests.policy.book import checkpoint_rules, write_rules
@@ -40,7 +40,7 @@ def book_of(kind: Kind, each: Literal["track", "gate"] | None, event: str, other
         message="wrong order",
     )
     rule = Rule(id="WF-01", domain="WF", priority="high", text="In order.", order=(order,))
-    return Rulebook("own", "", (compile_rule(rule),))
+    return Rulebook("own", "", (Compiler(deadline_s=60.0).rule(rule),))
 
 
 def track(event: bool, other: bool) -> TrackMoment:
