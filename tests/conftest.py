@@ -21,7 +21,8 @@ def pytest_configure() -> None:
     """Take a share of the cores, where the suite has several workers, and hear Ctrl-C.
 
     Models that compute on the same cores wait for each other's threads at every layer. A shell that
-    starts the suite behind its back has it ignore Ctrl-C, and so would every command under test.
+    starts the suite behind its back has it ignore Ctrl-C, or with `nohup` a terminal that is gone,
+    and so would every command under test.
     What is imported is compiled once, even where the user keeps no compiled modules: the suite
     starts many processes that import the same ones.
     """
@@ -29,6 +30,8 @@ def pytest_configure() -> None:
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
     worker = os.environ.get("PYTEST_XDIST_WORKER", "")
     if worker.startswith("gw") and hasattr(os, "sched_setaffinity"):
         count = int(os.environ["PYTEST_XDIST_WORKER_COUNT"])
