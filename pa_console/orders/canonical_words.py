@@ -1,10 +1,10 @@
-"""The canonical words for what an order asks: planner reasons and judge feedback begin with them.
+"""The canonical words of orders: for what one asks, and for what a plan does.
 
 The word order is fixed (`clauses.py`) and the names are the world's own, so that a small model
 first says what it has understood. Text that is no order of the operator leaves no trace in it.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 from pa_console.orders.clauses import (
     ASIDE,
@@ -19,10 +19,43 @@ from pa_console.orders.clauses import (
 )
 from pa_console.orders.condition import in_words
 from pa_console.orders.digest_facts import evidence
-from pa_console.orders.order import ANYBODY, Ask, Order, Who
+from pa_console.orders.order import ANYBODY, TASK_OF, Ask, Order, Who
 from pa_console.orders.picture_facts import is_so
+from pa_console.schema.plan import Action
 from pa_console.schema.telemetry import Digest, Picture
-from pa_console.schema.world import PLAIN_KINDS, World
+from pa_console.schema.world import KINDS, PLAIN_KINDS, World
+
+MOST_NAMED = 4
+"""More assets than these with one task are only counted."""
+
+
+def planned(actions: Sequence[Action], world: World, *, by_name: bool) -> str:
+    """Return what the actions do, e.g. "1 drone to EastGate; Robot_T01 home" with names if asked.
+
+    A plan in which one asset holds and nothing else happens is "hold".
+    """
+    if [action.verb for action in actions] == ["hold"] and not by_name:
+        return "hold"
+    tasks: dict[str, list[Action]] = {}
+    for action in actions:
+        tasks.setdefault(action.command, []).append(action)
+    return "; ".join(_task(group, world, by_name) for group in tasks.values()) or NOTHING
+
+
+def _task(actions: Sequence[Action], world: World, by_name: bool) -> str:
+    names = [action.agent for action in actions]
+    who = ", ".join(names) if by_name and len(names) <= MOST_NAMED else _counted(names, world)
+    target = actions[0].target
+    where = {"place": target, "gate": target} if target else {}
+    return written(TASK_OF[actions[0].verb], {"who": who, **where})
+
+
+def _counted(names: Iterable[str], world: World) -> str:
+    kinds = [world.assets[name].kind for name in names]
+    return ", ".join(
+        TEAM.write(counted(kind, kinds.count(kind))) for kind in KINDS if kind in kinds
+    )
+
 
 _REFUSED = frozenset(clause.wrong for clause in CLAUSES if clause.wrong is not None)
 """What is wrong in such a way that nothing else is said of the ask."""

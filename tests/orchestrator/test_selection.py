@@ -15,7 +15,7 @@ from pa_console.orchestrator.planning.picture_selection import (
     MOST_TRACKS,
     select,
 )
-from pa_console.orders.names_in_text import named, names_meant
+from pa_console.orders.world_names import named, names_meant
 from pa_console.resources import find_data
 from pa_console.schema.mission import Mission
 from pa_console.schema.rule import Rule

@@ -24,8 +24,8 @@ from pa_console.orchestrator.planning.candidate import Candidate
 from pa_console.orchestrator.planning.digest import digest_picture
 from pa_console.orchestrator.planning.plan_moves import PlanMoves
 from pa_console.orchestrator.tasking.fulfilment import gaps
+from pa_console.orders.canonical_words import planned
 from pa_console.orders.clause_grammar import MOST_PLANNED, WORD, exactly
-from pa_console.orders.plan_words import planned
 from pa_console.orders.reading import read_asked
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
