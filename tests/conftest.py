@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from pa_console.policy.checks import rule_checks
 from pa_console.settings.schema import describe_settings
 from tests.quick_textual import quicken
 
@@ -55,6 +56,14 @@ def pytest_collection_finish() -> None:
     """Spare the garbage collector the modules and tests, which stay to the end."""
     gc.collect()
     gc.freeze()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _patient_checks() -> Iterator[None]:
+    """Let no stall of the machine, which counts as processor time on some, decide about a plan."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rule_checks, "CHECKS_S", 60.0)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -4,6 +4,7 @@ import fcntl
 import json
 import os
 import pty
+import select
 import struct
 import subprocess
 import sys
@@ -11,6 +12,7 @@ import termios
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +49,7 @@ class Outside:
         self, folder: Path, *words: str, answers: str = "plan", terminal: bool = False
     ) -> None:
         self.logs = folder / "logs"
-        self._terminal = -1
+        self._terminal = self._stop = -1
         self._shown = bytearray()
         environment = {
             **os.environ,
@@ -69,14 +71,15 @@ class Outside:
             preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),  # noqa: PLW1509 - no threads yet
         )  # fmt: skip
         os.close(its)
-        threading.Thread(target=self._read, daemon=True).start()
+        stopped, self._stop = os.pipe()
+        self._reader = threading.Thread(target=self._read, args=(stopped,), daemon=True)
+        self._reader.start()
 
-    def _read(self) -> None:
-        try:
-            while read := os.read(self._terminal, 65536):
-                self._shown += read
-        except OSError:  # the terminal is closed
-            pass
+    def _read(self, stopped: int) -> None:
+        with suppress(OSError):  # the other end of the terminal is closed
+            while stopped not in select.select([self._terminal, stopped], [], [])[0]:
+                self._shown += os.read(self._terminal, 65536)
+        os.close(stopped)
 
     @property
     def shown(self) -> str:
@@ -88,10 +91,13 @@ class Outside:
         os.write(self._terminal, text.encode())
 
     def hang_up(self) -> None:
-        """Take the terminal away, as a window that is closed does."""
-        self.type("x")  # so that the reader looks up
-        terminal, self._terminal = self._terminal, -1
-        os.close(terminal)
+        """Take the terminal away, as a window that is closed does.
+
+        A terminal that is still being read from does not go away.
+        """
+        os.close(self._stop)
+        self._reader.join()
+        os.close(self._terminal)
 
     @property
     def log(self) -> Path:
