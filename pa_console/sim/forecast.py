@@ -41,7 +41,7 @@ def scene_of(terrain: Terrain, picture: Picture) -> Scene:
             marks=station_side.marks_of(report.comms),
         )
         station.shown[report.id] = report
-        station_side.update_post(scene, None, report)
+        station_side.update_post(scene, None, report, set())
         if asset.route or asset.command is not None:
             scene.active.add(asset.id)
     for gate, cover in picture.gates.items():

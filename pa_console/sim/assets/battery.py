@@ -12,6 +12,7 @@ def rouse(world: World, scene: Scene, asset: AssetState) -> None:
     """Count `asset` among those that every step has to look after, until it is idle again."""
     settle(world, scene, asset)
     scene.active.add(asset.id)
+    asset.said = None
 
 
 def settle(world: World, scene: Scene, asset: AssetState) -> None:
@@ -24,10 +25,11 @@ def settle(world: World, scene: Scene, asset: AssetState) -> None:
     if asset.task == "charging":
         asset.battery = min(100.0, asset.battery + platform.charge_pct_per_min * minutes)
         if asset.battery >= 100.0:
-            asset.task = "idle"
+            asset.task, asset.said = "idle", None
         return
     moving = asset.speed > 0.0
     rate = platform.drain_moving_pct_per_min if moving else platform.drain_idle_pct_per_min
     asset.battery = max(0.0, asset.battery - rate * minutes)
     if asset.battery <= 0.0:
         scene.active.add(asset.id)
+        asset.said = None

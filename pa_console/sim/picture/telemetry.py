@@ -19,8 +19,9 @@ def send(terrain: Terrain, scene: Scene) -> None:
     with its report. Forged reports come from the forger, whatever the asset's own link does.
     """
     found = sensing.scan(terrain, scene)
+    world = terrain.world
     for asset in scene.assets.values():
-        battery.settle(terrain.world, scene, asset)
+        battery.settle(world, scene, asset)
         place = where(terrain, asset)
         if place is not None and place == asset.post and not asset.down:
             scene.covered_tick[place] = scene.tick
@@ -32,7 +33,7 @@ def send(terrain: Terrain, scene: Scene) -> None:
         else:
             continue
         if not radio.loses(scene, asset):
-            link.send_report(scene, report, terrain.world.dt_s)
+            link.send_report(scene, report, world.dt_s)
     for sensor, detections in found.items():
         if sensor not in scene.assets:
             sensing.receive(terrain, scene, sensor, scene.tick, detections)
@@ -40,37 +41,53 @@ def send(terrain: Terrain, scene: Scene) -> None:
 
 def where(terrain: Terrain, asset: AssetState) -> str | None:
     """Return the frame that `asset` truly is at, worked out anew only when it has moved."""
-    if asset.placed_at != asset.position:
+    if asset.placed_at != (asset.x, asset.y):
         asset.placed_at, asset.place = asset.position, terrain.frame_at(asset.x, asset.y)
     return asset.place
 
 
 def report_of(terrain: Terrain, tick: int, asset: AssetState) -> AssetTelemetry:
-    """Return what `asset` says of itself at `tick`: all true but a position that has drifted."""
+    """Return what `asset` says of itself at `tick`: all true but a position that has drifted.
+
+    Of an asset that stands idle only the battery and the time are new.
+    """
+    low, stamp_s = asset.battery < terrain.world.low_battery_pct, terrain.seconds(tick)
+    said = asset.said
+    if said is not None and said.low_battery == low and asset.drift is None:
+        battery_pct = round(asset.battery, 3)
+        asset.said = AssetTelemetry.of_valid(
+            {**said.__dict__, "battery_pct": battery_pct, "stamp_s": stamp_s}
+        )
+        return asset.said
     at, position = where(terrain, asset), asset.position
     if asset.drift is not None:
         position = asset.drift.applied(position, tick, terrain.world.dt_s)
         at = terrain.frame_at(*position)
-    low = asset.battery < terrain.world.low_battery_pct
     status: AssetStatus = "degraded" if low or asset.speed_factor < 1.0 else "ok"
-    return AssetTelemetry(
-        id=asset.id,
-        kind=asset.kind,
-        at=at,
-        post=asset.post,
-        position=_rounded(position),
-        heading_deg=round(math.degrees(asset.heading), 1),
-        speed_mps=round(asset.speed, 3),
-        status="failed" if asset.down else status,
-        task=asset.task,
-        battery_pct=round(asset.battery, 3),
-        low_battery=low,
-        comms="ok",
-        available=not asset.down,
-        route=tuple(_rounded(point) for point in asset.route),
-        command_id=asset.command.command_id if asset.command else None,
-        stamp_s=terrain.seconds(tick),
+    down = asset.down
+    asset.said = AssetTelemetry.of_valid(
+        {
+            "id": asset.id,
+            "kind": asset.kind,
+            "at": at,
+            "post": asset.post,
+            "position": _rounded(position),
+            "heading_deg": round(math.degrees(asset.heading), 1),
+            "speed_mps": round(asset.speed, 3),
+            "status": "failed" if down else status,
+            "task": asset.task,
+            "battery_pct": round(asset.battery, 3),
+            "low_battery": low,
+            "comms": "ok",
+            "available": not down,
+            "stale": False,
+            "integrity": "ok",
+            "route": tuple([_rounded(point) for point in asset.route]),
+            "command_id": asset.command.command_id if asset.command else None,
+            "stamp_s": stamp_s,
+        }
     )
+    return asset.said
 
 
 def truth(terrain: Terrain, scene: Scene) -> Picture:
