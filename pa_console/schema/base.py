@@ -1,5 +1,6 @@
 """Common base of every schema model and the scalar types they share."""
 
+from functools import cache
 from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
@@ -38,7 +39,13 @@ class StrictModel(BaseModel):
         made = cls.__new__(cls)
         put = object.__setattr__
         put(made, "__dict__", values)
-        put(made, "__pydantic_fields_set__", set(values))
+        put(made, "__pydantic_fields_set__", _field_names(cls))
         put(made, "__pydantic_extra__", None)
         put(made, "__pydantic_private__", None)
         return made
+
+
+@cache
+def _field_names(model: type[BaseModel]) -> set[str]:
+    """Return the names of all fields; immutable models may share the set, a copy has its own."""
+    return set(model.__pydantic_fields__)

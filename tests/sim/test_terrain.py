@@ -60,15 +60,19 @@ def test_everybody_within_reach_is_found_after_every_move(
         AssetState(f"A{number}", "ugv", number, *point, 0.0, 100.0, None, point)
         for number, point in enumerate(points)
     ]
-    ground = Traffic(team, near_m=20.0, close_m=5.0)
+    ground = Traffic(team, standing_m=10.0, moving_m=20.0, close_m=5.0)
     for leg in [[], *legs]:
+        moving = {asset.id for asset in team[: len(leg)]}
+        ground.go(moving)
         for asset, (dx, dy) in zip(team, leg, strict=False):
             asset.x, asset.y = asset.x + dx / 80, asset.y + dy / 80
         ground.went(math.sqrt(2.0))
         for me in team:
             gaps = {o.id: math.dist(me.position, o.position) for o in team if o is not me}
             found = ground.around(me)
-            assert {name for name, gap in gaps.items() if gap <= 20.0} <= {o.id for o in found.near}
+            reach = {name: 20.0 if name in moving else 10.0 for name in gaps}
+            near = {name for name, gap in gaps.items() if gap <= reach[name]}
+            assert near <= {o.id for o in found.near}
             assert {name for name, gap in gaps.items() if gap <= 5.0} <= {o.id for o in found.close}
             assert me not in found.near
 

@@ -24,20 +24,22 @@ _Other = tuple[float, float, float, float, float]
 def traffic(terrain: Terrain, scene: Scene) -> Traffic:
     """Return the ground assets as they stand now, looked up as far as one has to give way."""
     widest = max(limits.radius_m for limits in terrain.limits.values())
-    near_m = 2 * LOOK_M + 3 * widest + HULL_GAP_M
-    return Traffic(scene.assets.values(), near_m, terrain.contact_m + CONTACT_MARGIN_M)
+    standing_m = LOOK_M + 3 * widest + HULL_GAP_M
+    close_m = terrain.contact_m + CONTACT_MARGIN_M
+    return Traffic(scene.assets.values(), standing_m, standing_m + LOOK_M, close_m)
 
 
 def drive(
     terrain: Terrain, scene: Scene, busy: Sequence[AssetState], ground: Traffic, dt_s: float
 ) -> dict[str, Velocity]:
     """Turn every asset that has a route toward it; return the velocities (m/s) of those moving."""
+    ground.go(scene.active)
     velocities: dict[str, Velocity] = {}
     tracks = [(contact.id, contact.position) for contact in scene.contacts.values()]
     for asset in busy:
         limits = terrain.limits[asset.kind]
-        gap = 0.0 if asset.down else _pass_corners(asset, limits.corner_m)
-        if not asset.route or asset.down:
+        gap = _pass_corners(asset, limits.corner_m) if asset.route and not asset.down else 0.0
+        if gap == 0.0:
             asset.speed = 0.0
             continue
         x, y = asset.route[0]
@@ -69,10 +71,11 @@ def _pass_corners(asset: AssetState, corner_m: float) -> float:
 
     Returns the metres to the first of those left, 0.0 if there are none.
     """
-    here, route = asset.position, asset.route
+    here, route = (asset.x, asset.y), asset.route
+    last = len(route) - 1
     for index, point in enumerate(route):
         gap = dist(here, point)
-        if gap > (corner_m if index + 1 < len(route) else ARRIVAL_M):
+        if gap > (corner_m if index < last else ARRIVAL_M):
             if index:
                 asset.route = route[index:]
             return gap

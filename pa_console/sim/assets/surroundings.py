@@ -5,7 +5,7 @@ Who is near is looked up with some metres to spare and holds until somebody has 
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Set
 from typing import NamedTuple
 
 from pa_console.sim.state import AssetState
@@ -33,10 +33,17 @@ class Neighbours(NamedTuple):
 class Traffic:
     """The ground assets of a team; nobody but those that `went` tells of may have moved."""
 
-    def __init__(self, assets: Iterable[AssetState], near_m: float, close_m: float) -> None:
-        """Look for neighbours among `assets` as far as `near_m` and `close_m`."""
-        self._near_m, self._close_m = near_m + _SPARE_M, close_m + _SPARE_M
-        self._cell_m = self._near_m + _SPARE_M
+    def __init__(
+        self, assets: Iterable[AssetState], standing_m: float, moving_m: float, close_m: float
+    ) -> None:
+        """Look among `assets` as far as one gives way to those that stand and to others.
+
+        They are close within `close_m`.
+        """
+        self._standing_m, self._moving_m = standing_m + _SPARE_M, moving_m + _SPARE_M
+        self._close_m = close_m + _SPARE_M
+        self._cell_m = max(self._moving_m, self._close_m) + _SPARE_M
+        self._moving: set[str] = set()
         self._ground = [asset for asset in assets if asset.kind != "uav"]
         self._gone_m = self._sorted_until_m = 0.0
         self._cells: dict[_Cell, list[AssetState]] = {}
@@ -45,6 +52,12 @@ class Traffic:
     def went(self, metres: float) -> None:
         """Note that in this step nobody has gone farther than `metres`."""
         self._gone_m += metres
+
+    def go(self, names: Set[str]) -> None:
+        """Note that nobody moves in this step but, maybe, the assets of these names."""
+        if not names <= self._moving:
+            self._moving = set(names)
+            self._neighbours.clear()
 
     def around(self, asset: AssetState) -> Neighbours:
         """Return the neighbours of `asset`."""
@@ -57,7 +70,8 @@ class Traffic:
         found = Neighbours([], [], self._gone_m + _HOLDS_M)
         for other in self._ground if len(self._ground) <= _FEW else self._in_cells(asset):
             gap = math.hypot(other.x - asset.x, other.y - asset.y)
-            if gap <= self._near_m and other is not asset:
+            near_m = self._moving_m if other.id in self._moving else self._standing_m
+            if gap <= near_m and other is not asset:
                 found.near.append(other)
             if gap <= self._close_m and other is not asset:
                 found.close.append(other)
