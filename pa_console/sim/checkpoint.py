@@ -51,7 +51,7 @@ class Checkpoint:
         self._happened: list[Incident] = []
         self._skipped: list[str] = []
         self._play()
-        self._picture = station_side.begin(self._terrain, self._scene)
+        self._show(station_side.begin(self._terrain, self._scene))
 
     @property
     def tick(self) -> int:
@@ -107,7 +107,7 @@ class Checkpoint:
         phase = scene.tick % self._period
         if scene.ideal:
             if phase == 0:
-                self._picture = forecast.report(terrain, scene)
+                self._show(forecast.report(terrain, scene))
             return
         if phase == max(0, self._period - LEAD_TICKS) % self._period:
             radio.end_jams(scene)
@@ -116,7 +116,7 @@ class Checkpoint:
         station_side.receive(terrain, scene, link.take_reports(scene))
         if phase == 0:
             integrity.compare(terrain, scene)
-            self._picture = station_side.build(terrain, scene, scene.assets)
+            self._show(station_side.build(terrain, scene, scene.assets))
 
     def inject(self, incident: Incident) -> None:
         """Make `incident` happen now; it shows in the picture when telemetry tells of it.
@@ -128,11 +128,18 @@ class Checkpoint:
         incidents.apply(self._terrain, self._scene, incident)
         self._traffic = None
         if self.tick == 0:
-            self._picture = station_side.begin(self._terrain, self._scene)
+            self._show(station_side.begin(self._terrain, self._scene))
 
     def picture(self) -> Picture:
         """Return telemetry as last reported, every `world.telemetry_period_s`."""
+        if self._picture is None:
+            self._picture = self._draft.picture()
         return self._picture
+
+    def _show(self, draft: station_side.Draft) -> None:
+        """Let the picture say this from now on; it is put together when somebody reads it."""
+        self._draft = draft
+        self._picture: Picture | None = None
 
     def truth(self) -> Picture:
         """Return the exact state, for tests, scorers and benchmarks; nothing else may see it.
@@ -151,7 +158,8 @@ class Checkpoint:
         twin.world, twin.seed, twin.scenario = self.world, 0, None
         twin._happened, twin._skipped = [], []
         twin._terrain, twin._period, twin._traffic = self._terrain, self._period, None
-        twin._scene, twin._picture = forecast.scene_of(self._terrain, self._picture), self._picture
+        twin._draft, twin._picture = self._draft, self.picture()
+        twin._scene = forecast.scene_of(self._terrain, twin._picture)
         return twin
 
     def take_incidents(self) -> list[Incident]:
@@ -179,7 +187,8 @@ class Checkpoint:
         twin.world, twin.seed, twin.scenario = self.world, self.seed, self.scenario
         twin._happened, twin._skipped = list(self._happened), list(self._skipped)
         twin._terrain, twin._period, twin._traffic = self._terrain, self._period, None
-        twin._scene, twin._picture = self._scene.copy(), self._picture
+        twin._scene, twin._draft = self._scene.copy(), self._draft
+        twin._picture = self._picture
         return twin
 
     def state_hash(self) -> str:

@@ -261,12 +261,41 @@ class Drift:
         return (position[0] + self.vx * seconds, position[1] + self.vy * seconds)
 
 
+@dataclass(slots=True, repr=False, eq=False)
+class Said:
+    """What an asset says of itself: as in an earlier report, `like`, but for battery and time.
+
+    The telemetry itself is put together once somebody reads it; `repr` shows that.
+    """
+
+    like: AssetTelemetry
+    battery_pct: float
+    stamp_s: float
+    _telemetry: AssetTelemetry | None = None
+
+    @classmethod
+    def of(cls, telemetry: AssetTelemetry) -> "Said":
+        """Return `telemetry` as said."""
+        return cls(telemetry, telemetry.battery_pct, telemetry.stamp_s, telemetry)
+
+    def telemetry(self) -> AssetTelemetry:
+        """Return the whole report."""
+        if self._telemetry is None:
+            new = {"battery_pct": self.battery_pct, "stamp_s": self.stamp_s}
+            self._telemetry = AssetTelemetry.of_valid({**self.like.__dict__, **new})
+        return self._telemetry
+
+    def __repr__(self) -> str:
+        """Return what the telemetry looks like."""
+        return repr(self.telemetry())
+
+
 class Report(NamedTuple):
     """One telemetry message: what an asset said of itself at tick `stamp`, and what it detected."""
 
     agent: str
     stamp: int
-    telemetry: AssetTelemetry
+    telemetry: Said
     detections: tuple[Detection, ...] = ()
 
 
@@ -326,7 +355,7 @@ class Heard(NamedTuple):
     time.
     """
 
-    telemetry: AssetTelemetry
+    telemetry: Said
     stamp: int
     marks: int
     trust: Trust = Trust()
@@ -341,7 +370,7 @@ class StationState:
     """
 
     heard: dict[str, Heard] = field(default_factory=dict[str, Heard])
-    shown: dict[str, AssetTelemetry] = field(default_factory=dict[str, AssetTelemetry])
+    shown: dict[str, Said] = field(default_factory=dict[str, Said])
     at_gate: dict[str, dict[str, bool]] = field(default_factory=dict[str, dict[str, bool]])
     covers: dict[str, GateCover] = field(default_factory=dict[str, GateCover])
     covered_tick: dict[str, int] = field(default_factory=dict[str, int])

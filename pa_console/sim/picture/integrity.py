@@ -38,7 +38,7 @@ UNSEEN_S = 3.0
 
 def judge(world: World, heard: Heard, report: Report) -> Trust:
     """Return what to make of an asset's positions now that `report` has come after `heard`."""
-    trust, last, now = heard.trust, heard.telemetry, report.telemetry
+    trust, last, now = heard.trust, heard.telemetry.like, report.telemetry.like
     if trust.carried_tick is not None:
         return Trust(stood=_standing(now))
     if not trust.suspect and now.position == last.position == trust.stood and _standing(now):
@@ -72,11 +72,11 @@ def compare(terrain: Terrain, scene: Scene) -> None:
         watch: tuple[list[str], list[str]] | None = None
         for name in names:
             heard = station.heard[name]
-            at, trust = heard.telemetry.position, heard.trust
+            at, trust = heard.telemetry.like.position, heard.trust
             there = math.dist(at, scene.assets[name].position) <= SEEN_M
             if there and not trust.suspect and not trust.unseen:
                 continue
-            if heard.stamp < fresh or _standing(heard.telemetry) is None:
+            if heard.stamp < fresh or _standing(heard.telemetry.like) is None:
                 continue
             cameras, drones = watch = watch or _watch(terrain, scene, gate, names, fresh)
             if any(drone != name for drone in drones) or any(
@@ -123,7 +123,7 @@ def _witness(world: World, scene: Scene, name: str, fresh: int) -> bool:
         and not asset.down
         and name not in scene.sensing.broken
         and radio.works(scene, asset)
-        and math.dist(asset.position, heard.telemetry.position)
+        and math.dist(asset.position, heard.telemetry.like.position)
         <= world.platforms["uav"].sensor_range_m / 2
     )
 
@@ -135,9 +135,9 @@ def _witnessed(world: World, heard: Heard, there: bool) -> Trust:
         if not trust.suspect:
             return replace(trust, unseen=0) if trust.unseen else trust
         if (trust.seen + 1) * period_s >= SOUND_S:
-            return Trust(stood=heard.telemetry.position)
+            return Trust(stood=heard.telemetry.like.position)
         return replace(trust, seen=trust.seen + 1, unseen=0)
-    at = heard.telemetry.position
+    at = heard.telemetry.like.position
     if trust.suspect:
         return replace(trust, seen=0, lie=at, sound_from=None)
     if (trust.unseen + 1) * period_s >= UNSEEN_S:
@@ -188,7 +188,7 @@ def _returned(
     They are if it is back where it stood, or has left the place where it was missed, or its
     position breaks off from the doubtful ones and can be reached from its last sound one.
     """
-    now = report.telemetry
+    now = report.telemetry.like
     if trust.stood is not None and math.dist(now.position, trust.stood) <= NOISE_M:
         return True
     age_s = (report.stamp - trust.anchor_tick) * world.dt_s

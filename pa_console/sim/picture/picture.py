@@ -8,12 +8,20 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from pa_console.schema.telemetry import AssetTelemetry, CommsStatus, GateCover, Picture
+from pa_console.schema.telemetry import (
+    AssetTelemetry,
+    CameraReport,
+    CommsStatus,
+    GateCover,
+    Picture,
+    Track,
+    Weather,
+)
 from pa_console.schema.world import World
 from pa_console.sim.picture import integrity, telemetry
 from pa_console.sim.radio import radio
 from pa_console.sim.sensing import sensing
-from pa_console.sim.state import Heard, Report, Scene, StationState
+from pa_console.sim.state import Heard, Report, Said, Scene, StationState
 from pa_console.sim.worlds.terrain import Terrain
 
 LATE_S = 0.25
@@ -32,7 +40,24 @@ def period_ticks(world: World) -> int:
     return max(1, round(world.telemetry_period_s / world.dt_s))
 
 
-def begin(terrain: Terrain, scene: Scene) -> Picture:
+class Draft(NamedTuple):
+    """What a picture says, before what each asset said of itself is put together."""
+
+    tick: int
+    time_s: float
+    assets: dict[str, Said]
+    tracks: dict[str, Track]
+    gates: dict[str, GateCover]
+    cameras: dict[str, CameraReport]
+    weather: Weather
+
+    def picture(self) -> Picture:
+        """Return the picture."""
+        assets = {name: said.telemetry() for name, said in self.assets.items()}
+        return Picture.of_valid({**self._asdict(), "assets": assets})
+
+
+def begin(terrain: Terrain, scene: Scene) -> Draft:
     """Return the picture before the first step, in which everything has been so for long.
 
     A link that works has always worked, and one that does not has long been silent.
@@ -72,8 +97,8 @@ def receive(terrain: Terrain, scene: Scene, reports: Sequence[Report]) -> None:
             sensing.receive(terrain, scene, report.agent, report.stamp, report.detections)
 
 
-def build(terrain: Terrain, scene: Scene, names: Iterable[str]) -> Picture:
-    """Conclude anew about the assets in `names` and return the picture."""
+def build(terrain: Terrain, scene: Scene, names: Iterable[str]) -> Draft:
+    """Conclude anew about the assets in `names` and return what the picture says."""
     station = scene.station
     stirred = {gate for gate in terrain.gates if gate not in station.covers}
     silences: dict[int, _Silence] = {}
@@ -86,9 +111,10 @@ def build(terrain: Terrain, scene: Scene, names: Iterable[str]) -> Picture:
         known = _concluded(heard, silence, before)
         if known is not before:
             station.shown[name] = known
-            update_post(scene, before, known, stirred)
+            if before is None or known.like is not before.like:
+                update_post(scene, before.like if before else None, known.like, stirred)
     _cover(terrain, scene, stirred)
-    return Picture.model_construct(
+    return Draft(
         tick=scene.tick,
         time_s=terrain.seconds(scene.tick),
         assets=dict(station.shown),
@@ -126,23 +152,24 @@ def _silence(world: World, scene: Scene, stamp: int) -> _Silence:
     return _Silence(age_s > world.stale_s, age_s >= world.link_lost_s, missing)
 
 
-def _concluded(heard: Heard, silence: _Silence, shown: AssetTelemetry | None) -> AssetTelemetry:
+def _concluded(heard: Heard, silence: _Silence, shown: Said | None) -> Said:
     """Return an asset's latest report with the station's conclusions about it."""
     stale, lost, missing = silence
     comms: CommsStatus = "lost" if lost else comms_of(heard, missing)
     said, suspect = heard.telemetry, heard.trust.suspect
     if comms == "ok" and not stale and not suspect:
         return said
-    available = said.available and not stale and not suspect and comms != "lost"
+    available = said.like.available and not stale and not suspect and comms != "lost"
     integrity_now = "suspect" if suspect else "ok"
     if (
         shown is not None
         and shown.stamp_s == said.stamp_s
-        and (shown.comms, shown.stale, shown.integrity) == (comms, stale, integrity_now)
+        and (shown.like.comms, shown.like.stale, shown.like.integrity)
+        == (comms, stale, integrity_now)
     ):
         return shown
-    status = "degraded" if comms != "ok" and said.status == "ok" else said.status
-    return said.model_copy(
+    status = "degraded" if comms != "ok" and said.like.status == "ok" else said.like.status
+    concluded = said.telemetry().model_copy(
         update={
             "comms": comms,
             "stale": stale,
@@ -151,6 +178,7 @@ def _concluded(heard: Heard, silence: _Silence, shown: AssetTelemetry | None) ->
             "status": status,
         }
     )
+    return Said.of(concluded)
 
 
 def _patience(world: World) -> int:

@@ -8,7 +8,7 @@ from pa_console.sim.assets import battery
 from pa_console.sim.incidents import watch_task
 from pa_console.sim.radio import link, radio
 from pa_console.sim.sensing import sensing
-from pa_console.sim.state import AssetState, Report, Scene
+from pa_console.sim.state import AssetState, Report, Said, Scene
 from pa_console.sim.worlds.terrain import Terrain
 
 
@@ -46,7 +46,7 @@ def where(terrain: Terrain, asset: AssetState) -> str | None:
     return asset.place
 
 
-def report_of(terrain: Terrain, tick: int, asset: AssetState) -> AssetTelemetry:
+def report_of(terrain: Terrain, tick: int, asset: AssetState) -> Said:
     """Return what `asset` says of itself at `tick`: all true but a position that has drifted.
 
     Of an asset that stands idle only the battery and the time are new.
@@ -54,11 +54,7 @@ def report_of(terrain: Terrain, tick: int, asset: AssetState) -> AssetTelemetry:
     low, stamp_s = asset.battery < terrain.world.low_battery_pct, terrain.seconds(tick)
     said = asset.said
     if said is not None and said.low_battery == low and asset.drift is None:
-        battery_pct = round(asset.battery, 3)
-        asset.said = AssetTelemetry.of_valid(
-            {**said.__dict__, "battery_pct": battery_pct, "stamp_s": stamp_s}
-        )
-        return asset.said
+        return Said(said, round(asset.battery, 3), stamp_s)
     at, position = where(terrain, asset), asset.position
     if asset.drift is not None:
         position = asset.drift.applied(position, tick, terrain.world.dt_s)
@@ -87,7 +83,7 @@ def report_of(terrain: Terrain, tick: int, asset: AssetState) -> AssetTelemetry:
             "stamp_s": stamp_s,
         }
     )
-    return asset.said
+    return Said.of(asset.said)
 
 
 def truth(terrain: Terrain, scene: Scene) -> Picture:
@@ -105,7 +101,9 @@ def truth(terrain: Terrain, scene: Scene) -> Picture:
         }
         if comms != "ok" and not asset.down:
             exact["status"] = "degraded"
-        assets[asset.id] = report_of(terrain, scene.tick, asset).model_copy(update=exact)
+        assets[asset.id] = (
+            report_of(terrain, scene.tick, asset).telemetry().model_copy(update=exact)
+        )
         if at in by and at == asset.post and not asset.down:
             by[at].append(asset.id)
     return Picture(
@@ -128,12 +126,12 @@ def truth(terrain: Terrain, scene: Scene) -> Picture:
     )
 
 
-def _forged(terrain: Terrain, scene: Scene, asset: AssetState) -> AssetTelemetry:
+def _forged(terrain: Terrain, scene: Scene, asset: AssetState) -> Said:
     """Return a forged report: all is well, and the asset has its watch at the frame."""
     frame = asset.spoofed or terrain.world.base
-    last = scene.station.heard[asset.id].telemetry
+    last = scene.station.heard[asset.id].telemetry.telemetry()
     places = terrain.places(frame, asset.kind)
-    return last.model_copy(
+    forged = last.model_copy(
         update={
             "at": frame,
             "post": frame,
@@ -149,6 +147,7 @@ def _forged(terrain: Terrain, scene: Scene, asset: AssetState) -> AssetTelemetry
             "stamp_s": terrain.seconds(scene.tick),
         }
     )
+    return Said.of(forged)
 
 
 def _rounded(point: Point) -> Point:
