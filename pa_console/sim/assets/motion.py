@@ -44,8 +44,13 @@ def drive(
             continue
         x, y = asset.route[0]
         direction: float | None = atan2(y - asset.y, x - asset.x)
-        if not limits.flies and (near := ground.around(asset).near):
-            direction = give_way(terrain, asset, near, direction)
+        if not limits.flies and (near := _in_the_way(asset, limits, ground.around(asset).near)):
+            situation = (asset.position, asset.route[0], asset.station, asset.obstructions, *near)
+            if ground.waiting.get(asset.id) == situation:
+                direction = None
+            else:
+                direction = give_way(terrain, asset, near, direction)
+                ground.waiting[asset.id] = situation if direction is None else None
         velocity = _steer(asset, limits, direction, gap, dt_s)
         asset.held_by = ""
         if tracks and not limits.flies:
@@ -107,14 +112,10 @@ def _steer(
 
 
 def give_way(
-    terrain: Terrain, asset: AssetState, ground: Sequence[AssetState], wanted: float
+    terrain: Terrain, asset: AssetState, near: list[_Other], wanted: float
 ) -> float | None:
-    """Return the direction nearest to `wanted` in which nothing is run into, None to wait."""
-    limits = terrain.limits[asset.kind]
-    near = _in_the_way(asset, limits, ground)
-    if not near:
-        return wanted
-    speed = limits.speed_mps
+    """Return the direction nearest to `wanted` in which none of `near` is met, None to wait."""
+    speed = terrain.limits[asset.kind].speed_mps
     horizon = min(LOOK_S, dist(asset.position, asset.route[0]) / speed + 0.2)
     area: Area | None = None
     for turn in _TURNS:

@@ -48,6 +48,8 @@ class Traffic:
         self._gone_m = self._sorted_until_m = 0.0
         self._cells: dict[_Cell, list[AssetState]] = {}
         self._neighbours: dict[str, Neighbours] = {}
+        self.waiting: dict[str, tuple[object, ...] | None] = {}
+        """The situation in which an asset found no way: in an equal one there is none either."""
 
     def went(self, metres: float) -> None:
         """Note that in this step nobody has gone farther than `metres`."""
