@@ -113,16 +113,18 @@ def work(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterable[CommandR
         return _break_down(scene, asset)
     if asset.route and (trouble := unstick(terrain, scene, asset)):
         return _give_up(terrain, scene, asset, trouble)
-    if asset.route:
-        return _tell_progress(terrain, scene, asset)
-    return _do_there(terrain, scene, asset)
-
-
-def _tell_progress(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterable[CommandReply]:
-    """Let an asset that is under way for a command tell every PROGRESS_S how far it has to go."""
+    if not asset.route:
+        return _do_there(terrain, scene, asset)
     command = asset.command
     if command is None or (scene.tick - asset.progress_tick) * terrain.world.dt_s < PROGRESS_S:
         return ()
+    return _tell_progress(scene, asset, command)
+
+
+def _tell_progress(
+    scene: Scene, asset: AssetState, command: DeviceCommand
+) -> Iterable[CommandReply]:
+    """Let an asset under way tell how far it has to go."""
     asset.progress_tick = scene.tick
     held = ""
     if asset.held_by:

@@ -34,16 +34,12 @@ def move(
     UAVs fly over everything. A ground asset never passes through a wall, an obstruction or
     another one.
     """
-    rolling = [
-        (scene.assets[name], hypot(*velocity) * dt_s)
-        for name, velocity in velocities.items()
-        if scene.assets[name].kind != "uav"
-    ]
+    movers = [(scene.assets[name], vx, vy) for name, (vx, vy) in velocities.items()]
+    rolling = [(asset, hypot(vx, vy) * dt_s) for asset, vx, vy in movers if asset.kind != "uav"]
     touching, walls = _touching(terrain, scene, ground, rolling)
-    fixed = {asset.id for asset in touching}
-    for name, (vx, vy) in velocities.items():
-        if name not in fixed:
-            asset = scene.assets[name]
+    fixed = {asset.id for asset in touching} if touching else ()
+    for asset, vx, vy in movers:
+        if asset.id not in fixed:
             asset.x += vx * dt_s
             asset.y += vy * dt_s
     if touching:

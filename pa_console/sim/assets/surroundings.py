@@ -70,12 +70,14 @@ class Traffic:
 
     def _look_up(self, asset: AssetState) -> Neighbours:
         found = Neighbours([], [], self._gone_m + _HOLDS_M)
+        x, y, widest_m = asset.x, asset.y, max(self._moving_m, self._close_m)
         for other in self._ground if len(self._ground) <= _FEW else self._in_cells(asset):
-            gap = math.hypot(other.x - asset.x, other.y - asset.y)
-            near_m = self._moving_m if other.id in self._moving else self._standing_m
-            if gap <= near_m and other is not asset:
+            gap = math.hypot(other.x - x, other.y - y)
+            if gap > widest_m or other is asset:
+                continue
+            if gap <= (self._moving_m if other.id in self._moving else self._standing_m):
                 found.near.append(other)
-            if gap <= self._close_m and other is not asset:
+            if gap <= self._close_m:
                 found.close.append(other)
         return found
 
