@@ -145,8 +145,9 @@ def _in_the_way(
         radius, speed = apart_m[other.kind], other.speed
         limit = look_m + radius + (min(speed * LOOK_S, LOOK_M) if speed else 0.0)
         if dx * dx + dy * dy < limit * limit:
-            vx, vy = speed * cos(other.heading), speed * sin(other.heading)
-            near.append((dx, dy, vx, vy, radius))
+            way = other.heading
+            velocity = (speed * cos(way), speed * sin(way)) if speed else _STANDS
+            near.append((dx, dy, *velocity, radius))
     return near
 
 

@@ -141,13 +141,13 @@ def _eyes(terrain: Terrain, scene: Scene, targets: Floats, range_part: float) ->
         kind: (spec, spec.sensor_range_m, math.radians(spec.field_of_view_deg / 2), kind != "uav")
         for kind, spec in world.platforms.items()
     }
+    far = max(spec.sensor_range_m for spec in world.platforms.values()) + _BOX_MARGIN_M
+    left, right, low, high = left - far, right + far, low - far, high + far
     for asset in scene.assets.values():
-        if asset.down or asset.id in broken:
+        x, y = asset.x, asset.y
+        if not (left <= x <= right and low <= y <= high) or asset.down or asset.id in broken:
             continue
         spec, reach, half, walled = kinds[asset.kind]
-        far, x, y = reach + _BOX_MARGIN_M, asset.x, asset.y
-        if x < left - far or x > right + far or y < low - far or y > high + far:
-            continue
         near = asset.post if asset.task in ("identifying", "warning") else None
         eyes.names.append(asset.id)
         eyes.specs.append(spec)
