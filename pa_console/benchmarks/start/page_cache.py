@@ -14,7 +14,7 @@ def drop(files: Iterable[Path]) -> bool:
     That needs no rights. The system keeps what another process has mapped, and what is not yet on
     the disk. Raises OSError for a file that cannot be read.
     """
-    return CAN_DROP and all([_drop(file) for file in files])
+    return CAN_DROP and not [file for file in files if not _drop(file)]
 
 
 def _drop(file: Path) -> bool:
