@@ -1,6 +1,5 @@
 """`pa-console console`: the screen."""
 
-import gc
 import sys
 from asyncio import Runner
 from collections.abc import Generator
@@ -79,7 +78,6 @@ def console(
         try:
             from pa_console.tui.app import ConsoleApp  # noqa: PLC0415 - while the model is loaded
 
-            gc.freeze()  # what was imported stays: no collection has to look through it again
             pins, deadline_s = RulesPins(), settings.values.check_deadline_ms / 1000.0
             site = _open_site(
                 world,
