@@ -63,14 +63,11 @@ def test_an_altered_set_is_not_put_in_force(
     assert "--unsigned" in done.err
 
 
+@pytest.mark.usefixtures("engine")
 def test_the_console_refuses_an_altered_set(
     call: Call, signed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def find_model(*_: object) -> None:
-        return None
-
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
-    monkeypatch.setattr("pa_console.cli.console.find_model", find_model)
     alter(signed)
     done = call("console", "--rules", str(signed))
     assert done.code == 2
