@@ -13,8 +13,8 @@ from pa_console.benchmarks.start.start_bench import Screen, StartReport, StartTi
 from pa_console.cli.output import JsonOption, ModelOption, errors, out, print_json
 from pa_console.llm.models.catalogue import find_model
 
-READY = re.compile(r"model \S ready")
-"""What the status bar says of a model that is loaded."""
+READY = re.compile(r"model \S (?:ready|slow)")
+"""What the status bar says of a model that is loaded; on a busy machine it is slow."""
 
 
 def start(
