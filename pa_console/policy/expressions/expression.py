@@ -110,9 +110,18 @@ class Expression:
         self.size = text.size
         """How many names, values and signs it is made of."""
         self._tokens = text.tokens
+        self._read: tuple[Shapes, Fields] | None = None
 
     def reads(self, shapes: Shapes) -> Fields:
-        """Return which fields of its variables, which `shapes` describes, it can notice."""
+        """Return which fields of its variables, which `shapes` describes, it can notice.
+
+        It is found out once, for the same `shapes`.
+        """
+        if self._read is None or self._read[0] is not shapes:
+            self._read = shapes, self._find_reads(shapes)
+        return self._read[1]
+
+    def _find_reads(self, shapes: Shapes) -> Fields:
         try:
             return fields_read(syntax_tree(self._tokens), shapes)
         except (SyntaxTreeError, RecursionError):

@@ -58,7 +58,6 @@ class Evaluator:
 
     def __init__(self, world: World) -> None:
         self._world = world
-        self._reads: dict[Expression, Fields] = {}
         self._known: dict[tuple[Expression, str, tuple[Any, ...]], bool] = {}
         self._moment: Moment | None = None
         self._now: dict[str, Any] = {}
@@ -68,39 +67,41 @@ class Evaluator:
 
         Raises TypeError when it yields anything but true or false.
         """
-        reads = self._reads.get(expression)
-        if reads is None:
-            reads = self._reads[expression] = expression.reads(_shapes(subject))
+        reads = expression.reads(_SHAPES[type(subject)])
         asked: dict[str, Any] = {}
         if "id" in reads:
             asked["id"] = name
         if "it" in reads:
             asked["it"] = _plain(subject, reads["it"])
         if "now" in reads:
-            return self._evaluate(expression, asked | {"now": self._values(now)})
+            return self._evaluate(expression, reads, asked | {"now": self._values(now)})
         key = (expression, asked.get("id", ""), tuple(asked.get("it", {}).values()))
         if key not in self._known:
-            self._known[key] = self._evaluate(expression, asked)
+            self._known[key] = self._evaluate(expression, reads, asked)
         return self._known[key]
+
+    def prepare(self, order: Ordering, *expressions: Expression) -> None:
+        """Find out what the `expressions` of an ordering read, which needs no deadline."""
+        for expression in expressions:
+            expression.reads(_SHAPES[_KINDS[order.each]])
 
     def copy(self) -> "Evaluator":
         """Return one that knows as much and may be used by another thread."""
         twin = object.__new__(Evaluator)
-        twin._world, twin._reads, twin._known = self._world, self._reads, self._known
+        twin._world, twin._known = self._world, self._known
         twin._moment, twin._now = self._moment, self._now
         return twin
 
     def number(self, expression: Expression) -> float:
         """Return the positive number that the world gives `expression`, else TypeError."""
         value: Any = expression.evaluate(
-            make_context(self._worldly(expression.reads(_shapes(None))))
+            make_context(self._worldly(expression.reads(_SHAPES[type(None)])))
         )
         if isinstance(value, bool) or not isinstance(value, (int, float)) or value <= 0:
             raise TypeError(f"it yields {value!r}, not a positive number")
         return float(value)
 
-    def _evaluate(self, expression: Expression, asked: dict[str, Any]) -> bool:
-        reads = self._reads[expression]
+    def _evaluate(self, expression: Expression, reads: Fields, asked: dict[str, Any]) -> bool:
         result: Any = expression.evaluate(make_context(asked | self._worldly(reads)))
         if not isinstance(result, bool):
             raise TypeError(f"it yields {result!r}, not true or false")
@@ -118,19 +119,26 @@ class Evaluator:
         return self._now
 
 
-def _shapes(subject: Subject) -> Shapes:
-    """Return what expressions about such a subject see, by what it is made of."""
-    return {"it": flat(_names(subject)), "id": None, "now": None, "world": WORLD_SHAPE}
+_NAMES: Mapping[type[Subject], Iterable[str]] = {
+    TrackMoment: TrackMoment.model_fields,
+    GateMoment: GateMoment._fields,
+    type(None): (),
+}
+_SHAPES: Mapping[type[Subject], Shapes] = {
+    kind: {"it": flat(names), "id": None, "now": None, "world": WORLD_SHAPE}
+    for kind, names in _NAMES.items()
+}
+"""What expressions about each kind of subject see, by what it is made of."""
 
-
-def _names(subject: Subject) -> Iterable[str]:
-    if isinstance(subject, TrackMoment):
-        return TrackMoment.model_fields
-    return subject._fields if subject is not None else ()
+_KINDS: Mapping[str | None, type[Subject]] = {
+    "track": TrackMoment,
+    "gate": GateMoment,
+    None: type(None),
+}
 
 
 def _plain(subject: Subject, fields: Fields | None) -> dict[str, Any]:
-    return {name: getattr(subject, name) for name in names_of(fields, _names(subject))}
+    return {name: getattr(subject, name) for name in names_of(fields, _NAMES[type(subject)])}
 
 
 Stage = Literal["idle", "open", "settled", "broken"]
