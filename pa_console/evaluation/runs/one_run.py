@@ -89,7 +89,6 @@ class _Watch:
     def __init__(self, sim: Checkpoint, command: str) -> None:
         self._sim, self._command = sim, command
         self.recorder: RunRecorder | None = None
-        self.outcome_s = 0.0
         self.approved: list[int] = []
         self.offered: int | None = None
         self.ending = ""
@@ -100,8 +99,6 @@ class _Watch:
         match event.data:
             case ev.MissionReceived() if self.recorder is None:
                 self.recorder = RunRecorder(self._sim, self._command)
-            case ev.OutcomeJudged(usage=usage):
-                self.outcome_s += usage.seconds
             case ev.ApprovalRequested(readings=readings) if self.offered is None:
                 self.offered = len(readings)
             case ev.DecisionMade(accepted=True, attempt=attempt, decision=decision):
@@ -152,7 +149,7 @@ def _record(  # noqa: PLR0917
         first_sound=bool(trace.attempts) and _sound(trace.attempts[0]),
         attempts=len(trace.attempts),
         plan=tuple(f"{a.agent} {a.command}" for a in last[0].plan.actions) if last[0].plan else (),
-        metrics=_times(trace, watch.outcome_s),
+        metrics=_times(trace),
         planner=trace.attempts[0].usage if trace.attempts else Usage(),
         judge=approved[0].judge_usage if approved else Usage(),
     )
@@ -187,7 +184,7 @@ def _sound(attempt: Attempt) -> bool:
     return attempt.plan is not None and not any(f.blocking for f in attempt.findings)
 
 
-def _times(trace: MissionTrace, outcome_s: float) -> Metrics:
+def _times(trace: MissionTrace) -> Metrics:
     """Return the metrics, with the time that answers took when they were first given.
 
     An answer that was reused costs no time now: the time that was measured for it stands in.
@@ -196,12 +193,12 @@ def _times(trace: MissionTrace, outcome_s: float) -> Metrics:
     measured = {
         "planning_s": sum(a.usage.seconds for a in trace.attempts),
         "judging_s": sum(a.judge_usage.seconds for a in trace.attempts),
-        "outcome_s": outcome_s,
+        "outcome_s": trace.outcome_s,
     }
     if trace.attempts:
         measured["first_token_s"] = trace.attempts[0].usage.first_token_s
     known = metrics.model_dump()
     changes = {stage: max(known[stage], seconds) for stage, seconds in measured.items()}
-    stages = ("planning_s", "judging_s", "outcome_s")
+    stages = ("planning_s", "judging_s")
     added = sum(changes[stage] - known[stage] for stage in stages)
     return metrics.model_copy(update={**changes, "end_to_end_s": metrics.end_to_end_s + added})

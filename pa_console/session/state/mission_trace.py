@@ -106,6 +106,7 @@ class VerifiedPlan:
 
     verification: Verification
     round: int = 0
+    attempt: int = 0
     judged: bool = False
     verdict: Verdict | None = None
     error: str = ""
@@ -138,6 +139,8 @@ class MissionTrace:
     verified: list[VerifiedPlan] = field(default_factory=list[VerifiedPlan])
     unasked_verdict: Verdict | None = None
     unasked_error: str = ""
+    outcome_s: float = 0.0
+    """Wall seconds of the verdicts on outcomes."""
     report: str = ""
     status: MissionStatus | None = None
     reason: str = ""
@@ -154,6 +157,11 @@ class MissionTrace:
             found = Attempt(number, round=self.round, phase=self.phase, digest=self.digest)
             self.attempts.append(found)
         return found
+
+    def find_verified(self, number: int | None) -> VerifiedPlan | None:
+        """Return what was verified of attempt `number`, of the last one for None."""
+        found = (v for v in reversed(self.verified) if number is None or v.attempt == number)
+        return next(found, None)
 
     def next_round(self) -> None:
         """Let the attempts that follow belong to another plan than those that were made."""
@@ -291,13 +299,15 @@ def _apply_execution(trace: MissionTrace, data: ev.EventPayload) -> None:
             trace.next_round()
         case ev.MissionVerified(verification=verification):
             trace.stage = "verify"
-            trace.verified.append(VerifiedPlan(verification, _executing_round(trace)))
+            verified = VerifiedPlan(verification, _executing_round(trace), trace.executing)
+            trace.verified.append(verified)
             trace.next_round()
-        case ev.OutcomeJudged(verdict=verdict, error=error) if trace.verified:
-            last = trace.verified[-1]
-            last.judged, last.verdict, last.error = True, verdict, error
-        case ev.OutcomeJudged(verdict=verdict, error=error):
-            trace.unasked_verdict, trace.unasked_error = verdict, error
+        case ev.OutcomeJudged(attempt=number, verdict=verdict, error=error, usage=usage):
+            trace.outcome_s += usage.seconds
+            if (judged := trace.find_verified(number)) is not None:
+                judged.judged, judged.verdict, judged.error = True, verdict, error
+            else:
+                trace.unasked_verdict, trace.unasked_error = verdict, error
         case ev.MissionReported(text=text):
             trace.stage, trace.report = "report", text
         case ev.MissionFinished(status=status, reason=reason, metrics=metrics):
