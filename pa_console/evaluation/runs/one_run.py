@@ -1,10 +1,12 @@
 """Makes one run: a fresh checkpoint, the whole pipeline, the true state recorded and scored."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 from pa_console.evaluation.runs.jobs import Job
 from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.run_record import Opinion, RunRecord
+from pa_console.evaluation.scoring.decided_runs import is_decided
 from pa_console.evaluation.scoring.oracle import find_breaches
 from pa_console.evaluation.scoring.score import RunRecorder, Score, score
 from pa_console.fleets.simulated import SimulatedFleet
@@ -12,6 +14,7 @@ from pa_console.orchestrator.station.assembly import open_station
 from pa_console.orchestrator.station.headless import run_missions, standing_approver
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.evaluation import MissionCase
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Usage
 from pa_console.schema.mission import Metrics
@@ -23,8 +26,12 @@ from pa_console.sim.checkpoint import Checkpoint
 OVERRIDE = "evaluation: the truth of every judged plan is wanted"
 
 
-async def make_run(job: Job, engine: MemoEngine, idle: Score, log: Path | None) -> RunRecord:
-    """Run `job` and score it; `idle` is what comes of it when nothing is ordered at all.
+IdleScore = Callable[[], Score]
+"""Tells what comes of a mission when nothing is ordered at all; it may take a run to know that."""
+
+
+async def make_run(job: Job, engine: MemoEngine, idle: IdleScore, log: Path | None) -> RunRecord:
+    """Run `job` and score it; `idle` is asked only where the judge objected to the first plan.
 
     Plans are executed when the checks allow; a judge's objection is noted and overridden. Raises
     ValueError when the set-up cannot be brought about, OSError when the log cannot be written.
@@ -57,6 +64,7 @@ async def make_run(job: Job, engine: MemoEngine, idle: Score, log: Path | None) 
             sink,
             job.case.setup,
             duration_s=job.case.watch_s,
+            decided=lambda: watch.decides(job.case),
             read_ahead=engine.reads_ahead,
         )
     finally:
@@ -93,6 +101,10 @@ class _Watch:
         self.offered: int | None = None
         self.ending = ""
 
+    def decides(self, case: MissionCase) -> bool:
+        """Whether nothing that still happens can change the score."""
+        return self.recorder is not None and is_decided(case, self.recorder.recording)
+
     def see(self, event: ev.Event) -> None:
         if self.recorder is not None:
             self.recorder.see(event)
@@ -111,7 +123,7 @@ class _Watch:
 
 
 def _record(  # noqa: PLR0917
-    job: Job, trace: MissionTrace, scored: Score, idle: Score, watch: _Watch, refused: bool
+    job: Job, trace: MissionTrace, scored: Score, idle: IdleScore, watch: _Watch, refused: bool
 ) -> RunRecord:
     case = job.case
     approved = [trace.attempt(number) for number in watch.approved]
@@ -169,14 +181,14 @@ def _overall(opinions: list[Opinion]) -> Opinion | None:
     return "Failure" if "Failure" in opinions else "Success"
 
 
-def _obeyed(scored: Score, idle: Score, first: list[Opinion], later: list[Opinion]) -> bool:
+def _obeyed(scored: Score, idle: IdleScore, first: list[Opinion], later: list[Opinion]) -> bool:
     """Return the strict success of an operator who obeys the judge.
 
     An objection to the first plan leaves the checkpoint idle; one to a later plan leaves the
     mission unfinished.
     """
     if first == ["Failure"]:
-        return idle.strict
+        return idle().strict
     return scored.strict and "Failure" not in later
 
 
