@@ -46,6 +46,7 @@ async def make_run(job: Job, engine: MemoEngine, idle: IdleScore, log: Path | No
         fleet=SimulatedFleet(sim),
         keep_engine=True,
         variant=job.variant,
+        read_unasked=False,
     )
     watch = _Watch(sim, job.case.command)
     reused = engine.reused

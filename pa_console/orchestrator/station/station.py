@@ -40,11 +40,13 @@ class Station:
         keep_engine: bool = False,
         respond: bool = False,
         watch: RulesWatch | None = None,
+        read_unasked: bool = True,
     ) -> None:
         """`started` is the session's first event; `clock` says when the world moves on.
 
         The engine is closed with the session unless `keep_engine`. With `respond`, alarms become
         missions by themselves. With `watch`, a changed rule file is taken as soon as it is there.
+        Without `read_unasked`, the model reads ahead only while somebody types.
         """
         self._services, self._clock, self._started = services, clock, started
         self.readonly, self._keep_engine = readonly, keep_engine
@@ -65,7 +67,7 @@ class Station:
             self._emit,
         )
         self._worker = MissionWorker(parts)
-        self._ahead = ReadAhead(services)
+        self._ahead = ReadAhead(services, unasked=read_unasked)
         self._reload = RulesReload(services, watch, self._emit, self._worker, self._ahead)
         self._ticking = Ticking(parts, clock, self._worker)
         self._closed = False
