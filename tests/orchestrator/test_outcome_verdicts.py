@@ -8,8 +8,10 @@ import pytest
 
 from pa_console.llm.engine.protocol import Completed, Request
 from pa_console.llm.errors import EngineDiedError
+from pa_console.orchestrator.station.assembly import open_station
 from pa_console.orchestrator.station.headless import run_missions, standing_approver
 from pa_console.orchestrator.station.station import Station
+from pa_console.orchestrator.station.ticking import RealTimeClock
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Usage
 from pa_console.schema.incident import SpawnTrack
@@ -142,3 +144,36 @@ async def test_every_plan_has_its_own_verdict(rig: Rig) -> None:
     assert len(trace.verified) > 1
     assert [v.attempt for v in trace.verified] == [told.attempt for told in judged(rig)]
     assert all(v.judged for v in trace.verified)
+
+
+async def test_a_verdict_comes_while_the_operator_reads_the_next_plan(rig: Rig) -> None:
+    """In a console, where the world goes on; here the operator waits until the verdict is there."""
+    recon = plan(("Drone_T04", "observe WestGate"))
+    identify = plan(("Robot_T01", "identify WestGate"))
+    engine = BusyEngine(plans=(recon, identify)).engine()
+    station = open_station(rig.site, engine, RealTimeClock(100.0))
+    approve = standing_approver("auto")
+    given: asyncio.Task[None] | None = None
+    next_plan: ev.ApprovalRequested | None = None
+
+    async def give() -> None:
+        station.inject(SpawnTrack(gate="WestGate", distance_m=60.0))
+        await station.advance(2.0)
+        station.submit("Inspect the vehicle.")
+
+    async with asyncio.timeout(60), aclosing(station.run()) as events:
+        async for event in events:
+            rig.events.append(event)
+            match event.data:
+                case ev.TelemetryReceived() if given is None:
+                    given = asyncio.create_task(give())
+                case ev.ApprovalRequested() if "mission_verified" not in rig.kinds():
+                    station.decide(approve(event.data))
+                case ev.ApprovalRequested():
+                    next_plan = event.data
+                case ev.OutcomeJudged() if next_plan is not None:
+                    break
+                case _:
+                    pass
+    assert [told.verdict is not None for told in judged(rig)] == [True]
+    assert "mission_finished" not in rig.kinds()
