@@ -11,8 +11,7 @@ from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 
 from pa_console.llm.roles.engine_call import CANCELLED
-from pa_console.llm.roles.judge import Judge, JudgeQuestion
-from pa_console.orchestrator.mission.services import Emit, MissionContext
+from pa_console.orchestrator.mission.services import MissionContext
 from pa_console.orchestrator.planning.judging import OutcomeCase, ask_about_outcome
 from pa_console.schema.events import event as ev
 
@@ -22,12 +21,11 @@ Start = Callable[[Coroutine[None, None, None]], object]
 
 @dataclass(frozen=True)
 class _Asked:
-    """A question about the executed plan `attempt`, and whom to tell of the verdict."""
+    """The executed plan `attempt` of the mission of `context`, and what became of it."""
 
+    context: MissionContext
     attempt: int
-    question: JudgeQuestion
-    judge: Judge
-    emit: Emit
+    case: OutcomeCase
 
 
 class OutcomeVerdicts:
@@ -51,9 +49,7 @@ class OutcomeVerdicts:
 
     def ask(self, context: MissionContext, attempt: int, case: OutcomeCase) -> None:
         """Let the judge say, when there is time, whether the executed plan `attempt` did it."""
-        services = context.services
-        question = ask_about_outcome(services.dialect, services.fleet.world, case)
-        self._waiting.append(_Asked(attempt, question, services.judge, context.emit))
+        self._waiting.append(_Asked(context, attempt, case))
         self.all_told.clear()
 
     def go_on(self) -> None:
@@ -82,7 +78,7 @@ class OutcomeVerdicts:
 
     def _tell(self, told: ev.OutcomeJudged) -> None:
         """Tell of the oldest outstanding verdict, which is outstanding no more."""
-        self._waiting.popleft().emit(told)
+        self._waiting.popleft().context.emit(told)
         if not self._waiting:
             self.all_told.set()
 
@@ -92,8 +88,10 @@ class OutcomeVerdicts:
 
 async def _judged(asked: _Asked) -> ev.OutcomeJudged:
     """Return the verdict that was asked for, or why there is none."""
+    services = asked.context.services
     try:
-        found = await asked.judge.judge(asked.question)
+        question = ask_about_outcome(services.dialect, services.fleet.world, asked.case)
+        found = await services.judge.judge(question)
     except Exception as error:  # a defect must not end the session
         return unjudged(asked.attempt, f"internal error: {type(error).__name__}: {error}")
     return ev.OutcomeJudged(
