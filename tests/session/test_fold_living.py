@@ -162,7 +162,8 @@ def test_a_verdict_on_an_outcome_belongs_to_its_plan_however_late_it_comes() -> 
     trace = folded(*told).missions["M1"]
     assert [v.verdict.feedback for v in trace.verified if v.verdict] == ["1", "2"]
     assert trace.stage == "finished"
-    assert trace.outcome_s == pytest.approx(1.0)
+    assert trace.metrics is not None
+    assert trace.metrics.outcome_s == pytest.approx(1.0)
 
 
 def test_the_phase_is_of_the_first_track_that_has_one_left() -> None:

@@ -206,12 +206,10 @@ def _times(trace: MissionTrace) -> Metrics:
     measured = {
         "planning_s": sum(a.usage.seconds for a in trace.attempts),
         "judging_s": sum(a.judge_usage.seconds for a in trace.attempts),
-        "outcome_s": trace.outcome_s,
     }
     if trace.attempts:
         measured["first_token_s"] = trace.attempts[0].usage.first_token_s
     known = metrics.model_dump()
     changes = {stage: max(known[stage], seconds) for stage, seconds in measured.items()}
-    stages = ("planning_s", "judging_s")
-    added = sum(changes[stage] - known[stage] for stage in stages)
+    added = sum(changes[stage] - known[stage] for stage in ("planning_s", "judging_s"))
     return metrics.model_copy(update={**changes, "end_to_end_s": metrics.end_to_end_s + added})

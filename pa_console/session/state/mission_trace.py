@@ -110,6 +110,7 @@ class VerifiedPlan:
     judged: bool = False
     verdict: Verdict | None = None
     error: str = ""
+    judging_s: float = 0.0
 
 
 @dataclass
@@ -139,8 +140,6 @@ class MissionTrace:
     verified: list[VerifiedPlan] = field(default_factory=list[VerifiedPlan])
     unasked_verdict: Verdict | None = None
     unasked_error: str = ""
-    outcome_s: float = 0.0
-    """Wall seconds of the verdicts on outcomes."""
     report: str = ""
     status: MissionStatus | None = None
     reason: str = ""
@@ -303,9 +302,10 @@ def _apply_execution(trace: MissionTrace, data: ev.EventPayload) -> None:
             trace.verified.append(verified)
             trace.next_round()
         case ev.OutcomeJudged(attempt=number, verdict=verdict, error=error, usage=usage):
-            trace.outcome_s += usage.seconds
             if (judged := trace.find_verified(number)) is not None:
                 judged.judged, judged.verdict, judged.error = True, verdict, error
+                judged.judging_s = usage.seconds
+                _measure_verdicts(trace)
             else:
                 trace.unasked_verdict, trace.unasked_error = verdict, error
         case ev.MissionReported(text=text):
@@ -313,8 +313,17 @@ def _apply_execution(trace: MissionTrace, data: ev.EventPayload) -> None:
         case ev.MissionFinished(status=status, reason=reason, metrics=metrics):
             trace.stage, trace.approval, trace.preempted = "finished", None, ""
             trace.status, trace.reason, trace.metrics = status, reason, metrics
+            _measure_verdicts(trace)
         case _:
             pass
+
+
+def _measure_verdicts(trace: MissionTrace) -> None:
+    """Put into the metrics what verdicts on outcomes took, which come before or after them."""
+    if trace.metrics is not None:
+        taken = sum(verified.judging_s for verified in trace.verified)
+        outcome_s = max(trace.metrics.outcome_s, taken)
+        trace.metrics = trace.metrics.model_copy(update={"outcome_s": outcome_s})
 
 
 def _executing_round(trace: MissionTrace) -> int:

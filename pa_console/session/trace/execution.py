@@ -175,7 +175,7 @@ def timings(trace: MissionTrace, options: TraceOptions) -> Section:
         ("decision", given.decision_s),
         ("dispatch", given.dispatch_s),
         ("execution, simulated", given.execution_s),
-        ("outcome", given.outcome_s or trace.outcome_s),
+        ("outcome", given.outcome_s),
     ]
     longest = max(seconds for _, seconds in stages) or 1.0
     columns = (Column("stage", 20, "quiet"), Column("time", 7, right=True), Column("", tone="calm"))
