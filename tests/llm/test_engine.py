@@ -9,6 +9,7 @@ import sys
 from collections.abc import AsyncGenerator
 from contextlib import aclosing
 from dataclasses import replace
+from itertools import groupby
 from pathlib import Path
 
 import pytest
@@ -83,7 +84,7 @@ async def test_an_answer_streams_fits_its_grammar_and_is_counted(engine: Engine)
     assert 0 < usage.sampled_tokens < usage.completion_tokens
     assert 0 <= usage.guessed_tokens <= usage.sampled_tokens
     assert 0 < usage.first_token_s < usage.seconds
-    assert engine.state == "ready"
+    assert engine.state in ("ready", "slow")
     assert engine.info.n_ctx == 4096
 
 
@@ -281,7 +282,8 @@ async def test_a_killed_worker_is_noticed_and_started_again(smallest_model: Loca
         assert (await answer(engine, BRIEF)).finish == "stop"
     finally:
         await engine.close()
-    assert states == ["loading", "ready", "dead", "loading", "ready"]
+    changes = [state for state, _ in groupby("ready" if s == "slow" else s for s in states)]
+    assert changes == ["loading", "ready", "dead", "loading", "ready"]
 
 
 async def kill_while_answering(engine: Engine, pid: int) -> None:
@@ -365,3 +367,31 @@ async def test_an_answer_that_nobody_waits_for_interrupts_none(engine: Engine):
     assert (await urgent).finish == "stop"
     assert (await idle).finish == "cancelled"
     assert (await next_one).finish == "stop"
+
+
+SLOWED = """\
+import json, sys
+say = lambda **message: print(json.dumps(message), flush=True)
+sys.stdin.readline()
+say(op="ready", n_ctx=512, description="a model")
+for line in sys.stdin:
+    asked = json.loads(line)
+    if asked["op"] == "generate":
+        slowed = asked["user"] == "beside others"
+        say(op="done", id=asked["id"], finish="stop", usage={}, slowed=slowed)
+"""
+
+
+async def test_the_engine_says_when_answers_are_slow_because_the_machine_is_busy(
+    smallest_model: LocalModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pa_console.llm.engine.worker_process.COMMAND", ("-c", SLOWED))
+    states: list[tuple[str, str]] = []
+    engine = Engine(smallest_model, lambda state, detail: states.append((state, detail)))
+    try:
+        for user in ("alone", "beside others", "beside others", "alone"):
+            await answer(engine, replace(BRIEF, user=user))
+    finally:
+        await engine.close()
+    assert [state for state, _ in states] == ["loading", "ready", "slow", "ready"]
+    assert "busy" in states[2][1]
