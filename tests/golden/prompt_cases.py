@@ -10,7 +10,7 @@ from collections.abc import AsyncGenerator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import cache
-from itertools import groupby, islice
+from itertools import islice
 from typing import NamedTuple
 
 from pa_console.evaluation.runs.jobs import load_with_worlds
@@ -293,8 +293,12 @@ def _plan_by_plan(heard: Sequence[Request], verified: Sequence[int]) -> list[Req
     It is asked after the mission. The numbers say how many requests came before each outcome.
     """
     result = [request for request in heard if request.role != "outcome"]
-    outcomes = [request for request in heard if request.role == "outcome"]
-    late = [list(same) for _, same in groupby(outcomes, key=lambda request: request.user)]
+    late: list[list[Request]] = []
+    for request in heard:
+        if request.role == "outcome" and not request.begun:
+            late.append([request])
+        elif request.role == "outcome":
+            late[-1].append(request)
     for place, asked in reversed(list(zip(verified, late, strict=True))):
         result[place:place] = asked
     return result
