@@ -28,6 +28,7 @@ from pa_console.llm.models.catalogue import Catalog, LocalModel
 from pa_console.llm.roles.grammar import judge_grammar, plan_grammar
 from pa_console.llm.roles.planner import Planner
 from pa_console.llm.roles.prompts import planner_prompt
+from pa_console.schema.events.event import WorkerState
 from pa_console.schema.plan import Plan
 from tests.llm.site import DIGEST, RULE, WORLD, mission, picture
 
@@ -74,6 +75,26 @@ def worker_pid(engine: Engine) -> int:
     pid = engine.pid
     assert pid is not None
     return pid
+
+
+async def test_who_listens_only_after_the_start_is_told_how_far_the_model_is(
+    smallest_model: LocalModel,
+):
+    engine, told, ready = Engine(smallest_model), list[str](), asyncio.Event()
+
+    def on_state(state: WorkerState, _detail: str) -> None:
+        told.append(state)
+        if state == "ready":
+            ready.set()
+
+    await engine.start()
+    engine.on_state = on_state
+    await engine.start()
+    assert len(told) == 1
+    await ready.wait()
+    await engine.start()
+    await engine.close()
+    assert told in (["loading", "ready"], ["ready"])
 
 
 async def test_an_answer_streams_fits_its_grammar_and_is_counted(engine: Engine):

@@ -90,6 +90,7 @@ async def test_the_next_mission_goes_before_a_verdict(rig: Rig) -> None:
 async def test_a_session_that_ends_has_a_word_on_every_outcome(rig: Rig, waits: bool) -> None:
     engine = BusyEngine(cut_short=1)
     station = rig.station(engine)
+    closing: asyncio.Task[None] | None = None
     async with aclosing(station.run()) as events:
         async for event in events:
             rig.events.append(event)
@@ -104,6 +105,7 @@ async def test_a_session_that_ends_has_a_word_on_every_outcome(rig: Rig, waits: 
                     closing = asyncio.create_task(station.close("time to go", judge_outcomes=waits))
                 case _:
                     pass
+    assert closing is not None
     await closing
     [told] = judged(rig)
     assert (told.verdict is not None) == waits
