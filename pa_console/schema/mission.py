@@ -80,7 +80,11 @@ class Verification(StrictModel):
 
 
 class Metrics(StrictModel):
-    """Seconds per stage of one mission; execution is in simulated seconds, the rest wall time."""
+    """Seconds per stage of one mission; execution is in simulated seconds, the rest wall time.
+
+    End to end is from the command to the mission's end. The judge's verdicts on the outcome are no
+    part of that: they come when nobody needs the model.
+    """
 
     retrieval_s: NonNegative = 0.0
     picture_s: NonNegative = 0.0

@@ -370,6 +370,26 @@ def state_of(pid: int) -> str:
         return "Z"
 
 
+async def test_a_prompt_interrupts_an_answer_that_nobody_waits_for(engine: Engine):
+    idle = asyncio.create_task(answer(engine, replace(LONG, yields=True)))
+    while not engine.busy:
+        await asyncio.sleep(0)
+    assert (await answer(engine, BRIEF)).finish == "stop"
+    assert (await idle).finish == "cancelled"
+    assert (await answer(engine, replace(BRIEF, yields=True))).finish == "stop"
+
+
+async def test_an_answer_that_nobody_waits_for_interrupts_none(engine: Engine):
+    urgent = asyncio.create_task(answer(engine, BRIEF))
+    while not engine.busy:
+        await asyncio.sleep(0)
+    idle = asyncio.create_task(answer(engine, replace(BRIEF, yields=True)))
+    next_one = asyncio.create_task(answer(engine, replace(BRIEF, user="Say it again.")))
+    assert (await urgent).finish == "stop"
+    assert (await idle).finish == "cancelled"
+    assert (await next_one).finish == "stop"
+
+
 SLOWED = """\
 import json, sys
 say = lambda **message: print(json.dumps(message), flush=True)

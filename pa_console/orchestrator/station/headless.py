@@ -94,11 +94,13 @@ async def run_missions(  # noqa: PLR0917
     duration_s: float = 0.0,
     *,
     read_ahead: bool = False,
+    decided: Callable[[], bool] = lambda: False,
 ) -> list[MissionTrace]:
     """Bring the set-up about, run `texts` in order and return the trace of every mission.
 
     The session lasts until they are finished and, if longer, `duration_s` simulated seconds have
-    passed and the missions that alarms have started meanwhile are over too. `sink` is given
+    passed and the missions that alarms have started meanwhile are over too. It ends without that
+    time where `decided` says, after the missions, that nothing of it matters. `sink` is given
     every event and the state after it, in order. After a stop no other of the `texts` is given,
     even if whoever stopped everything releases it. With `read_ahead`, the model has read the
     picture and all but the last word before a mission is given, as while an operator types. Raises
@@ -141,7 +143,7 @@ async def run_missions(  # noqa: PLR0917
                                 station.inject(incident)
                             await station.advance(SETUP_SETTLE_S)
                         mine = await submit()
-                        ending = asyncio.create_task(_end(station, duration_s, all_given))
+                        ending = asyncio.create_task(_end(station, duration_s, all_given, decided))
                     case ev.ApprovalRequested():
                         request = event.data
                         answer(request)
@@ -161,13 +163,36 @@ async def run_missions(  # noqa: PLR0917
     return list(state.missions.values())
 
 
-async def _end(station: Station, duration_s: float, all_given: asyncio.Event) -> None:
-    """Close the session once its time is over and no mission is left."""
-    if duration_s > 0.0:
-        await station.advance(duration_s)
+async def _end(
+    station: Station, duration_s: float, all_given: asyncio.Event, decided: Callable[[], bool]
+) -> None:
+    """Close the session once no mission is left and its time is over, or `decided` says so."""
+    over = asyncio.create_task(_missions_over(station, all_given))
+    try:
+        if duration_s > 0.0:
+            await _watched(station, duration_s, over, decided)
+        await over
+    finally:
+        over.cancel()
+    await station.close("every mission is finished")
+
+
+async def _missions_over(station: Station, all_given: asyncio.Event) -> None:
     await all_given.wait()
     await station.settled()
-    await station.close("every mission is finished")
+
+
+async def _watched(
+    station: Station, duration_s: float, over: asyncio.Task[None], decided: Callable[[], bool]
+) -> None:
+    """Wait until `duration_s` have passed, or the missions are `over` and that `decided` it."""
+    watching = asyncio.create_task(station.advance(duration_s))
+    try:
+        await asyncio.wait((over, watching), return_when=asyncio.FIRST_COMPLETED)
+        if not (over.done() and decided()):
+            await watching
+    finally:
+        watching.cancel()
 
 
 EXIT_CODES: dict[MissionStatus, int] = {
