@@ -20,8 +20,8 @@ LEGEND = (
     ("?", "unknown", "track-unknown"), ("✔", "authorized", "track-authorized"),
     ("?", "not seen now", "track-stale"), ("?", "stale report", "stale"),
     ("≠", "suspect", "suspect"), ("✘", "down", "down"), ("▿✘", "camera failed", "camera-failed"),
-    ("▿?", "camera unknown", "camera-unknown"), ("×9", "so many", "crowd"),
-    ("◆", "covered", "gate-covered"), ("•", "route", "route"), ("▿", "camera", "camera"),
+    ("▿?", "camera unknown", "camera-unknown"), ("3", "so many here", "crowd"),
+    ("◆", "covered", "gate-covered"), ("⠤", "route", "route"), ("▿", "camera", "camera"),
     ("╱", "restricted", "zone"),
 )  # fmt: skip
 """Glyph, word and role; named only while something of that role is on the map."""
