@@ -32,11 +32,12 @@ class Canvas:
         self.roles = [[""] * self.width for _ in range(self.height)]
 
     def copy(self) -> "Canvas":
-        """Return an independent copy of what is drawn."""
+        """Return an independent copy of what is drawn and marked, without names."""
         twin = Canvas(0, 0)
         twin.width, twin.height = self.width, self.height
         twin.glyphs = [row.copy() for row in self.glyphs]
         twin.roles = [row.copy() for row in self.roles]
+        twin.marks = self.marks
         return twin
 
     def holds(self, cell: Cell) -> bool:

@@ -20,13 +20,19 @@ _LEADERS = {(1, 0): "─", (0, 1): "│", (1, 1): "╲", (1, -1): "╱"}
 _TURNS = {
     ((0, 1), (1, 0)): "╰", ((0, 1), (-1, 0)): "╯", ((0, -1), (1, 0)): "╭", ((0, -1), (-1, 0)): "╮",
 }  # fmt: skip
-_HIDING = {"": 0.0, "lane": 0.2, "route": 0.4, "zone": 0.2, "camera": 3.0}
+_HIDING = {
+    "": 0.0, "lane": 0.2, "zone": 0.2, "asset-field": 0.1, "camera-field": 0.1, "trail": 0.1,
+    "route": 0.4, "camera": 3.0,
+}  # fmt: skip
 _HIDING_ANYTHING_ELSE = 4.0
 _TOUCHING = 0.8
 """What a cell right beside another name or marker costs."""
 
 _AMBIGUOUS = 1.5
 """What another marker beside a leader costs, or below or above a name that has none."""
+
+
+_NEXT_TO_NOTHING = 2.0
 
 
 class Place(NamedTuple):
@@ -82,6 +88,22 @@ class Labels:
                 if cost < least and not self._parted(at, spots, place, width, height):
                     best, least = place, cost
         return [] if best is None else self._write(at, best, block, width)
+
+    def extend(self, cells: list[Cell], text: str, role: str) -> None:
+        """Add a text after a name that was placed, or before it, where it hides next to nothing.
+
+        The cells of the text are added to `cells`.
+        """
+        last = cells[-1]
+        name = [
+            cell for cell in cells if cell[1] == last[1] and self._canvas.role(cell) != "leader"
+        ]
+        for at, added in ((last[0] + 1, f" {text}"), (name[0][0] - len(text) - 1, f"{text} ")):
+            place = Place(0.0, (), (0, 0))
+            free = self._free((at, last[1]), place, len(added), 1)
+            if free and self._cost((at, last[1]), place, len(added), 1) < _NEXT_TO_NOTHING:
+                cells += self._write((at, last[1]), place, [[(added, role)]], len(added))
+                return
 
     def _free(self, at: Cell, place: Place, width: int, height: int) -> bool:
         """Whether a leader and a name would be on the canvas and hide nothing that is kept."""

@@ -83,6 +83,11 @@ class Projection:
             min(down, across / CELL_ASPECT * 1.2),
         )
 
+    @property
+    def columns_per_metre(self) -> float:
+        """How many columns of the canvas a metre is, from west to east."""
+        return self._scale[0]
+
     def spot(self, point: Point) -> Spot:
         """Return where on the canvas a point in metres is; it may lie outside."""
         (x, y), (across, down) = self._middle, self._scale

@@ -1,49 +1,49 @@
 """Draws the picture over the ground: routes, cover of gates, cameras, assets and tracks."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
-from math import inf
 
 from pa_console.schema.base import Point
 from pa_console.schema.telemetry import AssetTelemetry, Picture
-from pa_console.schema.world import Frame, World
-from pa_console.tui.map.canvas import Canvas, Cell, Run
-from pa_console.tui.map.ground import FRAME_GLYPHS, Ground, draw_ground
+from pa_console.schema.world import World
+from pa_console.tui.map.canvas import Canvas, Cell, Spot
+from pa_console.tui.map.frames import Frames
+from pa_console.tui.map.ground import Ground, draw_ground
 from pa_console.tui.map.labels import Labels
 from pa_console.tui.map.markers import Marker, Markers
 from pa_console.tui.map.projection import Projection
+from pa_console.tui.map.sensor_fields import Sensors, asset_fields, camera_fields
 from pa_console.tui.map.strokes import Strokes
-from pa_console.tui.map.symbols import asset_symbol, camera_symbol, track_symbol
-from pa_console.tui.report_condition import Reliance, cover_state
-from pa_console.tui.status_words import term
+from pa_console.tui.map.symbols import Symbol, asset_symbol, camera_symbol, track_symbol
+from pa_console.tui.report_condition import Reliance
 from pa_console.tui.words import short_names, track_names
 
 ROLES = (
     "lane", "zone", "zone-label", "wall", "frame", "label", "leader", "gate-covered",
-    "gate-uncovered", "gate-unknown", "label-uncovered", "label-unknown", "route", "uav", "ugv",
-    "robot", "down", "stale", "suspect", "crowd", "crowd-down", "crowd-stale", "camera",
-    "camera-failed", "camera-unknown", "track-unknown", "track-authorized", "track-unauthorized",
-    "track-hostile", "track-stale", "legend",
+    "gate-uncovered", "gate-unknown", "label-uncovered", "label-unknown", "asset-field",
+    "camera-field", "trail", "route", "uav", "ugv", "robot", "down", "stale", "suspect", "crowd",
+    "crowd-down", "crowd-stale", "camera", "camera-failed", "camera-unknown", "track-unknown",
+    "track-authorized", "track-unauthorized", "track-hostile", "track-stale", "warning", "detail",
+    "legend",
 )  # fmt: skip
 
 CELLS_PER_NAME = 48
 """With less room than this for each asset, names are left out except those that matter."""
 
-_FREE = frozenset(("", "lane", "zone", "route"))
-_ADJOINING = 2.0
-"""What a place right beside a marker costs less than, if it hides nothing."""
+_FREE = frozenset(("", "lane", "zone", "asset-field", "camera-field", "trail", "route"))
+MOST_RETRIES = 2
+"""How often names are written anew with those first that found no room."""
 
 Window = tuple[float, Point | None]
 """How far the map is zoomed in, and around which point."""
 
 
-def _draw_routes(canvas: Canvas, view: Projection, assets: Iterable[AssetTelemetry]) -> None:
+def _lines(view: Projection, lines: Iterable[Sequence[Point]], period: int, on: int) -> Strokes:
+    """Return lines in metres, of which `on` dots of each `period` are seen."""
     strokes = Strokes()
-    for asset in assets:
-        if asset.route:
-            spots = [view.spot(point) for point in (asset.position, *asset.route)]
-            strokes.path(spots, period=3, on=2)
-    strokes.draw(canvas, "route", over=_FREE)
+    for line in lines:
+        strokes.path([view.spot(point) for point in line], period=period, on=on)
+    return strokes
 
 
 class MapScene:
@@ -64,10 +64,14 @@ class MapScene:
         height: int,
         window: Window = (1.0, None),
         marked: str = "",
+        *,
+        trails: Iterable[Sequence[Point]] = (),
+        sensors: Sensors = "",
     ) -> Canvas:
         """Return the map of `width` x `height` cells; without a picture only the ground.
 
-        `marked` is the asset or track that gets a pointer.
+        `marked` is the asset or track that gets a pointer, `trails` are ways behind assets and
+        tracks, in metres; `sensors` says of which sensors the fields of view are shown.
         """
         ground = self._ground(width, height, window)
         canvas, view = ground.canvas.copy(), ground.view
@@ -78,17 +82,52 @@ class MapScene:
         whole, look = window[0] <= 1.0, Reliance(picture, self.world.stale_s)
         seen = [a for a in picture.assets.values() if whole or view.shows(a.position)]
         crowded = len(seen) * CELLS_PER_NAME > width * height
+        if sensors == "all":
+            seen_by_assets = asset_fields(self.world, picture, look)
+            _lines(view, seen_by_assets, 4, 1).draw(canvas, "asset-field", over=_FREE)
+        if sensors:
+            seen_by_cameras = camera_fields(self.world, picture, look)
+            _lines(view, seen_by_cameras, 2, 1).draw(canvas, "camera-field", over=_FREE)
         if not crowded:
-            _draw_routes(canvas, view, seen)
-        found = self._markers(picture, view, seen, look, whole=whole)
-        markers = Markers(canvas, found, look, marked)
+            routes = [(asset.position, *asset.route) for asset in seen if asset.route]
+            _lines(view, trails, 2, 1).draw(canvas, "trail", over=_FREE)
+            _lines(view, routes, 3, 2).draw(canvas, "route", over=_FREE)
+        markers = Markers(canvas, self._markers(picture, view, seen, look, whole=whole), marked)
+        self._draw_cameras(canvas, view, picture, look, crowded=crowded)
+        markers.draw(canvas)
+        named = self._named(canvas, ground, picture, look, markers, crowded=crowded)
+        first: tuple[Cell, ...] = ()
+        for _ in range(0 if crowded else MOST_RETRIES):
+            if left_out := markers.unnamed(named):
+                first = (*left_out, *first)
+                again = self._named(
+                    canvas, ground, picture, look, markers, first=first, crowded=False
+                )
+                named = min(named, again, key=lambda tried: len(markers.unnamed(tried)))
+        return named
+
+    def _named(
+        self,
+        canvas: Canvas,
+        ground: Ground,
+        picture: Picture,
+        look: Reliance,
+        markers: Markers,
+        *,
+        first: Sequence[Cell] = (),
+        crowded: bool,
+    ) -> Canvas:
+        """Return a copy of the canvas with all names for which there is room.
+
+        Those of the markers in the cells `first` are written before all other markers' names.
+        """
+        canvas = canvas.copy()
         labels = Labels(canvas, ground.barriers)
-        self._draw_cameras(canvas, labels, view, picture, look, crowded=crowded)
-        markers.draw()
-        frames = _Frames(canvas, labels, view, picture)
+        self._keep_cameras(labels, ground.view, picture, look)
+        frames = Frames(canvas, labels, ground.view, picture)
         frames.draw(self.world.frames, ground.names)
-        markers.name(labels, crowded=crowded)
-        self._name_cameras(labels, canvas, view, picture, look)
+        markers.name(canvas, labels, first, crowded=crowded)
+        self._name_cameras(canvas, labels, ground.view, picture, look)
         if not crowded:
             frames.name_displaced()
         return canvas
@@ -106,92 +145,39 @@ class MapScene:
         for track in picture.tracks.values():
             if whole or view.shows(track.position):
                 symbol = track_symbol(track, numbers[track.id], look)
-                yield Marker(track, view.spot(track.position), symbol)
+                yield Marker(track.id, view.spot(track.position), symbol, is_track=True)
         for asset in seen:
-            yield Marker(asset, view.spot(asset.position), asset_symbol(asset, self.short, look))
+            yield Marker(asset.id, view.spot(asset.position), asset_symbol(asset, self.short, look))
 
     def _draw_cameras(
-        self,
-        canvas: Canvas,
-        labels: Labels,
-        view: Projection,
-        picture: Picture,
-        look: Reliance,
-        *,
-        crowded: bool,
+        self, canvas: Canvas, view: Projection, picture: Picture, look: Reliance, *, crowded: bool
     ) -> None:
         """Draw cameras; in a crowded view only those that do not work."""
-        for name, camera in picture.cameras.items():
-            spec, symbol = self.world.cameras.get(name), camera_symbol(camera, look)
-            if spec is not None and not (crowded and symbol.role == "camera"):
-                canvas.put(view.cell(spec.at), symbol.glyph, symbol.role)
-                if symbol.name:
-                    labels.keep(view.cell(spec.at))
+        for at, _, symbol in self._cameras(view, picture, look):
+            if not (crowded and symbol.role == "camera"):
+                canvas.put(at, symbol.glyph, symbol.role)
 
     def _name_cameras(
-        self, labels: Labels, canvas: Canvas, view: Projection, picture: Picture, look: Reliance
+        self, canvas: Canvas, labels: Labels, view: Projection, picture: Picture, look: Reliance
     ) -> None:
         """Say beside a camera that does not work what is wrong with it."""
-        for name, camera in picture.cameras.items():
-            spec, symbol = self.world.cameras.get(name), camera_symbol(camera, look)
-            if spec is not None and symbol.name and view.shows(spec.at):
-                at = view.cell(spec.at)
+        for at, spot, symbol in self._cameras(view, picture, look):
+            if symbol.name:
                 hidden = symbol.glyph if at in canvas.marks else ""
                 block = [[(f"{hidden}{symbol.name}", symbol.role)]]
-                labels.place(at, [view.spot(spec.at)], block, gap=len(hidden))
+                labels.place(at, [spot], block, gap=len(hidden))
 
+    def _keep_cameras(
+        self, labels: Labels, view: Projection, picture: Picture, look: Reliance
+    ) -> None:
+        for at, _, symbol in self._cameras(view, picture, look):
+            if symbol.name:
+                labels.keep(at)
 
-class _Frames:
-    """Draws the frames of a picture; a gate shows whether it is covered, uncovered or unknown.
-
-    A marker on a frame goes before the frame's sign, which then stands beside it.
-    """
-
-    def __init__(self, canvas: Canvas, labels: Labels, view: Projection, picture: Picture) -> None:
-        self._canvas, self._labels, self._view = canvas, labels, view
-        self._covers = picture.gates
-        self._displaced: list[tuple[Frame, Run]] = []
-
-    def draw(self, frames: Mapping[str, Frame], places: Mapping[str, Cell]) -> None:
-        """Draw signs, and those names that must be seen or have no marker in their way."""
-        shown = {name: frame for name, frame in frames.items() if self._view.shows(frame.at)}
-        for name in sorted(shown, key=lambda name: not self._urgent(name)):
-            frame, at = shown[name], places.get(name)
-            cell, sign = self._view.cell(frame.at), self._sign(name, frame)
-            urgent, role = self._urgent(name), "label"
-            if urgent:
-                role = sign[1].replace("gate", "label")
-            line = [(name, role)]
-            if cell in self._canvas.marks:
-                line.insert(0, sign)
-            else:
-                self._canvas.put(cell, *sign)
-                self._labels.keep(cell)
-            start = at and (at[0] + 1 - len(line), at[1])
-            if start and self._labels.write(start, line, keep=urgent):
-                continue
-            if urgent:
-                _ = self._place(frame, line) or self._place(frame, line[:1])
-            elif at is not None:
-                self._displaced.append((frame, line[-1]))
-                if len(line) > 1:
-                    self._place(frame, line[:1], most=_ADJOINING)
-
-    def name_displaced(self) -> None:
-        """Write the other names where assets have left room for them."""
-        for frame, name in self._displaced:
-            self._place(frame, [name])
-
-    def _urgent(self, name: str) -> bool:
-        return name in self._covers and not self._covers[name].covered
-
-    def _sign(self, name: str, frame: Frame) -> Run:
-        if name not in self._covers:
-            return FRAME_GLYPHS[frame.kind], "frame"
-        state = cover_state(self._covers[name])
-        return term("gate", state).glyph, f"gate-{state}"
-
-    def _place(self, frame: Frame, line: list[Run], most: float = inf) -> list[Cell]:
-        gap = int(line[0][1].startswith("label"))
-        cell, spots = self._view.cell(frame.at), [self._view.spot(frame.at)]
-        return self._labels.place(cell, spots, [line], gap=gap, most=most)
+    def _cameras(
+        self, view: Projection, picture: Picture, look: Reliance
+    ) -> Iterator[tuple[Cell, Spot, Symbol]]:
+        for name, camera in picture.cameras.items():
+            spec = self.world.cameras.get(name)
+            if spec is not None and view.shows(spec.at):
+                yield view.cell(spec.at), view.spot(spec.at), camera_symbol(camera, look)

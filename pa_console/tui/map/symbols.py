@@ -12,17 +12,26 @@ _TRACK_GLYPHS = {"vehicle": "■", "person": "▪"}
 WIDE_UNCERTAINTY_M = 5.0
 """From here on the position's uncertainty is written beside a track, in metres."""
 
+TROUBLE = frozenset(("down", "stale", "suspect"))
+"""The roles of assets that cannot be counted on."""
+
 MOST_DIGIT = 9
 """A cell with more assets shows a plus, and the number beside it where there is room."""
 
 
 class Symbol(NamedTuple):
-    """How one thing is shown: `glyph` where it is, `name` and `note` beside it."""
+    """How one thing is shown: `glyph` where it is, `name` and `note` beside it.
+
+    `warning` and `detail` follow the name of an asset whose report is fresh, the detail only where
+    there is room.
+    """
 
     glyph: str
     name: str
     role: str
     note: str = ""
+    warning: str = ""
+    detail: str = ""
 
 
 def arrow(heading_deg: float) -> str:
@@ -31,7 +40,10 @@ def arrow(heading_deg: float) -> str:
 
 
 def asset_symbol(asset: AssetTelemetry, short: Mapping[str, str], look: Reliance) -> Symbol:
-    """Return e.g. `→ D1`, or `? D1 7s` when the last report is 7 s old and proves nothing more."""
+    """Return e.g. `→ D1`, or `? D1 7s` when the last report is 7 s old and proves nothing more.
+
+    A low battery and a weak link follow the name, e.g. `→ D1 19%▼◐`.
+    """
     name = short.get(asset.id, asset.id[:2])
     state = look.report(asset)
     if asset.status == "failed" or (state == "fresh" and not asset.available):
@@ -40,7 +52,10 @@ def asset_symbol(asset: AssetTelemetry, short: Mapping[str, str], look: Reliance
         return Symbol(term("report", state).glyph, name, "suspect")
     if state != "fresh":
         return Symbol("?", name, "stale", f"{look.age(asset):.0f}s")
-    return Symbol(arrow(asset.heading_deg), name, asset.kind)
+    weak = term("comms", asset.comms).glyph if asset.comms != "ok" else ""
+    battery = f"{asset.battery_pct:.0f}%"
+    warning, detail = (f"{battery}▼{weak}", "") if asset.low_battery else (weak, battery)
+    return Symbol(arrow(asset.heading_deg), name, asset.kind, "", warning, detail)
 
 
 def track_symbol(track: Track, number: str, look: Reliance) -> Symbol:
@@ -68,16 +83,19 @@ def count_glyph(count: int) -> str:
     return str(count) if count <= MOST_DIGIT else "+"
 
 
-def crowd_symbol(assets: Sequence[AssetTelemetry], look: Reliance) -> Symbol:
-    """Return e.g. `5`, `5 ✘2` when two of the five cannot be counted on, or `+ 12`."""
-    down = [a for a in assets if not a.available or look.report(a) != "fresh"]
-    glyph = count_glyph(len(assets))
-    number = str(len(assets)) if len(assets) > MOST_DIGIT else ""
+def crowd_symbol(roles: Sequence[str]) -> Symbol:
+    """Return e.g. `5`, `5 ✘2` when two of the five cannot be counted on, or `+ 12`.
+
+    `roles` are those of the assets' own symbols.
+    """
+    down = [role for role in roles if role in TROUBLE]
+    glyph = count_glyph(len(roles))
+    number = str(len(roles)) if len(roles) > MOST_DIGIT else ""
     if not down:
         return Symbol(glyph, number, "crowd")
-    doubtful = all(a.status != "failed" and look.report(a) != "fresh" for a in down)
-    sign = "?" if doubtful else term("asset", "failed").glyph
-    return Symbol(glyph, f"{number}{sign}{len(down)}", "crowd-stale" if doubtful else "crowd-down")
+    failed = "down" in down
+    sign = term("asset", "failed").glyph if failed else "?"
+    return Symbol(glyph, f"{number}{sign}{len(down)}", "crowd-down" if failed else "crowd-stale")
 
 
 def edge_arrow(right: int, down: int) -> str:
