@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from functools import lru_cache
-from math import cos, inf, radians, sin
+from math import atan2, ceil, cos, degrees, floor, inf, radians, sin
 from typing import Literal
 
 from pa_console.schema.base import Point
@@ -10,7 +10,7 @@ from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import AssetKind, World
 from pa_console.tui.report_condition import Reliance
 
-RAY_DEG = 5.0
+RAY_DEG = 7.5
 """The angle between two rays of an outline."""
 
 OVER_WALLS: AssetKind = "uav"
@@ -56,14 +56,27 @@ def outline(
     `width_deg` is its field of view.
     """
     count = max(round(width_deg / RAY_DEG), 2)
-    edge: list[Point] = []
-    for number in range(count + 1):
-        turn = radians(heading_deg - width_deg / 2 + width_deg * number / count)
-        ray = cos(turn), sin(turn)
-        far = min((_meets(at, ray, wall) for wall in walls), default=inf)
-        far = min(far, reach_m)
-        edge.append((at[0] + ray[0] * far, at[1] + ray[1] * far))
+    step, first_deg = width_deg / count, heading_deg - width_deg / 2
+    turns = [radians(first_deg + step * number) for number in range(count + 1)]
+    rays = [(cos(turn), sin(turn)) for turn in turns]
+    reaches = [reach_m] * len(rays)
+    for wall in walls:
+        for number in _rays_towards(at, wall, first_deg, step, count):
+            reaches[number] = min(reaches[number], _meets(at, rays[number], wall))
+    edge = [(at[0] + x * far, at[1] + y * far) for (x, y), far in zip(rays, reaches, strict=True)]
     return tuple(edge) if width_deg >= FULL_DEG else (at, *edge, at)
+
+
+def _rays_towards(
+    at: Point, wall: Line, first_deg: float, step_deg: float, count: int
+) -> Iterator[int]:
+    """Yield the numbers of the rays, of 0 to `count`, that may meet a wall."""
+    start, end = (degrees(atan2(y - at[1], x - at[0])) for x, y in wall)
+    width = (end - start + FULL_DEG / 2) % FULL_DEG - FULL_DEG / 2
+    offset = (min(start, start + width) - first_deg) % FULL_DEG
+    for begin in (offset - FULL_DEG, offset):
+        low, high = ceil(begin / step_deg), floor((begin + abs(width)) / step_deg)
+        yield from range(max(low, 0), min(high, count) + 1)
 
 
 def _meets(at: Point, ray: Point, wall: Line) -> float:

@@ -7,59 +7,47 @@ from math import ceil, floor
 
 from pa_console.tui.map.canvas import Canvas, Cell, Spot
 
-_BRAILLE_BITS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
-_QUARTERS = " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"
-
 
 class Strokes:
-    """Collects dots of a grid of `ACROSS` x `DOWN` in each cell, to be drawn as one glyph each."""
+    """Collects dots of a grid of 2 x 4 in each cell, to be drawn as one braille glyph each."""
 
-    ACROSS, DOWN = 2, 4
+    BITS: Sequence[Sequence[int]] = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
+    """The bit of each dot in a cell, by row and column."""
+
+    GLYPHS: Sequence[str] = "".join(chr(0x2800 + bits) for bits in range(256))
 
     def __init__(self) -> None:
-        self._bits: dict[Cell, int] = defaultdict(int)
+        self._cells: dict[Cell, int] = defaultdict(int)
 
     def line(self, start: Spot, end: Spot, *, period: int = 1, on: int = 1) -> None:
         """Add a straight line; of `period` dots in a row the first `on` are drawn."""
-        x, y = start[0] * self.ACROSS, start[1] * self.DOWN
-        right, down = end[0] * self.ACROSS - x, end[1] * self.DOWN - y
-        count = max(ceil(max(abs(right), abs(down))), 1)
-        for step in range(count + 1):
-            if step % period < on:
-                self.dot(floor(x + right * step / count), floor(y + down * step / count))
+        cells, bits, down = self._cells, self.BITS, len(self.BITS)
+        x, y = start[0] * 2, start[1] * down
+        far_x, far_y = end[0] * 2 - x, end[1] * down - y
+        count = max(ceil(max(abs(far_x), abs(far_y))), 1)
+        step_x, step_y = far_x / count, far_y / count
+        for first in range(on):
+            for step in range(first, count + 1, period):
+                column, row = floor(x + step_x * step), floor(y + step_y * step)
+                cells[column // 2, row // down] |= bits[row % down][column % 2]
 
     def path(self, spots: Iterable[Spot], *, period: int = 1, on: int = 1) -> None:
         """Add the lines from each spot to the next."""
         for start, end in pairwise(spots):
             self.line(start, end, period=period, on=on)
 
-    def dot(self, x: int, y: int) -> None:
-        """Add the dot in column `x` and row `y` of the fine grid."""
-        self._bits[x // self.ACROSS, y // self.DOWN] |= self._bit(x, y)
-
-    def _bit(self, x: int, y: int) -> int:
-        return _BRAILLE_BITS[y % 4][x % 2]
-
-    def _glyph(self, bits: int) -> str:
-        return chr(0x2800 + bits)
-
     def draw(self, canvas: Canvas, role: str, over: Sequence[str] | frozenset[str] = ()) -> None:
         """Draw all dots, in cells of a role in `over` only, if any is given."""
-        for cell, bits in self._bits.items():
+        for cell, bits in self._cells.items():
             if canvas.holds(cell) and (not over or canvas.role(cell) in over):
-                canvas.put(cell, self._glyph(bits), role)
+                canvas.put(cell, self.GLYPHS[bits], role)
 
 
 class Blocks(Strokes):
     """The same with solid quarters of a cell, for what must not look thin."""
 
-    ACROSS, DOWN = 2, 2
-
-    def _bit(self, x: int, y: int) -> int:
-        return 1 << (y % 2 * 2 + x % 2)
-
-    def _glyph(self, bits: int) -> str:
-        return _QUARTERS[bits]
+    BITS = ((1, 2), (4, 8))
+    GLYPHS = " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"
 
 
 def touched(start: Spot, end: Spot, width: int, height: int) -> Iterator[Cell]:
