@@ -20,7 +20,9 @@ class Machine:
 
     def __init__(self, cores: int, busy: int = 0, *, tells: bool = True) -> None:
         self.cores, self.busy, self._tells = cores, busy, tells
-        self.now = self.computed = self.idle = 0.0
+        self.now: float = 0.0
+        self.computed: float = 0.0
+        self.idle: float = 0.0
         self.free_cores = FreeCores(
             cores, now=lambda: self.now, computed=lambda: self.computed, idle=self._told
         )

@@ -113,6 +113,7 @@ class Engine:
         self.busy = False
         """Whether the worker was given a prompt that is not yet answered."""
         self._warming = False
+        self._untold = False
         self._turn, self._spawning = asyncio.Lock(), asyncio.Lock()
         self._stop = asyncio.Event()
         self._number = 0
@@ -124,9 +125,14 @@ class Engine:
         return None if self._worker is None or self._worker.ended else self._worker.pid
 
     async def start(self) -> None:
-        """Start loading the model and return at once."""
+        """Start loading the model and return at once.
+
+        Where it was started before anybody listened, `on_state` is told how far it is.
+        """
         self._closed = False
         await self._living_worker()
+        if self._untold:
+            self._change(self.state, self.detail)
 
     async def close(self) -> None:
         """Stop whatever runs and end the worker."""
@@ -312,5 +318,6 @@ class Engine:
 
     def _change(self, state: WorkerState, detail: str) -> None:
         self.state, self.detail = state, detail
+        self._untold = self.on_state is None
         if self.on_state is not None:
             self.on_state(state, detail)
