@@ -92,7 +92,11 @@ class MapScene:
             routes = [(asset.position, *asset.route) for asset in seen if asset.route]
             _lines(view, trails, 2, 1).draw(canvas, "trail", over=_FREE)
             _lines(view, routes, 3, 2).draw(canvas, "route", over=_FREE)
-        markers = Markers(canvas, self._markers(picture, view, seen, look, whole=whole), marked)
+        markers = Markers(
+            canvas,
+            self._markers(picture, view, seen, look, whole=whole, health=not crowded),
+            marked,
+        )
         self._draw_cameras(canvas, view, picture, look, crowded=crowded)
         markers.draw(canvas)
         named = self._named(canvas, ground, picture, look, markers, crowded=crowded)
@@ -140,6 +144,7 @@ class MapScene:
         look: Reliance,
         *,
         whole: bool,
+        health: bool,
     ) -> Iterator[Marker]:
         numbers = track_names(picture.tracks)
         for track in picture.tracks.values():
@@ -147,7 +152,8 @@ class MapScene:
                 symbol = track_symbol(track, numbers[track.id], look)
                 yield Marker(track.id, view.spot(track.position), symbol, is_track=True)
         for asset in seen:
-            yield Marker(asset.id, view.spot(asset.position), asset_symbol(asset, self.short, look))
+            symbol = asset_symbol(asset, self.short, look, health=health)
+            yield Marker(asset.id, view.spot(asset.position), symbol)
 
     def _draw_cameras(
         self, canvas: Canvas, view: Projection, picture: Picture, look: Reliance, *, crowded: bool

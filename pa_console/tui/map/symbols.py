@@ -39,10 +39,12 @@ def arrow(heading_deg: float) -> str:
     return _ARROWS[round(heading_deg / 45.0) % 8]
 
 
-def asset_symbol(asset: AssetTelemetry, short: Mapping[str, str], look: Reliance) -> Symbol:
+def asset_symbol(
+    asset: AssetTelemetry, short: Mapping[str, str], look: Reliance, *, health: bool = True
+) -> Symbol:
     """Return e.g. `→ D1`, or `? D1 7s` when the last report is 7 s old and proves nothing more.
 
-    A low battery and a weak link follow the name, e.g. `→ D1 19%▼◐`.
+    A low battery and a weak link follow the name, e.g. `→ D1 19%▼◐`, unless `health` is false.
     """
     name = short.get(asset.id, asset.id[:2])
     state = look.report(asset)
@@ -52,9 +54,11 @@ def asset_symbol(asset: AssetTelemetry, short: Mapping[str, str], look: Reliance
         return Symbol(term("report", state).glyph, name, "suspect")
     if state != "fresh":
         return Symbol("?", name, "stale", f"{look.age(asset):.0f}s")
+    if not health:
+        return Symbol(arrow(asset.heading_deg), name, asset.kind)
     weak = term("comms", asset.comms).glyph if asset.comms != "ok" else ""
-    battery = f"{asset.battery_pct:.0f}%"
-    warning, detail = (f"{battery}▼{weak}", "") if asset.low_battery else (weak, battery)
+    charge = f"{asset.battery_pct:.0f}%"
+    warning, detail = (f"{charge}▼{weak}", "") if asset.low_battery else (weak, charge)
     return Symbol(arrow(asset.heading_deg), name, asset.kind, "", warning, detail)
 
 
