@@ -60,9 +60,10 @@ class MainScreen(Screen[None]):
         with Horizontal(id="body"):
             with Vertical(id="left"):
                 yield MapView(self._world, id="map")
-                yield AlarmPane(id="alarms")
-                yield AssetPane(self._world, id="assets")
-                yield EventList(all_known=self.mode == "REPLAY", id="events")
+                with Vertical(id="lower"):
+                    yield AlarmPane(id="alarms")
+                    yield AssetPane(self._world, id="assets")
+                    yield EventList(all_known=self.mode == "REPLAY", id="events")
             with Vertical(id="right"):
                 yield TracePane(self._rules, self._before_missions, id="trace")
                 yield ApprovalPanel(self._clock)
