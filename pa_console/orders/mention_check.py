@@ -162,9 +162,9 @@ class _Made:
         what is to be done.
         """
         missing = {one.named for one in lacking}
-        places = {ask.place for ask in self.asks} - {"", NOWHERE}
-        if places:
-            return places <= missing
+        placed = [ask for ask in self.asks if ask.place not in ("", NOWHERE)]
+        if placed:
+            return all({ask.place, ask.leaving} & missing for ask in placed)
         named = {name for ask in self.asks for name in (*ask.who.names, ask.leaving) if name}
         named.update(PLAIN_KINDS[ask.who.kind] for ask in self.asks if ask.who.kind is not None)
         if not named:

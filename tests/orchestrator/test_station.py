@@ -63,7 +63,10 @@ async def test_missions_are_worked_on_one_at_a_time_in_order(rig: Rig) -> None:
             if len(order) == 4:
                 break
     first, second = state.missions
-    assert [state.missions[m].mission.text for m in (first, second)] == ["first", "second"]
+    assert [state.missions[m].mission.text for m in (first, second)] == [
+        "All drones report.",
+        "All robots report.",
+    ]
     assert order == [
         ("mission_started", first), ("mission_finished", first),
         ("mission_started", second), ("mission_finished", second),
