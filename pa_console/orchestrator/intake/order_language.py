@@ -57,7 +57,7 @@ _CODE = re.compile(
 class _Words(NamedTuple):
     """How many words a text has, names apart, and which of them are strange to English."""
 
-    count: int
+    number: int
     strange: tuple[str, ...]
     slips: tuple[str, ...]
     """Those that are nearly a word of orders or of a name."""
@@ -65,7 +65,7 @@ class _Words(NamedTuple):
     @property
     def share(self) -> float:
         """The share of the words that are strange."""
-        return (len(self.strange) + _SLIP * len(self.slips)) / max(self.count, 1)
+        return (len(self.strange) + _SLIP * len(self.slips)) / max(self.number, 1)
 
 
 def is_english(text: str, world: World, rulebook: Rulebook) -> bool:
@@ -80,7 +80,7 @@ def question_back(typed: str, read: str, world: World, rulebook: Rulebook) -> st
     that is asked back about.
     """
     words = _words(typed, world, rulebook)
-    if not words.count and not find_mentions(world, typed):
+    if not words.number and not find_mentions(world, typed):
         return "there are no words in it. What is to be done, by whom and where?"
     if words.share >= _MOST_STRANGE:
         strange = ", ".join(dict.fromkeys((*words.strange, *words.slips)))
