@@ -21,6 +21,7 @@ from pa_console.orchestrator.planning.decision import (
     Decide,
     NotApproved,
     Readings,
+    ask_back,
     ask_operator,
     reconsider,
     rejection,
@@ -34,7 +35,13 @@ from pa_console.orchestrator.planning.planning import (
     reexamine,
     take,
 )
-from pa_console.orchestrator.planning.understanding import Retrieved, retrieve, understand
+from pa_console.orchestrator.planning.understanding import (
+    NotUnderstood,
+    Refused,
+    Retrieved,
+    retrieve,
+    understand,
+)
 from pa_console.policy.ordering.moments import moment
 from pa_console.policy.ordering.monitor import Monitor, halts
 from pa_console.schema.alarm import Alarm
@@ -107,13 +114,16 @@ class MissionRun:
                 rules_content_sha256=seal.content_sha256, rules_warnings=seal.warnings
             )
         )
-        refused = await understand(self._context)
-        if refused is not None:
-            outcome = Outcome("refused", refused.reason)
-        else:
-            if self._services.variant.workflows:
-                self._tell(self._progress.begin(self._now()))
-            outcome = await self._plan_after_plan()
+        match await understand(self._context):
+            case Refused(reason):
+                outcome = Outcome("refused", reason)
+            case NotUnderstood(question):
+                asked = await ask_back(self._context, question, self._station.decide)
+                outcome = Outcome(asked.status, asked.reason)
+            case None:
+                if self._services.variant.workflows:
+                    self._tell(self._progress.begin(self._now()))
+                outcome = await self._plan_after_plan()
         self.close(outcome)
 
     def close(self, outcome: Outcome) -> None:

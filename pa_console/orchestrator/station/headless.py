@@ -10,6 +10,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, MissionStatus
 from pa_console.session.state.fold import MissionTrace, SessionState
+from pa_console.session.status_words import status_of
 
 Approver = Callable[[ev.ApprovalRequested], Decision]
 Sink = Callable[[ev.Event, SessionState], None]
@@ -34,9 +35,10 @@ def standing_approver(
     overridden with `override_reason`, which stands with such a decision alone. `never` rejects
     every plan.
 
-    Nobody watches a standing approval, so it takes no plan for an order that may have been misread
-    (`doubt`): both models have to be at least so sure, 0 to 1, as `least` says. None takes it all
-    the same, for evaluations, where the truth of every plan is wanted.
+    Nobody watches a standing approval, so it takes a plan in the state `approve` alone, and none
+    for an order that may have been misread (`doubt`): both models have to be at least so sure, 0 to
+    1, as `least` says. None takes it all the same, for evaluations, where the truth of every plan
+    is wanted; what was not understood is taken by nobody.
 
     The log names the instruction as it was `given`, by default as the command line's.
     """
@@ -82,6 +84,8 @@ def doubt(request: ev.ApprovalRequested, least: float) -> str:
         why.append("not both models have told how sure they are of what was asked")
     if request.confidence is not None and request.confidence < least:
         why.append(f"read with {request.confidence:.0%} confidence, {least:.0%} are needed")
+    if not why and request.state not in ("approve", "judge_objects"):
+        why.append(status_of("approval", request.state or "none").word.lower())
     return f"too doubtful for standing approval: {'; '.join(why)}" if why else ""
 
 

@@ -186,7 +186,7 @@ class SessionState:
                 if mission.alarm:
                     self.answers[mission.alarm] = mission.id
                 origin = "by an alarm: " if mission.source == "alarm" else ""
-                self._notice(event, "info", mission.id, f"{origin}{mission.text}")
+                self._notice(event, "info", mission.id, f"{origin}{mission.said}")
             case ev.MissionStarted() if event.mission in self.missions:
                 self.active = self.last_active = event.mission
                 self.stop = None

@@ -5,7 +5,14 @@ from dataclasses import dataclass, field
 from pa_console.schema.command import CommandReply, DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Finding, Usage, Verdict
-from pa_console.schema.mission import Decision, Metrics, Mission, MissionStatus, Verification
+from pa_console.schema.mission import (
+    ApprovalState,
+    Decision,
+    Metrics,
+    Mission,
+    MissionStatus,
+    Verification,
+)
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.rule import RuleHit
@@ -132,6 +139,8 @@ class MissionTrace:
     executing: int = 0
     workflow: list[ev.WorkflowMoved] = field(default_factory=list[ev.WorkflowMoved])
     approval: ev.ApprovalRequested | None = None
+    approval_state: ApprovalState | None = None
+    """What the operator had to know first of the last plan that was put forward."""
     decisions: list[ev.DecisionMade] = field(default_factory=list[ev.DecisionMade])
     voided: str = ""
     preempted: str = ""
@@ -264,6 +273,7 @@ def _apply_decision(trace: MissionTrace, data: ev.EventPayload) -> None:
     match data:
         case ev.ApprovalRequested(attempt=number, if_halted=declared):
             trace.stage, trace.approval = "decide", data
+            trace.approval_state = data.state
             if (attempt := trace.find(number)) is not None:
                 attempt.if_halted = declared
         case ev.DecisionMade(attempt=number, decision=decision, accepted=accepted):
