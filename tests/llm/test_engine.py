@@ -1,4 +1,7 @@
-"""The engine on a real model: streaming, cancel, deadline, a worker that dies, no trace left."""
+"""The engine: streaming, cancel, deadline, a worker that dies, no trace left.
+
+What a model says does not matter here: most tests ask one of two layers. Whole models answer too.
+"""
 
 import asyncio
 import json
@@ -32,7 +35,7 @@ from tests.llm.site import DIGEST, RULE, WORLD, mission, picture
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.long]
 
-ENDLESS = "start: /[a-z ]{2000,3000}/"
+ENDLESS = "start: /[a-z ]{6000,9000}/"
 SHORT = Request(
     role="judge",
     system="You are a judge. " * 20,
@@ -46,8 +49,8 @@ LONG = replace(SHORT, grammar=ENDLESS, max_tokens=2500)
 
 
 @pytest_asyncio.fixture(scope="module", loop_scope="module")
-async def engine(smallest_model: LocalModel) -> AsyncGenerator[Engine]:
-    engine = Engine(smallest_model)
+async def engine(shallow_model: LocalModel) -> AsyncGenerator[Engine]:
+    engine = Engine(shallow_model)
     await engine.start()
     yield engine
     await engine.close()
@@ -76,7 +79,7 @@ def worker_pid(engine: Engine) -> int:
 
 
 async def test_an_answer_streams_fits_its_grammar_and_is_counted(engine: Engine):
-    done = await answer(engine, SHORT)
+    done = await answer(engine, replace(SHORT, max_tokens=1500))
     assert done.finish == "stop"
     assert json.loads(done.text)["rules"][0]["id"] == "WF-03"
     usage = done.usage
@@ -142,13 +145,13 @@ async def test_several_answers_are_other_ones_and_begin_as_the_first_where_wante
 
 
 async def test_a_second_prompt_is_answered_as_in_a_fresh_context(
-    engine: Engine, smallest_model: LocalModel
+    engine: Engine, shallow_model: LocalModel
 ):
-    await compare_with_fresh_context(engine, smallest_model)
+    await compare_with_fresh_context(engine, shallow_model)
 
 
-@pytest.mark.parametrize("name", ["gemma-3-270m", "qwen2.5-coder-0.5b"])
-async def test_other_models_too_answer_as_in_a_fresh_context(name: str):
+@pytest.mark.parametrize("name", ["smollm2-135m", "gemma-3-270m", "qwen2.5-coder-0.5b"])
+async def test_whole_models_too_answer_as_in_a_fresh_context(name: str):
     try:
         model = Catalog.load().locate(name)
     except ModelError:
@@ -191,7 +194,7 @@ async def test_cancel_ends_the_answer_and_keeps_the_worker(engine: Engine):
         async for item in items:
             if isinstance(item, Completed):
                 assert item.finish == "cancelled"
-                assert len(item.text) < 2000
+                assert len(item.text) < 6000
             else:
                 engine.cancel()
     assert (await answer(engine, BRIEF)).finish == "stop"
@@ -199,7 +202,7 @@ async def test_cancel_ends_the_answer_and_keeps_the_worker(engine: Engine):
 
 
 async def test_cancel_while_the_prompt_is_read_ends_it(engine: Engine):
-    reading = asyncio.create_task(answer(engine, replace(LONG, user="word " * 1200)))
+    reading = asyncio.create_task(answer(engine, replace(BRIEF, user="word " * 3500)))
     await asyncio.sleep(0)
     while not engine.busy:
         await asyncio.sleep(0)
@@ -230,8 +233,8 @@ async def test_an_answer_that_is_too_long_is_cut_off(engine: Engine):
     assert done.usage.completion_tokens == 7
 
 
-async def test_what_was_warmed_up_is_not_read_again(smallest_model: LocalModel):
-    engine = Engine(smallest_model)
+async def test_what_was_warmed_up_is_not_read_again(shallow_model: LocalModel):
+    engine = Engine(shallow_model)
     try:
         await engine.warm("judge", BRIEF.system)
         assert (await answer(engine, BRIEF)).usage.cached_tokens >= 64
@@ -240,13 +243,13 @@ async def test_what_was_warmed_up_is_not_read_again(smallest_model: LocalModel):
 
 
 async def test_a_prompt_interrupts_a_warm_up(engine: Engine):
-    warming = asyncio.create_task(engine.warm("planner", "word " * 700))
+    warming = asyncio.create_task(engine.warm("planner", "word " * 3500))
     while not engine.busy:
         await asyncio.sleep(0)
     done = await answer(engine, BRIEF)
     await warming
     assert done.finish == "stop"
-    rest = await answer(engine, replace(BRIEF, role="planner", system="word " * 700))
+    rest = await answer(engine, replace(BRIEF, role="planner", system="word " * 3500))
     assert rest.usage.cached_tokens < rest.usage.prompt_tokens - 128
 
 
@@ -269,9 +272,9 @@ async def test_a_broken_grammar_is_refused(engine: Engine):
         await answer(engine, replace(SHORT, grammar="start: nothing"))
 
 
-async def test_a_killed_worker_is_noticed_and_started_again(smallest_model: LocalModel):
+async def test_a_killed_worker_is_noticed_and_started_again(shallow_model: LocalModel):
     states: list[str] = []
-    engine = Engine(smallest_model, lambda state, detail: states.append(state))
+    engine = Engine(shallow_model, lambda state, detail: states.append(state))
     try:
         await answer(engine, BRIEF)
         pid = worker_pid(engine)
@@ -290,8 +293,8 @@ async def kill_while_answering(engine: Engine, pid: int) -> None:
             os.kill(pid, signal.SIGKILL)
 
 
-async def test_closing_leaves_no_process(smallest_model: LocalModel):
-    engine = Engine(smallest_model)
+async def test_closing_leaves_no_process(shallow_model: LocalModel):
+    engine = Engine(shallow_model)
     await engine.start()
     pid = worker_pid(engine)
     await engine.close()
@@ -327,14 +330,14 @@ asyncio.run(main())
 """
 
 
-async def test_a_worker_does_not_outlive_its_parent(smallest_model: LocalModel):
-    path = os.fspath(smallest_model.path)
-    command = [sys.executable, "-c", PARENT, path, smallest_model.sha256]
+async def test_a_worker_does_not_outlive_its_parent(shallow_model: LocalModel):
+    path = os.fspath(shallow_model.path)
+    command = [sys.executable, "-c", PARENT, path, shallow_model.sha256]
     with subprocess.Popen(command, stdout=subprocess.PIPE) as parent:
         assert parent.stdout is not None
         pid = int(parent.stdout.readline())
         parent.kill()
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(60):
         while not gone(pid) and state_of(pid) != "Z":
             await asyncio.sleep(0.02)
 
