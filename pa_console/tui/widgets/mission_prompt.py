@@ -11,7 +11,9 @@ from pa_console.schema.mission import MAX_MISSION_TEXT
 from pa_console.tui.kept_input import History
 from pa_console.tui.widgets.fields import LineField
 
-_ELSEWHERE = "Say in plain words what is to be done; i brings you here"
+ELSEWHERE = "Say in plain words what is to be done; i brings you here"
+"""What the empty prompt says while keys go elsewhere: the first thing that an operator reads."""
+
 _HERE = "Say in plain words what is to be done; Enter sends it"
 
 
@@ -28,7 +30,7 @@ class MissionInput(LineField):
             max_length=MAX_MISSION_TEXT,
             compact=True,
             id="mission-input",
-            placeholder=_ELSEWHERE,
+            placeholder=ELSEWHERE,
         )
         self.cursor_blink = False
         self._history = history
@@ -36,7 +38,7 @@ class MissionInput(LineField):
     def watch_has_focus(self, has_focus: bool) -> None:
         """Say the key that leads here only while keys go elsewhere."""
         super().watch_has_focus(has_focus)
-        self.placeholder = _HERE if has_focus else _ELSEWHERE
+        self.placeholder = _HERE if has_focus else ELSEWHERE
 
     def action_history(self, by: int) -> None:
         """Replace the text by an earlier or later one."""
