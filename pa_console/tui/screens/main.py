@@ -6,7 +6,7 @@ from textual import events
 from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 from textual.screen import Screen
-from textual.widgets import Button, Footer, Static
+from textual.widgets import Button, Static
 
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
@@ -16,7 +16,7 @@ from pa_console.tui.protocols import Clock
 from pa_console.tui.widgets.alarms import AlarmBar, AlarmPane
 from pa_console.tui.widgets.approval import ApprovalPanel
 from pa_console.tui.widgets.assets import AssetPane
-from pa_console.tui.widgets.bars import VIEWS, StatusBar, ViewBar
+from pa_console.tui.widgets.bars import VIEWS, KeyFooter, StatusBar, ViewBar
 from pa_console.tui.widgets.event_list import EventList
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
@@ -69,7 +69,7 @@ class MainScreen(Screen[None]):
                 yield ApprovalPanel(self._clock)
         yield from self.replay_line()
         yield MissionPrompt(self._history, self._closed_why)
-        yield Footer(show_command_palette=False, compact=True)
+        yield KeyFooter()
         yield Static(id="too-small", markup=False)
 
     @property
