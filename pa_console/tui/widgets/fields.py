@@ -46,11 +46,15 @@ class CheckBox(Static, can_focus=True):
 
 
 class LineField(Input):
-    """A field for one line."""
+    """A field for one line; of pasted lines it makes one."""
 
     async def on_key(self, event: events.Key) -> None:
         """Do at once what a key of this field does."""
         await _act(self, event)
+
+    def on_paste(self, event: events.Paste) -> None:
+        """Keep every line of what is pasted, one behind the other."""
+        event.text = " ".join(event.text.splitlines())
 
 
 class TextField(TextArea):
@@ -73,7 +77,12 @@ class TextField(TextArea):
 
 
 async def _act(field: Widget, event: events.Key) -> None:
-    """Run the action that `field` itself binds to a key, instead of passing the key on."""
+    """Run the action that `field` itself binds to a key, instead of passing the key on.
+
+    A key with Alt has a character but is none of a text: it goes on to whatever it does.
+    """
+    if event.key.startswith("alt+"):
+        event.prevent_default()
     bound = None if event.is_printable else field.screen.active_bindings.get(event.key)
     if bound is not None and bound.node is field and bound.enabled:
         event.stop()
