@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import cast
 
+from textual import events
 from textual.containers import VerticalScroll
 from textual.widget import Widget
 from textual.widgets._toast import Toast
@@ -161,6 +162,23 @@ async def test_retrieved_rules_come_before_those_that_every_mission_has(tmp_path
         text = shown(app)
         places = [text.index(f"{rule} ") for rule in ("WF-03", "ROE-02", "ROE-01")]
         assert places == sorted(places)
+
+
+async def test_what_would_turn_an_order_round_is_seen_and_has_its_width(tmp_path: Path) -> None:
+    order = "Do \u202eton\u202c go \u2066east"
+    mission = story.MISSION.model_copy(update={"text": order})
+    received = ev.MissionReceived(mission=mission, position=0)
+    station = ScriptedStation([*story.opening(), received, ev.MissionStarted()])
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        seen = "Do \\u202eton\\u202c go \\u2066east"
+        assert seen in shown(app, "#trace-head")
+        assert seen in shown(app, "#events")
+        await pilot.press("i")
+        app.post_message(events.Paste(order))
+        await settle(pilot)
+        assert app.screen.query_one(MissionInput).text == seen
 
 
 async def test_model_text_is_never_read_as_markup(tmp_path: Path) -> None:

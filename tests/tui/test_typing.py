@@ -251,7 +251,7 @@ async def test_pasted_lines_are_all_kept(tmp_path: Path) -> None:
         await settle(pilot)
         assert reason(app) == "seen by the patrol and the camera"
         await pilot.press("escape", "escape", "slash")
-        app.post_message(events.Paste("Watch the road.\nTell me what comes."))
+        app.post_message(events.Paste("Watch the road.\rTell me what comes."))
         await settle(pilot)
         assert app.screen.query_one(MissionInput).text == "Watch the road.\nTell me what comes."
         assert station.submitted == []

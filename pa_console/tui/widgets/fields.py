@@ -12,6 +12,8 @@ from textual.message import Message
 from textual.widget import Widget
 from textual.widgets import Input, Static, TextArea
 
+from pa_console.schema.visible_text import visible
+
 
 class CheckBox(Static, can_focus=True):
     """Ticked by Space, Enter or a click; `name` says what is accepted."""
@@ -53,8 +55,8 @@ class LineField(Input):
         await _act(self, event)
 
     def on_paste(self, event: events.Paste) -> None:
-        """Keep every line of what is pasted, one behind the other."""
-        event.text = " ".join(event.text.splitlines())
+        """Keep every line of what is pasted, one behind the other; nothing of it is unseen."""
+        event.text = " ".join(map(visible, event.text.splitlines()))
 
 
 class TextField(TextArea):
@@ -70,6 +72,10 @@ class TextField(TextArea):
     async def on_key(self, event: events.Key) -> None:
         """Do at once what a key of this field does."""
         await _act(self, event)
+
+    def on_paste(self, event: events.Paste) -> None:
+        """Let nothing of what is pasted be unseen."""
+        event.text = visible(event.text.replace("\r\n", "\n").replace("\r", "\n"))
 
     def action_to_edge(self, end: bool = False, select: bool = False) -> None:
         """Put the cursor at the begin or the end of the text; what lies between is selected."""
