@@ -119,7 +119,9 @@ async def test_the_help_of_a_screen_begins_with_its_own_keys(tmp_path: Path) -> 
     app = console(station, tmp_path)
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
-        await pilot.press("f6", "f1")
+        await pilot.press("f6")
+        await until(pilot, lambda: isinstance(app.screen, PolicyScreen))
+        await pilot.press("f1")
         await settle(pilot)
         lines = str(app.screen.query_one(TextRows).render()).splitlines()
         assert lines[0] == "On this screen"

@@ -140,7 +140,7 @@ async def test_the_first_words_of_an_answer_are_shown_when_they_come(tmp_path: P
 async def test_the_json_of_a_plan_stays_folded_in_its_place(tmp_path: Path) -> None:
     station = ScriptedStation(story.told("approval"))
     app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
+    async with app.run_test(size=(200, 60)) as pilot:
         await settle(pilot, station)
         view = next(v for v in app.screen.query(SectionView) if "as JSON" in shown_title(v))
         rows = view.query_one(TextRows)
@@ -151,7 +151,7 @@ async def test_the_json_of_a_plan_stays_folded_in_its_place(tmp_path: Path) -> N
         written = rows.render()
         assert '{"agent": "Drone_T04", "command": "observe NorthGate"},' in written.plain
         assert len({str(span.style) for span in written.spans}) >= 3
-        json.loads(written.plain)
+        json.loads(" ".join(written.plain.split()))
 
 
 async def test_retrieved_rules_come_before_those_that_every_mission_has(tmp_path: Path) -> None:
@@ -174,8 +174,7 @@ async def test_what_would_turn_an_order_round_is_seen_and_has_its_width(tmp_path
         await settle(pilot, station)
         seen = "Do \\u202eton\\u202c go \\u2066east"
         assert seen in shown(app, "#trace-head")
-        assert seen in shown(app, "#events")
-        await pilot.press("i")
+        assert seen in app.screen.query_one(EventList).text
         app.post_message(events.Paste(order))
         await settle(pilot)
         assert app.screen.query_one(MissionInput).text == seen

@@ -46,13 +46,20 @@ class TypingController:
         self._chosen: _Chosen | None = None
         self._line: KeyLine | None = None
         self._timer: Timer | None = None
+        self._told = False
 
     async def takes(self, event: events.Key) -> bool:
         """Whether the key was dealt with and goes no further."""
         if self._session.station is None or self._session.readonly:
             return False
-        chosen, time_s = self._chosen, self._key_time(event)
-        self._drop_chosen()
+        (chosen, self._chosen), self._told = (self._chosen, None), False
+        taken = await self._takes(event, chosen)
+        if not self._told:
+            self._drop_line()
+        return taken
+
+    async def _takes(self, event: events.Key, chosen: _Chosen | None) -> bool:
+        time_s = self._key_time(event)
         if not _prints(event):
             return await self._takes_other(event, chosen, time_s)
         character, focused = event.character or "", self._app.focused
@@ -71,7 +78,8 @@ class TypingController:
 
     def forget(self) -> None:
         """Begin anew: the operator uses the mouse."""
-        self._drop_chosen()
+        self._chosen = None
+        self._drop_line()
         self._typed.forget()
 
     async def _takes_other(self, event: events.Key, chosen: _Chosen | None, time_s: float) -> bool:
@@ -129,12 +137,8 @@ class TypingController:
         if action is None or not action.confirmed:
             return False
         self._chosen = _Chosen(action, time_s)
-        self._say(key_text(event.key), f"{action.help}: Enter does it, any other key does not")
+        self._say(key_text(event.key), f"then Enter: {action.help}. Any other key drops it")
         return True
-
-    def _drop_chosen(self) -> None:
-        self._chosen = None
-        self._drop_line()
 
     def _say_it_is_text(self) -> None:
         keys = self._settings.keys
@@ -144,9 +148,15 @@ class TypingController:
         self._say("", f"Typed text is no command. {mission} goes to the mission field{plan}")
 
     def _say(self, key: str, text: str) -> None:
-        self._drop_line()
-        self._line = KeyLine(key, text)
-        self._app.screen.mount(self._line)
+        self._told = True
+        if self._line is not None and self._line in self._app.screen.children:
+            self._line.show(key, text)
+        else:
+            self._drop_line()
+            self._line = KeyLine(key, text)
+            self._app.screen.mount(self._line)
+        if self._timer is not None:
+            self._timer.stop()
         self._timer = self._app.set_timer(CHOSEN_S, self._drop_line)
 
     def _drop_line(self) -> None:

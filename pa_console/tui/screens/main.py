@@ -1,6 +1,7 @@
 """The one main screen, live and in a replay: map, assets, events, trace, approval, prompt."""
 
 from collections.abc import Mapping
+from typing import cast
 
 from textual import events
 from textual.app import ComposeResult
@@ -12,7 +13,7 @@ from textual.widgets import Button, Footer, Input, Static
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
 from pa_console.session.state.fold import MissionTrace, SessionState
-from pa_console.tui.actions.keymap import READING_KEYS
+from pa_console.tui.actions.keymap import READING_KEYS, KeysHost, first_own_key
 from pa_console.tui.kept_input import History
 from pa_console.tui.protocols import Clock
 from pa_console.tui.widgets.alarms import AlarmBar, AlarmPane
@@ -185,7 +186,8 @@ class MainScreen(Screen[None]):
             if self.compact and self._view not in ("map", "trace"):
                 self.go_to("trace")
             if prompt.has_cursor and prompt.draft:
-                self.notify("A plan waits for your decision: F7 goes there", title="Approval")
+                there = f"A plan waits for your decision: {self._key_to_approval} goes there"
+                self.notify(there, title="Approval", markup=False)
             else:
                 panel.take_focus()
         elif not panel.display and had_keys:
@@ -199,10 +201,14 @@ class MainScreen(Screen[None]):
         if self._closed_why:
             self.notify(self._closed_why, title="Decision", severity="warning", markup=False)
         elif self.query_one(ApprovalPanel).display:
-            where = "F7 goes to the plan that waits; the key decides there"
+            where = f"{self._key_to_approval} goes to the plan that waits; the key decides there"
             self.notify(where, title="Decision", markup=False)
         else:
             self.notify("no plan waits for a decision", title="Decision", markup=False)
+
+    @property
+    def _key_to_approval(self) -> str:
+        return first_own_key("approval", cast(KeysHost, self.app).keys)
 
     def to_approval(self) -> None:
         """Give the keys to the approval panel."""

@@ -269,6 +269,10 @@ class ApprovalPanel(Vertical, can_focus=True):
         """Say what the next key does."""
         self.refresh_state()
 
+    def on_descendant_blur(self) -> None:
+        """Say no longer what the next key did there."""
+        self.refresh_state()
+
     def on_focus(self) -> None:
         """Say what the next key does."""
         self.refresh_state()

@@ -16,4 +16,12 @@ class KeyLine(Static):
 
     def __init__(self, key: str, text: str) -> None:
         """`key` is empty where the line is not about one key."""
-        super().__init__(Content.assemble((f"{key}  " if key else "", "bold"), text))
+        super().__init__(_content(key, text))
+
+    def show(self, key: str, text: str) -> None:
+        """Say something else."""
+        self.update(_content(key, text), layout=False)
+
+
+def _content(key: str, text: str) -> Content:
+    return Content.assemble((f"{key}  " if key else "", "bold"), text)

@@ -43,6 +43,12 @@ class MissionInput(TextField):
         self._watch_has_focus(focus)
         self.placeholder = _HERE if focus else _ELSEWHERE
 
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Leave the function keys, by which a text area selects, to the console."""
+        if action in ("select_line", "select_all"):
+            return False
+        return super().check_action(action, parameters)
+
     def action_send(self) -> None:
         """Tell that the text is to be sent."""
         self.post_message(self.Sent())
