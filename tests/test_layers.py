@@ -40,6 +40,7 @@ from pa_console.cli.main import app
 app(["--help"], standalone_mode=False)
 print(*sys.modules)
 """
+MISSION_HELPED = HELPED.replace('"--help"', '"mission", "--help"')
 VERBS_LOADED = """
 import sys
 from pa_console.cli.verbs import VERBS, load_verb
@@ -102,6 +103,12 @@ def test_the_help_tells_of_every_verb_and_loads_none() -> None:
         "pa_console.cli.mission",
         "pa_console.schema.world",
     }
+
+
+def test_the_help_of_a_mission_waits_for_no_session() -> None:
+    helped = loaded_by(MISSION_HELPED)
+    assert "pa_console.cli.mission" in helped
+    assert not helped & {"numpy", "shapely", "cel", "pa_console.orchestrator", "pa_console.llm"}
 
 
 def test_every_verb_is_there_without_what_trains_and_without_a_screen() -> None:

@@ -1,19 +1,12 @@
 """`pa-console mission`: one mission through all eight steps, without the screen."""
 
-import errno
-import signal
-from asyncio import CancelledError
-from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from pydantic import TypeAdapter, ValidationError
 
-from pa_console.cli.mission_trace import print_trace
 from pa_console.cli.output import (
-    BAD_INPUT,
     AcceptRulesOption,
     JsonOption,
     ModelOption,
@@ -23,31 +16,7 @@ from pa_console.cli.output import (
     UnsignedOption,
     WitnessOption,
     WorldOption,
-    errors,
-    out,
-    print_json,
-    warn_of_altered,
 )
-from pa_console.cli.session_log import open_log, tell_of_witness
-from pa_console.cli.settings_defaults import settings_of
-from pa_console.cli.terminal_approval import ask_decision
-from pa_console.end_signals import EndableRun, end_signals, exit_code_of, leave_terminal
-from pa_console.llm.engine.engine import Engine
-from pa_console.llm.models.catalogue import find_model
-from pa_console.orchestrator.station.assembly import load_site, open_station
-from pa_console.orchestrator.station.headless import exit_code, run_missions, standing_approver
-from pa_console.orchestrator.station.ticking import SteppedClock
-from pa_console.policy.trust.pinned_rules import RulesPins
-from pa_console.schema.document import Document
-from pa_console.schema.events.event import ApprovalRequested, Event, MissionFinished
-from pa_console.schema.incident import Incident
-from pa_console.schema.mission import Decision
-from pa_console.session.log.chain import LogError
-from pa_console.session.log.writer import LogWriter
-from pa_console.session.state.fold import SessionState
-from pa_console.session.state.mission_trace import MissionTrace
-from pa_console.signing import load_signer
-from pa_console.sim.worlds.scenario_file import open_scenario
 
 
 class Approve(StrEnum):
@@ -99,144 +68,23 @@ def mission(
     json: JsonOption = False,
 ) -> None:
     """Plan, check, rehearse, judge, decide, execute and verify one mission, or a situation's."""
-    if text is None and scenario is None:
-        raise ValueError("give a mission in plain language, or --scenario NAME, or both")
-    setup = [read_event(number, text_) for number, text_ in enumerate(event or (), start=1)]
-    settings = settings_of(context)
-    site = load_site(
-        world,
-        rules,
-        unsigned=unsigned,
-        pins=RulesPins(),
-        accept=accept_rules,
-        deadline_s=settings.values.check_deadline_ms / 1000.0,
-    )
-    warn_of_altered(rules, site.rulebook.seal)
-    played = open_scenario(site.world, site.world_path, scenario) if scenario else None
-    signer = load_signer()
-    station = open_station(
-        site,
-        Engine(find_model(model)),
-        SteppedClock(),
+    from pa_console.cli.mission_session import run_session  # noqa: PLC0415 - no help waits for it
+
+    run_session(
+        context,
+        text,
+        world=world,
+        rules=rules,
+        model=model,
+        approve=approve,
+        override_reason=override_reason,
+        setup=event or (),
+        scenario=scenario,
+        alarms=alarms,
         seed=seed,
-        scenario=played,
-        respond=alarms if alarms is not None else played is not None,
+        log=log,
+        witness=witness,
+        unsigned=unsigned,
+        accept_rules=accept_rules,
+        json=json,
     )
-    writer = open_log(settings.values, station.session, signer, _cannot_write, log, witness)
-    endable = EndableRun()
-    progress = _Progress(writer, endable)
-    approver = (
-        progress.ask
-        if approve is Approve.ask
-        else standing_approver(
-            approve.value, override_reason, least=settings.values.standing_confidence
-        )
-    )
-    unlogged: LogError | None = None
-    try:
-        with end_signals(endable.end), writer, progress:
-            station.write_to(writer)
-            endable.run(
-                run_missions(
-                    station,
-                    [text] if text is not None else [],
-                    approver,
-                    progress.show,
-                    setup,
-                    duration_s=played.scenario.duration_s if played else 0.0,
-                )
-            )
-    except LogError as error:
-        unlogged = error
-    except (CancelledError, KeyboardInterrupt):
-        if not endable.ended_by:
-            raise
-    except OSError as error:
-        if not endable.ended_by and error.errno != errno.EIO:  # the terminal is gone
-            raise
-        endable.ended_by = endable.ended_by or signal.SIGHUP
-        leave_terminal()
-    path, traces = writer.path, progress.traces
-    if endable.ended_by:
-        errors.print(f"the session was ended; log: {path}", markup=False, soft_wrap=True)
-        raise typer.Exit(exit_code_of(endable.ended_by))
-    tell_of_witness(writer)
-    code = exit_code([trace.status for trace in traces]) if unlogged is None else BAD_INPUT
-    if json:
-        single = played is None and len(traces) == 1
-        found = {"mission": traces[0]} if single else {"missions": traces}
-        problem = {} if unlogged is None else {"log_problem": str(unlogged)}
-        print_json({"exit_code": code, "log": str(path), **problem, **found})
-    if unlogged is not None:
-        raise unlogged
-    if not json:
-        for trace in traces:
-            print_trace(out, trace)
-        if not traces:
-            out.print("no alarm needed a response")
-        out.print(f"log: {path}", markup=False, soft_wrap=True)
-    raise typer.Exit(code)
-
-
-def read_event(number: int, text: str) -> Incident:
-    """Read one --event; raises DocumentError naming the option and the field."""
-    document = Document(f"--event {number}", text)
-    try:
-        return TypeAdapter[Incident](Incident).validate_python(document.value)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        raise document.error(first["loc"], first["msg"]) from error
-
-
-def _cannot_write(error: LogError) -> None:
-    """Say at once what of the log, or of its index, cannot be written."""
-    errors.print(f"warning: {error}", style="bold red", markup=False, soft_wrap=True)
-
-
-class _Progress:
-    """Keeps one line on the terminal up to date; ends a session that cannot be logged."""
-
-    def __init__(self, writer: LogWriter, endable: EndableRun) -> None:
-        self._writer, self._endable = writer, endable
-        self._status = errors.status("starting")
-        self.state = SessionState()
-        """The session as it was told last."""
-        self._recorded: set[str] = set()
-
-    @property
-    def traces(self) -> list[MissionTrace]:
-        """All missions; one whose end is not in the log has not ended for anybody."""
-        missions = self.state.missions.items()
-        return [t if name in self._recorded else replace(t, status=None) for name, t in missions]
-
-    def show(self, event: Event, state: SessionState) -> None:
-        """Take in one event; raises LogError when the log is behind."""
-        self.state = state
-        finished = event.mission if isinstance(event.data, MissionFinished) else None
-        if finished is not None:
-            self._writer.flush()
-        if self._writer.error is not None:
-            raise self._writer.error
-        if finished is not None:
-            self._recorded.add(finished)
-        trace = state.current
-        if trace is not None:
-            attempt = f", attempt {len(trace.attempts)}" if len(trace.attempts) > 1 else ""
-            self._status.update(f"{trace.mission.id}: {trace.stage}{attempt}")
-        elif state.worker is not None:
-            self._status.update(f"model {state.worker.state} {state.worker.detail}")
-
-    def ask(self, request: ApprovalRequested) -> Decision:
-        """Return the operator's answer on the terminal, the progress line out of the way."""
-        self._status.stop()
-        try:
-            with self._endable.asking():
-                return ask_decision(request, self.state.current)
-        finally:
-            self._status.start()
-
-    def __enter__(self) -> None:
-        self._status.start()
-
-    def __exit__(self, *_: object) -> None:
-        self._status.stop()

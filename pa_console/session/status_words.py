@@ -98,6 +98,7 @@ STATUSES: dict[str, Status] = {
     "mark.fault": Status("‼", "fault", "bad"),
     "worker.loading": Status("◔", "loading", "warn"),
     "worker.ready": Status("●", "ready", "good"),
+    "worker.slow": Status("◐", "slow, busy machine", "warn"),
     "worker.dead": Status("✘", "restarting", "bad"),
     "worker.unavailable": Status("✘", "unavailable", "bad"),
     "worker.none": Status("?", "unknown", "warn"),

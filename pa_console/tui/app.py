@@ -114,6 +114,7 @@ class ConsoleApp(App[None]):
             settings=user,
             leaving=LeavingController(session, user),
         )
+        user.use_theme()
 
     # What Textual asks of an app
 
@@ -171,7 +172,6 @@ class ConsoleApp(App[None]):
 
     def on_mount(self) -> None:
         """Show the screen first; the session starts after the first paint."""
-        self.controllers.settings.use_theme()
         if self._opening is not None:
             self._opening(self)
         else:

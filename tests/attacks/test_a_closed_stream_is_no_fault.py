@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.cli import console, mission
+from pa_console.cli import console, mission_session
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.orchestrator.station.assembly import load_site
 from pa_console.signing import KEY_VARIABLE
@@ -44,7 +44,7 @@ def engine(monkeypatch: pytest.MonkeyPatch) -> ScriptedEngine:
     def new_engine(_: LocalModel) -> ScriptedEngine:
         return scripted
 
-    for verb in (mission, console):
+    for verb in (mission_session, console):
         monkeypatch.setattr(verb, "find_model", find_model)
         monkeypatch.setattr(verb, "Engine", new_engine)
     return scripted

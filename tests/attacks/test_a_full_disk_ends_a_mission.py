@@ -14,13 +14,13 @@ from pa_console.signing import KEY_VARIABLE
 PROBE = """
 import resource, sys
 from pathlib import Path
-from pa_console.cli import mission
+from pa_console.cli import mission_session
 from pa_console.cli.main import main
 from tests.scripted import ScriptedEngine, plan
 
 engine = ScriptedEngine([plan(("Drone_T04", "move_to EastGate"))])
-mission.find_model = lambda *_: engine.model
-mission.Engine = lambda _: engine
+mission_session.find_model = lambda *_: engine.model
+mission_session.Engine = lambda _: engine
 size = int(sys.argv.pop(1))
 resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
 main()

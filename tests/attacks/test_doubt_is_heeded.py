@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.cli import mission
+from pa_console.cli import mission_session
 from pa_console.llm.engine.protocol import Completed, Request
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.orchestrator.planning.approval import CheckedPlan, OrderAsRead, request_approval
@@ -70,8 +70,8 @@ def models(monkeypatch: pytest.MonkeyPatch) -> Readers:
     def new_engine(_: LocalModel) -> Readers:
         return readers
 
-    monkeypatch.setattr(mission, "find_model", find_model)
-    monkeypatch.setattr(mission, "Engine", new_engine)
+    monkeypatch.setattr(mission_session, "find_model", find_model)
+    monkeypatch.setattr(mission_session, "Engine", new_engine)
     return readers
 
 

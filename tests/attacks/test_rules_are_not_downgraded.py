@@ -9,7 +9,7 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pa_console.cli import mission as mission_verb
+from pa_console.cli import mission_session
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.orchestrator.station.assembly import load_site, open_station
 from pa_console.orchestrator.station.rules_in_force import RulesWatch
@@ -74,8 +74,8 @@ def engine(monkeypatch: pytest.MonkeyPatch) -> ScriptedEngine:
     def new_engine(_: LocalModel) -> ScriptedEngine:
         return scripted
 
-    monkeypatch.setattr(mission_verb, "find_model", find_model)
-    monkeypatch.setattr(mission_verb, "Engine", new_engine)
+    monkeypatch.setattr(mission_session, "find_model", find_model)
+    monkeypatch.setattr(mission_session, "Engine", new_engine)
     return scripted
 
 

@@ -20,7 +20,7 @@ from pa_console.signing import KEY_VARIABLE
 
 PROGRAM = """
 import asyncio, sys
-from pa_console.cli import console, mission
+from pa_console.cli import console, mission_session
 from pa_console.cli.main import main
 from tests.scripted import ScriptedEngine, plan
 
@@ -29,7 +29,7 @@ moved = plan(("Drone_T04", "move_to EastGate"))
 engine = ScriptedEngine([moved if answer == "plan" else None])
 if answer == "never-closed":
     engine.close = asyncio.Event().wait
-for verb in (console, mission):
+for verb in (console, mission_session):
     verb.find_model = lambda *_: engine.model
     verb.Engine = lambda _: engine
 main()

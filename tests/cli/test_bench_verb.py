@@ -88,6 +88,8 @@ def test_twins_of_a_world_without_situations_proves_nothing(call: Call, tmp_path
         (["degradation", "--model", "gpt-9"], "smollm2-135m"),
         (["degradation", "--runs", "0"], "--runs"),
         (["twins", "--seeds", "0"], "--seeds"),
+        (["start", "--runs", "0"], "--runs"),
+        (["start", "--model", "gpt-9"], "smollm2-135m"),
         (["twins", "--world", "nowhere"], "nowhere"),
         (["scale", "--rules", "none.yaml", "--model", "gpt-9"], "gpt-9"),
     ],

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.cli import mission
+from pa_console.cli import mission_session
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.policy.authoring.lint_states import example_states
 from pa_console.policy.rulebook import load_rules
@@ -63,14 +63,11 @@ def test_an_altered_set_is_not_put_in_force(
     assert "--unsigned" in done.err
 
 
+@pytest.mark.usefixtures("engine")
 def test_the_console_refuses_an_altered_set(
     call: Call, signed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def find_model(*_: object) -> None:
-        return None
-
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
-    monkeypatch.setattr("pa_console.cli.console.find_model", find_model)
     alter(signed)
     done = call("console", "--rules", str(signed))
     assert done.code == 2
@@ -88,8 +85,8 @@ def test_with_unsigned_the_log_s_first_record_says_so(
     def new_engine(_: LocalModel) -> ScriptedEngine:
         return engine
 
-    monkeypatch.setattr(mission, "find_model", find_model)
-    monkeypatch.setattr(mission, "Engine", new_engine)
+    monkeypatch.setattr(mission_session, "find_model", find_model)
+    monkeypatch.setattr(mission_session, "Engine", new_engine)
     alter(signed)
     scenario, log = tmp_path / "calm.yaml", tmp_path / "session.jsonl"
     scenario.write_text(CALM)

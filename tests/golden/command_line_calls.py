@@ -14,7 +14,7 @@ import pytest
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from pa_console.cli import mission
+from pa_console.cli import mission_session
 from pa_console.cli.main import app, main
 from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.run_record import EvaluationFolder
@@ -225,8 +225,8 @@ class Caller:
         def new_engine(_: LocalModel) -> ScriptedEngine:
             return ScriptedEngine([FILL])
 
-        monkeypatch.setattr(mission, "find_model", find_model)
-        monkeypatch.setattr(mission, "Engine", new_engine)
+        monkeypatch.setattr(mission_session, "find_model", find_model)
+        monkeypatch.setattr(mission_session, "Engine", new_engine)
 
     def _prepare(self) -> None:
         """Write broken and changed files, and the results of a small evaluation."""

@@ -5,12 +5,13 @@ import pytest
 from pa_console.llm.models.catalogue import ChatFormat, LocalModel
 from pa_console.llm.worker.chat import ChatPrompt
 from pa_console.llm.worker.runtime import Runtime
+from pa_console.llm.worker.threads import FreeCores
 
 
 @pytest.fixture(scope="module")
 def runtime(smallest_model: LocalModel) -> Runtime:
     path = str(smallest_model.path)
-    return Runtime(path, n_ctx=256, threads=1, stopped=lambda: False)
+    return Runtime(path, n_ctx=256, cores=FreeCores(1), stopped=lambda: False)
 
 
 def text_of(runtime: Runtime, tokens: list[int]) -> str:

@@ -9,6 +9,7 @@ import sys
 from collections.abc import AsyncGenerator
 from contextlib import aclosing
 from dataclasses import replace
+from itertools import groupby
 from pathlib import Path
 
 import pytest
@@ -27,6 +28,7 @@ from pa_console.llm.models.catalogue import Catalog, LocalModel
 from pa_console.llm.roles.grammar import judge_grammar, plan_grammar
 from pa_console.llm.roles.planner import Planner
 from pa_console.llm.roles.prompts import planner_prompt
+from pa_console.schema.events.event import WorkerState
 from pa_console.schema.plan import Plan
 from tests.llm.site import DIGEST, RULE, WORLD, mission, picture
 
@@ -75,6 +77,26 @@ def worker_pid(engine: Engine) -> int:
     return pid
 
 
+async def test_who_listens_only_after_the_start_is_told_how_far_the_model_is(
+    smallest_model: LocalModel,
+):
+    engine, told, ready = Engine(smallest_model), list[str](), asyncio.Event()
+
+    def on_state(state: WorkerState, _detail: str) -> None:
+        told.append(state)
+        if state == "ready":
+            ready.set()
+
+    await engine.start()
+    engine.on_state = on_state
+    await engine.start()
+    assert len(told) == 1
+    await ready.wait()
+    await engine.start()
+    await engine.close()
+    assert told in (["loading", "ready"], ["ready"])
+
+
 async def test_an_answer_streams_fits_its_grammar_and_is_counted(engine: Engine):
     done = await answer(engine, SHORT)
     assert done.finish == "stop"
@@ -83,7 +105,7 @@ async def test_an_answer_streams_fits_its_grammar_and_is_counted(engine: Engine)
     assert 0 < usage.sampled_tokens < usage.completion_tokens
     assert 0 <= usage.guessed_tokens <= usage.sampled_tokens
     assert 0 < usage.first_token_s < usage.seconds
-    assert engine.state == "ready"
+    assert engine.state in ("ready", "slow")
     assert engine.info.n_ctx == 4096
 
 
@@ -281,7 +303,8 @@ async def test_a_killed_worker_is_noticed_and_started_again(smallest_model: Loca
         assert (await answer(engine, BRIEF)).finish == "stop"
     finally:
         await engine.close()
-    assert states == ["loading", "ready", "dead", "loading", "ready"]
+    changes = [state for state, _ in groupby("ready" if s == "slow" else s for s in states)]
+    assert changes == ["loading", "ready", "dead", "loading", "ready"]
 
 
 async def kill_while_answering(engine: Engine, pid: int) -> None:
@@ -345,3 +368,31 @@ def state_of(pid: int) -> str:
         return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
     except FileNotFoundError:
         return "Z"
+
+
+SLOWED = """\
+import json, sys
+say = lambda **message: print(json.dumps(message), flush=True)
+sys.stdin.readline()
+say(op="ready", n_ctx=512, description="a model")
+for line in sys.stdin:
+    asked = json.loads(line)
+    if asked["op"] == "generate":
+        slowed = asked["user"] == "beside others"
+        say(op="done", id=asked["id"], finish="stop", usage={}, slowed=slowed)
+"""
+
+
+async def test_the_engine_says_when_answers_are_slow_because_the_machine_is_busy(
+    smallest_model: LocalModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pa_console.llm.engine.worker_process.COMMAND", ("-c", SLOWED))
+    states: list[tuple[str, str]] = []
+    engine = Engine(smallest_model, lambda state, detail: states.append((state, detail)))
+    try:
+        for user in ("alone", "beside others", "beside others", "alone"):
+            await answer(engine, replace(BRIEF, user=user))
+    finally:
+        await engine.close()
+    assert [state for state, _ in states] == ["loading", "ready", "slow", "ready"]
+    assert "busy" in states[2][1]

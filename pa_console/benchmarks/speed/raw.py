@@ -19,7 +19,7 @@ from pa_console.llm.worker.chat import ChatPrompt
 from pa_console.llm.worker.contexts import AdapterSwitch
 from pa_console.llm.worker.decoding import Decoder
 from pa_console.llm.worker.runtime import CHUNK, Runtime
-from pa_console.llm.worker.threads import decoding_threads, physical_cores
+from pa_console.llm.worker.threads import FreeCores, decoding_threads, physical_cores
 from pa_console.llm.worker.worker import SEQUENCES
 from pa_console.schema.base import StrictModel
 
@@ -35,7 +35,7 @@ class _CountingRuntime(Runtime):
         super().__init__(
             load.path,
             n_ctx=load.n_ctx,
-            threads=physical_cores(),
+            cores=FreeCores(physical_cores()),
             stopped=lambda: False,
             adapters={PLANNER: load.adapter} if load.adapter else None,
         )

@@ -11,7 +11,7 @@ from rich.text import Text
 from pa_console.benchmarks.machine import Machine, describe_machine
 from pa_console.benchmarks.speed.compare import Bench, BenchReport, Comparison, Unit, Way
 from pa_console.benchmarks.speed.parts import PARTS, Part, choose_parts
-from pa_console.cli.bench import degradation, judge, retrieval, scale, twins
+from pa_console.cli.bench import degradation, judge, load, retrieval, scale, start, twins
 from pa_console.cli.output import (
     JsonOption,
     ModelOption,
@@ -65,11 +65,13 @@ def _figure(way: Way, unit: Unit) -> str:
 
 
 app = typer.Typer(help="Compare the parts with the plain way and the limit; more benches below.")
+app.command("load")(load.load)
 app.command("scale")(scale.scale)
 app.command("retrieval")(retrieval.retrieval)
 app.command("twins")(twins.twins)
 app.command("degradation")(degradation.degradation)
 app.command("judge")(judge.judge)
+app.command("start")(start.start)
 
 COLUMNS = (BarColumn(20), TimeElapsedColumn(), TextColumn("{task.description}", markup=False))
 

@@ -5,10 +5,11 @@ import os
 import re
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, packages_distributions, requires, version
 from pathlib import Path
+from time import perf_counter, sleep
 from typing import Literal
 
 from rich.console import Console
@@ -19,7 +20,7 @@ from pa_console.llm.models.cache import cache_folder, hash_file
 from pa_console.llm.models.catalogue import Catalog, ModelEntry
 from pa_console.llm.models.preparing import Preparation, find_recorded
 from pa_console.llm.worker.confinement import Restriction, try_out
-from pa_console.llm.worker.threads import physical_cores
+from pa_console.llm.worker.threads import idle_seconds, physical_cores
 from pa_console.private_files import loose
 from pa_console.schema.document import DocumentError
 from pa_console.schema.quantities import count
@@ -32,6 +33,9 @@ from pa_console.signing import SigningError, key_path, known_keys
 
 State = Literal["ok", "warning", "missing"]
 PACKAGE = "pa-console"
+LOOK_S = 0.4
+QUIET_SHARE = 0.2
+"""Up to this share of the cores may be busy on a machine that counts as idle."""
 
 
 @dataclass(frozen=True)
@@ -241,6 +245,24 @@ def check_memory(model_mb: int, memory: Path = MEMORY) -> Check:
     if cores < 2:
         return Check("memory, cores", "warning", found, "expect long answers: two cores help")
     return Check("memory, cores", "ok", found)
+
+
+def check_load(
+    idle: Callable[[], float | None] = idle_seconds, wait: Callable[[float], None] = sleep
+) -> Check:
+    """Look for LOOK_S seconds how many cores other programs leave."""
+    began, before = perf_counter(), idle()
+    wait(LOOK_S)
+    after, seconds = idle(), perf_counter() - began
+    cores = physical_cores()
+    if before is None or after is None:
+        return Check("load", "ok", "how busy the cores are cannot be told here")
+    busy = max(0.0, cores - (after - before) / seconds)
+    found = f"{busy:.1f} of {count(cores, 'core')} busy"
+    if busy <= cores * QUIET_SHARE:
+        return Check("load", "ok", found)
+    remedy = "answers take longer beside other work (pa-console bench load says how much)"
+    return Check("load", "warning", found, remedy)
 
 
 def check_folders(loaded: Loaded) -> Iterator[Check]:

@@ -12,6 +12,7 @@ from pa_console.cli.doctor.checks import (
     check_confinement,
     check_folders,
     check_libraries,
+    check_load,
     check_model,
     check_python,
     check_sessions,
@@ -49,6 +50,7 @@ def _checks() -> Iterator[Check]:
     loaded.export()
     yield settings
     yield from check_model(loaded.values.model)
+    yield check_load()
     yield check_confinement()
     yield from check_folders(loaded)
     yield check_sessions(loaded.values.logs or default_folder())

@@ -66,6 +66,7 @@ class ModelInfo:
 SAMPLER = "greedy seed=0"
 WARM_GRAMMAR = 'start: "{"'
 LOAD_LIMIT_S = 300.0
+SLOWED = "the machine is busy with other work, so answers take longer"
 DIED = "the model's process died; it is started again when it is needed"
 GRACE_S = 1.0
 """How long a worker that was told to stop may take before it is killed."""
@@ -83,7 +84,12 @@ class Engine:
         *,
         n_ctx: int | None = None,
         threads: int | None = None,
+        fixed: bool = False,
     ) -> None:
+        """Compute on `threads` threads at most, by default as many as there are cores.
+
+        Where others use the cores there are fewer, unless the number is `fixed`.
+        """
         self.model = model
         n_ctx = n_ctx or model.n_ctx
         self.info = ModelInfo.of(model, n_ctx)
@@ -96,6 +102,7 @@ class Engine:
             chat=model.chat,
             n_ctx=n_ctx,
             threads=threads or physical_cores(),
+            fixed=fixed,
             adapters={
                 adapter.role: PinnedFile(path=str(adapter.path), sha256=adapter.sha256)
                 for adapter in model.adapters
@@ -106,10 +113,11 @@ class Engine:
         self.busy = False
         """Whether the worker was given a prompt that is not yet answered."""
         self._warming = False
+        self._untold = False
         self._turn, self._spawning = asyncio.Lock(), asyncio.Lock()
         self._stop = asyncio.Event()
         self._number = 0
-        self._closed = False
+        self._closed = self._slowed = False
 
     @property
     def pid(self) -> int | None:
@@ -117,9 +125,14 @@ class Engine:
         return None if self._worker is None or self._worker.ended else self._worker.pid
 
     async def start(self) -> None:
-        """Start loading the model and return at once."""
+        """Start loading the model and return at once.
+
+        Where it was started before anybody listened, `on_state` is told how far it is.
+        """
         self._closed = False
         await self._living_worker()
+        if self._untold:
+            self._change(self.state, self.detail)
 
     async def close(self) -> None:
         """Stop whatever runs and end the worker."""
@@ -253,6 +266,7 @@ class Engine:
                 case Texts(id=id_) if id_ == number:
                     texts = message.texts
                 case Done(id=id_) if id_ == number:
+                    self._tell_slowed(message.slowed)
                     finish = asked or message.finish
                     yield Completed(text, message.usage, finish, texts, message.chances)
                     return
@@ -283,8 +297,18 @@ class Engine:
     def _unusable(self, error: str) -> str:
         return f"model {self.model.name} cannot be used: {error}"
 
+    def _tell_slowed(self, slowed: bool) -> None:
+        """Say that answers take long because the machine is busy, or no longer do."""
+        if slowed != self._slowed:
+            self._slowed = slowed
+            if slowed:
+                self._change("slow", SLOWED)
+            else:
+                self._change("ready", self.model.name)
+
     def _on_ready(self, n_ctx: int, description: str) -> None:
         self.info = replace(self.info, n_ctx=n_ctx, description=description)
+        self._slowed = False
         self._change("ready", self.model.name)
 
     def _on_end(self, error: str) -> None:
@@ -294,5 +318,6 @@ class Engine:
 
     def _change(self, state: WorkerState, detail: str) -> None:
         self.state, self.detail = state, detail
+        self._untold = self.on_state is None
         if self.on_state is not None:
             self.on_state(state, detail)

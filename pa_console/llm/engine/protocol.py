@@ -45,13 +45,18 @@ class PinnedFile(StrictModel):
 
 
 class Load(StrictModel):
-    """First message to a worker: the model, its adapters, and the context `n_ctx` of each role."""
+    """First message to a worker: the model, its adapters, and the context `n_ctx` of each role.
+
+    It computes on `threads` threads at most, and on fewer where the machine is busy, unless they
+    are `fixed`.
+    """
 
     op: Literal["load"] = "load"
     weights: PinnedFile
     chat: ChatFormat
     n_ctx: int
     threads: int
+    fixed: bool = False
     adapters: dict[Role, PinnedFile] = {}
 
 
@@ -111,13 +116,17 @@ class Texts(StrictModel):
 
 
 class Done(StrictModel):
-    """Generation `id` is over; all its text was sent. `chances` are those of a single answer."""
+    """Generation `id` is over; all its text was sent. `chances` are those of a single answer.
+
+    `slowed` says that it took long because the machine had other work.
+    """
 
     op: Literal["done"] = "done"
     id: int
     finish: Finish
     usage: Usage
     chances: tuple[Chance, ...] = ()
+    slowed: bool = False
 
 
 class Refused(StrictModel):

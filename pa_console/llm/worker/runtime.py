@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from pa_console.llm.worker.contexts import (
     ABORTED,
+    WHOLE_ATTENTION,
     AdapterSwitch,
     InterruptedEvaluationError,
     SharedContext,
     State,
 )
-from pa_console.llm.worker.threads import batch_threads
+from pa_console.llm.worker.threads import FreeCores
 
 CHUNK = 64
 """Prompt tokens evaluated at once. The cache is reused in whole chunks, so that every batch has
@@ -46,13 +47,14 @@ class Runtime:
         path: str,
         *,
         n_ctx: int,
-        threads: int,
+        cores: FreeCores,
         stopped: Callable[[], bool],
         adapters: Mapping[int, str] | None = None,
     ) -> None:
         """Load the file at `path`; raises ValueError when llama.cpp cannot.
 
-        `adapters` has the path of the adapter with which a sequence is evaluated, if any.
+        `cores` says how many threads compute; `adapters` has the path of the adapter with which a
+        sequence is evaluated, if any.
         """
         _api.llama_log_set(_no_log, None)
         _api.llama_backend_init()
@@ -62,7 +64,7 @@ class Runtime:
             raise ValueError(f"{path}: not a GGUF model that this version of llama.cpp can load")
         self._adapters = AdapterSwitch(self._model, adapters or {})
         self.n_ctx = min(n_ctx, _api.llama_model_n_ctx_train(self._model))
-        self._stopped, self._threads = stopped, threads
+        self._stopped, self.cores = stopped, cores
         self._abort = _api.ggml_abort_callback(self._should_abort)
         self._contexts: dict[int, Any] = {}
         self._context(0)
@@ -181,7 +183,7 @@ class Runtime:
             n_ctx,
             width,
             self.n_vocabulary,
-            self._threads,
+            self.cores,
             self._stopped,
             self._adapters,
         )
@@ -194,6 +196,7 @@ class Runtime:
             parameters.n_batch = parameters.n_ubatch = CHUNK
             parameters.n_seq_max = 1
             parameters.swa_full = True
+            parameters.flash_attn_type = WHOLE_ATTENTION
             parameters.abort_callback = self._abort
             context = _api.llama_init_from_model(self._model, parameters)
             if not context:
@@ -219,9 +222,10 @@ class Runtime:
             batch.logits[index] = index >= len(tokens) - rows
         if self._stopped():
             raise InterruptedEvaluationError
-        context, threads = self._context(sequence), batch_threads(self._threads, len(tokens))
-        _api.llama_set_n_threads(context, threads, threads)
-        code = _api.llama_decode(context, batch)
+        context = self._context(sequence)
+        with self.cores.evaluating(len(tokens)) as threads:
+            _api.llama_set_n_threads(context, threads, threads)
+            code = _api.llama_decode(context, batch)
         if code == ABORTED:
             raise InterruptedEvaluationError
         if code != 0:

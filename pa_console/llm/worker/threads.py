@@ -1,19 +1,40 @@
-"""How many threads the model gets.
+"""How many threads the model gets: as many as there are cores that nobody else uses.
 
-A prompt is computed on every physical core. A few tokens are bound by memory, not arithmetic, and
-their threads meet one to two thousand times, as every adapted layer adds four operations: with so
-many cores that half of them saturate the memory, the other half is left to the console. On two
-cores both are faster than one, also beside another busy process: 11 against 17 ms for one token of
-135M weights with an adapter, 40 against 72 for eight.
+Threads of llama.cpp share every operation and wait for each other after it, one to two thousand
+times a plan. Where one of them has to share its core, the scheduler puts it aside for milliseconds,
+and all others wait: two threads beside one busy process are slower than one thread that has the
+other core to itself. What the model answers does not depend on how many there are (see `contexts`).
 """
 
 import os
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from pathlib import Path
+from time import perf_counter, process_time
 
 TOPOLOGY = Path("/sys/devices/system/cpu")
 FEW_TOKENS = 16
 FEW_CORES = 4
 """All of so many cores are used for a few tokens."""
+
+LOOK_S = 0.1
+"""Seconds between two looks at what the cores do, which the system counts in hundredths."""
+
+NEARLY = 0.25
+"""A core of which at most this share is used by others counts as free."""
+
+SHORT = 0.7
+"""Threads that got less than this share of the time that they were to compute were put aside."""
+
+BRIEF_S = 0.004
+"""Less than this is too short to tell that threads were put aside."""
+
+PATIENCE_S = (LOOK_S, 10.0)
+"""Seconds without another try after the system told of free cores and threads were put aside: at
+first, and at most. The time doubles from one to the next."""
+
+BUSY_SHARE = 0.5
+"""Answers are slow because of the machine where it was busy for this share of their time."""
 
 
 def physical_cores() -> int:
@@ -32,10 +53,104 @@ def physical_cores() -> int:
 
 
 def decoding_threads(cores: int) -> int:
-    """Return how many of `cores` to use for one token at a time."""
+    """Return how many of `cores` to use for one token at a time.
+
+    A prompt is computed on every core. A few tokens are bound by memory, not by arithmetic: with
+    so many cores that half of them saturate the memory, the other half is left to the console.
+    """
     return max(min(cores, FEW_CORES), cores // 2)
 
 
 def batch_threads(cores: int, tokens: int) -> int:
     """Return how many of `cores` to use for `tokens` at once."""
     return cores if tokens > FEW_TOKENS else decoding_threads(cores)
+
+
+def idle_seconds() -> float | None:
+    """Return how long the cores that this process may use were idle since the machine started.
+
+    The seconds of all cores are added up. None where the system does not tell.
+    """
+    import psutil  # noqa: PLC0415 - only who looks at the cores waits for it
+
+    try:
+        cores = psutil.cpu_times(percpu=True)
+        allowed = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else range(len(cores))
+        return sum(cores[n].idle + getattr(cores[n], "iowait", 0.0) for n in allowed)
+    except (OSError, IndexError):
+        return None
+
+
+class FreeCores:
+    """Follows how many of `most` cores others leave to this process while it evaluates tokens.
+
+    The clocks count seconds: `now` passes, `computed` is the processor time of this process, and
+    `idle` that in which the cores had nothing to do, None where that is not known.
+    """
+
+    def __init__(
+        self,
+        most: int,
+        *,
+        fixed: bool = False,
+        now: Callable[[], float] = perf_counter,
+        computed: Callable[[], float] = process_time,
+        idle: Callable[[], float | None] = idle_seconds,
+    ) -> None:
+        self.count = self._most = most
+        """The cores that are used now; a `fixed` number stays."""
+        self._fixed = fixed
+        self._now, self._computed, self._idle = now, computed, idle
+        self._looked = self._look()
+        self._patience_s, self._try_at = PATIENCE_S[0], 0.0
+        self._busy_s = self._whole_s = 0.0
+
+    @contextmanager
+    def evaluating(self, tokens: int) -> Generator[int]:
+        """Yield how many threads are to evaluate `tokens` in the block; note how that went."""
+        if not self._fixed and self._now() - self._looked[0] >= LOOK_S:
+            self._follow()
+        threads = min(self.count, batch_threads(self._most, tokens))
+        began, computed = self._now(), self._computed()
+        yield threads
+        seconds = self._now() - began
+        if seconds > 0.0:
+            self._note(threads, seconds, (self._computed() - computed) / (seconds * threads))
+
+    def busy(self) -> bool:
+        """Return whether other work made the evaluations since the last call slow."""
+        busy, self._busy_s, whole, self._whole_s = self._busy_s, 0.0, self._whole_s, 0.0
+        return busy > BUSY_SHARE * whole
+
+    def _look(self) -> tuple[float, float, float | None]:
+        return self._now(), self._computed(), self._idle()
+
+    def _follow(self) -> None:
+        """Use the cores that were idle since the last look, and those that were used here."""
+        (then, before, idle_then), self._looked = self._looked, self._look()
+        now, computed, idle = self._looked
+        if idle is None or idle_then is None:
+            if now >= self._try_at:
+                self.count = min(self._most, 2 * self.count)
+            return
+        free = (max(0.0, idle - idle_then) + computed - before) / (now - then)
+        free = max(1, min(self._most, int(free + NEARLY)))
+        if free < self.count or now >= self._try_at:
+            self.count = free
+
+    def _note(self, threads: int, seconds: float, share: float) -> None:
+        """Take fewer threads where these got less than a `share` of their time."""
+        put_aside = share < SHORT and seconds >= BRIEF_S
+        self._whole_s += seconds
+        if put_aside or self.count < self._most:
+            self._busy_s += seconds
+        if self._fixed or threads == 1 or seconds < BRIEF_S:
+            return
+        now = self._now()
+        if put_aside:
+            self.count = max(1, threads // 2)
+            self._patience_s = min(2 * self._patience_s, PATIENCE_S[1])
+            self._try_at = now + self._patience_s
+            self._looked = self._look()
+        elif now >= self._try_at + self._patience_s:
+            self._patience_s = PATIENCE_S[0]

@@ -83,14 +83,16 @@ def serve(inbox: Inbox, outbox: IO[bytes]) -> None:
             from pa_console.llm.worker.chat import ChatPrompt  # noqa: PLC0415 - meanwhile
             from pa_console.llm.worker.decoding import Decoder  # noqa: PLC0415
             from pa_console.llm.worker.runtime import Runtime  # noqa: PLC0415
+            from pa_console.llm.worker.threads import FreeCores  # noqa: PLC0415
 
+            cores = FreeCores(load.threads, fixed=load.fixed)
             files = opened.result()
         confine(sum(file.size for file in files.values()), load.threads)
         inbox.current = 1
         runtime = Runtime(
             files[load.weights].route,
             n_ctx=load.n_ctx,
-            threads=load.threads,
+            cores=cores,
             stopped=inbox.stopped,
             adapters={SEQUENCES[role]: files[pin].route for role, pin in load.adapters.items()},
         )
@@ -116,7 +118,8 @@ def serve(inbox: Inbox, outbox: IO[bytes]) -> None:
             send(Refused(id=number, error=str(error)))
         else:
             chances = decoder.chances if request.count == 1 else ()
-            send(Done(id=number, finish=finish, usage=usage, chances=chances))
+            slowed = runtime.cores.busy()
+            send(Done(id=number, finish=finish, usage=usage, chances=chances, slowed=slowed))
 
 
 def _open(pins: Iterable[PinnedFile]) -> dict[PinnedFile, CheckedFile]:

@@ -13,7 +13,7 @@ from pa_console.schema.telemetry import Picture
 
 Level = Literal["info", "warning", "alarm"]
 IncidentSource = Literal["operator", "scenario"]
-WorkerState = Literal["loading", "ready", "dead", "unavailable"]
+WorkerState = Literal["loading", "ready", "slow", "dead", "unavailable"]
 
 
 class SessionStarted(Payload):
@@ -86,7 +86,7 @@ class Noticed(Payload):
 
 
 class WorkerChanged(Payload):
-    """The LLM worker started loading, became ready, died or was restarted."""
+    """The LLM worker started loading, became ready, was slowed by other work, died or restarted."""
 
     kind: Literal["worker"] = "worker"
     state: WorkerState

@@ -130,7 +130,7 @@ class SessionState:
                 self.picture = picture
             case ev.WorkerChanged(state=state, detail=detail):
                 self.worker = event.data
-                level = "info" if state in ("loading", "ready") else "warning"
+                level = "info" if state in ("loading", "ready", "slow") else "warning"
                 self._notice(event, level, "model", f"{state} {detail}".strip())
             case ev.Noticed(level=level, subject=subject, text=text):
                 self._notice(event, level, subject, text)

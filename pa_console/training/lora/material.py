@@ -24,6 +24,7 @@ from pa_console.llm.roles.compact_prompt import TASKS
 from pa_console.llm.roles.grammar import PLANNED
 from pa_console.llm.worker.chat import ChatPrompt
 from pa_console.llm.worker.runtime import Runtime
+from pa_console.llm.worker.threads import FreeCores
 from pa_console.orders.reading import asked_words
 from pa_console.training.lora.config import TrainConfig
 from pa_console.training.samples.sample import Sample, read_samples
@@ -140,7 +141,7 @@ class Tokeniser:
 
     def __init__(self, path: Path, chat: ChatFormat) -> None:
         """Load the vocabulary of the file at `path`; raises ValueError when it is no model."""
-        self._runtime = Runtime(str(path), n_ctx=64, threads=1, stopped=lambda: False)
+        self._runtime = Runtime(str(path), n_ctx=64, cores=FreeCores(1), stopped=lambda: False)
         self._chat = ChatPrompt(self._runtime, chat)
 
     def prompt(self, sample: Sample) -> list[int]:

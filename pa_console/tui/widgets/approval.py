@@ -308,15 +308,17 @@ class ApprovalPanel(Vertical, can_focus=True):
             chain[(at + step) % len(chain)].focus()
 
     def action_go_to(self, button: str) -> None:
-        """Go to a button, which Enter presses; to what Approve still needs, where it needs it."""
+        """Go to a button, which Enter presses; to what Approve still needs, where it needs it.
+
+        Where nobody may approve no button is left that the Enter of an approval would press.
+        """
         if not self.armed:
             return
         target: Widget = self.query_one(f"#{button}", Button)
         if target.disabled:
-            if self._blocked:
-                return
+            reason = self.query_one(f"#{REASON}", Input)
             unticked = [box for box in self.query(CheckBox) if not box.ticked]
-            target = unticked[0] if unticked else self.query_one(f"#{REASON}", Input)
+            target = self if self._blocked else unticked[0] if unticked else reason
         self.screen.set_focus(target)
 
     def action_read_as(self, number: int) -> None:

@@ -10,7 +10,9 @@ from textual.widgets import Static, TextArea
 from pa_console.tui.kept_input import History
 from pa_console.tui.widgets.fields import TextField
 
-_ELSEWHERE = "Say in plain words what is to be done; / brings you here"
+ELSEWHERE = "Say in plain words what is to be done; / brings you here"
+"""What the empty prompt says while keys go elsewhere: the first thing that an operator reads."""
+
 _HERE = "Say in plain words what is to be done; Enter sends it"
 
 
@@ -31,7 +33,7 @@ class MissionInput(TextField):
         super().__init__(
             compact=True,
             id="mission-input",
-            placeholder=_ELSEWHERE,
+            placeholder=ELSEWHERE,
             tab_behavior="focus",
             highlight_cursor_line=False,
         )
@@ -41,7 +43,7 @@ class MissionInput(TextField):
     def watch_has_focus(self, focus: bool) -> None:
         """Say the key that leads here only while keys go elsewhere."""
         self._watch_has_focus(focus)
-        self.placeholder = _HERE if focus else _ELSEWHERE
+        self.placeholder = _HERE if focus else ELSEWHERE
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Leave the function keys, by which a text area selects, to the console."""

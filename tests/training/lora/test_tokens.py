@@ -13,6 +13,7 @@ from llguidance.llamacpp import lltokenizer_from_vocab
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.llm.roles.grammar import compact_judge_grammar, plan_grammar
 from pa_console.llm.worker.runtime import Runtime
+from pa_console.llm.worker.threads import FreeCores
 from pa_console.schema.command import COMMANDS
 from pa_console.training.lora.material import Tokeniser, make_packs
 from pa_console.training.samples.sample import Sample
@@ -32,7 +33,7 @@ REASONS = st.lists(WORDS, min_size=1, max_size=9).map(" ".join)
 
 @pytest.fixture(scope="module")
 def runtime(smallest_model: LocalModel) -> Runtime:
-    return Runtime(str(smallest_model.path), n_ctx=64, threads=1, stopped=lambda: False)
+    return Runtime(str(smallest_model.path), n_ctx=64, cores=FreeCores(1), stopped=lambda: False)
 
 
 @cache

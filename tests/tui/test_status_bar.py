@@ -1,0 +1,25 @@
+"""The status bar says what the model does."""
+
+from pathlib import Path
+
+import pytest
+
+from pa_console.schema.events import event as ev
+from tests.tui import story
+from tests.tui.scripted import ScriptedStation, console, settle
+from tests.tui.test_log_alarm import top_line
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 36)])
+async def test_it_says_that_answers_are_slow_because_the_machine_is_busy(
+    tmp_path: Path, size: tuple[int, int]
+) -> None:
+    station = ScriptedStation(story.told("approval"))
+    app = console(station, tmp_path)
+    async with app.run_test(size=size) as pilot:
+        station.emit(ev.WorkerChanged(state="slow"), mission=None)
+        await settle(pilot, station)
+        assert "slow, busy machine" in top_line(app)[0]
+        station.emit(ev.WorkerChanged(state="ready"), mission=None)
+        await settle(pilot, station)
+        assert "slow" not in top_line(app)[0]
