@@ -162,7 +162,7 @@ def plan_json(attempt: Attempt) -> Section:
     lines = tuple(_json_line(line) for line in _json_lines(attempt.text))
     note = "as the operator wrote it" if attempt.author == "operator" else "as the model wrote it"
     return Section(
-        f"json-{attempt.number}", "Plan as JSON", lines, step=5, note=note, collapsed=True
+        f"answer-{attempt.number}", "Plan as JSON", lines, step=5, note=note, collapsed=True
     )
 
 
