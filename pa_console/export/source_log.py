@@ -139,7 +139,10 @@ def site_of(started: SessionStarted, world: str | None, rules: str | None) -> Si
 
 
 def choose_mission(missions: Mapping[str, MissionTrace], wanted: str | None) -> MissionTrace:
-    """Return the mission `wanted`, or the only one; raises ValueError that lists those known."""
+    """Return the mission whose id is or begins with `wanted`, or the only one.
+
+    Raises ValueError that lists those known.
+    """
     if not missions:
         raise ValueError("the session has no mission")
     known = ", ".join(missions)
@@ -147,6 +150,11 @@ def choose_mission(missions: Mapping[str, MissionTrace], wanted: str | None) -> 
         if len(missions) > 1:
             raise ValueError(f"which mission? Name one with --mission: {known}")
         return next(iter(missions.values()))
-    if wanted not in missions:
+    if wanted in missions:
+        return missions[wanted]
+    begun = [name for name in missions if wanted and name.startswith(wanted)]
+    if len(begun) > 1:
+        raise ValueError(f"--mission {wanted}: which one? {', '.join(begun)}")
+    if not begun:
         raise ValueError(f"--mission {wanted}: there is no such mission; known: {known}")
-    return missions[wanted]
+    return missions[begun[0]]

@@ -2,9 +2,10 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from operator import attrgetter
 from pathlib import Path
 
-from textual import on
+from textual import events, on
 from textual.app import App
 from textual.binding import Binding
 from textual.filter import LineFilter
@@ -32,6 +33,7 @@ from pa_console.tui.controllers.replay import ReplayController
 from pa_console.tui.controllers.rules import RulesController
 from pa_console.tui.controllers.session_feed import SessionFeed
 from pa_console.tui.controllers.settings import SettingsController
+from pa_console.tui.controllers.typing import KeyTime, TypingController
 from pa_console.tui.kept_input import History, history_file
 from pa_console.tui.plain_output import PlainConsole
 from pa_console.tui.protocols import Clock, LiveStation, RuleScorer, ShownRules
@@ -74,6 +76,7 @@ class ConsoleApp(App[None]):
         readonly: bool = False,
         player: Player | None = None,
         clock: Clock = time.monotonic,
+        key_time: KeyTime = attrgetter("time"),
         history: Path | None = None,
         copies: Path | None = None,
         evaluations: Path | None = None,
@@ -82,7 +85,7 @@ class ConsoleApp(App[None]):
         drafts: Path | None = None,
         opening: Opening | None = None,
     ) -> None:
-        """A live console needs `station`, a replay `player`; `clock` is replaced in tests.
+        """A live console needs `station`, a replay `player`; tests replace `clock` and `key_time`.
 
         Paths and settings that are None are the user's own, in the platform's folders. Rules can be
         edited in the `rules_file` that they are from. `opening` shows other screens than the
@@ -100,6 +103,7 @@ class ConsoleApp(App[None]):
         rules = RulesController(session, rulebook, retriever, rules_file, drafts)
         commands = CommandController(session, self.feed)
         self._log_alarm = LogAlarmController(session)
+        self._typing = TypingController(session, user, key_time)
         self.controllers = Controllers(
             browsing=BrowsingController(session, user, evaluations),
             copying=CopyController(session, rules, copies),
@@ -132,6 +136,15 @@ class ConsoleApp(App[None]):
         if registered is not None and not self.session.allows(registered):
             return False
         return super().check_action(action, parameters)
+
+    async def on_event(self, event: events.Event) -> None:
+        """Let a key that is no command, or not yet one, go no further."""
+        if isinstance(event, events.InputEvent) and not event.is_forwarded:
+            if isinstance(event, events.MouseDown):
+                self._typing.forget()
+            elif isinstance(event, events.Key) and await self._typing.takes(event):
+                return
+        await super().on_event(event)
 
     def action_carry_out(self, name: str) -> None:
         """Let the controller that the registry names carry out the action with the id `name`."""

@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import re
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -67,7 +68,11 @@ def history_file() -> Path:
 
 
 class History:
-    """Typed texts, oldest first, with a cursor that up and down move; `file` None keeps nothing."""
+    """Typed texts, oldest first, with a cursor that up and down move; `file` None keeps nothing.
+
+    The file has a text a line, in which a backslash stands before another and before the `n` of a
+    line feed.
+    """
 
     def __init__(self, file: Path | None = None, kept: int = HISTORY_KEPT) -> None:
         self._file, self._kept = file, kept
@@ -75,19 +80,22 @@ class History:
         if file is not None:
             with suppress(OSError, UnicodeDecodeError):
                 lines = file.read_text(encoding="utf-8").splitlines()
-                self._texts = self._newest([line for line in lines if line.strip()])
+                self._texts = self._newest([_read(line) for line in lines if line.strip()])
         self._at = len(self._texts)
         self._draft = ""
 
     def add(self, text: str) -> None:
-        """Remember `text` as the newest, once, and write the file if that is possible."""
-        text = " ".join(text.split())
+        """Remember `text` as the newest, once, and write the file if that is possible.
+
+        Its lines stay lines, without what is only space.
+        """
+        text = "\n".join(line for part in text.splitlines() if (line := " ".join(part.split())))
         self._texts = self._newest([*(known for known in self._texts if known != text), text])
         self._at, self._draft = len(self._texts), ""
         if self._file is not None:
             with suppress(OSError):
                 make_private_folder(self._file.parent)
-                replace_private(self._file, "\n".join([*self._texts, ""]).encode())
+                replace_private(self._file, "".join(map(_written, self._texts)).encode())
 
     def _newest(self, texts: list[str]) -> list[str]:
         return texts[-self._kept :] if self._kept else []
@@ -98,3 +106,14 @@ class History:
             self._draft = current
         self._at = max(0, min(len(self._texts), self._at + by))
         return self._texts[self._at] if self._at < len(self._texts) else self._draft
+
+
+_WRITTEN = re.compile(r"\\([\\n])")
+
+
+def _written(text: str) -> str:
+    return text.replace("\\", r"\\").replace("\n", r"\n") + "\n"
+
+
+def _read(line: str) -> str:
+    return _WRITTEN.sub(lambda found: "\n" if found[1] == "n" else found[1], line)

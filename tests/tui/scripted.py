@@ -6,6 +6,7 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
+from textual import events
 from textual.pilot import Pilot
 
 from pa_console.schema.events.event import (
@@ -21,6 +22,7 @@ from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Metrics, Mission
 from pa_console.schema.world import World
 from pa_console.tui.app import ConsoleApp
+from pa_console.tui.controllers.typing import KeyTime
 from pa_console.tui.protocols import RuleScorer
 from tests.tui.site import WORLD, Rulebook, WordRetriever
 from tests.tui.story import MISSION, START, stamped
@@ -37,6 +39,18 @@ class FakeClock:
     def __call__(self) -> float:
         """Return the time."""
         return self.now
+
+
+class Deliberate:
+    """The time of each key that is pressed: long after the one before, as single keys are."""
+
+    def __init__(self) -> None:
+        self._now = 0.0
+
+    def __call__(self, _key: events.Key) -> float:
+        """Return when the key was pressed."""
+        self._now += 2.0
+        return self._now
 
 
 class ScriptedStation:
@@ -177,6 +191,7 @@ def console(
     station: ScriptedStation | None,
     tmp: Path,
     clock: FakeClock | None = None,
+    key_time: KeyTime | None = None,
     world: World = WORLD,
     **options: Any,
 ) -> ConsoleApp:
@@ -187,6 +202,7 @@ def console(
         Rulebook(),
         WordRetriever(),
         clock=clock or FakeClock(),
+        key_time=key_time or Deliberate(),
         history=tmp / "history.txt",
         copies=tmp / "copies",
         drafts=tmp / "drafts",

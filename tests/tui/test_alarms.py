@@ -3,13 +3,13 @@
 from pathlib import Path
 
 import pytest
-from textual.widgets import Input
 
 from pa_console.schema.events import event as ev
 from pa_console.session.state.fold import SessionState
 from pa_console.tui.actions.registry import ACTIONS, ActionContext
 from pa_console.tui.widgets.alarms import AlarmBar, AlarmPane, summary
 from pa_console.tui.widgets.event_list import EventList
+from pa_console.tui.widgets.mission_prompt import MissionInput
 from tests.tui import living, story
 from tests.tui.scripted import ScriptedStation, console, settle
 from tests.tui.story import stamped
@@ -47,12 +47,12 @@ async def test_acknowledge_takes_the_worst_new_alarm_then_the_next(tmp_path: Pat
     app = console(station, tmp_path)
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
-        await pilot.press("escape", "k")
+        await pilot.press("escape", "k", "enter")
         await settle(pilot, station)
-        await pilot.press("k")
+        await pilot.press("k", "enter")
         await settle(pilot, station)
         assert station.acknowledged == [living.HOSTILE.id, living.UNKNOWN.id]
-        await pilot.press("k")
+        await pilot.press("k", "enter")
         assert len(station.acknowledged) == 2
         assert "NEW" not in str(app.screen.query_one(AlarmBar).render())
 
@@ -67,7 +67,7 @@ async def test_a_new_emergency_does_not_take_the_pointer_from_the_operator(tmp_p
         station.emit(ev.AlarmRaised(alarm=living.HOSTILE), mission=None)
         await settle(pilot, station)
         assert app.screen.query_one(AlarmPane).cursor == before
-        await pilot.press("k")
+        await pilot.press("k", "enter")
         assert station.acknowledged == [before.removeprefix("alarm:")]
 
 
@@ -76,7 +76,7 @@ async def test_an_unseen_pointer_never_decides_what_is_acknowledged(tmp_path: Pa
     app = console(station, tmp_path)
     async with app.run_test(size=SMALL) as pilot:
         await settle(pilot, station)
-        await pilot.press("escape", "j", "j", "f2", "k")
+        await pilot.press("escape", "j", "j", "f2", "k", "enter")
         assert station.acknowledged == [living.HOSTILE.id]
 
 
@@ -85,7 +85,9 @@ async def test_queue_keys_reach_the_mission_at_the_pointer(tmp_path: Path) -> No
     app = console(station, tmp_path)
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
-        await pilot.press("escape", "o", "o", "u", "z", "o", "d", "x")
+        await pilot.press(
+            "escape", "o", "o", "u", "enter", "z", "enter", "o", "d", "enter", "x", "enter"
+        )
         assert station.moved == [("M-005", -1), ("M-004", 1)]
         assert (station.deferred, station.withdrawn) == (["M-005"], ["M-004"])
 
@@ -98,12 +100,12 @@ async def test_the_first_key_only_shows_what_it_would_be_about(
     app = console(station, tmp_path)
     async with app.run_test(size=size, notifications=True) as pilot:
         await settle(pilot, station)
-        await pilot.press("escape", "x")
+        await pilot.press("escape", "x", "enter")
         await settle(pilot)
         assert station.withdrawn == []
         assert told(app, "M-004") == 1
         assert app.screen.query_one(AlarmPane).region.area
-        await pilot.press("x")
+        await pilot.press("x", "enter")
         assert station.withdrawn == ["M-004"]
 
 
@@ -113,7 +115,7 @@ async def test_a_refusal_is_told(tmp_path: Path) -> None:
     app = console(station, tmp_path)
     async with app.run_test(size=SIZE, notifications=True) as pilot:
         await settle(pilot, station)
-        await pilot.press("escape", "o", "z")
+        await pilot.press("escape", "o", "z", "enter")
         await settle(pilot)
         assert told(app, "does not wait") == 1
 
@@ -209,7 +211,7 @@ async def test_typing_a_mission_types_and_does_not_acknowledge(tmp_path: Path) -
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
         await pilot.press(*"kxz")
-        assert app.screen.query_one("#mission-input", Input).value == "kxz"
+        assert app.screen.query_one(MissionInput).text == "kxz"
         assert station.acknowledged == []
         await pilot.press("f12")
         assert station.acknowledged == [living.HOSTILE.id]

@@ -4,13 +4,16 @@ from pathlib import Path
 
 import pytest
 from textual import events
+from textual.widget import Widget
 from textual.widgets import Button, Input, TextArea
 
 from pa_console.schema.events import event as ev
-from pa_console.schema.mission import Metrics
+from pa_console.schema.mission import Decision, Metrics
+from pa_console.schema.plan import Action, Plan
 from pa_console.tui.trace.sections import sections
 from pa_console.tui.widgets.approval import ARM_DELAY_S, ApprovalPanel
 from pa_console.tui.widgets.fields import CheckBox
+from pa_console.tui.widgets.mission_prompt import MissionInput
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, notices, settle
@@ -18,6 +21,7 @@ from tests.tui.scripted import FakeClock, ScriptedStation, console, notices, set
 pytestmark = pytest.mark.long
 
 SIZE = (120, 36)
+OWN = Plan(reason="none of it", actions=(Action(agent="Drone_T04", command="hold"),))
 BLOCKED = "WF-03: a gate is left without cover"
 
 
@@ -30,29 +34,36 @@ async def test_keys_typed_ahead_are_dropped_and_then_approve_works(tmp_path: Pat
         await settle(pilot, station)
         assert station.decisions == []
         clock.now += ARM_DELAY_S
-        await pilot.press("a")
+        await pilot.press("a", "enter")
         await settle(pilot, station)
         assert [decision.kind for decision in station.decisions] == ["approve"]
         assert not app.screen.query_one(ApprovalPanel).display
 
 
-@pytest.mark.parametrize(("key", "field"), [("i", "#prompt Input"), ("f", "#asset-filter")])
+@pytest.mark.parametrize(("key", "field"), [("i", "#mission-input"), ("f", "#asset-filter")])
 async def test_a_burst_of_typing_goes_into_the_field_that_its_first_key_opens(
     tmp_path: Path, key: str, field: str
 ) -> None:
     station, clock = ScriptedStation(story.told("approval")), FakeClock()
-    app = console(station, tmp_path, clock)
+    app = console(station, tmp_path, clock, key_time=lambda _key: clock.now)
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
+        await pilot.press("escape")
         clock.now += ARM_DELAY_S
         for letter in f"{key}a Scream":
             app.post_message(events.Key("space" if letter == " " else letter, letter))
         await settle(pilot, station)
-        assert app.screen.query_one(field, Input).value == "a Scream"
+        assert written(app.screen.query_one(field)) == "a Scream"
         assert station.decisions == []
         assert station.stopped == 0
         await pilot.press(key)
-        assert app.screen.query_one(field, Input).value == f"a Scream{key}"
+        assert written(app.screen.query_one(field)) == f"a Scream{key}"
+
+
+def written(field: Widget) -> str:
+    """What stands in a field."""
+    assert isinstance(field, Input | TextArea)
+    return field.value if isinstance(field, Input) else field.text
 
 
 async def test_every_early_key_starts_the_delay_anew(tmp_path: Path) -> None:
@@ -118,7 +129,7 @@ READINGS = (
 )
 
 
-async def test_another_reading_of_an_unclear_order_is_chosen_with_its_number(
+async def test_another_reading_of_an_unclear_order_is_chosen_with_alt_and_its_number(
     tmp_path: Path,
 ) -> None:
     told = story.told("approval", confidence=0.41, readings=READINGS)
@@ -129,17 +140,17 @@ async def test_another_reading_of_an_unclear_order_is_chosen_with_its_number(
         buttons = app.screen.query("#approval-readings Button").results(Button)
         labels = [str(button.label) for button in buttons]
         assert labels == [
-            "(1) or: send 2 drones to EastGate",
-            "(2) or: if something is at WestGate, stay put, otherwise report",
+            "(Alt+1) or: send 2 drones to EastGate",
+            "(Alt+2) or: if something is at WestGate, stay put, otherwise report",
         ]
         said = " ".join(app.screen.query_one("#approval-reading", TextRows).render().plain.split())
         assert "read with 41% confidence as: see to the unknown vehicle at NorthGate" in said
-        await pilot.press("2")
+        await pilot.press("alt+2")
         assert station.decisions == []
         clock.now += ARM_DELAY_S
-        await pilot.press("3")
+        await pilot.press("alt+3", "2", "f7")
         assert station.decisions == []
-        await pilot.press("2")
+        await pilot.press("alt+2")
         await settle(pilot, station)
         assert [(d.kind, d.asked) for d in station.decisions] == [("choose", READINGS[1])]
 
@@ -206,7 +217,7 @@ async def test_a_second_key_does_not_decide_twice(tmp_path: Path) -> None:
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
-        await pilot.press("a", "a", "r", "enter")
+        await pilot.press("a", "enter", "enter", "r", "enter")
         await settle(pilot, station)
         assert len(station.decisions) == 1
 
@@ -222,8 +233,8 @@ async def test_who_is_typing_keeps_the_keys(tmp_path: Path) -> None:
         clock.now += 10
         await pilot.press("a", "r")
         assert station.decisions == []
-        assert app.screen.query_one("#mission-input", Input).value == "armar"
-        await pilot.press("f7", "r")
+        assert app.screen.query_one(MissionInput).text == "armar"
+        await pilot.press("f7", "r", "enter")
         await settle(pilot, station)
         assert [decision.kind for decision in station.decisions] == ["reject"]
 
@@ -238,7 +249,7 @@ async def test_a_blocked_plan_cannot_be_approved(tmp_path: Path) -> None:
         panel = app.screen.query_one(ApprovalPanel)
         assert app.screen.query_one("#approve", Button).disabled
         assert "nobody may override" in str(panel.border_subtitle)
-        await pilot.press("a")
+        await pilot.press("a", "enter")
         await pilot.click("#approve")
         assert station.decisions == []
 
@@ -249,11 +260,12 @@ async def test_a_judges_failure_needs_a_reason(tmp_path: Path) -> None:
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
-        await pilot.press("a")
+        await pilot.press("a", "enter")
         assert station.decisions == []
-        app.screen.query_one("#approval-reason", Input).focus()
-        await pilot.press(*"seen", "enter")
-        await pilot.press("a")
+        assert app.screen.query_one("#approval-reason", Input).has_focus is False
+        await pilot.press("a", *"seen", "enter", "enter")
+        assert station.decisions == []
+        await pilot.press("a", "enter")
         await settle(pilot, station)
         (decision,) = station.decisions
         assert decision.override_judge
@@ -267,9 +279,8 @@ async def test_warnings_must_be_ticked(tmp_path: Path) -> None:
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
         await pilot.press("a")
-        assert station.decisions == []
-        app.screen.query_one(CheckBox).focus()
-        await pilot.press("space", "a")
+        assert app.screen.query_one(CheckBox).has_focus
+        await pilot.press("space", "a", "enter")
         await settle(pilot, station)
         assert station.decisions[0].acknowledged == ("CAP-04",)
 
@@ -283,7 +294,7 @@ async def test_tab_goes_round_in_the_panel_to_the_reason(
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
-        await pilot.press("f7", *keys, *"seen", "enter", "a")
+        await pilot.press("f7", *keys, *"seen", "enter", "a", "enter")
         await settle(pilot, station)
         assert [(each.kind, each.reason) for each in station.decisions] == [("approve", "seen")]
 
@@ -295,7 +306,7 @@ async def test_reject_carries_the_reason(tmp_path: Path) -> None:
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
         app.screen.query_one("#approval-reason", Input).focus()
-        await pilot.press(*"no", "enter", "r")
+        await pilot.press(*"no", "enter", "r", "enter")
         await settle(pilot, station)
         assert (station.decisions[0].kind, station.decisions[0].reason) == ("reject", "no")
 
@@ -316,7 +327,7 @@ async def test_modify_says_what_is_wrong_with_the_text(
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
-        await pilot.press("m")
+        await pilot.press("m", "enter")
         await pilot.pause()
         app.screen.query_one(TextArea).text = text
         await pilot.pause()
@@ -333,13 +344,13 @@ async def test_modify_sends_the_changed_plan_and_keeps_a_left_draft(tmp_path: Pa
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
-        await pilot.press("m")
+        await pilot.press("m", "enter")
         await pilot.pause()
         changed = app.screen.query_one(TextArea).text.replace("observe", "move_to")
         app.screen.query_one(TextArea).text = changed
         await pilot.press("escape")
         await settle(pilot, station)
-        await pilot.press("m")
+        await pilot.press("m", "enter")
         await pilot.pause()
         assert app.screen.query_one(TextArea).text == changed
         await pilot.press("ctrl+s")
@@ -358,7 +369,7 @@ async def test_a_whole_plan_is_replaced_from_the_keyboard_and_the_proposed_one_c
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
-        await pilot.press("m")
+        await pilot.press("m", "enter")
         await pilot.pause()
         area = app.screen.query_one(TextArea)
         proposed, own = area.text, '{"reason": "none", "actions": []}'
@@ -373,6 +384,49 @@ async def test_a_whole_plan_is_replaced_from_the_keyboard_and_the_proposed_one_c
         assert (decision.plan.reason, decision.plan.actions) == ("none", ())
 
 
+async def test_a_plan_that_was_not_changed_is_not_sent(tmp_path: Path) -> None:
+    station, clock = ScriptedStation(story.told("approval")), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        clock.now += ARM_DELAY_S
+        await pilot.press("m", "enter")
+        await pilot.pause()
+        await pilot.press("space", "ctrl+s")
+        await settle(pilot, station)
+        assert station.decisions == []
+        assert notices(app)[-1] == "the plan is as it was, and still waits"
+        await pilot.press("a", "enter")
+        await settle(pilot, station)
+        assert [made.kind for made in station.decisions] == ["approve"]
+
+
+async def test_the_proposed_plan_comes_back_after_the_operators_own_was_examined(
+    tmp_path: Path,
+) -> None:
+    station, clock = ScriptedStation(story.told("approval")), FakeClock()
+    station.emit(
+        ev.DecisionMade(attempt=1, decision=Decision(kind="modify", plan=OWN), accepted=True),
+        ev.PlanProposed(attempt=2, text=OWN.model_dump_json(), plan=OWN, author="operator"),
+        ev.ApprovalRequested(attempt=2, plan=OWN),
+    )
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        clock.now += ARM_DELAY_S
+        await pilot.press("m", "enter")
+        await pilot.pause()
+        area = app.screen.query_one(TextArea)
+        assert "none of it" in area.text
+        await pilot.press("ctrl+r")
+        assert story.PLAN.reason in area.text
+        await pilot.press("ctrl+s")
+        await settle(pilot, station)
+        (decision,) = station.decisions
+        assert (decision.kind, decision.plan) == ("modify", story.PLAN)
+        assert decision.reason == "back to the plan as it was proposed"
+
+
 async def test_an_interrupt_says_how_to_leave_and_the_plan_still_waits(tmp_path: Path) -> None:
     station, clock = ScriptedStation(story.told("approval")), FakeClock()
     app = console(station, tmp_path, clock)
@@ -382,7 +436,7 @@ async def test_an_interrupt_says_how_to_leave_and_the_plan_still_waits(tmp_path:
         await settle(pilot)
         assert notices(app)[-1].startswith("q ^q leaves the console, after a question")
         clock.now += ARM_DELAY_S
-        await pilot.press("m")
+        await pilot.press("m", "enter")
         await settle(pilot)
         await pilot.press("ctrl+c")
         await settle(pilot)
@@ -391,7 +445,7 @@ async def test_an_interrupt_says_how_to_leave_and_the_plan_still_waits(tmp_path:
         await settle(pilot, station)
         assert station.decisions == []
         assert app.screen.query_one(ApprovalPanel).display
-        await pilot.press("a")
+        await pilot.press("a", "enter")
         await settle(pilot, station)
         assert [decision.kind for decision in station.decisions] == ["approve"]
 
@@ -402,7 +456,7 @@ async def test_a_request_is_withdrawn_with_its_mission(tmp_path: Path) -> None:
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
-        await pilot.press("m")
+        await pilot.press("m", "enter")
         await pilot.pause()
         station.emit(ev.MissionFinished(status="cancelled", reason="stop", metrics=Metrics()))
         await settle(pilot, station)
@@ -417,15 +471,16 @@ async def test_a_decision_that_was_not_accepted_can_be_made_again(tmp_path: Path
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
-        await pilot.press("m")
+        await pilot.press("m", "enter")
         await pilot.pause()
+        app.screen.query_one(TextArea).text = OWN.model_dump_json()
         await pilot.press("ctrl+s")
         await settle(pilot, station)
         decision = station.decisions[0]
         station.emit(ev.DecisionMade(attempt=1, decision=decision, accepted=False, detail="no"))
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
-        await pilot.press("r")
+        await pilot.press("r", "enter")
         await settle(pilot, station)
         assert [made.kind for made in station.decisions] == ["modify", "reject"]
 

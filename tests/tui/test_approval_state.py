@@ -86,7 +86,7 @@ async def test_a_narrowed_plan_is_armed_when_its_last_line_was_on_screen(tmp_pat
         body = panel.query_one("#approval-body")
         assert body.scroll_offset.y == body.max_scroll_y > 0
         clock.now += ARM_DELAY_S
-        await pilot.press("a")
+        await pilot.press("a", "enter")
         await settle(pilot, station)
         assert [decision.kind for decision in station.decisions] == ["approve"]
 
@@ -123,6 +123,6 @@ async def test_what_was_not_understood_can_only_be_rejected(tmp_path: Path) -> N
         await pilot.press("a", "m")
         await settle(pilot, station)
         assert station.decisions == []
-        await pilot.press("r")
+        await pilot.press("r", "enter")
         await settle(pilot, station)
         assert [decision.kind for decision in station.decisions] == ["reject"]

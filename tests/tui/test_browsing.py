@@ -2,16 +2,19 @@
 
 from pathlib import Path
 
+import pytest
 from textual.widgets import Input, OptionList, Select
 
 from pa_console.schema.incident import SpawnTrack
+from pa_console.schema.rule import RuleExample
 from pa_console.tui.actions.registry import ACTIONS, ActionContext
+from pa_console.tui.rules_view.rows import rule_rows
 from pa_console.tui.screens.help import help_rows
 from pa_console.tui.screens.policies import PolicyScreen
 from pa_console.tui.screens.questions import Confirm
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
-from tests.tui.scripted import ScriptedStation, console, notices, settle
+from tests.tui.scripted import ScriptedStation, console, notices, settle, until
 from tests.tui.site import RULES, WORLD
 
 SIZE = (120, 36)
@@ -94,6 +97,43 @@ async def test_the_palette_offers_only_what_is_legal(tmp_path: Path) -> None:
         assert "Browse and search the rules" in offered
         assert "Cancel the active mission" not in offered
         assert "Play or pause" not in offered
+
+
+@pytest.mark.parametrize(
+    ("words", "found"), [("export", "Copy the trace"), ("session", "Leave the console")]
+)
+async def test_the_palette_finds_an_action_by_what_it_is_also_called(
+    tmp_path: Path, words: str, found: str
+) -> None:
+    station = ScriptedStation(story.told("finished"))
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("f10", *words)
+        results = app.screen.query_one(OptionList)
+        await until(pilot, lambda: found in " ".join(str(o.prompt) for o in results.options))
+
+
+async def test_the_help_of_a_screen_begins_with_its_own_keys(tmp_path: Path) -> None:
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("f6")
+        await until(pilot, lambda: isinstance(app.screen, PolicyScreen))
+        await pilot.press("f1")
+        await settle(pilot)
+        lines = str(app.screen.query_one(TextRows).render()).splitlines()
+        assert lines[0] == "On this screen"
+        assert ["Del", "Remove"] in [line.split() for line in lines[:8]]
+
+
+def test_an_example_of_a_rule_is_shown_as_its_file_has_it() -> None:
+    given = {"tracks": {"V1": {"gate": "WestGate", "warned": True}}}
+    example = RuleExample(name="warned", expect="pass", given=given)
+    rule = RULES[0].model_copy(update={"examples": (example,)})
+    text = "\n".join(item.lead.plain + item.body.plain for item in rule_rows(rule, None))
+    assert "given {tracks: {V1: {gate: WestGate, warned: true}}}" in text
 
 
 async def test_speed_goes_up_and_down_within_bounds(tmp_path: Path) -> None:

@@ -325,7 +325,7 @@ async def test_the_console_opens_the_newest_evaluation_over_a_live_session(
         await pilot.press("escape")
         await settle(pilot)
         assert app.screen is app.session.main
-        await pilot.press("c")
+        await pilot.press("c", "enter")
         assert station.cancelled == 1
 
 

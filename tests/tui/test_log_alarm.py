@@ -103,7 +103,7 @@ async def test_an_approval_that_is_refused_while_the_log_is_in_trouble_says_so(
         station.refuse = f"nothing is approved while the log cannot be written: {FULL}"
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
-        await pilot.press("a")
+        await pilot.press("a", "enter")
         await settle(pilot, station)
         assert station.decisions == []
         assert station.refuse in notices(app)

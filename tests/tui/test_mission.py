@@ -1,11 +1,12 @@
 """Typing a mission, watching it, cancelling it."""
 
+import json
 from pathlib import Path
 from typing import cast
 
+from textual import events
 from textual.containers import VerticalScroll
 from textual.widget import Widget
-from textual.widgets import Input
 from textual.widgets._toast import Toast
 
 from pa_console.schema.events import event as ev
@@ -13,6 +14,7 @@ from pa_console.tui.app import ConsoleApp
 from pa_console.tui.widgets.bars import StatusBar
 from pa_console.tui.widgets.event_list import EventList
 from pa_console.tui.widgets.map_view import MapView
+from pa_console.tui.widgets.mission_prompt import MissionInput
 from pa_console.tui.widgets.row_views import TextRows, VirtualRows
 from pa_console.tui.widgets.trace_pane import SectionTitle, SectionView
 from tests.tui import story
@@ -65,12 +67,12 @@ async def test_a_typed_mission_is_submitted_and_remembered(tmp_path: Path) -> No
         await settle(pilot, station)
         await pilot.press(*"go east", "enter")
         assert station.submitted == ["go east"]
-        field = app.screen.query_one("#mission-input", Input)
-        assert field.value == ""
+        field = app.screen.query_one(MissionInput)
+        assert field.text == ""
         await pilot.press("n", "e", "w", "up")
-        assert field.value == "go east"
+        assert field.text == "go east"
         await pilot.press("down")
-        assert field.value == "new"
+        assert field.text == "new"
     assert "go east" in (tmp_path / "history.txt").read_text()
 
 
@@ -81,7 +83,7 @@ async def test_a_refused_mission_stays_in_the_field(tmp_path: Path) -> None:
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
         await pilot.press(*"go east", "enter")
-        assert app.screen.query_one("#mission-input", Input).value == "go east"
+        assert app.screen.query_one(MissionInput).text == "go east"
 
 
 async def test_escape_leaves_the_field_and_keeps_the_text(tmp_path: Path) -> None:
@@ -90,8 +92,8 @@ async def test_escape_leaves_the_field_and_keeps_the_text(tmp_path: Path) -> Non
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
         await pilot.press(*"half", "escape", "i")
-        field = app.screen.query_one("#mission-input", Input)
-        assert field.value == "half"
+        field = app.screen.query_one(MissionInput)
+        assert field.text == "half"
         assert field.has_focus
 
 
@@ -133,6 +135,49 @@ async def test_the_first_words_of_an_answer_are_shown_when_they_come(tmp_path: P
         station.emit(words)
         await settle(pilot, station)
         assert plan.query_one(TextRows).display
+
+
+async def test_the_json_of_a_plan_stays_folded_in_its_place(tmp_path: Path) -> None:
+    station = ScriptedStation(story.told("approval"))
+    app = console(station, tmp_path)
+    async with app.run_test(size=(200, 60)) as pilot:
+        await settle(pilot, station)
+        view = next(v for v in app.screen.query(SectionView) if "as JSON" in shown_title(v))
+        rows = view.query_one(TextRows)
+        assert not rows.display
+        view.query_one(SectionTitle).action_fold()
+        await settle(pilot)
+        assert rows.display
+        written = rows.render()
+        assert '{"agent": "Drone_T04", "command": "observe NorthGate"},' in written.plain
+        assert len({str(span.style) for span in written.spans}) >= 3
+        json.loads(" ".join(written.plain.split()))
+
+
+async def test_retrieved_rules_come_before_those_that_every_mission_has(tmp_path: Path) -> None:
+    station = ScriptedStation(story.told("planning"))
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        text = shown(app)
+        places = [text.index(f"{rule} ") for rule in ("WF-03", "ROE-02", "ROE-01")]
+        assert places == sorted(places)
+
+
+async def test_what_would_turn_an_order_round_is_seen_and_has_its_width(tmp_path: Path) -> None:
+    order = "Do \u202eton\u202c go \u2066east"
+    mission = story.MISSION.model_copy(update={"text": order})
+    received = ev.MissionReceived(mission=mission, position=0)
+    station = ScriptedStation([*story.opening(), received, ev.MissionStarted()])
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        seen = "Do \\u202eton\\u202c go \\u2066east"
+        assert seen in shown(app, "#trace-head")
+        assert seen in app.screen.query_one(EventList).text
+        app.post_message(events.Paste(order))
+        await settle(pilot)
+        assert app.screen.query_one(MissionInput).text == seen
 
 
 async def test_model_text_is_never_read_as_markup(tmp_path: Path) -> None:

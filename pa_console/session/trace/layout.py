@@ -166,6 +166,8 @@ def _attempt(
         parts.append(planning.prompt(attempt))
     if attempt.user or attempt.text or attempt.plan or attempt.error or not attempt.findings:
         parts.append(planning.plan(attempt))
+    if options.detail is Detail.FULL and attempt.text and attempt.plan is not None:
+        parts.append(planning.plan_json(attempt))
     if record and attempt.text and attempt.plan is not None:
         title = f"The {attempt.author}'s answer"
         parts.append(

@@ -15,7 +15,7 @@ class Detail(IntEnum):
     """How much is told; each level has all that the one before it has.
 
     BRIEF    what a decision or its outcome rests on
-    FULL     also the picture, prompts, texts of rules and the rules that stand
+    FULL     also the picture, prompts, the plan's JSON, texts of rules and the rules that stand
     RECORD   also answers word for word, what they cost, every reply and every attempt's picture
     """
 

@@ -1,6 +1,9 @@
 """Steps 2 to 5 of a mission's trace: rules, picture, prompt, plan."""
 
+import json
+import re
 from collections.abc import Iterator, Mapping
+from typing import cast
 
 from pa_console.schema.finding import Usage
 from pa_console.schema.quantities import count, duration_text
@@ -30,7 +33,11 @@ _LABEL = 10
 
 
 def retrieved_rules(trace: MissionTrace, rules: Rules, options: TraceOptions) -> Section:
-    """Step 2: each retrieved rule with every part of its score, its text, and of which set."""
+    """Step 2: each rule with every part of its score, its text, and of which set.
+
+    The retrieved ones come first; the pinned ones are in every prompt, however they score.
+    """
+    hits = sorted(trace.hits, key=lambda hit: hit.pinned)
     places = 3 if options.detail >= Detail.RECORD else 2
     columns = [
         Column("rule", 7, stress="bold"),
@@ -45,11 +52,11 @@ def retrieved_rules(trace: MissionTrace, rules: Rules, options: TraceOptions) ->
             "pinned" if hit.pinned else "",
             " ".join(f"{name} {value:.{places}f}" for name, value in hit.components.items()),
         ]
-        for hit in trace.hits
+        for hit in hits
     ]
     if options.detail >= Detail.FULL:
         columns.append(Column("text", below=4))
-        for row, hit in zip(rows, trace.hits, strict=True):
+        for row, hit in zip(rows, hits, strict=True):
             rule = rules.get(hit.rule_id)
             row.append(rule.text if rule else "(not in this rulebook)")
     under = f", set {trace.rules[:SHORT]}" if trace.rules else ""
@@ -148,6 +155,53 @@ def plan(attempt: Attempt) -> Section:
     spent = f"{count(usage.completion_tokens, 'token')}, {duration_text(usage.seconds)}"
     note = "by the operator" if attempt.author == "operator" else spent
     return Section(key, "Plan", tuple(blocks), step=5, note=note)
+
+
+def plan_json(attempt: Attempt) -> Section:
+    """Return the answer that the plan was read from, laid out as JSON, one action a line."""
+    lines = tuple(_json_line(line) for line in _json_lines(attempt.text))
+    note = "as the operator wrote it" if attempt.author == "operator" else "as the model wrote it"
+    return Section(
+        f"answer-{attempt.number}", "Plan as JSON", lines, step=5, note=note, collapsed=True
+    )
+
+
+def _json_lines(text: str) -> list[str]:
+    """Return a JSON object with a line for each field and each item of a list; else `text`."""
+    try:
+        read: object = json.loads(text)
+    except ValueError:
+        return text.splitlines()
+    if not isinstance(read, dict):
+        return text.splitlines()
+    fields = [
+        f"  {json.dumps(name)}: {_json_value(value)}"
+        for name, value in cast(dict[str, object], read).items()
+    ]
+    return ["{", *",\n".join(fields).split("\n"), "}"]
+
+
+def _json_value(value: object) -> str:
+    if not isinstance(value, list) or not value:
+        return json.dumps(value, ensure_ascii=False)
+    items = [f"    {json.dumps(item, ensure_ascii=False)}" for item in cast(list[object], value)]
+    return "\n".join(["[", ",\n".join(items), "  ]"])
+
+
+_JSON_PART = re.compile(
+    r'(?P<name>"(?:[^"\\]|\\.)*"(?=\s*:))|(?P<text>"(?:[^"\\]|\\.)*")|(?P<value>[\w.+-]+)|(?P<sign>.)'
+)
+_JSON_TONES: Mapping[str, Tone] = {"name": "note", "text": "calm", "value": "good", "sign": "quiet"}
+
+
+def _json_line(line: str) -> Line:
+    """Return a line of JSON with names, texts, other values and signs told apart."""
+    bare = line.lstrip(" ")
+    spans = (
+        Span(found[0], _JSON_TONES[found.lastgroup or "sign"])
+        for found in _JSON_PART.finditer(bare)
+    )
+    return Line(tuple(spans), depth=(len(line) - len(bare)) // 2)
 
 
 def _warning(label: str, text: str) -> Line:

@@ -7,7 +7,11 @@ from typing import Protocol
 from textual.binding import Binding, InvalidBinding
 from textual.keys import REPLACED_KEYS, Keys, key_to_character
 
-from pa_console.tui.actions.registry import ACTIONS, ConsoleAction, key_text
+from pa_console.schema.events.event import MOST_READINGS
+from pa_console.tui.actions.registry import ACTIONS, ConsoleAction, action_of, key_text
+
+READING_KEYS = tuple(f"alt+{number}" for number in range(1, MOST_READINGS + 1))
+"""The keys of the other readings of an order, at the approval panel."""
 
 _PANEL = {"a": "Approve", "r": "Reject", "m": "Modify"}
 """The keys of the approval panel, which a recording does not have."""
@@ -30,7 +34,7 @@ def refused_command(key: str, keymap: Mapping[str, str]) -> str:
 
 RESERVED = {
     **dict.fromkeys(("tab", "shift+tab", "enter", "up", "down"), "moving about needs it"),
-    **dict.fromkeys(("r", "m", "a"), "the approval panel answers to it"),
+    **dict.fromkeys(("r", "m", "a", *READING_KEYS), "the approval panel answers to it"),
     "ctrl+c": "the terminal's own interrupt",
 }
 _MODIFIERS = frozenset(("ctrl", "shift", "alt", "super", "hyper", "meta"))
@@ -55,6 +59,11 @@ def own_keys(action: ConsoleAction, keymap: Mapping[str, str]) -> dict[str, str]
 def shown_keys(action: ConsoleAction, keymap: Mapping[str, str]) -> str:
     """Return an action's keys, the user's in place of the console's own, as they are written."""
     return key_text(",".join(own_keys(action, keymap).values()))
+
+
+def first_own_key(name: str, keymap: Mapping[str, str]) -> str:
+    """Return the first key of the action `name`, the user's or the console's own, as written."""
+    return key_text(next(iter(own_keys(action_of(name), keymap).values())).partition(",")[0])
 
 
 def key_names() -> dict[str, ConsoleAction]:

@@ -16,8 +16,8 @@ from pa_console.tui.controllers.controllers import Controllers
 TYPICAL = ("unknown vehicle", "weather")
 """Words of the what-ifs that are offered before anything is typed."""
 
-Command = tuple[str, IgnoreReturnCallbackType, str]
-"""Title, what it does, help."""
+Command = tuple[str, IgnoreReturnCallbackType, str, str]
+"""Title, what it does, help, and what else it is found by."""
 
 
 class PaletteHost(Protocol):
@@ -41,7 +41,12 @@ class ConsoleCommands(Provider):
         for action in ACTIONS:
             if action.palette and not action.refusal(now):
                 run = partial(self.app.run_action, f"app.{action.action}")
-                yield f"{action.help}  [{shown_keys(action, keys)}]", run, action.group
+                yield (
+                    f"{action.help}  [{shown_keys(action, keys)}]",
+                    run,
+                    action.group,
+                    action.words,
+                )
 
     def _simulation(self) -> Iterator[Command]:
         session, commands = self._host.session, self._host.controllers.commands
@@ -49,17 +54,17 @@ class ConsoleCommands(Provider):
         if now.replay or now.readonly:
             return
         for rate in RATES:
-            yield f"Speed {rate:g}x", partial(commands.set_rate, rate), "Simulation"
+            yield f"Speed {rate:g}x", partial(commands.set_rate, rate), "Simulation", ""
         if self._what_ifs is None:
             self._what_ifs = tuple(what_ifs(session.world))
         for title, incident in self._what_ifs:
-            yield title, partial(commands.inject, incident), "Simulation only"
+            yield title, partial(commands.inject, incident), "Simulation only", ""
 
     async def discover(self) -> Hits:
         """Yield the actions, and the what-ifs that start a typical situation."""
-        for title, run, help_text in self._actions():
+        for title, run, help_text, _ in self._actions():
             yield DiscoveryHit(title, run, help=help_text)
-        for title, run, help_text in self._simulation():
+        for title, run, help_text, _ in self._simulation():
             if "Speed" in title or any(word in title for word in TYPICAL):
                 yield DiscoveryHit(title, run, help=help_text)
 
@@ -71,8 +76,8 @@ class ConsoleCommands(Provider):
         """
         matcher, words = self.matcher(query), query.lower().split()
         found = (item for item in self._simulation() if _has(item[0].lower(), words))
-        for title, run, help_text in (*self._actions(), *found):
-            score = matcher.match(title)
+        for title, run, help_text, others in (*self._actions(), *found):
+            score = max(matcher.match(title), matcher.match(others))
             if score > 0:
                 yield Hit(score, matcher.highlight(title), run, text=title, help=help_text)
 

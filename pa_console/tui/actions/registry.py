@@ -63,6 +63,12 @@ class ConsoleAction:
     opens_field: bool = False
     """Whether what is typed next goes into a field: its keys are dealt with at once, so that no
     letter of a burst is taken for another command."""
+    confirmed: bool = False
+    """Whether a key that prints only chooses it and Enter gives it, since that key may be the
+    first of a text; a function key or one with Ctrl gives it at once."""
+
+    words: str = ""
+    """What else the palette finds it by."""
 
     @property
     def action(self) -> str:
@@ -141,11 +147,13 @@ ACTIONS: tuple[ConsoleAction, ...] = (
         "cancel", "f8,c", "Cancel", "Cancel the active mission, in any stage",
         "Mission",
         lambda to: to.commands.cancel_mission(), needs=(*_COMMAND, "mission"), footer=True,
+        confirmed=True,
     ),
     ConsoleAction(
         "stop", "f9,S", "STOP ALL",
         "Stop: every asset holds, open plans are void, nothing else is sent until it is released",
         "Safety", lambda to: to.commands.stop_all(), needs=_COMMAND, footer=True, urgent=True,
+        confirmed=True,
     ),
     ConsoleAction(
         "release", "ctrl+r", "Release stop", "Release the stop, after a question: missions are "
@@ -155,19 +163,24 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction(
         "acknowledge", "k,f12", "Seen", "Acknowledge the alarm at the pointer or the worst new one",
         "Alarms", lambda to: to.commands.acknowledge(), needs=(*_COMMAND, "unseen"), footer=True,
+        confirmed=True,
     ),
     ConsoleAction("next_alarm", "j", "Next alarm", "Put the pointer on the next alarm", "Alarms",
                   lambda to: to.browsing.next_alarm(), needs=("alarm",)),
     ConsoleAction("next_queued", "o", "Next waiting", "Put the pointer on the next waiting mission",
                   "Queue", lambda to: to.browsing.next_queued(), needs=("queue",)),
     ConsoleAction("sooner", "u", "Sooner", "Move the waiting mission at the pointer up", "Queue",
-                  lambda to: to.commands.move_queued(-1), needs=(*_COMMAND, "queue")),
+                  lambda to: to.commands.move_queued(-1), needs=(*_COMMAND, "queue"),
+                  confirmed=True),
     ConsoleAction("later_queued", "d", "Later", "Move the waiting mission at the pointer down",
-                  "Queue", lambda to: to.commands.move_queued(1), needs=(*_COMMAND, "queue")),
+                  "Queue", lambda to: to.commands.move_queued(1), needs=(*_COMMAND, "queue"),
+                  confirmed=True),
     ConsoleAction("defer", "z", "Defer", "Let every other mission go before the one at the pointer",
-                  "Queue", lambda to: to.commands.defer_queued(), needs=(*_COMMAND, "queue")),
+                  "Queue", lambda to: to.commands.defer_queued(), needs=(*_COMMAND, "queue"),
+                  confirmed=True),
     ConsoleAction("withdraw", "x", "Withdraw", "Take the mission at the pointer out of the queue",
-                  "Queue", lambda to: to.commands.withdraw_queued(), needs=(*_COMMAND, "queue")),
+                  "Queue", lambda to: to.commands.withdraw_queued(), needs=(*_COMMAND, "queue"),
+                  confirmed=True),
     ConsoleAction("follow", "t", "Follow", "Keep what the alarm at the pointer is about in view",
                   "Map", lambda to: to.browsing.follow_alarm()),
     ConsoleAction("zoom_in", "full_stop,greater_than_sign", "Nearer", "Zoom the map in", "Map",
@@ -198,9 +211,11 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("later", "right_square_bracket", "Later", "Trace of the mission after",
                   "View", lambda to: to.browsing.select_mission(1), needs=("idle_trace",)),
     ConsoleAction("copy_trace", "y", "Copy trace", "Copy the trace, and write it to a file",
-                  "Copy", lambda to: to.copying.copy_trace(), needs=("idle_trace",)),
+                  "Copy", lambda to: to.copying.copy_trace(), needs=("idle_trace",),
+                  words="export save session report"),
     ConsoleAction("copy_plan", "Y", "Copy plan", "Copy the plan's JSON, and write it to a file",
-                  "Copy", lambda to: to.copying.copy_plan(), needs=("idle_trace",)),
+                  "Copy", lambda to: to.copying.copy_plan(), needs=("idle_trace",),
+                  words="export save"),
     ConsoleAction("faster", "plus", "Faster", "Twice the speed, up to 8x (replay: 32x)",
                   "Simulation", lambda to: to.commands.change_rate(2.0)),
     ConsoleAction("slower", "minus", "Slower", "Half the speed, down to 1x (replay: 1/4x)",
@@ -230,14 +245,15 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("search_log", "s", "Search", "Search the texts of the recording", "Replay",
                   lambda to: to.replay.search(), needs=("replay",), footer=True),
     ConsoleAction("compare", "C", "Compare", "Find where another recording differs from this one",
-                  "Replay", lambda to: to.replay.compare(), needs=("replay",)),
+                  "Replay", lambda to: to.replay.compare(), needs=("replay",), words="session"),
     ConsoleAction("theme", "T", "Theme", "Choose the colours", "Console", "change_theme"),
     ConsoleAction("settings", "O", "Settings", "See and change the settings, with help for each",
                   "Console", lambda to: to.settings.show()),
     ConsoleAction("palette", "f10,ctrl+p", "Palette", "Search all commands that are legal now",
                   "Console", "command_palette", footer=True, palette=False),
     ConsoleAction("quit", "q,ctrl+q", "Quit", "Leave the console", "Console",
-                  lambda to: to.leaving.leave(), footer=True),
+                  lambda to: to.leaving.leave(), footer=True, confirmed=True,
+                  words="exit end session"),
 )  # fmt: skip
 
 GROUPS: tuple[Group, ...] = get_args(Group)
@@ -253,7 +269,11 @@ def action_of(name: str) -> ConsoleAction:
 
 def find_action(name: str, parameters: tuple[object, ...]) -> ConsoleAction | None:
     """Return the registered action that Textual calls `name` with `parameters`."""
-    call = f"{name}({', '.join(map(repr, parameters))})" if parameters else name
+    return with_call(f"{name}({', '.join(map(repr, parameters))})" if parameters else name)
+
+
+def with_call(call: str) -> ConsoleAction | None:
+    """Return the registered action that a binding calls so."""
     return _BY_CALL.get(call)
 
 

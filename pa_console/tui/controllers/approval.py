@@ -2,11 +2,15 @@
 
 from textual.screen import Screen
 
+from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Plan
+from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.tui.controllers.commands import CommandController
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.widgets.approval import ApprovalPanel
+
+BACK_TO_PROPOSED = "back to the plan as it was proposed"
 
 PlanKey = tuple[str, int]
 """Id of a mission and number of an attempt."""
@@ -45,14 +49,19 @@ class ApprovalController:
         from pa_console.tui.screens.plan_editor import PlanEditor, plan_json  # noqa: PLC0415
 
         key = trace.mission.id, trace.approval.attempt
-        request_id = trace.approval.request_id
-        editor = PlanEditor(plan_json(trace.approval.plan), self._drafts.get(key, ""))
+        waiting, request_id = trace.approval.plan, trace.approval.request_id
+        proposed = _proposed(trace, trace.approval)
+        draft = self._drafts.get(key) or plan_json(waiting)
+        editor = PlanEditor(plan_json(proposed), draft)
         self._editing = key, editor
 
         def closed(plan: Plan | None) -> None:
             self._drafts[key], self._editing = editor.draft, None
-            if plan is not None:
-                self.decide(Decision(kind="modify", request_id=request_id, plan=plan))
+            if plan == waiting:
+                self._session.tell("the plan is as it was, and still waits", "Nothing was changed")
+            elif plan is not None:
+                back = BACK_TO_PROPOSED if plan == proposed else ""
+                self.decide(Decision(kind="modify", request_id=request_id, plan=plan, reason=back))
 
         self._session.app.push_screen(editor, closed)
 
@@ -67,3 +76,10 @@ class ApprovalController:
         if key != open_key and self._session.app.screen is editor:
             editor.dismiss(None)
             self._session.tell("the plan no longer waits for a decision", "Modify", bad=True)
+
+
+def _proposed(trace: MissionTrace, request: ApprovalRequested) -> Plan:
+    """Return the plan that the planner last proposed, also where the operator's own waits."""
+    before = (each for each in reversed(trace.attempts) if each.number <= request.attempt)
+    planned = (each.plan for each in before if each.author != "operator" and each.plan is not None)
+    return next(planned, request.plan)

@@ -2,8 +2,11 @@
 
 from pathlib import Path
 
+from textual.binding import Binding
+
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.settings import SettingsController
+from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.widgets.alarms import AlarmPane
 from pa_console.tui.widgets.assets import AssetPane
 from pa_console.tui.widgets.map_view import MapView
@@ -116,7 +119,10 @@ class BrowsingController:
         """Show the help page."""
         from pa_console.tui.screens.help import HelpScreen  # noqa: PLC0415
 
-        self._app.push_screen(HelpScreen(self._session.situation, self._settings.keys))
+        screen = self._app.screen
+        given = () if isinstance(screen, MainScreen) else type(screen).BINDINGS
+        here = [each for each in given if isinstance(each, Binding) and each.description]
+        self._app.push_screen(HelpScreen(self._session.situation, self._settings.keys, here))
 
     def show_manual(self) -> None:
         """Show the manual."""

@@ -1,7 +1,10 @@
 """What the policy browser and the rule editor tell of a rule, as rows."""
 
-from collections.abc import Iterable, Iterator
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
 
+import yaml
 from textual.content import Content
 
 from pa_console.policy.authoring.rule_draft import ExampleResult, RuleDraft
@@ -78,9 +81,14 @@ def rule_rows(rule: Rule, hit: RuleHit | None) -> list[Row]:
         rows.append(row("  ", (f"{sign}: ", QUIET), example.name))
         rows += [row("      ", f"{agent}: {command}") for agent, command in example.plan]
         if example.given:
-            rows.append(row("      given ", (str(example.given), QUIET)))
-        rows += [row("      then ", (str(change), QUIET)) for change in example.moments]
+            rows.append(row("      given ", (_as_written(example.given), QUIET)))
+        rows += [row("      then ", (_as_written(change), QUIET)) for change in example.moments]
     return rows
+
+
+def _as_written(value: Mapping[str, Any]) -> str:
+    """Return a part of an example as a rule file has it, in one line."""
+    return yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=math.inf).strip()
 
 
 def _ordering(order: Ordering) -> str:

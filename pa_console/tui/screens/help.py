@@ -1,6 +1,6 @@
 """All keys, from the action registry, and the meaning of every sign, from the vocabulary."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import groupby
 
 from textual.app import ComposeResult
@@ -9,27 +9,41 @@ from textual.containers import VerticalScroll
 from textual.screen import ModalScreen
 
 from pa_console.tui.actions.keymap import shown_keys
-from pa_console.tui.actions.registry import ACTIONS, GROUPS, ActionContext
+from pa_console.tui.actions.registry import ACTIONS, GROUPS, ActionContext, key_text
 from pa_console.tui.status_words import NOTE, QUIET, TERMS
 from pa_console.tui.trace.rows import Row, column, row
 from pa_console.tui.widgets.row_views import TextRows
 
 _APPROVAL = (
-    ("r", "Reject the plan"), ("m", "Modify the plan"),
-    ("a", "Approve; dead for the first 0.6 s, so that no stray key approves"),
-    ("1 2 3", "Plan anew for what an unclear order was meant to ask, where that is offered"),
+    ("r m a", "Go to Reject, Modify or Approve, or to what Approve still needs; Enter presses it"),
+    ("Alt+1 … 3", "Plan anew for what an unclear order was meant to ask, where that is offered"),
+    ("letters", "Any other letter, and what is pasted, begins the reason; Enter leaves it"),
     ("Tab", "Round the buttons, the warnings and the reason; Esc leaves"),
+    ("", "Keys are dropped for the first 0.6 s, so that no stray key decides"),
 )  # fmt: skip
 _PROMPT = (
-    ("Enter", "Send the mission"),
+    ("Enter", "Send the mission; ^j or alt+Enter begins a new line"),
     ("↑ ↓", "Missions typed before"),
     ("Esc", "Leave the field; the text stays"),
 )
 
 
-def help_rows(now: ActionContext, keymap: Mapping[str, str] | None = None) -> list[Row]:
-    """Return the help page with the user's keys; an action that is not legal now says why."""
+LETTER_WAITS = " (a letter waits for Enter)"
+
+
+def help_rows(
+    now: ActionContext, keymap: Mapping[str, str] | None = None, here: Sequence[Binding] = ()
+) -> list[Row]:
+    """Return the help page with the user's keys; an action that is not legal now says why.
+
+    The keys of the screen that is open, `here`, come first.
+    """
     rows: list[Row] = []
+    if here:
+        rows.append(row("", ("On this screen", f"bold {NOTE}")))
+        rows += [
+            row(["  ", column(key_text(each.key), 10, "bold")], each.description) for each in here
+        ]
     for group in GROUPS:
         rows.append(row("", (group, f"bold {NOTE}")))
         for action in ACTIONS:
@@ -38,7 +52,7 @@ def help_rows(now: ActionContext, keymap: Mapping[str, str] | None = None) -> li
                 rows.append(
                     row(
                         ["  ", column(shown_keys(action, keymap or {}), 10, "bold")],
-                        action.help,
+                        action.help + LETTER_WAITS * action.confirmed,
                         (f"  (now: {why})" if why else "", QUIET),
                     )
                 )
@@ -64,14 +78,20 @@ class HelpScreen(ModalScreen[None]):
         Binding("m,M", "app.carry_out('manual')", "Manual"),
     ]
 
-    def __init__(self, now: ActionContext, keymap: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self,
+        now: ActionContext,
+        keymap: Mapping[str, str] | None = None,
+        here: Sequence[Binding] = (),
+    ) -> None:
+        """`here` are the keys of the screen that it is opened over."""
         super().__init__()
-        self._now, self._keymap = now, keymap
+        self._now, self._keymap, self._here = now, keymap, here
 
     def compose(self) -> ComposeResult:
         """Yield the page."""
         with VerticalScroll(id="help"):
-            yield TextRows(tuple(help_rows(self._now, self._keymap)))
+            yield TextRows(tuple(help_rows(self._now, self._keymap, self._here)))
 
     def on_mount(self) -> None:
         """Name the page and let the arrow keys scroll it."""

@@ -1,20 +1,23 @@
 """The one main screen, live and in a replay: map, assets, events, trace, approval, prompt."""
 
 from collections.abc import Mapping
+from typing import cast
 
 from textual import events
 from textual.app import ComposeResult
+from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
 from textual.screen import Screen
-from textual.widgets import Button, Static
+from textual.widgets import Button, Input, Static
 
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
 from pa_console.session.state.fold import MissionTrace, SessionState
+from pa_console.tui.actions.keymap import READING_KEYS, KeysHost, first_own_key
 from pa_console.tui.kept_input import History
 from pa_console.tui.protocols import Clock
 from pa_console.tui.widgets.alarms import AlarmBar, AlarmPane
-from pa_console.tui.widgets.approval import ApprovalPanel
+from pa_console.tui.widgets.approval import DECISION_KEYS, ApprovalPanel
 from pa_console.tui.widgets.assets import AssetPane
 from pa_console.tui.widgets.bars import VIEWS, KeyFooter, StatusBar, ViewBar
 from pa_console.tui.widgets.event_list import EventList
@@ -34,6 +37,8 @@ TOO_SMALL = (
 
 class MainScreen(Screen[None]):
     """Lays the panes out for the terminal's size and passes the state on to them."""
+
+    BINDINGS = [Binding(",".join((*DECISION_KEYS, *READING_KEYS)), "where_to_decide", show=False)]
 
     def __init__(
         self,
@@ -174,7 +179,7 @@ class MainScreen(Screen[None]):
     def _show_approval(self, state: SessionState) -> None:
         """Show or withdraw the open request; focus moves only when nobody is typing."""
         panel, prompt = self.query_one(ApprovalPanel), self.query_one(MissionPrompt)
-        had_keys = panel.has_focus_within
+        had_keys, in_reason = panel.has_focus_within, isinstance(self.focused, Input)
         appeared = panel.show(state.current)
         if appeared:
             self._selected = None
@@ -182,11 +187,29 @@ class MainScreen(Screen[None]):
             if self.compact and self._view not in ("map", "trace"):
                 self.go_to("trace")
             if prompt.has_cursor and prompt.draft:
-                self.notify("A plan waits for your decision: F7 goes there", title="Approval")
+                there = f"A plan waits for your decision: {self._key_to_approval} goes there"
+                self.notify(there, title="Approval", markup=False)
             else:
                 panel.take_focus()
         elif not panel.display and had_keys:
-            prompt.take_cursor()
+            if prompt.draft or in_reason:  # what is typed next is no mission
+                self.focus_view(self._view)
+            else:
+                prompt.take_cursor()
+
+    def action_where_to_decide(self) -> None:
+        """Say where the key of a decision decides something."""
+        if self._closed_why:
+            self.notify(self._closed_why, title="Decision", severity="warning", markup=False)
+        elif self.query_one(ApprovalPanel).display:
+            where = f"{self._key_to_approval} goes to the plan that waits; the key decides there"
+            self.notify(where, title="Decision", markup=False)
+        else:
+            self.notify("no plan waits for a decision", title="Decision", markup=False)
+
+    @property
+    def _key_to_approval(self) -> str:
+        return first_own_key("approval", cast(KeysHost, self.app).keys)
 
     def to_approval(self) -> None:
         """Give the keys to the approval panel."""

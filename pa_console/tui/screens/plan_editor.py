@@ -46,11 +46,10 @@ class PlanEditor(ModalScreen[Plan | None]):
         Binding("ctrl+r", "revert", "The plan as it was proposed"),
     ]
 
-    def __init__(self, proposed: str, draft: str = "") -> None:
-        """Go on with the `draft` that was left, if there is one."""
+    def __init__(self, proposed: str, draft: str) -> None:
+        """Begin with `draft`; `proposed` is what one can always go back to."""
         super().__init__()
-        self._proposed = proposed
-        self.draft = draft or proposed
+        self._proposed, self.draft = proposed, draft
 
     def compose(self) -> ComposeResult:
         """Yield the editor, the verdict on its text, and the buttons."""

@@ -6,6 +6,8 @@ from typing import cast
 
 from textual.content import Content
 
+from pa_console.schema.visible_text import visible
+
 Part = str | tuple[str, str] | Content
 
 LEAST_BODY = 12
@@ -30,10 +32,22 @@ class Section:
 
 
 def row(lead: Sequence[Part] | Part = "", *body: Part) -> Row:
-    """Build a row from texts, (text, style) pairs and contents; nothing is read as markup."""
-    if isinstance(lead, list):
-        return Row(Content.assemble(*lead), Content.assemble(*body))
-    return Row(Content.assemble(cast(Part, lead)), Content.assemble(*body))
+    """Build a row from texts, (text, style) pairs and contents; nothing is read as markup.
+
+    What would not be seen is written as its escape here, so that it has a width.
+    """
+    leads = lead if isinstance(lead, list) else [cast(Part, lead)]
+    return Row(Content.assemble(*map(_seen, leads)), Content.assemble(*map(_seen, body)))
+
+
+def _seen(part: Part) -> Part:
+    match part:
+        case str():
+            return visible(part)
+        case (text, style):
+            return visible(text), style
+        case _:
+            return part
 
 
 def column(text: str, width: int, style: str = "") -> tuple[str, str]:

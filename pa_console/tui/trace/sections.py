@@ -4,6 +4,7 @@ from collections.abc import Iterable
 
 from textual.content import Content
 
+from pa_console.schema.visible_text import visible
 from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.session.trace import parts, standing
 from pa_console.session.trace.hanging_rows import rows_of, title_of
@@ -46,7 +47,7 @@ def _spread(given: Iterable[parts.Section]) -> list[Row]:
 
 def content(spans: Iterable[Span]) -> Content:
     """Return a laid out text in the theme's colours."""
-    return Content.assemble(*((span.text, _style(span)) for span in spans))
+    return Content.assemble(*((visible(span.text), _style(span)) for span in spans))
 
 
 def _style(span: Span) -> str:

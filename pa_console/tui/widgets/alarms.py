@@ -8,6 +8,7 @@ from textual.widgets import Static
 
 from pa_console.schema.alarm import QueueEntry
 from pa_console.schema.quantities import clock_text
+from pa_console.schema.visible_text import visible
 from pa_console.session.state.fold import OpenAlarm, SessionState, Stop
 from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.tui.refresh import retitle
@@ -35,7 +36,7 @@ def alarm_row(item: OpenAlarm, answers: Mapping[str, MissionTrace], active: str)
     return Content.assemble(
         column(f"{mark.glyph} {mark.word}", 11, f"bold {mark.style}"),
         column(f"{seen.glyph} {seen.word}", 6, seen.style),
-        (alarm.text, "" if item.acknowledged else "bold"),
+        (visible(alarm.text), "" if item.acknowledged else "bold"),
         distance,
         told,
         (f"  since {clock_text(alarm.raised_s)}", QUIET),
@@ -54,7 +55,7 @@ def queue_rows(place: int, entry: QueueEntry) -> tuple[Content, Content]:
         (f"{mark.glyph} {mark.word}  ", mark.style),
         origin,
         later,
-        mission.said,
+        visible(mission.said),
     )
     distance = f"{entry.distance_m:.0f} m, " if entry.distance_m is not None else ""
     return head, Content.assemble("    ", (f"{distance}{entry.reason}", QUIET))
@@ -76,7 +77,7 @@ def summary(state: SessionState, width: int) -> Content:
     ends = [*kept, *_scenario(state)]
     head = Content.assemble(*_stop(state.stop), *_alarms(state.alarms))
     worst = _worst(state.alarms)
-    line = Content.assemble(head, worst.alarm.text) if worst else head
+    line = Content.assemble(head, visible(worst.alarm.text)) if worst else head
     wanted = max(head.cell_length, min(line.cell_length, width * 11 // 20))
     if _length(ends) > width - wanted:
         ends = kept

@@ -9,14 +9,16 @@ from textual.binding import Binding
 from textual.containers import Horizontal, ItemGrid, Vertical, VerticalScroll
 from textual.content import Content
 from textual.message import Message
+from textual.widget import Widget
 from textual.widgets import Button, Input
 
 from pa_console.orders.plain_words import plain_reading
 from pa_console.orders.reading import asked_words
-from pa_console.schema.events.event import MOST_READINGS, ApprovalRequested
+from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import Decision, Mission
 from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.session.wording import safety_in_words
+from pa_console.tui.actions.keymap import READING_KEYS
 from pa_console.tui.protocols import Clock
 from pa_console.tui.status_words import BAD, GOOD, NOTE, QUIET, WARN, term
 from pa_console.tui.trace.rows import Row, row
@@ -136,7 +138,7 @@ def reading_rows(trace: MissionTrace) -> Iterator[Row]:
 
 def reading_label(number: int, asked: str) -> Content:
     """Return what else the order may mean, after the key that chooses it."""
-    return Content.assemble((f"({number}) ", "bold"), ("or: ", QUIET), plain_reading(asked))
+    return Content.assemble((f"(Alt+{number}) ", "bold"), ("or: ", QUIET), plain_reading(asked))
 
 
 def blocked_reason(request: ApprovalRequested, left: Sequence[str], reason: str) -> str:
@@ -157,23 +159,29 @@ ARM_DELAY_S = 0.6
 
 The user may choose another delay."""
 
+DECISION_KEYS = {"r": "reject", "m": "modify", "a": "approve"}
+"""The button that each of the panel's letters goes to; Enter presses it."""
+
+REASON = "approval-reason"
 _MEANT = "meant-"
 _FREE_KEYS = ("tab", "shift+tab", "escape", "pageup", "pagedown")
 
 
-class ApprovalPanel(Vertical):
+class ApprovalPanel(Vertical, can_focus=True):
     """Reject, Modify or Approve, or another reading of the order.
 
-    Decisions leave as messages, the panel itself changes nothing.
+    Decisions leave as messages, the panel itself changes nothing. It has the focus itself where no
+    key may decide: Enter does nothing there, letters do what they do at its buttons.
     """
 
     BINDINGS = [
-        Binding("r", "press('reject')", "Reject", show=False, id="approval.reject"),
-        Binding("m", "press('modify')", "Modify", show=False, id="approval.modify"),
-        Binding("a", "press('approve')", "Approve", show=False, id="approval.approve"),
         *(
-            Binding(f"{n}", f"press('meant-{n}')", "Read it so", show=False, id=f"approval.{n}")
-            for n in range(1, MOST_READINGS + 1)
+            Binding(key, f"go_to('{button}')", button.title(), show=False, id=f"approval.{button}")
+            for key, button in DECISION_KEYS.items()
+        ),
+        *(
+            Binding(key, f"read_as({n})", "Read it so", show=False, priority=True)
+            for n, key in enumerate(READING_KEYS, start=1)
         ),
         Binding("pagedown", "scroll_plan(1)", "Rest of the plan", show=False),
         Binding("pageup", "scroll_plan(-1)", "Back in the plan", show=False),
@@ -210,7 +218,7 @@ class ApprovalPanel(Vertical):
             yield TextRows(id="approval-reading")
             yield Vertical(id="approval-readings")
             yield ItemGrid(id="approval-warnings", min_column_width=18)
-        yield LineField(compact=True, id="approval-reason")
+        yield LineField(compact=True, id=REASON, select_on_focus=False)
         with Horizontal(id="approval-buttons"):
             yield Button("Reject (r)", id="reject", variant="error", compact=True)
             yield Button("Modify (m)", id="modify", compact=True)
@@ -218,7 +226,7 @@ class ApprovalPanel(Vertical):
 
     def on_mount(self) -> None:
         """Hide until a plan waits."""
-        self.query_one("#approval-reason", Input).cursor_blink = False
+        self.query_one(f"#{REASON}", Input).cursor_blink = False
         self.watch(self._body, "scroll_y", self._saw, init=False)
         self.watch(self._body, "virtual_size", self._saw, init=False)
         self.display = False
@@ -259,7 +267,7 @@ class ApprovalPanel(Vertical):
             for rule in request.acknowledge
             if not request.blocked_by
         )
-        reason = self.query_one("#approval-reason", Input)
+        reason = self.query_one(f"#{REASON}", Input)
         reason.value = ""
         reason.placeholder = (
             "Why override the judge? (required)"
@@ -321,9 +329,28 @@ class ApprovalPanel(Vertical):
         why = self._why_not()
         self.query_one("#approve", Button).disabled = bool(why)
         waiting = "" if self.armed else "one moment: keys are ignored until you have seen this"
-        line = "decision sent" if self._sent else why or waiting
+        line = "decision sent" if self._sent else why or waiting or self._next_key()
         self.border_subtitle = line
         self._tell_state()
+
+    def _next_key(self) -> str:
+        """Return what the next key does, where the focus alone does not say it."""
+        if self.has_focus:
+            return "r, m or a goes to a button"
+        approve = self.query_one("#approve", Button)
+        return "Enter approves, r goes back to Reject" if approve.has_focus else ""
+
+    def on_descendant_focus(self) -> None:
+        """Say what the next key does."""
+        self.refresh_state()
+
+    def on_descendant_blur(self) -> None:
+        """Say no longer what the next key did there."""
+        self.refresh_state()
+
+    def on_focus(self) -> None:
+        """Say what the next key does."""
+        self.refresh_state()
 
     def _tell_state(self) -> None:
         """Say in the title and by the colour of the frame what has to be known first."""
@@ -342,7 +369,7 @@ class ApprovalPanel(Vertical):
         if request is None:
             return "no plan waits"
         left = [box.name or "" for box in self.query(CheckBox) if not box.ticked]
-        why = blocked_reason(request, left, self.query_one("#approval-reason", Input).value)
+        why = blocked_reason(request, left, self.query_one(f"#{REASON}", Input).value)
         return why or ("✘ Approve: read to the end first (PgDn)" if self._unseen else "")
 
     def on_key(self, event: events.Key) -> None:
@@ -356,19 +383,54 @@ class ApprovalPanel(Vertical):
     def action_cycle(self, step: int) -> None:
         """Go from field to field of this panel and round again; Esc leaves it."""
         chain = [each for each in self.screen.focus_chain if self in each.ancestors]
-        at = chain.index(self.app.focused) if self.app.focused in chain else 0
+        outside = -1 if step > 0 else 0
+        at = chain.index(self.app.focused) if self.app.focused in chain else outside
         if chain:
             chain[(at + step) % len(chain)].focus()
 
-    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Leave the keys of readings, where none are offered, to whatever else they do."""
-        request = self._trace.approval if self._trace else None
-        offered = request is not None and bool(request.readings)
-        return offered or not (action == "press" and str(parameters[0]).startswith(_MEANT))
+    def action_go_to(self, button: str) -> None:
+        """Go to a button, which Enter presses; to what Approve still needs, where it needs it.
 
-    def action_press(self, button: str) -> None:
-        """Do what the button of that name does."""
-        self._choose(button)
+        Where nobody may approve, or not yet, no button is left that the Enter of an approval would
+        press.
+        """
+        if not self.armed:
+            return
+        target: Widget = self.query_one(f"#{button}", Button)
+        if target.disabled:
+            request = self._trace.approval if self._trace else None
+            unticked = [box for box in self.query(CheckBox) if not box.ticked]
+            if request is None or request.blocked_by or (self._unseen and not unticked):
+                target = self
+            else:
+                target = unticked[0] if unticked else self.query_one(f"#{REASON}", Input)
+        self.screen.set_focus(target)
+
+    def action_read_as(self, number: int) -> None:
+        """Ask for a plan for another reading of the order."""
+        if not self.armed:
+            self.type_ahead()
+        else:
+            self._choose(f"{_MEANT}{number}")
+
+    def type_ahead(self) -> None:
+        """Drop a key that came too early; the panel waits anew."""
+        self._disarm()
+
+    def write_reason(self, text: str) -> None:
+        """Go to the reason and add to it what was typed at the buttons."""
+        reason = self.query_one(f"#{REASON}", Input)
+        self.screen.set_focus(reason)
+        reason.cursor_position = len(reason.value)
+        reason.insert_text_at_cursor(text)
+
+    def on_paste(self, event: events.Paste) -> None:
+        """Take what is pasted at the buttons for the reason."""
+        event.stop()
+        if self.armed:
+            self.write_reason(" ".join(event.text.split()))
+        else:
+            self._disarm()
 
     @on(Button.Pressed)
     def _pressed(self, event: Button.Pressed) -> None:
@@ -382,15 +444,15 @@ class ApprovalPanel(Vertical):
         self.refresh_state()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Enter in the reason leads back to the buttons, and decides nothing."""
+        """Enter in the reason leads out of it; another Enter decides nothing."""
         event.stop()
-        self.take_focus()
+        self.screen.set_focus(self)
 
     def _choose(self, choice: str) -> None:
         request = self._trace.approval if self._trace else None
         if request is None or not self.armed:
             return
-        reason = self.query_one("#approval-reason", Input).value.strip()
+        reason = self.query_one(f"#{REASON}", Input).value.strip()
         if choice == "modify" and request.state != "not_understood":
             self.post_message(self.ModifyAsked())
         elif choice.startswith(_MEANT):

@@ -12,6 +12,8 @@ from textual.message import Message
 from textual.widget import Widget
 from textual.widgets import Input, Static, TextArea
 
+from pa_console.schema.visible_text import visible
+
 
 class CheckBox(Static, can_focus=True):
     """Ticked by Space, Enter or a click; `name` says what is accepted."""
@@ -46,11 +48,15 @@ class CheckBox(Static, can_focus=True):
 
 
 class LineField(Input):
-    """A field for one line."""
+    """A field for one line; of pasted lines it makes one."""
 
     async def on_key(self, event: events.Key) -> None:
         """Do at once what a key of this field does."""
         await _act(self, event)
+
+    def on_paste(self, event: events.Paste) -> None:
+        """Keep every line of what is pasted, one behind the other; nothing of it is unseen."""
+        event.text = " ".join(map(visible, event.text.splitlines()))
 
 
 class TextField(TextArea):
@@ -67,13 +73,22 @@ class TextField(TextArea):
         """Do at once what a key of this field does."""
         await _act(self, event)
 
+    def on_paste(self, event: events.Paste) -> None:
+        """Let nothing of what is pasted be unseen."""
+        event.text = visible(event.text.replace("\r\n", "\n").replace("\r", "\n"))
+
     def action_to_edge(self, end: bool = False, select: bool = False) -> None:
         """Put the cursor at the begin or the end of the text; what lies between is selected."""
         self.move_cursor(self.document.end if end else self.document.start, select=select)
 
 
 async def _act(field: Widget, event: events.Key) -> None:
-    """Run the action that `field` itself binds to a key, instead of passing the key on."""
+    """Run the action that `field` itself binds to a key, instead of passing the key on.
+
+    A key with Alt has a character but is none of a text: it goes on to whatever it does.
+    """
+    if event.key.startswith("alt+"):
+        event.prevent_default()
     bound = None if event.is_printable else field.screen.active_bindings.get(event.key)
     if bound is not None and bound.node is field and bound.enabled:
         event.stop()

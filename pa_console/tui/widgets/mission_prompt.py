@@ -1,53 +1,85 @@
-"""Where missions are typed, with a history that up and down walk through."""
+"""Where missions are typed, in as many lines as they need, with a history."""
 
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Horizontal
 from textual.content import Content
 from textual.message import Message
-from textual.widgets import Input, Static
+from textual.widgets import Static, TextArea
 
-from pa_console.schema.mission import MAX_MISSION_TEXT
 from pa_console.tui.kept_input import History
-from pa_console.tui.widgets.fields import LineField
+from pa_console.tui.widgets.fields import TextField
 
-ELSEWHERE = "Say in plain words what is to be done; i brings you here"
+ELSEWHERE = "Say in plain words what is to be done; / brings you here"
 """What the empty prompt says while keys go elsewhere: the first thing that an operator reads."""
 
 _HERE = "Say in plain words what is to be done; Enter sends it"
 
 
-class MissionInput(LineField):
-    """A line of text; what was typed is kept until the mission was taken."""
+class MissionInput(TextField):
+    """A few lines of text; what was typed is kept until the mission was taken."""
 
     BINDINGS = [
-        Binding("up", "history(-1)", "Earlier mission", show=False),
-        Binding("down", "history(1)", "Later mission", show=False),
+        Binding("enter", "send", "Send", show=False),
+        Binding("ctrl+j,alt+enter,shift+enter", "new_line", "New line", show=False),
+        Binding("up", "earlier", "Earlier mission", show=False),
+        Binding("down", "later", "Later mission", show=False),
     ]
+
+    class Sent(Message):
+        """Enter was pressed."""
 
     def __init__(self, history: History) -> None:
         super().__init__(
-            max_length=MAX_MISSION_TEXT,
             compact=True,
             id="mission-input",
             placeholder=ELSEWHERE,
+            tab_behavior="focus",
+            highlight_cursor_line=False,
         )
         self.cursor_blink = False
-        self._history = history
+        self._missions = history
 
-    def watch_has_focus(self, has_focus: bool) -> None:
+    def watch_has_focus(self, focus: bool) -> None:
         """Say the key that leads here only while keys go elsewhere."""
-        super().watch_has_focus(has_focus)
-        self.placeholder = _HERE if has_focus else ELSEWHERE
+        self._watch_has_focus(focus)
+        self.placeholder = _HERE if focus else ELSEWHERE
 
-    def action_history(self, by: int) -> None:
-        """Replace the text by an earlier or later one."""
-        self.value = self._history.move(by, self.value)
-        self.cursor_position = len(self.value)
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Leave the function keys, by which a text area selects, to the console."""
+        if action in ("select_line", "select_all"):
+            return False
+        return super().check_action(action, parameters)
+
+    def action_send(self) -> None:
+        """Tell that the text is to be sent."""
+        self.post_message(self.Sent())
+
+    def action_new_line(self) -> None:
+        """Begin a new line."""
+        self.insert("\n")
+
+    def action_earlier(self) -> None:
+        """Go a line up, from the first to the mission before."""
+        if self.cursor_at_first_line:
+            self._recall(-1)
+        else:
+            self.action_cursor_up()
+
+    def action_later(self) -> None:
+        """Go a line down, from the last to the mission after."""
+        if self.cursor_at_last_line:
+            self._recall(1)
+        else:
+            self.action_cursor_down()
+
+    def _recall(self, by: int) -> None:
+        self.text = self._missions.move(by, self.text)
+        self.move_cursor(self.document.end)
 
 
 class MissionPrompt(Horizontal):
-    """The prompt line; closed, it says why no mission can be given."""
+    """The prompt; closed, it says why no mission can be given."""
 
     class Given(Message):
         """The operator sent a mission."""
@@ -76,27 +108,27 @@ class MissionPrompt(Horizontal):
             yield Static("Mission ❯ ", id="prompt-label")
             yield MissionInput(self._history)
 
-    def on_input_changed(self, event: Input.Changed) -> None:
+    def on_text_area_changed(self, event: TextArea.Changed) -> None:
         """Tell that a mission is on its way."""
         event.stop()
-        if event.value.strip():
-            self.post_message(self.Typed(event.value))
+        if self.draft.strip():
+            self.post_message(self.Typed(self.draft))
 
-    def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Pass the text on; an empty line is nothing."""
+    def on_mission_input_sent(self, event: MissionInput.Sent) -> None:
+        """Pass the text on; an empty field is nothing."""
         event.stop()
-        if event.value.strip():
-            self.post_message(self.Given(event.value))
+        if self.draft.strip():
+            self.post_message(self.Given(self.draft))
 
     def taken(self, text: str) -> None:
         """Clear the field after `text` was accepted, and remember it."""
         self._history.add(text)
-        self.query_one(MissionInput).value = ""
+        self.query_one(MissionInput).text = ""
 
     @property
     def draft(self) -> str:
         """What is typed and not yet sent."""
-        return "" if self._closed_why else self.query_one(MissionInput).value
+        return "" if self._closed_why else self.query_one(MissionInput).text
 
     @property
     def has_cursor(self) -> bool:

@@ -1,0 +1,175 @@
+"""Decides what a key does that no field takes: it acts, it waits for Enter, or it is text.
+
+A letter never acts in the middle of a text. One that gives a command may be the first of a
+text, however slowly that comes, so it only chooses the command, and Enter gives it. While the
+approval panel has the keys, letters other than its own begin the reason.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from textual import events
+from textual.timer import Timer
+from textual.widgets import Input, TextArea
+
+from pa_console.tui.actions.keymap import first_own_key
+from pa_console.tui.actions.registry import ConsoleAction, key_text, with_call
+from pa_console.tui.controllers.console_session import ConsoleSession
+from pa_console.tui.controllers.settings import SettingsController
+from pa_console.tui.typed_text import TypedText
+from pa_console.tui.widgets.approval import DECISION_KEYS, REASON, ApprovalPanel
+from pa_console.tui.widgets.fields import CheckBox
+from pa_console.tui.widgets.key_line import KeyLine
+
+CHOSEN_S = 5.0
+"""How long a command waits for its Enter, and a notice about keys is shown."""
+
+KeyTime = Callable[[events.Key], float]
+"""When a key was pressed, in seconds that only grow; replaced in tests."""
+
+
+@dataclass(frozen=True)
+class _Chosen:
+    action: ConsoleAction
+    time_s: float
+
+
+class TypingController:
+    """Sees every key before anything else does, in a session that takes commands."""
+
+    def __init__(
+        self, session: ConsoleSession, settings: SettingsController, key_time: KeyTime
+    ) -> None:
+        self._session, self._app, self._settings = session, session.app, settings
+        self._key_time = key_time
+        self._typed = TypedText()
+        self._chosen: _Chosen | None = None
+        self._line: KeyLine | None = None
+        self._timer: Timer | None = None
+        self._told = False
+
+    async def takes(self, event: events.Key) -> bool:
+        """Whether the key was dealt with and goes no further."""
+        if self._session.station is None or self._session.readonly:
+            return False
+        (chosen, self._chosen), self._told = (self._chosen, None), False
+        taken = await self._takes(event, chosen)
+        if not self._told:
+            self._drop_line()
+        return taken
+
+    async def _takes(self, event: events.Key, chosen: _Chosen | None) -> bool:
+        time_s = self._key_time(event)
+        if not _prints(event):
+            return await self._takes_other(event, chosen, time_s)
+        character, focused = event.character or "", self._app.focused
+        if focused is not None and focused.check_consume_key(event.key, character):
+            self._lead_in(time_s)
+            self._typed.add_in_field(character, time_s)
+            return False
+        self._typed.add(character, time_s)
+        panel = self._panel
+        if panel is not None:
+            return self._takes_at_panel(panel, character)
+        if self._session.recording is None and self._typed.is_text:
+            self._say_it_is_text()
+            return True
+        return self._chooses(event, time_s)
+
+    def forget(self) -> None:
+        """Begin anew: the operator uses the mouse."""
+        self._chosen = None
+        self._drop_line()
+        self._typed.forget()
+
+    async def _takes_other(self, event: events.Key, chosen: _Chosen | None, time_s: float) -> bool:
+        """Enter gives the chosen command, or ends a text; every other key acts."""
+        in_field = isinstance(self._app.focused, Input | TextArea)
+        ends_text = event.key == "enter" and self._typed.is_text and not in_field
+        self._typed.forget()
+        if event.key != "enter" or in_field:
+            return False
+        if chosen is not None and time_s - chosen.time_s <= CHOSEN_S:
+            await self._app.run_action(f"app.{chosen.action.action}")
+            return True
+        panel = self._panel
+        if ends_text and panel is not None:
+            panel.type_ahead()
+        return ends_text
+
+    # The approval panel
+
+    @property
+    def _panel(self) -> ApprovalPanel | None:
+        """The approval panel, while one of its buttons or boxes has the keys."""
+        main = self._session.main
+        if main is None or self._app.screen is not main:
+            return None
+        panel = main.query_one(ApprovalPanel)
+        return panel if panel.display and panel.has_focus_within else None
+
+    def _takes_at_panel(self, panel: ApprovalPanel, character: str) -> bool:
+        if not panel.armed:
+            panel.type_ahead()
+            return True
+        if self._typed.is_text:
+            panel.write_reason(self._typed.keys)
+            return True
+        if isinstance(self._app.focused, CheckBox) and character == " ":
+            self._typed.forget()
+            return False
+        if character.isalpha() and character not in DECISION_KEYS:
+            panel.write_reason(character)
+            return True
+        return False
+
+    def _lead_in(self, time_s: float) -> None:
+        """Give a reason its first letter, where that has led to the field before the second."""
+        first, field = self._typed.keys, self._app.focused
+        leads = self._typed.goes_on(time_s) and not self._typed.is_text
+        if leads and first in DECISION_KEYS and isinstance(field, Input) and field.id == REASON:
+            field.insert_text_at_cursor(first)
+
+    # Commands elsewhere
+
+    def _chooses(self, event: events.Key, time_s: float) -> bool:
+        bound = self._app.screen.active_bindings.get(event.key)
+        if bound is None or bound.node is not self._app:
+            return False
+        action = with_call(bound.binding.action)
+        if action is None or not action.confirmed:
+            return False
+        self._chosen = _Chosen(action, time_s)
+        self._say(key_text(event.key), f"then Enter: {action.help}. Any other key drops it")
+        return True
+
+    def _say_it_is_text(self) -> None:
+        keys = self._settings.keys
+        waits = self._session.situation.approval
+        plan = f", {first_own_key('approval', keys)} to the plan that waits" if waits else ""
+        mission = first_own_key("prompt", keys)
+        self._say("", f"Typed text is no command. {mission} goes to the mission field{plan}")
+
+    def _say(self, key: str, text: str) -> None:
+        self._told = True
+        if self._line is not None and self._line in self._app.screen.children:
+            self._line.show(key, text)
+        else:
+            self._drop_line()
+            self._line = KeyLine(key, text)
+            self._app.screen.mount(self._line)
+        if self._timer is not None:
+            self._timer.stop()
+        self._timer = self._app.set_timer(CHOSEN_S, self._drop_line)
+
+    def _drop_line(self) -> None:
+        if self._timer is not None:
+            self._timer.stop()
+        if self._line is not None and self._line.is_attached:
+            self._line.remove()
+        self._line = self._timer = None
+
+
+def _prints(event: events.Key) -> bool:
+    """Whether the key is one of a text: a key with Alt is none, though it has a character."""
+    return event.is_printable and "+" not in event.key
