@@ -78,7 +78,7 @@ async def test_a_narrowed_plan_is_armed_when_its_last_line_was_on_screen(tmp_pat
         for _ in range(20):
             if not panel.query_one("#approve", Button).disabled:
                 break
-            await pilot.press("a")
+            await pilot.press("a", "enter")
             assert station.decisions == []
             clock.now += ARM_DELAY_S
             await pilot.press("pagedown")
@@ -120,7 +120,7 @@ async def test_what_was_not_understood_can_only_be_rejected(tmp_path: Path) -> N
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
         assert "What is to be done, in English?" in said(app.screen.query_one(ApprovalPanel))
-        await pilot.press("a", "m")
+        await pilot.press("a", "enter", "m", "enter")
         await settle(pilot, station)
         assert station.decisions == []
         await pilot.press("r", "enter")

@@ -391,20 +391,28 @@ class ApprovalPanel(Vertical, can_focus=True):
     def action_go_to(self, button: str) -> None:
         """Go to a button, which Enter presses; to what Approve still needs, where it needs it.
 
-        Where nobody may approve, or not yet, no button is left that the Enter of an approval would
-        press.
+        Where it cannot be pressed the panel itself has the focus, so that Enter presses no other.
         """
-        if not self.armed:
+        request = self._trace.approval if self._trace else None
+        if request is None or not self.armed:
             return
         target: Widget = self.query_one(f"#{button}", Button)
         if target.disabled:
-            request = self._trace.approval if self._trace else None
-            unticked = [box for box in self.query(CheckBox) if not box.ticked]
-            if request is None or request.blocked_by or (self._unseen and not unticked):
-                target = self
-            else:
-                target = unticked[0] if unticked else self.query_one(f"#{REASON}", Input)
+            target = self._needed(request) if button == "approve" else self
         self.screen.set_focus(target)
+
+    def _needed(self, request: ApprovalRequested) -> Widget:
+        """Return where the operator gives what Approve still needs; here if nobody can."""
+        unticked = [box for box in self.query(CheckBox) if not box.ticked]
+        reason = self.query_one(f"#{REASON}", Input)
+        if request.blocked_by or request.state == "not_understood":
+            return self
+        if unticked:
+            return unticked[0]
+        if request.needs_override and not reason.value.strip():
+            return reason
+        self.action_scroll_plan(1)
+        return self
 
     def action_read_as(self, number: int) -> None:
         """Ask for a plan for another reading of the order."""
