@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
+from types import TracebackType
 from typing import Self
 
 from pydantic import TypeAdapter
@@ -168,14 +169,22 @@ class Station:
             writer = stack.enter_context(self._open_log())
             self.log = writer.path
             self._station.write_to(writer)
-            stack.push_async_callback(self._end, asyncio.create_task(self._attend()))
+            stack.push_async_exit(partial(self._end, asyncio.create_task(self._attend())))
             await self._begun.wait()
             self._context = stack.pop_all()
         return self
 
-    async def __aexit__(self, *_: object) -> None:
-        """End the session; a mission that is worked on is cancelled, its assets made safe."""
-        await self._context.aclose()
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """End the session; a mission that is worked on is cancelled, its assets made safe.
+
+        Verdicts on outcomes that are still to come are waited for, unless an error ends it.
+        """
+        await self._context.__aexit__(kind, error, traceback)
 
     async def run_mission(self, text: str) -> Outcome:
         """Plan, check, decide, execute and verify one mission in plain language.
@@ -210,7 +219,10 @@ class Station:
         await self._station.advance(seconds)
 
     async def settled(self) -> None:
-        """Wait until no mission is worked on and none waits, those of alarms included."""
+        """Wait until no mission is worked on and none waits, those of alarms included.
+
+        The judge has then said its word on every outcome.
+        """
         await self._station.settled()
 
     def stop_all(self) -> None:
@@ -240,8 +252,10 @@ class Station:
             for end in self._ends.values():
                 _settle(end, self._over or RuntimeError("the session was cancelled"))
 
-    async def _end(self, attending: asyncio.Task[None]) -> None:
-        await self._station.close("closed by the program")
+    async def _end(
+        self, attending: asyncio.Task[None], kind: type[BaseException] | None, *_: object
+    ) -> None:
+        await self._station.close("closed by the program", judge_outcomes=kind is None)
         await attending
 
     def _take(self, event: ev.Event) -> None:

@@ -14,12 +14,19 @@ from pa_console.orders.plain_words import plain_reading
 from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import Decision
 from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.session.status_words import status_of
 
 
 def ask_decision(request: ApprovalRequested, trace: MissionTrace | None) -> Decision:
     """Show the rules, the plan and the verdict and ask; no answer, or no terminal, rejects."""
+    if request.state == "not_understood":
+        errors.print("; ".join(request.blocked_by), style="bold yellow", markup=False)
+        return Decision(kind="reject", reason="; ".join(request.blocked_by))
     if trace is not None:
         print_proposal(errors, trace, request.attempt)
+    if request.state in ("narrowed", "may_be_misunderstood"):
+        told = status_of("approval", request.state)
+        errors.print(told.text, style="bold yellow", markup=False)
     for reason in request.blocked_by:
         errors.print(f"blocked: {reason}", style="bold red", markup=False)
     if request.blocked_by and not request.readings:

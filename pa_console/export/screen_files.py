@@ -147,4 +147,4 @@ def _arrivals(recording: Recording, span: range) -> Iterator[str]:
         if recording.of_mission(index):
             data = recording[index].data
             if isinstance(data, MissionReceived):
-                yield visible_line(f"{data.mission.id} {data.mission.text}")
+                yield visible_line(f"{data.mission.id} {data.mission.said}")

@@ -48,6 +48,8 @@ _EVERY = re.compile(
     r"|set|max\w*|no one|nothing|single|units|team|lot|both|number)\b"
 )
 _PAIR = re.compile(r"\b(?:both|couple|pair|two|twin|2)\b")
+_GATES = re.compile(r"\b(?:gates|everywhere|anywhere|somewhere)\b")
+"""What names places without their names, in lower case."""
 _NAME = re.compile(r"[A-Za-z0-9_]+")
 
 
@@ -72,6 +74,13 @@ class MentionCheck(NamedTuple):
     unsupported: tuple[Unsupported, ...] = ()
     moves: bool = False
     """Whether the plan moves anybody."""
+    unfounded: bool = False
+    """Whether the order has no name in it, and nothing bears out the places of the reading."""
+
+    @property
+    def baseless(self) -> bool:
+        """Whether somebody is moved for what no word of the order asks or names."""
+        return self.moves and (self.empty or self.unfounded)
 
     @property
     def empty(self) -> bool:
@@ -110,8 +119,11 @@ def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
     if made.refused and not moves:
         return MentionCheck(tuple(Accounted(one, accounted=True) for one in mentions))
     listed = (Accounted(one, not one.asked or made.accounts_for(one)) for one in mentions)
-    lacking = _Words(world, picture, text, mentions).lacking(made) if asked else ()
-    return MentionCheck(tuple(listed), tuple(dict.fromkeys(lacking)), moves)
+    found = _Words(world, picture, text, mentions).lacking(made) if asked else ()
+    lacking = tuple(dict.fromkeys(found))
+    names = any(one.sort in ("place", "asset", "track") for one in mentions)
+    unfounded = made.is_unfounded(lacking) and not names and not _GATES.search(text.lower())
+    return MentionCheck(tuple(listed), lacking, moves, unfounded)
 
 
 class _Made:
@@ -142,6 +154,22 @@ class _Made:
         self._stood = {_at(picture, name) for name in self._assets if name in read}
         """Where those stand whom the reading names: *the one at the north gate*."""
         self._acting = len({action.agent for action in acting})
+
+    def is_unfounded(self, lacking: Sequence[Unsupported]) -> bool:
+        """Whether every place of the reading is `lacking` in the words of the order.
+
+        Of a reading that names no place it is who is named, and of one that names nothing it is
+        what is to be done.
+        """
+        missing = {one.named for one in lacking}
+        placed = [ask for ask in self.asks if ask.place not in ("", NOWHERE)]
+        if placed:
+            return all({ask.place, ask.leaving} & missing for ask in placed)
+        named = {name for ask in self.asks for name in (*ask.who.names, ask.leaving) if name}
+        named.update(PLAIN_KINDS[ask.who.kind] for ask in self.asks if ask.who.kind is not None)
+        if not named:
+            return any(one.sort == "verb" for one in lacking)
+        return named <= missing
 
     def accounts_for(self, one: Mention) -> bool:
         """Whether what the order names by `one` is here."""

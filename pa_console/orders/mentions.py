@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 from pa_console.orders.name_linking import link_names
 from pa_console.orders.order import Task
 from pa_console.orders.verb_lexicon import find_verbs
-from pa_console.orders.world_names import GATE, NUMBERS, WORD
+from pa_console.orders.world_names import GATE, NUMBERS, WORD, WorldNames
 from pa_console.schema.world import AssetKind, World
 
 Sort = Literal["place", "asset", "track", "kind", "number", "numeral", "verb"]
@@ -45,6 +45,16 @@ KINDS: dict[str, AssetKind] = {
 ASSETS = frozenset(("asset", "unit", "machine", "device", "platform"))
 """What any asset is called."""
 _ALL = frozenset(("all", "every", "each", "both", "everyone", "everybody", "everything"))
+_NAMES = frozenset(("place", "asset", "track", "kind"))
+_OF_SITES = re.compile(
+    r"\b(?:assets?|units?|machines?|platforms?|team|fleet|everyone|everybody|everything|nobody"
+    r"|gates?|posts?|guards?|unguarded|uncovered|gaps?|cover|relief|perimeter|positions|base"
+    r"|checkpoint|site|fence"
+    r"|boundary|walls?|vehicles?|cars?|trucks?|vans?|lorr(?:y|ies)|person|people|intruders?"
+    r"|strangers?|visitors?|tracks?|birds?|aerial|scouts?|cameras?|battery|batteries"
+    r"|(?:all|each|every one) of (?:you|them)|[a-z]{1,3}-?\d{1,2})\b"
+)
+"""What sites have by whatever name, in lower case."""
 _LONGEST = 3
 """Words of a name that are looked at together."""
 _SPELT = {
@@ -116,6 +126,17 @@ def find_mentions(world: World, text: str, tracks: Iterable[str] = ()) -> tuple[
     """
     finder = _Finder(world, tracks)
     return tuple(dict.fromkeys(finder.find(link_names(world, text))))
+
+
+def speaks_of_site(world: World, text: str, tracks: Iterable[str] = ()) -> bool:
+    """Whether `text` names anything that a site has: a place, an asset, a kind, a post, a visitor.
+
+    It may be named by the way: this tells only what speaks of something else altogether.
+    """
+    low, names = text.lower(), WorldNames.of(world)
+    if _OF_SITES.search(low) or any(names.team(word) for word in re.findall("[a-z]+", low)):
+        return True
+    return any(one.sort in _NAMES for one in find_mentions(world, text, tracks))
 
 
 class _Finder:

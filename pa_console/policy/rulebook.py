@@ -2,8 +2,10 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
+from pa_console.policy.checks.check_context import PLAN_SHAPES
 from pa_console.policy.expressions.deadlines import DEADLINE_S
 from pa_console.policy.expressions.expression import (
     MOMENT_VARIABLES,
@@ -12,6 +14,7 @@ from pa_console.policy.expressions.expression import (
     WORKFLOW_VARIABLES,
     Expression,
 )
+from pa_console.policy.expressions.fields import Fields, united
 from pa_console.policy.trust.rule_seal import seal_of
 from pa_console.schema.document import Document, FieldPath
 from pa_console.schema.rule import Ordering, Rule, RuleSet, RulesSeal, Workflow
@@ -60,6 +63,12 @@ class CompiledRule:
         """What guard and check read."""
         parts = [part.variables for part in (self.applies, self.check) if part is not None]
         return frozenset[str]().union(*parts)
+
+    @cached_property
+    def reads(self) -> Fields:
+        """Which fields of their variables guard and check read."""
+        parts = [part.reads(PLAN_SHAPES) for part in (self.applies, self.check) if part is not None]
+        return united(parts)
 
     @property
     def about_mission_only(self) -> bool:
@@ -174,11 +183,14 @@ class Rulebook:
         self.workflows, self.seal = workflows, seal or RulesSeal()
         self.rule_set = rule_set
         self.rules: tuple[Rule, ...] = tuple(entry.rule for entry in compiled)
+        self.parts = tuple(part for entry in compiled for part in entry.parts)
+        """Every rule that is decided, the core's too."""
         self._by_id = {rule.id: rule for rule in self.rules}
-        self.variables = frozenset[str]().union(
-            *(part.variables for entry in compiled for part in entry.parts)
-        )
-        """What any check reads; nothing else has to be converted for CEL."""
+
+    @cached_property
+    def reads(self) -> Fields:
+        """What any guard or check reads; nothing else has to be converted for CEL."""
+        return united(part.reads for part in self.parts)
 
     def get(self, rule_id: str) -> Rule:
         """Return the rule `rule_id`; raises KeyError when it is not in force."""

@@ -10,6 +10,15 @@ from pa_console.schema.plan import Plan
 
 MAX_MISSION_TEXT = 2000
 DecisionKind = Literal["approve", "reject", "modify", "choose"]
+ApprovalState = Literal[
+    "approve",  # understood, and all of it is planned
+    "narrowed",  # understood; the plan leaves out a part of the order, and says why
+    "may_be_misunderstood",  # its words and its reading differ, or the models were not sure
+    "not_understood",  # no order, or none that can be read: asked back, and nothing is proposed
+    "judge_objects",  # the judge said Failure: overriding it needs a reason
+    "blocked",  # nobody may approve it
+]
+"""What an operator has to know of a plan before deciding on it: the worst that holds."""
 MissionStatus = Literal[
     "verified", "unverified", "refused", "rejected", "held", "cancelled", "failed"
 ]
@@ -80,7 +89,11 @@ class Verification(StrictModel):
 
 
 class Metrics(StrictModel):
-    """Seconds per stage of one mission; execution is in simulated seconds, the rest wall time."""
+    """Seconds per stage of one mission; execution is in simulated seconds, the rest wall time.
+
+    End to end is from the command to the mission's end. The judge's verdicts on the outcome are no
+    part of that: they come when nobody needs the model.
+    """
 
     retrieval_s: NonNegative = 0.0
     picture_s: NonNegative = 0.0

@@ -8,6 +8,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident, Reaction, RevealTrack, SpawnTrack
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
+from pa_console.session.status_words import status_of
 
 _TEMPLATES: dict[str, str] = {
     "spawn": "a {track} appears on the lane to {gate}",
@@ -136,7 +137,7 @@ def event_in_words(data: ev.EventPayload) -> str:
         case ev.AlarmCleared(alarm_id=name, reason=reason):
             said = f"{name}: {reason}"
         case ev.MissionReceived(mission=mission):
-            said = mission.text
+            said = mission.said
         case ev.MissionPreempted(by=who, reason=reason):
             said = f"{who} goes first: {reason}"
         case ev.WorkflowMoved():
@@ -171,7 +172,8 @@ def _planned(data: ev.EventPayload) -> str:
         case ev.RepairRequested(reasons=reasons):
             said = "; ".join(reasons)
         case ev.ApprovalRequested(blocked_by=blocked, plan=plan, readings=readings):
-            said = f"blocked: {'; '.join(blocked)}" if blocked else _plan(plan)
+            said = "; ".join(blocked) if blocked else _plan(plan)
+            said = f"{_state(data)}{said}"
             said += f" | if halted: {safety_in_words(data.if_halted)}" if data.if_halted else ""
             said += "".join(f" | or: {plain_reading(asked)}" for asked in readings)
         case ev.DecisionMade(decision=decision, accepted=accepted, detail=detail):
@@ -185,6 +187,16 @@ def _planned(data: ev.EventPayload) -> str:
         case _:
             pass
     return said
+
+
+def _state(request: ev.ApprovalRequested) -> str:
+    """Return what has to be known first, in words; empty where nothing has."""
+    if request.state == "not_understood":
+        return ""  # its one reason says so
+    if request.blocked_by:
+        return "blocked: "
+    told = request.state not in (None, "approve")
+    return f"{status_of('approval', request.state or '').word.lower()}: " if told else ""
 
 
 def _done(data: ev.EventPayload) -> str:

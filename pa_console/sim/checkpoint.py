@@ -9,6 +9,7 @@ from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.sim import forecast, incidents, scenario_script
 from pa_console.sim.assets import battery, devices, motion, physics
+from pa_console.sim.assets.surroundings import Traffic
 from pa_console.sim.contacts import true_contacts
 from pa_console.sim.picture import integrity, telemetry
 from pa_console.sim.picture import picture as station_side
@@ -37,6 +38,7 @@ class Checkpoint:
         """Begin anew at tick 0; equal seeds give equal histories under equal inputs."""
         self.seed = seed
         self._scene = Scene(rng=random.Random(seed))
+        self._traffic: Traffic | None = None
         nominal = RadioState.nominal(self.world.radio)
         for index, (name, spec) in enumerate(self.world.assets.items()):
             at = self.world.frames[spec.post].at
@@ -49,7 +51,7 @@ class Checkpoint:
         self._happened: list[Incident] = []
         self._skipped: list[str] = []
         self._play()
-        self._picture = station_side.begin(self._terrain, self._scene)
+        self._show(station_side.begin(self._terrain, self._scene))
 
     @property
     def tick(self) -> int:
@@ -71,12 +73,14 @@ class Checkpoint:
                 devices.note_heard(terrain, scene, scene.assets[command.agent])
             for reply in devices.accept(terrain, scene, command):
                 link.send_reply(scene, reply, dt_s)
-        ground = motion.traffic(terrain, scene)
-        velocities = motion.drive(terrain, scene, ground, dt_s)
-        if velocities:
+        busy = scene.busy()
+        if busy:
+            ground = self._traffic = self._traffic or motion.traffic(terrain, scene)
+            velocities = motion.drive(terrain, scene, busy, ground, dt_s)
             physics.move(terrain, scene, ground, velocities, dt_s)
         sensing.advance(terrain, scene, dt_s)
-        for asset in scene.busy():
+        for asset in busy:
+            asset.said = None
             battery.settle(self.world, scene, asset)
             for reply in devices.work(terrain, scene, asset):
                 link.send_reply(scene, reply, dt_s)
@@ -103,17 +107,16 @@ class Checkpoint:
         phase = scene.tick % self._period
         if scene.ideal:
             if phase == 0:
-                self._picture = forecast.report(terrain, scene)
+                self._show(forecast.report(terrain, scene))
             return
         if phase == max(0, self._period - LEAD_TICKS) % self._period:
             radio.end_jams(scene)
             devices.listen(terrain, scene)
             telemetry.send(terrain, scene)
-        for report in link.take_reports(scene):
-            station_side.receive(terrain, scene, report)
+        station_side.receive(terrain, scene, link.take_reports(scene))
         if phase == 0:
             integrity.compare(terrain, scene)
-            self._picture = station_side.build(terrain, scene, scene.assets)
+            self._show(station_side.build(terrain, scene, scene.assets))
 
     def inject(self, incident: Incident) -> None:
         """Make `incident` happen now; it shows in the picture when telemetry tells of it.
@@ -123,12 +126,20 @@ class Checkpoint:
         gate without a lane, and for a frame with no place left.
         """
         incidents.apply(self._terrain, self._scene, incident)
+        self._traffic = None
         if self.tick == 0:
-            self._picture = station_side.begin(self._terrain, self._scene)
+            self._show(station_side.begin(self._terrain, self._scene))
 
     def picture(self) -> Picture:
         """Return telemetry as last reported, every `world.telemetry_period_s`."""
+        if self._picture is None:
+            self._picture = self._draft.picture()
         return self._picture
+
+    def _show(self, draft: station_side.Draft) -> None:
+        """Let the picture say this from now on; it is put together when somebody reads it."""
+        self._draft = draft
+        self._picture: Picture | None = None
 
     def truth(self) -> Picture:
         """Return the exact state, for tests, scorers and benchmarks; nothing else may see it.
@@ -146,8 +157,9 @@ class Checkpoint:
         twin = Checkpoint.__new__(Checkpoint)
         twin.world, twin.seed, twin.scenario = self.world, 0, None
         twin._happened, twin._skipped = [], []
-        twin._terrain, twin._period = self._terrain, self._period
-        twin._scene, twin._picture = forecast.scene_of(self._terrain, self._picture), self._picture
+        twin._terrain, twin._period, twin._traffic = self._terrain, self._period, None
+        twin._draft, twin._picture = self._draft, self.picture()
+        twin._scene = forecast.scene_of(self._terrain, twin._picture)
         return twin
 
     def take_incidents(self) -> list[Incident]:
@@ -166,14 +178,17 @@ class Checkpoint:
             done, skipped = scenario_script.play(self._terrain, self._scene, self.scenario)
             self._happened += done
             self._skipped += skipped
+            if done:
+                self._traffic = None
 
     def fork(self) -> "Checkpoint":
         """Return an independent copy; equal inputs keep the two equal, contacts included."""
         twin = Checkpoint.__new__(Checkpoint)
         twin.world, twin.seed, twin.scenario = self.world, self.seed, self.scenario
         twin._happened, twin._skipped = list(self._happened), list(self._skipped)
-        twin._terrain, twin._period = self._terrain, self._period
-        twin._scene, twin._picture = self._scene.copy(), self._picture
+        twin._terrain, twin._period, twin._traffic = self._terrain, self._period, None
+        twin._scene, twin._draft = self._scene.copy(), self._draft
+        twin._picture = self._picture
         return twin
 
     def state_hash(self) -> str:

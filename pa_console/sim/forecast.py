@@ -15,7 +15,7 @@ from pa_console.sim.assets import battery
 from pa_console.sim.picture import picture as station_side
 from pa_console.sim.picture import telemetry
 from pa_console.sim.sensing import sensing
-from pa_console.sim.state import AssetState, Heard, RadioState, Scene, StationState
+from pa_console.sim.state import AssetState, Heard, RadioState, Said, Scene, StationState
 from pa_console.sim.worlds.terrain import Terrain
 
 IDLE_REPORT_PERIODS = 20
@@ -35,13 +35,13 @@ def scene_of(terrain: Terrain, picture: Picture) -> Scene:
     station = scene.station = StationState(at_gate={gate: {} for gate in world.gates})
     for index, report in enumerate(picture.assets.values()):
         asset = scene.assets[report.id] = _asset(world, picture.tick, index, report)
+        said = station.shown[report.id] = Said.of(report)
         station.heard[report.id] = Heard(
-            telemetry=report,
+            telemetry=said,
             stamp=picture.tick if asset.radio.up else round(report.stamp_s / dt_s),
             marks=station_side.marks_of(report.comms),
         )
-        station.shown[report.id] = report
-        station_side.update_post(scene, None, report)
+        station_side.update_post(scene, None, report, set())
         if asset.route or asset.command is not None:
             scene.active.add(asset.id)
     for gate, cover in picture.gates.items():
@@ -52,8 +52,8 @@ def scene_of(terrain: Terrain, picture: Picture) -> Scene:
     return scene
 
 
-def report(terrain: Terrain, scene: Scene) -> Picture:
-    """Let the assets that have changed report, and return the picture."""
+def report(terrain: Terrain, scene: Scene) -> station_side.Draft:
+    """Let the assets that have changed report, and return what the picture says."""
     world, station = terrain.world, scene.station
     turn = scene.tick // station_side.period_ticks(world) % IDLE_REPORT_PERIODS
     silent: list[str] = []

@@ -101,7 +101,7 @@ def _carried(scene: Scene, name: str) -> None:
     heard = scene.station.heard.get(name)
     if heard is not None:
         trust = replace(heard.trust, carried_tick=scene.tick)
-        scene.station.heard[name] = replace(heard, trust=trust)
+        scene.station.heard[name] = heard._replace(trust=trust)
 
 
 def _asset(terrain: Terrain, scene: Scene, name: str) -> AssetState:

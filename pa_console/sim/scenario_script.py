@@ -146,4 +146,4 @@ def _asset_is(terrain: Terrain, scene: Scene, when: AssetIs) -> bool:
             return asset.task == "charging"
         case "silent":
             report = scene.station.shown.get(asset.id)
-            return report is not None and report.comms == "lost"
+            return report is not None and report.like.comms == "lost"

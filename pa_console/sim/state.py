@@ -6,7 +6,8 @@ import math
 import random
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from operator import attrgetter
+from typing import Literal, NamedTuple
 
 from pa_console.schema.base import Point
 from pa_console.schema.command import CommandReply, DeviceCommand
@@ -260,13 +261,41 @@ class Drift:
         return (position[0] + self.vx * seconds, position[1] + self.vy * seconds)
 
 
-@dataclass(frozen=True, slots=True)
-class Report:
+@dataclass(slots=True, repr=False, eq=False)
+class Said:
+    """What an asset says of itself: as in an earlier report, `like`, but for battery and time.
+
+    The telemetry itself is put together once somebody reads it; `repr` shows that.
+    """
+
+    like: AssetTelemetry
+    battery_pct: float
+    stamp_s: float
+    _telemetry: AssetTelemetry | None = None
+
+    @classmethod
+    def of(cls, telemetry: AssetTelemetry) -> "Said":
+        """Return `telemetry` as said."""
+        return cls(telemetry, telemetry.battery_pct, telemetry.stamp_s, telemetry)
+
+    def telemetry(self) -> AssetTelemetry:
+        """Return the whole report."""
+        if self._telemetry is None:
+            new = {"battery_pct": self.battery_pct, "stamp_s": self.stamp_s}
+            self._telemetry = AssetTelemetry.of_valid({**self.like.__dict__, **new})
+        return self._telemetry
+
+    def __repr__(self) -> str:
+        """Return what the telemetry looks like."""
+        return repr(self.telemetry())
+
+
+class Report(NamedTuple):
     """One telemetry message: what an asset said of itself at tick `stamp`, and what it detected."""
 
     agent: str
     stamp: int
-    telemetry: AssetTelemetry
+    telemetry: Said
     detections: tuple[Detection, ...] = ()
 
 
@@ -319,15 +348,14 @@ class Trust:
     carried_tick: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Heard:
+class Heard(NamedTuple):
     """What the station has of one asset: its latest report, sent at tick `stamp`, and the link.
 
     `marks` has one bit for each of the last expected reports, the latest lowest: 1 if it came in
     time.
     """
 
-    telemetry: AssetTelemetry
+    telemetry: Said
     stamp: int
     marks: int
     trust: Trust = Trust()
@@ -342,7 +370,7 @@ class StationState:
     """
 
     heard: dict[str, Heard] = field(default_factory=dict[str, Heard])
-    shown: dict[str, AssetTelemetry] = field(default_factory=dict[str, AssetTelemetry])
+    shown: dict[str, Said] = field(default_factory=dict[str, Said])
     at_gate: dict[str, dict[str, bool]] = field(default_factory=dict[str, dict[str, bool]])
     covers: dict[str, GateCover] = field(default_factory=dict[str, GateCover])
     covered_tick: dict[str, int] = field(default_factory=dict[str, int])
@@ -368,7 +396,8 @@ class AssetState:
     when it was reached; `stalls` counts how often the leg got stuck. `heard_tick` is when the
     station last got through to it; while it is `cut_off` it `owes` the replies on how its command
     ended. `place` is the frame it was at when it was at `placed_at`; its battery is as of
-    `settled_tick`.
+    `settled_tick`. `said` is its last report, None once more than its battery may have changed
+    since; it follows from the rest, so the hash leaves it out.
     """
 
     id: str
@@ -405,6 +434,7 @@ class AssetState:
     announced: bool = False
     progress_tick: int = 0
     answered: tuple[CommandReply, ...] = ()
+    said: AssetTelemetry | None = field(default=None, repr=False, compare=False)
 
     @property
     def position(self) -> Point:
@@ -420,6 +450,9 @@ class AssetState:
         """Stand where it is from now on, with `task`."""
         self.route, self.speed, self.task = (), 0.0, task
         self.station, self.held_by = self.position, ""
+
+
+_index = attrgetter("index")
 
 
 @dataclass(slots=True)
@@ -451,7 +484,7 @@ class Scene:
 
     def in_order(self, names: Iterable[str]) -> list[AssetState]:
         """Return the assets of these names in the team's order."""
-        return sorted((self.assets[name] for name in names), key=_index)
+        return sorted([self.assets[name] for name in names], key=_index)
 
     @property
     def contacts(self) -> dict[str, ContactState]:
@@ -487,7 +520,3 @@ class Scene:
             sorted(self.touched), *map(sorted, unordered),
         )  # fmt: skip
         return hashlib.sha256(repr(parts).encode()).hexdigest()
-
-
-def _index(asset: AssetState) -> int:
-    return asset.index

@@ -51,6 +51,7 @@ class LiveClock:
     """The world goes on whether anybody waits for it or not, as in a console."""
 
     rate = 1.0
+    waits = False
 
     async def due(self, dt_s: float, waiting: Callable[[], bool]) -> int:
         """Return one step after every turn of the event loop."""

@@ -15,6 +15,7 @@ from pa_console.llm.engine.protocol import Completed, Request
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.orchestrator.planning.approval import CheckedPlan, OrderAsRead, request_approval
 from pa_console.orchestrator.station.headless import standing_approver
+from pa_console.schema.events.event import UNSURE
 from pa_console.schema.finding import Verdict
 from pa_console.schema.plan import Plan
 from pa_console.session.state.mission_trace import Attempt
@@ -167,7 +168,8 @@ def test_no_doubt_is_ever_approved_by_a_standing_instruction(
         OrderAsRead(gaps=tuple(gaps), confidence=confidence, read_apart=apart),
     )
     decision = standing_approver("auto", "whatever", least=least)(request)
-    sound = confidence is not None and confidence >= least and not gaps and not apart
+    sure = confidence is not None and confidence >= max(least, UNSURE)
+    sound = sure and not gaps and not apart
     assert decision.kind == ("approve" if sound else "reject")
     assert decision.reason
 

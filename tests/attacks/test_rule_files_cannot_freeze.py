@@ -2,6 +2,7 @@
 
 import asyncio
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 
 from pa_console.orchestrator.planning import safeguards
 from pa_console.orchestrator.station.assembly import load_site
+from pa_console.policy.checks import rule_checks
 from pa_console.policy.expressions.deadlines import (
     DeadlineError,
     deadline,
@@ -33,6 +35,15 @@ from tests.policy.test_large import MISSION
 
 ENDLESS = "l.exists(a, l.exists(b, l.exists(c, l.exists(d, a + b + c + d < 0))))"
 LONG: dict[str, Any] = {"gates": list(range(400))}
+CHECKS_S = rule_checks.CHECKS_S
+"""The console's own time; other tests are given more of it."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _no_more_time_than_the_console_gives() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rule_checks, "CHECKS_S", CHECKS_S)
+        yield
 
 
 def test_twenty_thousand_terms_end_no_process(tmp_path: Path) -> None:

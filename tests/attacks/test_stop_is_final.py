@@ -239,7 +239,9 @@ async def test_a_stop_while_a_plan_waits_for_a_headless_approver_is_no_error(sit
             station.stop_all()
 
     async with asyncio.timeout(300):
-        traces = await run_missions(station, ["Go."], standing_approver("auto"), sink)
+        traces = await run_missions(
+            station, ["Send Drone_T04 to the West Gate."], standing_approver("auto"), sink
+        )
     assert [trace.status for trace in traces] == ["cancelled"]
 
 

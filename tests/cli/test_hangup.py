@@ -7,9 +7,8 @@ import sys
 from pathlib import Path
 
 from pa_console.orchestrator.station.assembly import load_site
+from tests.cli.outside import WITHIN_S
 from tests.cli.test_replay_verb import record
-
-ENDS_WITHIN_S = 30
 
 
 def test_a_console_ends_with_its_terminal(tmp_path: Path) -> None:
@@ -31,6 +30,6 @@ def test_a_console_ends_with_its_terminal(tmp_path: Path) -> None:
         while b"REPLAY" not in shown:
             shown += os.read(ours, 65536)  # raises OSError when the console ends of itself
         os.close(ours)
-        console.wait(ENDS_WITHIN_S)
+        console.wait(WITHIN_S)
     finally:
         console.kill()

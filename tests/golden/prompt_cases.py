@@ -36,9 +36,10 @@ from pa_console.orders.clause_grammar import asked_pattern
 from pa_console.orders.reading import asked_words, read_asked
 from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.resources import data_folder
-from pa_console.schema.events.event import Role
+from pa_console.schema.events.event import Event, MissionVerified, Role
 from pa_console.schema.mission import ActionOutcome, Mission, Verification
 from pa_console.schema.plan import Plan
+from pa_console.session.state.fold import SessionState
 from pa_console.sim.worlds.world_generator import generate_world
 from pa_console.training.order_generator.sampler import sample_order
 from pa_console.training.phrasing.phrasing import phrase
@@ -273,11 +274,34 @@ def heard(case: Case, prompts: DialectName, *, carried_out: bool) -> Iterator[tu
     fleet = SimulatedFleet(there.fork())
     station = open_station(site, engine.engine(), SteppedClock(), fleet=fleet)
     approver = standing_approver("auto" if carried_out else "never", "the outcome is wanted")
-    traces = asyncio.run(run_missions(station, [case.text], approver, lambda _event, _state: None))
-    for number, request in enumerate(engine.heard, start=1):
+    verified: list[int] = []
+
+    def note(event: Event, _: SessionState) -> None:
+        if isinstance(event.data, MissionVerified):
+            verified.append(len(engine.heard))
+
+    traces = asyncio.run(run_missions(station, [case.text], approver, note))
+    for number, request in enumerate(_plan_by_plan(engine.heard, verified), start=1):
         yield from Heard(f"station {prompts} {number} {request.role}", request).texts()
     ended = [f"{trace.status}: {trace.reason}" for trace in traces]
     yield f"station {prompts} ended", "\n".join(ended)
+
+
+def _plan_by_plan(heard: Sequence[Request], verified: Sequence[int]) -> list[Request]:
+    """Return the requests of a mission, what is asked of each outcome where it was `verified`.
+
+    It is asked after the mission. The numbers say how many requests came before each outcome.
+    """
+    result = [request for request in heard if request.role != "outcome"]
+    late: list[list[Request]] = []
+    for request in heard:
+        if request.role == "outcome" and not request.begun:
+            late.append([request])
+        elif request.role == "outcome":
+            late[-1].append(request)
+    for place, asked in reversed(list(zip(verified, late, strict=True))):
+        result[place:place] = asked
+    return result
 
 
 def everything(case: Case) -> dict[str, str]:

@@ -95,22 +95,30 @@ def read_runs(name: str, out: Path) -> dict[str, Any]:
 
 
 def told_of(log: Path) -> dict[str, list[str]]:
-    """Return what a log tells of answers, verdicts, commands and the end, in order."""
+    """Return what a log tells of answers, verdicts, commands and the end, in order.
+
+    A verdict on an outcome stands where telemetry told of that outcome, whenever it came.
+    """
     told: dict[str, list[str]] = {"planner": [], "judge": [], "commands": [], "outcome": []}
+    to_come: list[int] = []
     for line in log.read_text(encoding="utf-8").splitlines():
         record = json.loads(line)
         data = record["data"]
         match record["kind"]:
             case "plan_proposed":
                 told["planner"].append(data["text"])
-            case "plan_judged" | "outcome_judged":
+            case "plan_judged":
                 told["judge"].append(json.dumps(data["verdict"], ensure_ascii=False))
+            case "outcome_judged":
+                told["judge"][to_come.pop(0)] = json.dumps(data["verdict"], ensure_ascii=False)
             case "command_sent":
                 command = data["command"]
                 words = (command["agent"], command["verb"], command["target"])
                 told["commands"].append(" ".join(filter(None, words)))
             case "mission_verified":
                 told["outcome"].append(json.dumps(data["verification"], ensure_ascii=False))
+                to_come.append(len(told["judge"]))
+                told["judge"].append("")
             case _:
                 pass
     return told

@@ -1,4 +1,7 @@
-"""The engine on a real model: streaming, cancel, deadline, a worker that dies, no trace left."""
+"""The engine: streaming, cancel, deadline, a worker that dies, no trace left.
+
+What a model says does not matter to most tests: they ask one of two layers. Others ask a whole one.
+"""
 
 import asyncio
 import json
@@ -34,7 +37,7 @@ from tests.llm.site import DIGEST, RULE, WORLD, mission, picture
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.long]
 
-ENDLESS = "start: /[a-z ]{2000,3000}/"
+ENDLESS = "start: /[a-z ]{6000,9000}/"
 SHORT = Request(
     role="judge",
     system="You are a judge. " * 20,
@@ -48,9 +51,17 @@ LONG = replace(SHORT, grammar=ENDLESS, max_tokens=2500)
 
 
 @pytest_asyncio.fixture(scope="module", loop_scope="module")
-async def engine(smallest_model: LocalModel) -> AsyncGenerator[Engine]:
-    engine = Engine(smallest_model)
+async def engine(shallow_model: LocalModel) -> AsyncGenerator[Engine]:
+    engine = Engine(shallow_model)
     await engine.start()
+    yield engine
+    await engine.close()
+
+
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def whole(smallest_model: LocalModel) -> AsyncGenerator[Engine]:
+    """An engine of a model that speaks, for what depends on its words."""
+    engine = Engine(smallest_model)
     yield engine
     await engine.close()
 
@@ -98,7 +109,7 @@ async def test_who_listens_only_after_the_start_is_told_how_far_the_model_is(
 
 
 async def test_an_answer_streams_fits_its_grammar_and_is_counted(engine: Engine):
-    done = await answer(engine, SHORT)
+    done = await answer(engine, replace(SHORT, max_tokens=1500))
     assert done.finish == "stop"
     assert json.loads(done.text)["rules"][0]["id"] == "WF-03"
     usage = done.usage
@@ -109,10 +120,10 @@ async def test_an_answer_streams_fits_its_grammar_and_is_counted(engine: Engine)
     assert engine.info.n_ctx == 4096
 
 
-async def test_what_repeats_the_prompt_is_guessed_and_counted(engine: Engine):
+async def test_what_repeats_the_prompt_is_guessed_and_counted(whole: Engine):
     words = "north gate, south gate, east gate, west gate, " * 6
     request = replace(SHORT, user=f"Repeat: {words}", grammar="start: /[a-z, ]{120}/")
-    usage = (await answer(engine, replace(request, max_tokens=80))).usage
+    usage = (await answer(whole, replace(request, max_tokens=80))).usage
     assert 10 < usage.guessed_tokens < usage.sampled_tokens <= usage.completion_tokens
 
 
@@ -149,24 +160,30 @@ async def test_an_answer_that_begins_otherwise_is_written_from_the_start(engine:
 
 
 async def test_several_answers_are_other_ones_and_begin_as_the_first_where_wanted(
-    engine: Engine,
+    whole: Engine,
 ):
     grammar = "start: /[a-z]{3,9}; so: [a-z]{4,12}/"
     request = replace(BRIEF, user="Name a gate.", grammar=grammar)
-    first = await answer(engine, request)
+    first = await answer(whole, request)
     begun = first.text[: first.text.index("so") + 2]
-    alike = await answer(engine, replace(request, count=6, begun=begun))
+    alike = await answer(whole, replace(request, count=6, begun=begun))
     assert len({first.text, *alike.texts}) == 7
     assert all(text.startswith(begun) for text in alike.texts)
-    free = await answer(engine, replace(request, count=6))
+    free = await answer(whole, replace(request, count=6))
     assert len({first.text, *free.texts}) == 7
     assert not all(text.startswith(begun) for text in free.texts)
 
 
 async def test_a_second_prompt_is_answered_as_in_a_fresh_context(
-    engine: Engine, smallest_model: LocalModel
+    engine: Engine, shallow_model: LocalModel
 ):
-    await compare_with_fresh_context(engine, smallest_model)
+    await compare_with_fresh_context(engine, shallow_model)
+
+
+async def test_a_whole_model_answers_as_in_a_fresh_context(
+    whole: Engine, smallest_model: LocalModel
+):
+    await compare_with_fresh_context(whole, smallest_model)
 
 
 @pytest.mark.parametrize("name", ["gemma-3-270m", "qwen2.5-coder-0.5b"])
@@ -213,7 +230,7 @@ async def test_cancel_ends_the_answer_and_keeps_the_worker(engine: Engine):
         async for item in items:
             if isinstance(item, Completed):
                 assert item.finish == "cancelled"
-                assert len(item.text) < 2000
+                assert len(item.text) < 6000
             else:
                 engine.cancel()
     assert (await answer(engine, BRIEF)).finish == "stop"
@@ -221,7 +238,7 @@ async def test_cancel_ends_the_answer_and_keeps_the_worker(engine: Engine):
 
 
 async def test_cancel_while_the_prompt_is_read_ends_it(engine: Engine):
-    reading = asyncio.create_task(answer(engine, replace(LONG, user="word " * 1200)))
+    reading = asyncio.create_task(answer(engine, replace(BRIEF, user="word " * 3500)))
     await asyncio.sleep(0)
     while not engine.busy:
         await asyncio.sleep(0)
@@ -252,8 +269,8 @@ async def test_an_answer_that_is_too_long_is_cut_off(engine: Engine):
     assert done.usage.completion_tokens == 7
 
 
-async def test_what_was_warmed_up_is_not_read_again(smallest_model: LocalModel):
-    engine = Engine(smallest_model)
+async def test_what_was_warmed_up_is_not_read_again(shallow_model: LocalModel):
+    engine = Engine(shallow_model)
     try:
         await engine.warm("judge", BRIEF.system)
         assert (await answer(engine, BRIEF)).usage.cached_tokens >= 64
@@ -262,13 +279,13 @@ async def test_what_was_warmed_up_is_not_read_again(smallest_model: LocalModel):
 
 
 async def test_a_prompt_interrupts_a_warm_up(engine: Engine):
-    warming = asyncio.create_task(engine.warm("planner", "word " * 700))
+    warming = asyncio.create_task(engine.warm("planner", "word " * 3500))
     while not engine.busy:
         await asyncio.sleep(0)
     done = await answer(engine, BRIEF)
     await warming
     assert done.finish == "stop"
-    rest = await answer(engine, replace(BRIEF, role="planner", system="word " * 700))
+    rest = await answer(engine, replace(BRIEF, role="planner", system="word " * 3500))
     assert rest.usage.cached_tokens < rest.usage.prompt_tokens - 128
 
 
@@ -291,9 +308,9 @@ async def test_a_broken_grammar_is_refused(engine: Engine):
         await answer(engine, replace(SHORT, grammar="start: nothing"))
 
 
-async def test_a_killed_worker_is_noticed_and_started_again(smallest_model: LocalModel):
+async def test_a_killed_worker_is_noticed_and_started_again(shallow_model: LocalModel):
     states: list[str] = []
-    engine = Engine(smallest_model, lambda state, detail: states.append(state))
+    engine = Engine(shallow_model, lambda state, detail: states.append(state))
     try:
         await answer(engine, BRIEF)
         pid = worker_pid(engine)
@@ -313,8 +330,8 @@ async def kill_while_answering(engine: Engine, pid: int) -> None:
             os.kill(pid, signal.SIGKILL)
 
 
-async def test_closing_leaves_no_process(smallest_model: LocalModel):
-    engine = Engine(smallest_model)
+async def test_closing_leaves_no_process(shallow_model: LocalModel):
+    engine = Engine(shallow_model)
     await engine.start()
     pid = worker_pid(engine)
     await engine.close()
@@ -350,14 +367,14 @@ asyncio.run(main())
 """
 
 
-async def test_a_worker_does_not_outlive_its_parent(smallest_model: LocalModel):
-    path = os.fspath(smallest_model.path)
-    command = [sys.executable, "-c", PARENT, path, smallest_model.sha256]
+async def test_a_worker_does_not_outlive_its_parent(shallow_model: LocalModel):
+    path = os.fspath(shallow_model.path)
+    command = [sys.executable, "-c", PARENT, path, shallow_model.sha256]
     with subprocess.Popen(command, stdout=subprocess.PIPE) as parent:
         assert parent.stdout is not None
         pid = int(parent.stdout.readline())
         parent.kill()
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(60):
         while not gone(pid) and state_of(pid) != "Z":
             await asyncio.sleep(0.02)
 
@@ -368,6 +385,26 @@ def state_of(pid: int) -> str:
         return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
     except FileNotFoundError:
         return "Z"
+
+
+async def test_a_prompt_interrupts_an_answer_that_nobody_waits_for(engine: Engine):
+    idle = asyncio.create_task(answer(engine, replace(LONG, yields=True)))
+    while not engine.busy:
+        await asyncio.sleep(0)
+    assert (await answer(engine, BRIEF)).finish == "stop"
+    assert (await idle).finish == "cancelled"
+    assert (await answer(engine, replace(BRIEF, yields=True))).finish == "stop"
+
+
+async def test_an_answer_that_nobody_waits_for_interrupts_none(engine: Engine):
+    urgent = asyncio.create_task(answer(engine, BRIEF))
+    while not engine.busy:
+        await asyncio.sleep(0)
+    idle = asyncio.create_task(answer(engine, replace(BRIEF, yields=True)))
+    next_one = asyncio.create_task(answer(engine, replace(BRIEF, user="Say it again.")))
+    assert (await urgent).finish == "stop"
+    assert (await idle).finish == "cancelled"
+    assert (await next_one).finish == "stop"
 
 
 SLOWED = """\

@@ -25,8 +25,8 @@ async def test_a_sound_plan_goes_through_all_steps_and_the_asset_arrives(rig: Ri
         "session_started", "telemetry", "mission_received", "mission_started", "rules_retrieved",
         "picture_digested", "prompt_built", "text_streamed", "plan_proposed", "plan_rehearsed",
         "plan_checked", "prompt_built", "plan_judged", "approval_requested", "decision_made",
-        "command_sent", "command_replied", "mission_verified", "outcome_judged",
-        "mission_reported", "mission_finished", "session_ended",
+        "command_sent", "command_replied", "mission_verified", "mission_reported",
+        "mission_finished", "outcome_judged", "session_ended",
     ]  # fmt: skip
     remaining = iter(rig.kinds())
     assert all(kind in remaining for kind in wanted), rig.kinds()

@@ -54,6 +54,15 @@ async def test_every_role_reads_its_beginning_and_typing_reads_nothing_twice(rig
     assert len(engine.warmed) == 3
 
 
+async def test_what_is_not_to_be_read_unasked_is_read_when_it_is_asked_for(rig: Rig) -> None:
+    engine = ScriptedEngine([])
+    ahead = ReadAhead(services(rig.site, engine), unasked=False)
+    await ahead.load()
+    assert engine.warmed == []
+    await ahead.read_now("an unknown vehicle is at the west")
+    assert [role for role, _, _ in engine.warmed] == ["planner", "judge"]
+
+
 async def test_a_picture_that_changed_is_read_while_somebody_types(rig: Rig) -> None:
     engine = ScriptedEngine([])
     sim = Checkpoint(rig.site.world)

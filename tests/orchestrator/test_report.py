@@ -6,7 +6,6 @@ from typing import Any
 from pa_console.orchestrator.mission.report import PlanFacts, ReportFacts, after_action_report
 from pa_console.schema.alarm import Alarm
 from pa_console.schema.events.event import WorkflowMoved
-from pa_console.schema.finding import Verdict
 from pa_console.schema.mission import ActionOutcome, Decision, Mission, Outcome, Verification
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import GateCover
@@ -47,7 +46,6 @@ def test_a_mission_in_phases_is_told_from_alarm_to_outcome() -> None:
         ),
         PlanFacts(PLAN, "Identify it.", seen("pass")),
     ]
-    facts.judged(Verdict(verdict="Success", feedback="served"))
     facts.moved(WorkflowMoved(**steps, phase=2, outcome="it left"), 61.0)
     text = after_action_report(facts, "verified", "", COVERED)
     assert text.splitlines() == [
@@ -63,7 +61,6 @@ def test_a_mission_in_phases_is_told_from_alarm_to_outcome() -> None:
         "Plan 2 for 'Identify it.'. Rationale: one drone observes",
         "- D4 observe WestGate: pass, why",
         "By telemetry as of 33.5 s: pass, because",
-        "The judge on the outcome: Success, served",
         "All gates covered.",
     ]
     assert len(facts.halts) == 1

@@ -45,6 +45,7 @@ def test_a_slip_of_the_hand_is_read_as_what_was_meant(site: Site, typed: str, re
         "Send Mr Nordvik's parcel to the loading dock",
         "the QRF and the CCTV",
         "everything quiet at northgate and southgate",
+        "recognise the colour of the grey lorry, signalling from the centre",
         "",
     ],
 )

@@ -53,7 +53,7 @@ def watching(rules: Path, *, unsigned: bool = False) -> Station:
 async def test_the_running_mission_is_pinned_to_the_rules_it_was_begun_with(rules: Path) -> None:
     station, state, told = watching(rules), SessionState(), list[ev.Event]()
     old = content_sha256(read_rule_set(rules)[1])
-    station.submit("first")
+    station.submit("All drones report.")
     requests = 0
     async with aclosing(station.run()) as events:
         async for event in events:
@@ -64,7 +64,7 @@ async def test_the_running_mission_is_pinned_to_the_rules_it_was_begun_with(rule
                 if requests == 1:
                     rules.write_text(STRICT)
                     await station.reload_rules()
-                    station.submit("second")
+                    station.submit("All robots report.")
                     station.decide(Decision(kind="modify", plan=OTHER))
                 else:
                     station.decide(Decision(kind="reject"))

@@ -51,8 +51,8 @@ def test_an_unknown_asset_cannot_fail(rig: Rig) -> None:
 async def test_missions_are_worked_on_one_at_a_time_in_order(rig: Rig) -> None:
     station = rig.station(ScriptedEngine([plan(("Drone_T04", "report"))]))
     state, order = SessionState(), list[tuple[str, str | None]]()
-    station.submit("first")
-    station.submit("second")
+    station.submit("All drones report.")
+    station.submit("All robots report.")
     async with aclosing(station.run()) as events:
         async for event in events:
             state.apply(event)
@@ -63,7 +63,10 @@ async def test_missions_are_worked_on_one_at_a_time_in_order(rig: Rig) -> None:
             if len(order) == 4:
                 break
     first, second = state.missions
-    assert [state.missions[m].mission.text for m in (first, second)] == ["first", "second"]
+    assert [state.missions[m].mission.text for m in (first, second)] == [
+        "All drones report.",
+        "All robots report.",
+    ]
     assert order == [
         ("mission_started", first), ("mission_finished", first),
         ("mission_started", second), ("mission_finished", second),
@@ -112,7 +115,7 @@ async def test_cancelling_under_way_makes_the_asset_hold(rig: Rig) -> None:
 async def test_stop_holds_every_asset_and_voids_the_queue(rig: Rig) -> None:
     station = rig.station(ScriptedEngine([None]))
     state, held = SessionState(), set[str]()
-    for text in ("first", "second", "third"):
+    for text in ("All report.", "Drones, report.", "Robots, report."):
         station.submit(text)
     finished = 0
     async with aclosing(station.run()) as events:

@@ -21,10 +21,12 @@ from tests.orchestrator.test_fulfilment import CAR, moves
 NO_DRONE = (FailAsset(asset="Drone_T04"),)
 
 
-def told(words: str, *orders: str, setup: tuple[Incident, ...] = ()) -> tuple[str, ...]:
+def told(
+    words: str, *orders: str, setup: tuple[Incident, ...] = (), text: str = "whoever is free"
+) -> tuple[str, ...]:
     reading = read_asked(f"asked: {words}")
     assert reading is not None
-    return unmet_asks(moves(*orders, setup=setup), reading)
+    return tuple(one.told for one in unmet_asks(moves(*orders, setup=setup), reading, text))
 
 
 @pytest.mark.parametrize(
@@ -51,7 +53,9 @@ def test_of_two_asks_for_one_asset_the_other_is_told() -> None:
     assert told("look at EastGate; 1 drone to WestGate", "Drone_T04 move_to WestGate") == (
         "look at EastGate: nobody can be spared",
     )
-    assert told(words, "Drone_T02 observe NorthGate", "Drone_T04 move_to SouthGate") == ()
+    assert told(words, "Drone_T02 observe NorthGate", "Drone_T04 move_to SouthGate") == (
+        "1 robot identify vehicle at NorthGate: nobody is in sight there",
+    )
 
 
 def test_the_part_that_cannot_be_done_is_told() -> None:
@@ -78,6 +82,21 @@ def test_of_what_is_done_or_could_be_nothing_is_told(words: str, orders: list[st
     assert told(words, *orders, setup=CAR) == ()
 
 
+def test_of_all_who_were_asked_for_it_is_told_who_stays_and_why() -> None:
+    words = "all drones to EastGate"
+    sent = [f"{name} move_to EastGate" for name in ("Drone_T04",)]
+    [line] = told(words, *sent, text="Send all drones to the east gate.")
+    assert line.startswith(f"{words}: Drone_T0")
+    assert "alone (WF-03)" in line
+    assert told(words, *sent, text="Send all free drones to the east gate.") == ()
+
+
+def test_that_nobody_is_there_to_be_met_is_told_however_a_drone_looks() -> None:
+    words = "1 robot warn vehicle at WestGate"
+    [line] = told(words, "Drone_T04 observe WestGate")
+    assert line == f"{words}: nobody is in sight there"
+
+
 @pytest.mark.parametrize("number", range(3))
 def test_of_whole_orders_with_proven_plans_nothing_is_told(number: int) -> None:
     rulebook = load_rules(data_folder() / "rules" / "checkpoint.yaml")
@@ -90,7 +109,7 @@ def test_of_whole_orders_with_proven_plans_nothing_is_told(number: int) -> None:
         assert reading is not None
         plan = PlanMoves(now.world, now.picture, proven.plan)
         idle = all(action.verb == "hold" for action in proven.plan.actions)
-        if unmet_asks(plan, reading):
+        if any("in sight" not in one.told for one in unmet_asks(plan, reading, "who is free")):
             assert idle or len(reading.asks) > 1
 
 

@@ -1,12 +1,13 @@
 """The fold of alarms, the queue, workflows, halts and stops."""
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.schema.alarm import ALARM_PRIORITIES, Alarm, AlarmPriority, QueueEntry
 from pa_console.schema.command import CommandReply, DeviceCommand
 from pa_console.schema.events import event as ev
-from pa_console.schema.finding import Verdict
+from pa_console.schema.finding import Usage, Verdict
 from pa_console.schema.incident import FailAsset, Incident
 from pa_console.schema.mission import Decision, Metrics, Mission, Verification
 from pa_console.session.state.fold import SessionState
@@ -140,6 +141,29 @@ def test_each_plan_of_a_workflow_belongs_to_its_phase() -> None:
     assert trace.verification is not None
     assert trace.verification.outcome == "unknown"
     assert trace.phase == "warn"
+
+
+def test_a_verdict_on_an_outcome_belongs_to_its_plan_however_late_it_comes() -> None:
+    def done(number: int) -> list[tuple[str, ev.EventPayload]]:
+        given = Verification(outcome="pass", actions=())
+        approve = Decision(kind="approve")
+        return [
+            proposed(number),
+            ("M1", ev.DecisionMade(attempt=number, decision=approve, accepted=True)),
+            ("M1", ev.MissionVerified(verification=given, seconds=0.0)),
+        ]
+
+    def judged(number: int) -> tuple[str, ev.EventPayload]:
+        verdict = Verdict(verdict="Success", feedback=str(number))
+        return "M1", ev.OutcomeJudged(attempt=number, verdict=verdict, usage=Usage(seconds=0.5))
+
+    ended = ev.MissionFinished(status="verified", reason="", metrics=Metrics())
+    told = [("M1", received()), *done(1), *done(2), judged(1), ("M1", ended), judged(2)]
+    trace = folded(*told).missions["M1"]
+    assert [v.verdict.feedback for v in trace.verified if v.verdict] == ["1", "2"]
+    assert trace.stage == "finished"
+    assert trace.metrics is not None
+    assert trace.metrics.outcome_s == pytest.approx(1.0)
 
 
 def test_the_phase_is_of_the_first_track_that_has_one_left() -> None:

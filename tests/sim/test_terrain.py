@@ -1,7 +1,6 @@
 """What is looked up quickly is what asking everybody would give."""
 
 import math
-import random
 
 import pytest
 from hypothesis import given, settings
@@ -10,7 +9,7 @@ from shapely import LineString, Point
 
 from pa_console.schema.world import World
 from pa_console.sim.assets.surroundings import Traffic
-from pa_console.sim.state import AssetState, Scene
+from pa_console.sim.state import AssetState
 from pa_console.sim.worlds.terrain import Terrain
 from pa_console.sim.worlds.world_generator import generate_world
 
@@ -49,21 +48,33 @@ def test_no_wall_within_reach_is_left_out(terrain: Terrain, spot: tuple[float, f
         assert gap > terrain.contact_m or wall in near
 
 
-@given(points=st.lists(spots, min_size=1, max_size=40), moving=st.integers(0, 2**40))
+@given(
+    points=st.lists(spots, min_size=1, max_size=40),
+    legs=st.lists(st.lists(spots, min_size=1, max_size=40), max_size=4),
+)
 @settings(max_examples=100, deadline=None)
-def test_everybody_within_reach_is_found(points: list[tuple[float, float]], moving: int) -> None:
-    scene = Scene(rng=random.Random(0))
-    for number, point in enumerate(points):
-        asset = AssetState(f"A{number}", "ugv", number, *point, 0.0, 100.0, None, point)
-        asset.route = ((0.0, 0.0),) if moving >> number & 1 else ()
-        scene.assets[asset.id] = asset
-    me = scene.assets["A0"]
-    expected = [
-        other.id
-        for other in scene.assets.values()
-        if math.dist(me.position, other.position) <= (20.0 if other.route else 10.0)
+def test_everybody_within_reach_is_found_after_every_move(
+    points: list[tuple[float, float]], legs: list[list[tuple[float, float]]]
+) -> None:
+    team = [
+        AssetState(f"A{number}", "ugv", number, *point, 0.0, 100.0, None, point)
+        for number, point in enumerate(points)
     ]
-    assert [other.id for other in Traffic(scene, 10.0, 20.0).near(me)] == expected
+    ground = Traffic(team, standing_m=10.0, moving_m=20.0, close_m=5.0)
+    for leg in [[], *legs]:
+        moving = {asset.id for asset in team[: len(leg)]}
+        ground.go(moving)
+        for asset, (dx, dy) in zip(team, leg, strict=False):
+            asset.x, asset.y = asset.x + dx / 80, asset.y + dy / 80
+        ground.went(math.sqrt(2.0))
+        for me in team:
+            gaps = {o.id: math.dist(me.position, o.position) for o in team if o is not me}
+            found = ground.around(me)
+            reach = {name: 20.0 if name in moving else 10.0 for name in gaps}
+            near = {name for name, gap in gaps.items() if gap <= reach[name]}
+            assert near <= {o.id for o in found.near}
+            assert {name for name, gap in gaps.items() if gap <= 5.0} <= {o.id for o in found.close}
+            assert me not in found.near
 
 
 def test_places_taken_one_after_the_other_stand_apart_until_a_frame_is_full(

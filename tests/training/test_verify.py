@@ -108,6 +108,6 @@ def test_it_comes_to_the_same_as_a_run_of_the_whole_console(
     variant = Variant(judging=False, repairs=0)
     job = Job("set", case, site, "scripted", variant, there.seed)
     memo = MemoEngine(engine.engine(), reuse=False)
-    record = asyncio.run(make_run(job, memo, Score(strict=False), None))
+    record = asyncio.run(make_run(job, memo, lambda: Score(strict=False), None))
     assert (record.status, record.strict) == (found.status, found.score.strict)
     assert (record.failed, record.broken) == (found.score.failed, found.score.broken)

@@ -138,7 +138,7 @@ def plan(number: int, given: Plan, outcome: str, reason: str) -> list[ev.EventPa
     return [
         *story.judged()[1:-1],
         ev.PlanProposed(attempt=number, text=given.model_dump_json(), plan=given),
-        ev.ApprovalRequested(attempt=number, plan=given),
+        ev.ApprovalRequested(attempt=number, plan=given, state="approve"),
         ev.DecisionMade(attempt=number, decision=Decision(kind="approve"), accepted=True),
         ev.CommandSent(command=command),
         ev.CommandResent(command_id=f"p{number}", times=2),

@@ -3,6 +3,12 @@
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 
+from pa_console.orchestrator.planning.approval import (
+    CheckedPlan,
+    OrderAsRead,
+    approval_state,
+    request_approval,
+)
 from pa_console.schema.command import CommandReply, DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Finding, RuleOpinion, Usage, Verdict
@@ -120,6 +126,7 @@ def judged(
         for rule in RULES[:3]
     )
     good = verdict == "Success"
+    read = OrderAsRead(confidence=None if as_chosen else confidence, narrowed=bool(unmet))
     feedback = ("The vehicle is observed and identified before anything else." if good
                 else "Nothing shows that the vehicle has to be identified now.")  # fmt: skip
     given = Verdict.model_validate({"verdict": verdict, "rules": opinions, "feedback": feedback})
@@ -145,6 +152,24 @@ def judged(
             needs_override=verdict == "Failure",
             asked=ASKED if readings else "",
             readings=readings,
+            state=approval_state(read, blocked=bool(blocked), objected=not good),
+        ),
+    ]
+
+
+def not_understood(text: str) -> list[ev.EventPayload]:
+    """An order that is asked back about: no plan was made for it."""
+    mission = MISSION.model_copy(update={"text": text})
+    question = "not known in English: Drohne, Osttor. What is to be done, in English?"
+    return [
+        *opening(),
+        ev.MissionReceived(mission=mission, position=0),
+        ev.MissionStarted(),
+        request_approval(
+            "M-003.0",
+            0,
+            CheckedPlan(Plan(reason="", actions=())),
+            OrderAsRead(question=question),
         ),
     ]
 

@@ -108,7 +108,7 @@ async def test_what_of_the_order_is_left_out_is_told_where_the_operator_decides(
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
         said = app.screen.query_one("#approval-text", TextRows).render().plain
-        assert f"NOT MET  {unmet[0]}" in said.replace("\n ", "")
+        assert f"NOT DONE  {unmet[0]}" in said.replace("\n ", "")
 
 
 @pytest.mark.parametrize(("confidence", "told"), [(0.41, True), (0.93, False), (None, False)])

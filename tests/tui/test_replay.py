@@ -301,7 +301,7 @@ async def test_a_large_log_is_read_beside_the_screen_with_a_bar(
 
     def build(path: Path, file: IO[bytes], size: int, progress: Progress) -> LogIndex:
         progress(size // 4, size)
-        assert free.wait(30), "the screen waits for the log"
+        assert free.wait(100), "the screen waits for the log"
         return build_index(path, file, size, progress)
 
     monkeypatch.setattr("pa_console.session.replay.recording.build_index", build)

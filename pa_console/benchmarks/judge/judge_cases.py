@@ -189,15 +189,21 @@ class _Reading:
         match data:
             case ev.RulesRetrieved():
                 self.task = _task(trace)
+                self._keep_outcome(trace)
             case ev.DecisionMade(accepted=True, decision=decision, attempt=number):
                 if decision.kind == "approve":
                     self.asked = _case(trace, self.task or trace.mission, number)
             case ev.CommandSent():
                 self.executed.add(trace.executing)
-            case ev.OutcomeJudged() | ev.MissionFinished() if self.after is None:
-                self.after = self.state.picture
+            case ev.OutcomeJudged() | ev.MissionFinished():
+                self._keep_outcome(trace)
             case _:
                 pass
+
+    def _keep_outcome(self, trace: MissionTrace) -> None:
+        """Keep the picture that the first outcome is judged in: the mission goes on, or ends."""
+        if self.after is None and (trace.verified or trace.status is not None):
+            self.after = self.state.picture
 
     def outcome(self) -> OutcomeCase | None:
         """Return what the judge was given after the plan, None when nothing was verified."""

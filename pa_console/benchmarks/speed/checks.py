@@ -162,7 +162,7 @@ def measure_checks(bench: Bench) -> list[Comparison]:
     twinned = shipped_rules()
     compare_findings(twinned, cases)
     prepared = [
-        make_context(plan_variables(c.plan, c.rehearsal, c.mission, c.world, twinned.variables))
+        make_context(plan_variables(c.plan, c.rehearsal, c.mission, c.world, twinned.reads))
         for c in cases
     ]
     bench.tell(f"{len(TWINS)} rules on {len(cases)} plans", 0.3)

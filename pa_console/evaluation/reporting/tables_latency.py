@@ -38,14 +38,12 @@ def decision_seconds(record: RunRecord) -> float:
 
 
 def field_seconds(record: RunRecord) -> float:
-    """Return decision, dispatch, execution in simulated seconds and outcome together.
+    """Return decision, dispatch and execution in simulated seconds together.
 
     That is the paper's end-to-end latency (Section V-D), from the command to the confirmation,
     for assets that move as fast as those simulated do.
     """
-    metrics = record.metrics
-    rest = metrics.dispatch_s + metrics.execution_s + metrics.outcome_s
-    return decision_seconds(record) + rest
+    return decision_seconds(record) + record.metrics.dispatch_s + record.metrics.execution_s
 
 
 QUANTITIES: dict[str, Callable[[RunRecord], float]] = {
@@ -59,10 +57,11 @@ QUANTITIES: dict[str, Callable[[RunRecord], float]] = {
 _NOTE = (
     "Seconds. First token: from the prompt to the first token of the first answer. Decision: from "
     "the command to a judged plan, repairs included. End to end, station: wall time from the "
-    "command to the verdict on the outcome; execution is simulated faster than real time. End to "
-    "end, field: decision, dispatch and outcome in wall time plus execution in simulated seconds, "
-    "which is what the paper's definition (Section V-D) comes to here. The paper's assets move in "
-    "another simulation, its models run on another machine."
+    "command to the mission's end by telemetry; execution is simulated faster than real time. End "
+    "to end, field: decision and dispatch in wall time plus execution in simulated seconds, which "
+    "is what the paper's definition (Section V-D) comes to here. The verdict on the outcome is no "
+    "part of either: it comes after the mission. The paper's assets move in another simulation, "
+    "its models run on another machine."
 )
 
 

@@ -1,10 +1,12 @@
 """Makes one run: a fresh checkpoint, the whole pipeline, the true state recorded and scored."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 from pa_console.evaluation.runs.jobs import Job
 from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.run_record import Opinion, RunRecord
+from pa_console.evaluation.scoring.decided_runs import is_decided
 from pa_console.evaluation.scoring.oracle import find_breaches
 from pa_console.evaluation.scoring.score import RunRecorder, Score, score
 from pa_console.fleets.simulated import SimulatedFleet
@@ -12,6 +14,7 @@ from pa_console.orchestrator.station.assembly import open_station
 from pa_console.orchestrator.station.headless import run_missions, standing_approver
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.evaluation import MissionCase
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Usage
 from pa_console.schema.mission import Metrics
@@ -23,8 +26,12 @@ from pa_console.sim.checkpoint import Checkpoint
 OVERRIDE = "evaluation: the truth of every judged plan is wanted"
 
 
-async def make_run(job: Job, engine: MemoEngine, idle: Score, log: Path | None) -> RunRecord:
-    """Run `job` and score it; `idle` is what comes of it when nothing is ordered at all.
+IdleScore = Callable[[], Score]
+"""Tells what comes of a mission when nothing is ordered at all; it may take a run to know that."""
+
+
+async def make_run(job: Job, engine: MemoEngine, idle: IdleScore, log: Path | None) -> RunRecord:
+    """Run `job` and score it; `idle` is asked only where the judge objected to the first plan.
 
     Plans are executed when the checks allow; a judge's objection is noted and overridden. Raises
     ValueError when the set-up cannot be brought about, OSError when the log cannot be written.
@@ -39,6 +46,7 @@ async def make_run(job: Job, engine: MemoEngine, idle: Score, log: Path | None) 
         fleet=SimulatedFleet(sim),
         keep_engine=True,
         variant=job.variant,
+        read_unasked=False,
     )
     watch = _Watch(sim, job.case.command)
     reused = engine.reused
@@ -57,6 +65,7 @@ async def make_run(job: Job, engine: MemoEngine, idle: Score, log: Path | None) 
             sink,
             job.case.setup,
             duration_s=job.case.watch_s,
+            decided=lambda: watch.decides(job.case),
             read_ahead=engine.reads_ahead,
         )
     finally:
@@ -89,10 +98,13 @@ class _Watch:
     def __init__(self, sim: Checkpoint, command: str) -> None:
         self._sim, self._command = sim, command
         self.recorder: RunRecorder | None = None
-        self.outcome_s = 0.0
         self.approved: list[int] = []
         self.offered: int | None = None
         self.ending = ""
+
+    def decides(self, case: MissionCase) -> bool:
+        """Whether nothing that still happens can change the score."""
+        return self.recorder is not None and is_decided(case, self.recorder.recording)
 
     def see(self, event: ev.Event) -> None:
         if self.recorder is not None:
@@ -100,8 +112,6 @@ class _Watch:
         match event.data:
             case ev.MissionReceived() if self.recorder is None:
                 self.recorder = RunRecorder(self._sim, self._command)
-            case ev.OutcomeJudged(usage=usage):
-                self.outcome_s += usage.seconds
             case ev.ApprovalRequested(readings=readings) if self.offered is None:
                 self.offered = len(readings)
             case ev.DecisionMade(accepted=True, attempt=attempt, decision=decision):
@@ -114,7 +124,7 @@ class _Watch:
 
 
 def _record(  # noqa: PLR0917
-    job: Job, trace: MissionTrace, scored: Score, idle: Score, watch: _Watch, refused: bool
+    job: Job, trace: MissionTrace, scored: Score, idle: IdleScore, watch: _Watch, refused: bool
 ) -> RunRecord:
     case = job.case
     approved = [trace.attempt(number) for number in watch.approved]
@@ -152,7 +162,7 @@ def _record(  # noqa: PLR0917
         first_sound=bool(trace.attempts) and _sound(trace.attempts[0]),
         attempts=len(trace.attempts),
         plan=tuple(f"{a.agent} {a.command}" for a in last[0].plan.actions) if last[0].plan else (),
-        metrics=_times(trace, watch.outcome_s),
+        metrics=_times(trace),
         planner=trace.attempts[0].usage if trace.attempts else Usage(),
         judge=approved[0].judge_usage if approved else Usage(),
     )
@@ -172,14 +182,14 @@ def _overall(opinions: list[Opinion]) -> Opinion | None:
     return "Failure" if "Failure" in opinions else "Success"
 
 
-def _obeyed(scored: Score, idle: Score, first: list[Opinion], later: list[Opinion]) -> bool:
+def _obeyed(scored: Score, idle: IdleScore, first: list[Opinion], later: list[Opinion]) -> bool:
     """Return the strict success of an operator who obeys the judge.
 
     An objection to the first plan leaves the checkpoint idle; one to a later plan leaves the
     mission unfinished.
     """
     if first == ["Failure"]:
-        return idle.strict
+        return idle().strict
     return scored.strict and "Failure" not in later
 
 
@@ -187,7 +197,7 @@ def _sound(attempt: Attempt) -> bool:
     return attempt.plan is not None and not any(f.blocking for f in attempt.findings)
 
 
-def _times(trace: MissionTrace, outcome_s: float) -> Metrics:
+def _times(trace: MissionTrace) -> Metrics:
     """Return the metrics, with the time that answers took when they were first given.
 
     An answer that was reused costs no time now: the time that was measured for it stands in.
@@ -196,12 +206,10 @@ def _times(trace: MissionTrace, outcome_s: float) -> Metrics:
     measured = {
         "planning_s": sum(a.usage.seconds for a in trace.attempts),
         "judging_s": sum(a.judge_usage.seconds for a in trace.attempts),
-        "outcome_s": outcome_s,
     }
     if trace.attempts:
         measured["first_token_s"] = trace.attempts[0].usage.first_token_s
     known = metrics.model_dump()
     changes = {stage: max(known[stage], seconds) for stage, seconds in measured.items()}
-    stages = ("planning_s", "judging_s", "outcome_s")
-    added = sum(changes[stage] - known[stage] for stage in stages)
+    added = sum(changes[stage] - known[stage] for stage in ("planning_s", "judging_s"))
     return metrics.model_copy(update={**changes, "end_to_end_s": metrics.end_to_end_s + added})

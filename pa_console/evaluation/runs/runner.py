@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import AsyncGenerator, Callable, Sequence
+from functools import partial
 from itertools import groupby
 
 from pa_console.evaluation.runs.jobs import Job
@@ -89,7 +90,7 @@ class Runner:
         log = self._results.folder / LOGS / f"{job.stem}.jsonl" if self._keep_logs else None
         if log is not None:
             log.unlink(missing_ok=True)
-        return await make_run(job, engine, self._idle_score(job), log)
+        return await make_run(job, engine, partial(self._idle_score, job), log)
 
     def _idle_score(self, job: Job) -> Score:
         """Return what becomes of the job's mission when nothing is ordered; known after once."""

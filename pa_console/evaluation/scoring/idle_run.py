@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Sequence
 
+from pa_console.evaluation.scoring.decided_runs import is_decided
 from pa_console.evaluation.scoring.score import RunRecorder, Score, score_run
 from pa_console.schema.command import FINAL_REPLIES, DeviceCommand
 from pa_console.schema.evaluation import MissionCase
@@ -38,7 +39,8 @@ def rehearsed_run(
     sim = begin(case, world, seed)
     recorder = RunRecorder(sim, case.command)
     ended = [play(sim, recorder, stage) for stage in (commands, *later) if stage]
-    watch(sim, recorder, case.watch_s - recorder.recording.final.time_s)
+    if not is_decided(case, recorder.recording):
+        watch(sim, recorder, case.watch_s - recorder.recording.final.time_s)
     status = "refused" if not ended else "verified" if all(ended) else "unverified"
     return score_run(case, recorder, status, enforced)
 

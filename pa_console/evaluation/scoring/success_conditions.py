@@ -130,6 +130,14 @@ def compile_condition(source: str, world: World | None = None) -> cel.Program:
     return program
 
 
+_RUN = re.compile(r"\brun\b(?:\s*\.\s*([A-Za-z_]\w*))?")
+
+
+def asked_fields(source: str) -> frozenset[str]:
+    """Return the fields of `run` that a condition asks for; '' stands for `run` as a whole."""
+    return frozenset(match[1] or "" for match in _RUN.finditer(_TEXT.sub("''", source)))
+
+
 def evaluate(conditions: Conditions, facts: RunFacts) -> tuple[str, ...]:
     """Return the sources that do not hold; one that cannot be evaluated is told with its error."""
     context = cel.Context(variables={"run": facts.document()})

@@ -5,7 +5,7 @@ The event loop is never blocked: the worker is an asyncio subprocess that speaks
 
 import asyncio
 from collections.abc import AsyncGenerator, Callable
-from contextlib import aclosing
+from contextlib import aclosing, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
@@ -112,7 +112,10 @@ class Engine:
         self._birth: asyncio.Future[Worker] | None = None
         self.busy = False
         """Whether the worker was given a prompt that is not yet answered."""
-        self._warming = False
+        self._urgent = 0
+        """How many prompts that somebody waits for are being answered, or wait for their turn."""
+        self._interruptible = False
+        """Whether the prompt whose turn it is gives way to an urgent one."""
         self._untold = False
         self._turn, self._spawning = asyncio.Lock(), asyncio.Lock()
         self._stop = asyncio.Event()
@@ -157,35 +160,40 @@ class Engine:
     async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
         """Give the answer to `request` in pieces, then one Completed.
 
-        Raises ModelUnavailableError when the model cannot be loaded, PromptRefusedError when the
-        prompt does not fit, EngineDiedError when the worker ended meanwhile.
+        One that `yields` ends as `cancelled` as soon as another one comes, and at once while
+        another one waits. Raises ModelUnavailableError when the model cannot be loaded,
+        PromptRefusedError when the prompt does not fit, EngineDiedError when the worker ended
+        meanwhile.
         """
-        if self._warming:
+        urgent = not request.yields
+        self._urgent += urgent
+        if urgent and self._interruptible:
             self.cancel()
-        async with aclosing(self._generate(request)) as items:
-            async for item in items:
-                yield item
+        try:
+            async with aclosing(self._generate(request)) as items:
+                async for item in items:
+                    yield item
+        finally:
+            self._urgent -= urgent
 
     async def warm(self, role: Role, system: str, user: str = "") -> None:
         """Read the beginning of prompts of `role` ahead; a real prompt interrupts it.
 
         What was read is kept, so an interrupted warm-up is not lost. Failures show in `state`.
         """
-        self._warming = True
-        try:
-            async for _ in self._generate(
-                Request(role, system, user, WARM_GRAMMAR, 1, LOAD_LIMIT_S)
-            ):
+        beginning = Request(role, system, user, WARM_GRAMMAR, 1, LOAD_LIMIT_S, yields=True)
+        with suppress(EngineError):
+            async for _ in self.generate(beginning):
                 pass
-        except EngineError:
-            return
-        finally:
-            self._warming = False
 
     async def _generate(self, request: Request) -> AsyncGenerator[str | Completed]:
         """Take the turn, wait for the model, ask."""
         async with self._turn:
             self._stop.clear()
+            if request.yields and self._urgent:
+                yield Completed("", Usage(), "cancelled")
+                return
+            self._interruptible = request.yields
             worker = await self._living_worker()
             if not await self._loaded(worker):
                 yield Completed("", Usage(), "cancelled")

@@ -173,6 +173,9 @@ class Request:
     them leave it; '' lets them leave it anywhere."""
     stop: str = ""
     """A regular expression: each of several answers ends where this is found in its text."""
+    yields: bool = False
+    """Whether nobody waits for the answer: any other prompt interrupts it, and it is `cancelled`.
+    What was read of the prompt is kept, so that it may soon be asked again."""
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,9 @@ from pa_console.llm.engine.protocol import Chance, Completed, Request
 from pa_console.llm.errors import EngineDiedError, EngineError
 from pa_console.schema.finding import Usage
 
+CANCELLED = "cancelled"
+"""The error of an answer that was interrupted."""
+
 OnText = Callable[[str], object]
 """Is given an answer piece by piece while it is written."""
 
@@ -63,7 +66,7 @@ def _answer(item: Completed, request: Request) -> ModelAnswer:
             error = f"the answer was cut off after {request.max_tokens} tokens"
             return ModelAnswer(item.text, item.usage, error)
         case "cancelled":
-            return ModelAnswer(item.text, item.usage, "cancelled", fatal=True)
+            return ModelAnswer(item.text, item.usage, CANCELLED, fatal=True)
         case "deadline":
             error = f"no complete answer within {request.deadline_s:.0f} s"
             return ModelAnswer(item.text, item.usage, error, fatal=True)

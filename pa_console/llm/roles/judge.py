@@ -35,7 +35,8 @@ class Judgement:
 class JudgeQuestion:
     """A prompt for the judge and the grammar of its answer; opinions are wanted on `rule_ids`.
 
-    `role` says whose fixed part the prompt begins with: of plans, or of outcomes.
+    `role` says whose fixed part the prompt begins with: of plans, or of outcomes. Nobody waits for
+    a verdict on an outcome: it yields to every other prompt.
     """
 
     role: Literal["judge", "outcome"]
@@ -89,6 +90,7 @@ class Judge:
             self._deadline_s,
             hint=asked.hint,
             begun=begun,
+            yields=asked.role == "outcome",
         )
         text, given = "", len(begun)
 

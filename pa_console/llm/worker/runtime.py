@@ -34,11 +34,15 @@ def _no_log(_level: int, _text: bytes, _data: object) -> None:
     """Swallow what llama.cpp has to say."""
 
 
-class Runtime:
-    """One model and its sequences: each has a context of its own for `n_ctx` tokens.
+ROOM = 512
+"""The context of a sequence has room for a multiple of so many tokens, as it fills memory."""
 
-    Contexts are made when they are first needed. What another sequence was asked never shows in an
-    answer, and no adapter is switched: that would cost 3 ms at every change of role.
+
+class Runtime:
+    """One model and its sequences: each has a context of its own for at most `n_ctx` tokens.
+
+    Contexts are made when they are first needed, and grow. What another sequence was asked never
+    shows in an answer, and no adapter is switched: that would cost 3 ms at every change of role.
     `stopped` is asked between operations of the compute graph, about every millisecond.
     """
 
@@ -67,6 +71,7 @@ class Runtime:
         self._stopped, self.cores = stopped, cores
         self._abort = _api.ggml_abort_callback(self._should_abort)
         self._contexts: dict[int, Any] = {}
+        self._room: dict[int, int] = {}
         self._context(0)
         self.vocabulary = _api.llama_model_get_vocab(self._model)
         self.n_vocabulary: int = _api.llama_vocab_n_tokens(self.vocabulary)
@@ -132,6 +137,7 @@ class Runtime:
         Returns the logits after its last token, shape (n_vocabulary,), and how many tokens were
         found in the cache. Raises InterruptedEvaluationError.
         """
+        self._make_room(sequence, len(prompt))
         cached = self._cached.get(sequence, [])
         common = 0
         for old, new in zip(cached, prompt[:-1], strict=False):
@@ -157,6 +163,7 @@ class Runtime:
 
         Returns the logits after the last `rows` of them, shape (rows, n_vocabulary).
         """
+        self._make_room(sequence, position + len(tokens))
         early = max(0, len(tokens) - max(CHUNK, rows))
         for start in range(0, early, CHUNK):
             self._decode(sequence, position + start, tokens[start : min(start + CHUNK, early)], 0)
@@ -191,19 +198,37 @@ class Runtime:
     def _context(self, sequence: int) -> Any:
         """Return the context of `sequence`; raises ValueError when there is no memory for it."""
         if sequence not in self._contexts:
-            parameters = _api.llama_context_default_params()
-            parameters.n_ctx = self.n_ctx
-            parameters.n_batch = parameters.n_ubatch = CHUNK
-            parameters.n_seq_max = 1
-            parameters.swa_full = True
-            parameters.flash_attn_type = WHOLE_ATTENTION
-            parameters.abort_callback = self._abort
-            context = _api.llama_init_from_model(self._model, parameters)
-            if not context:
-                raise ValueError(f"no memory for a context of {self.n_ctx} tokens")
-            self._adapters.use(context, sequence)
-            self._contexts[sequence] = context
+            self._make_room(sequence, ROOM)
         return self._contexts[sequence]
+
+    def _make_room(self, sequence: int, tokens: int) -> None:
+        """Let the context of `sequence` hold `tokens`; what was evaluated in it stays."""
+        room = min(-(-tokens // ROOM) * ROOM, self.n_ctx)
+        if room <= self._room.get(sequence, 0):
+            return
+        context = self._new_context(room)
+        self._adapters.use(context, sequence)
+        old = self._contexts.get(sequence)
+        if old is not None:
+            state = self.state(sequence)
+            if not _api.llama_state_seq_set_data(context, state, len(state), 0):
+                raise ValueError("what was evaluated does not fit into a larger context")
+            self._adapters.forget(old)
+            _api.llama_free(old)
+        self._contexts[sequence], self._room[sequence] = context, room
+
+    def _new_context(self, tokens: int) -> Any:
+        parameters = _api.llama_context_default_params()
+        parameters.n_ctx = tokens
+        parameters.n_batch = parameters.n_ubatch = CHUNK
+        parameters.n_seq_max = 1
+        parameters.swa_full = True
+        parameters.flash_attn_type = WHOLE_ATTENTION
+        parameters.abort_callback = self._abort
+        context = _api.llama_init_from_model(self._model, parameters)
+        if not context:
+            raise ValueError(f"no memory for a context of {tokens} tokens")
+        return context
 
     def _memory(self, sequence: int) -> Any:
         return _api.llama_get_memory(self._context(sequence))

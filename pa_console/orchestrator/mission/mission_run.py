@@ -11,19 +11,22 @@ from dataclasses import dataclass, replace
 from pa_console.orchestrator.execution.execution import Executed, Execution
 from pa_console.orchestrator.execution.step_feed import StepFeed
 from pa_console.orchestrator.mission.outcome import Outcome, Results, begun
+from pa_console.orchestrator.mission.outcome_verdicts import OutcomeVerdicts, unjudged
 from pa_console.orchestrator.mission.report import PlanFacts, ReportFacts, after_action_report
 from pa_console.orchestrator.mission.services import Emit, MissionContext, Services
 from pa_console.orchestrator.mission.workflow_progress import WorkflowProgress
+from pa_console.orchestrator.planning.candidate import Candidate
 from pa_console.orchestrator.planning.decision import (
     Approved,
     Decide,
     NotApproved,
     Readings,
+    ask_back,
     ask_operator,
     reconsider,
     rejection,
 )
-from pa_console.orchestrator.planning.judging import OutcomeCase, judge_outcome
+from pa_console.orchestrator.planning.judging import OutcomeCase
 from pa_console.orchestrator.planning.planning import (
     Planned,
     Unplanned,
@@ -32,7 +35,13 @@ from pa_console.orchestrator.planning.planning import (
     reexamine,
     take,
 )
-from pa_console.orchestrator.planning.understanding import Retrieved, retrieve, understand
+from pa_console.orchestrator.planning.understanding import (
+    NotUnderstood,
+    Refused,
+    Retrieved,
+    retrieve,
+    understand,
+)
 from pa_console.policy.ordering.moments import moment
 from pa_console.policy.ordering.monitor import Monitor, halts
 from pa_console.schema.alarm import Alarm
@@ -47,16 +56,23 @@ MAX_HALTS = 3
 MAX_TRIES = 2
 """Plans that may be executed for one task without bringing it to its end."""
 
+INTERRUPTED = "the mission was interrupted before its outcome could be judged"
+
 WATCH_S = 12.0
 """How long the situation is watched after a plan for what it led to."""
 
 
 @dataclass(frozen=True)
 class StationSide:
-    """What a mission has of its station: time and replies, the operator, and the open alarms."""
+    """What a mission has of its station.
+
+    That is time and replies, the operator, whoever asks for verdicts on outcomes, and the open
+    alarms.
+    """
 
     feed: StepFeed
     decide: Decide
+    verdicts: OutcomeVerdicts
     open_alarms: Callable[[], Sequence[Alarm]]
 
 
@@ -98,13 +114,16 @@ class MissionRun:
                 rules_content_sha256=seal.content_sha256, rules_warnings=seal.warnings
             )
         )
-        refused = await understand(self._context)
-        if refused is not None:
-            outcome = Outcome("refused", refused.reason)
-        else:
-            if self._services.variant.workflows:
-                self._tell(self._progress.begin(self._now()))
-            outcome = await self._plan_after_plan()
+        match await understand(self._context):
+            case Refused(reason):
+                outcome = Outcome("refused", reason)
+            case NotUnderstood(question):
+                asked = await ask_back(self._context, question, self._station.decide)
+                outcome = Outcome(asked.status, asked.reason)
+            case None:
+                if self._services.variant.workflows:
+                    self._tell(self._progress.begin(self._now()))
+                outcome = await self._plan_after_plan()
         self.close(outcome)
 
     def close(self, outcome: Outcome) -> None:
@@ -219,18 +238,17 @@ class MissionRun:
         return Outcome(status, f"phase {phase}: {reason}" if phase else reason)
 
     async def _carry_out(self, approved: Approved, task: Mission) -> Executed:
-        """Step 7 for one plan: execute, see what comes of it, judge the outcome."""
+        """Step 7 for one plan: execute, see what comes of it, have the outcome judged."""
         decided, shown = approved.decided, approved.planned.best
         self._services.gate.grant(decided.request, decided.decision)
-        phase, carried_out = self._progress.phase, shown.examination.plan
+        phase = self._progress.phase
         self.moving = True
         try:
             executed = await self._execute(approved, task)
             if executed.verification is None:
                 return executed
             if self._services.variant.workflows:
-                self._tell(self._progress.join(carried_out, self._now()))
-                await self._watch_outcome(phase, task)
+                await self._see_it_out(shown, phase, task)
         finally:
             self.moving = False
         if self._services.variant.judging:
@@ -239,12 +257,25 @@ class MissionRun:
                 executed.before,
                 self._services.fleet.picture(),
                 approved.planned.answered.selection,
-                carried_out,
+                shown.examination.plan,
                 executed.verification,
                 shown.verdict.feedback if shown.verdict is not None else "",
             )
-            self._facts.judged(await judge_outcome(self._context, case))
+            self._station.verdicts.ask(self._context, shown.attempt, case)
         return executed
+
+    async def _see_it_out(self, shown: Candidate, phase: str, task: Mission) -> None:
+        """Let a plan join its workflow and watch what it leads to.
+
+        Of a plan whose outcome is not watched to its end there is no verdict, and that is told.
+        """
+        try:
+            self._tell(self._progress.join(shown.examination.plan, self._now()))
+            await self._watch_outcome(phase, task)
+        except BaseException:
+            if self._services.variant.judging:
+                self._emit(unjudged(shown.attempt, INTERRUPTED))
+            raise
 
     async def _execute(self, approved: Approved, task: Mission) -> Executed:
         """Execute a plan and note for the report what became of it, also when it is cut short."""

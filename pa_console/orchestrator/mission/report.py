@@ -7,7 +7,6 @@ from pa_console.orchestrator.intake.alarm_causes import silence
 from pa_console.orchestrator.intake.alarms import CLEARS_WHEN
 from pa_console.schema.alarm import Alarm
 from pa_console.schema.events.event import WorkflowMoved
-from pa_console.schema.finding import Verdict
 from pa_console.schema.mission import Decision, Mission, MissionStatus, Verification
 from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture
@@ -29,7 +28,6 @@ class PlanFacts:
     halted: tuple[str, ...] = ()
     decision: Decision | None = None
     unmet: tuple[str, ...] = ()
-    verdict: Verdict | None = None
 
 
 @dataclass
@@ -55,11 +53,6 @@ class ReportFacts:
         """The plans that were halted."""
         return tuple(facts for facts in self.plans if facts.halted)
 
-    def judged(self, verdict: Verdict | None) -> None:
-        """Note the judge's verdict on the outcome of the last plan."""
-        if self.plans:
-            self.plans[-1].verdict = verdict
-
     def moved(self, move: WorkflowMoved, time_s: float) -> None:
         """Note that a workflow moved on."""
         self.moves.append((move, time_s))
@@ -81,7 +74,10 @@ def after_action_report(
     picture: Picture,
     open_alarms: Sequence[Alarm] = (),
 ) -> str:
-    """Return what raised the mission, what was done, what telemetry shows and what is open."""
+    """Return what raised the mission, what was done, what telemetry shows and what is open.
+
+    The judge's verdict on the outcome is told by itself, for it comes later.
+    """
     mission = facts.mission
     lines = [f"{mission.id} {status}: {mission.said}"]
     if facts.alarm is not None:
@@ -137,8 +133,6 @@ def _plan(facts: PlanFacts, name: str, mission: Mission) -> Iterator[str]:
     for action in seen.actions:
         yield f"- {action.agent} {action.command}: {action.outcome}, {action.reason}"
     yield f"By telemetry as of {seen.as_of_s:.1f} s: {seen.outcome}, {seen.reason}"
-    if facts.verdict is not None:
-        yield f"The judge on the outcome: {facts.verdict.verdict}, {facts.verdict.feedback}"
 
 
 def _gates(facts: ReportFacts, picture: Picture) -> Iterator[str]:

@@ -12,6 +12,7 @@ from pa_console.llm.roles.dialect import DIALECTS, Dialect
 from pa_console.llm.roles.judge import Judge
 from pa_console.llm.roles.planner import Planner
 from pa_console.orchestrator.execution.command_gate import CommandGate
+from pa_console.orchestrator.intake.order_language import is_english, question_back
 from pa_console.orchestrator.intake.spelling_correction import respell
 from pa_console.orchestrator.station.journal import Journal
 from pa_console.policy.checks.sightings import Sightings
@@ -84,8 +85,13 @@ class Services:
         )
 
     def read(self, text: str) -> str:
-        """Return the words of a mission with what is misspelt put right."""
-        return respell(text, self.fleet.world, self.rulebook)
+        """Return the words of a mission with what is misspelt put right, if they are English."""
+        known = self.fleet.world, self.rulebook
+        return respell(text, *known) if is_english(text, *known) else text
+
+    def question_back(self, mission: Mission) -> str:
+        """Return what to ask of who gave `mission`, where that is no order; '' where it may be."""
+        return question_back(mission.said, mission.text, self.fleet.world, self.rulebook)
 
     def with_rules(self, rulebook: Rulebook) -> Self:
         """Return the same with other rules; what was seen is kept, and what was decided."""

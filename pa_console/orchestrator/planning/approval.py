@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from pa_console.schema.events.event import ApprovalRequested
+from pa_console.schema.events.event import UNSURE, ApprovalRequested
 from pa_console.schema.finding import Finding, Verdict
-from pa_console.schema.mission import Decision
+from pa_console.schema.mission import ApprovalState, Decision
 from pa_console.schema.plan import Action, Plan
 
 
@@ -31,6 +31,27 @@ class OrderAsRead:
     confidence: float | None = None
     read_apart: bool = False
     """Whether planner and judge have read the order apart."""
+    narrowed: bool = False
+    """Whether the plan leaves out a part of what was asked."""
+    question: str = ""
+    """What is asked back of an order that was not understood; '' where it was."""
+
+
+def approval_state(read: OrderAsRead, *, blocked: bool, objected: bool) -> ApprovalState:
+    """Return the worst of what is to be said of a plan: nothing else says so anywhere.
+
+    A plan is only `approve` where nothing speaks against its having been understood.
+    """
+    if read.question:
+        return "not_understood"
+    if blocked:
+        return "blocked"
+    if objected:
+        return "judge_objects"
+    unsure = read.confidence is not None and read.confidence < UNSURE
+    if unsure or read.gaps or read.read_apart:
+        return "may_be_misunderstood"
+    return "narrowed" if read.narrowed else "approve"
 
 
 def request_approval(
@@ -44,25 +65,40 @@ def request_approval(
 ) -> ApprovalRequested:
     """Say what nobody may override, what must be acknowledged, and whether the judge objects.
 
-    With `judging`, a plan without a verdict is on hold. `if_halted` is approved with the plan.
+    With `judging`, a plan without a verdict is on hold. `if_halted` is approved with the plan. For
+    an order that was not understood nothing is proposed: no action, and no other reading.
     """
+    if read.question:
+        return _ask_back(request_id, attempt, read.question)
     verdict, findings = checked.verdict, checked.findings
     blocked = [f"{finding.rule_id}: {finding.message}" for finding in findings if finding.blocking]
     if not blocked and judging and verdict is None:
         blocked.append(f"judge: {checked.judge_error or 'no verdict'}; the plan is on hold")
+    objected = verdict is not None and verdict.verdict == "Failure"
     return ApprovalRequested(
         request_id=request_id,
         attempt=attempt,
         plan=checked.plan,
         blocked_by=tuple(blocked),
         acknowledge=tuple(warnings(findings)),
-        needs_override=verdict is not None and verdict.verdict == "Failure",
+        needs_override=objected,
         asked=read.asked,
         readings=read.readings,
         if_halted=tuple(if_halted),
         gaps=read.gaps,
         confidence=read.confidence,
         read_apart=read.read_apart,
+        state=approval_state(read, blocked=bool(blocked), objected=objected),
+    )
+
+
+def _ask_back(request_id: str, attempt: int, question: str) -> ApprovalRequested:
+    return ApprovalRequested(
+        request_id=request_id,
+        attempt=attempt,
+        plan=Plan(reason="the order was not understood", actions=()),
+        blocked_by=(f"not understood: {question}",),
+        state=approval_state(OrderAsRead(question=question), blocked=True, objected=False),
     )
 
 
@@ -75,12 +111,18 @@ def inadmissible(request: ApprovalRequested, decision: Decision) -> str:
     """Return why `decision` cannot be accepted for `request`, or an empty text."""
     if decision.request_id not in ("", request.request_id):
         return "the decision was about another plan, which no longer waits"
-    if decision.kind == "modify":
-        return "" if decision.plan is not None else "a modified plan is missing"
     if decision.kind == "reject":
         return ""
+    if request.state == "not_understood":
+        return f"{'; '.join(request.blocked_by)} Reject it and say it anew"
+    if decision.kind == "modify":
+        return "" if decision.plan is not None else "a modified plan is missing"
     if decision.kind == "choose":
         return "" if decision.asked in request.readings else "no such reading was offered"
+    return _not_approvable(request, decision)
+
+
+def _not_approvable(request: ApprovalRequested, decision: Decision) -> str:
     if request.blocked_by:
         return f"the plan cannot be approved by anyone: {'; '.join(request.blocked_by)}"
     missing = [rule for rule in request.acknowledge if rule not in decision.acknowledged]

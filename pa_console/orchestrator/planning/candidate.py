@@ -26,6 +26,8 @@ class Candidate:
     """In which points the plan is not what the planner itself says was asked."""
     unmet: tuple[str, ...] = ()
     """What of that no plan can do now, and why."""
+    narrowed: bool = False
+    """Whether the plan leaves out a part of it that is not so already."""
     mentions: MentionCheck = NOTHING_SAID
     """Whether that accounts for the words of the order."""
     confidence: float | None = None
@@ -102,14 +104,21 @@ class Fulfilment(NamedTuple):
     gaps: tuple[str, ...] = ()
     unmet: tuple[str, ...] = ()
     """What of it no plan can do now, and why."""
+    narrowed: bool = False
+    """Whether some of that is not so already."""
 
 
-def fulfilment_of(found: Examination, reading: Reading | None, world: World) -> Fulfilment:
-    """Compare a plan with what was asked, as far as `reading` tells that."""
+def fulfilment_of(
+    found: Examination, reading: Reading | None, world: World, text: str
+) -> Fulfilment:
+    """Compare a plan with what was asked, as far as `reading` of the order `text` tells that."""
     if reading is None or not reading.readable or found.rehearsal is None:
         return Fulfilment()
     moves = PlanMoves(world, found.rehearsal.before, found.plan)
-    return Fulfilment(gaps(moves, reading), unmet_asks(moves, reading))
+    unmet = unmet_asks(moves, reading, text)
+    return Fulfilment(
+        gaps(moves, reading), tuple(one.told for one in unmet), any(not one.so for one in unmet)
+    )
 
 
 def better(first: Candidate | None, other: Candidate) -> Candidate:

@@ -6,6 +6,7 @@ the operator knows what was meant.
 
 from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass, replace
+from itertools import islice
 
 from pa_console.llm.roles.grammar import PLANNED
 from pa_console.orchestrator.execution.premises import way_to_safety
@@ -19,16 +20,21 @@ from pa_console.orchestrator.planning.approval import (
 from pa_console.orchestrator.planning.candidate import Candidate
 from pa_console.orchestrator.planning.planning import Planned
 from pa_console.orchestrator.planning.proposal import other_readings
-from pa_console.orders.order import Ask, Reading
+from pa_console.orders.mention_check import check_mentions
+from pa_console.orders.order import Ask, Reading, Task
 from pa_console.orders.reading import asked_words, read_asked
 from pa_console.schema.events import event as ev
 from pa_console.schema.events.event import MOST_READINGS, UNSURE
 from pa_console.schema.mission import Decision, MissionStatus
-from pa_console.schema.plan import Action
+from pa_console.schema.plan import Action, Plan
 from pa_console.schema.world import World
 
 Decide = Callable[[], Awaitable[Decision]]
 """Waits for the operator's answer once approval was requested."""
+
+
+_STILL: frozenset[Task] = frozenset(("report", "hold", "refused"))
+"""What is asked for without anybody moving."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +86,8 @@ async def reconsider(context: MissionContext, planned: Planned, before: Readings
         known = [said_by_judge(shown), said]
         if shown.sure is not None and shown.sure < UNSURE:
             known += await other_readings(context, planned.answered, looked_at)
-    offered = distinct(own, known)[:MOST_READINGS]
+    founded = (said for said in distinct(own, known) if not _baseless(context, planned, said))
+    offered = tuple(islice(founded, MOST_READINGS))
     return Readings(own, offered) if offered else Readings()
 
 
@@ -100,10 +107,19 @@ async def ask_operator(
             gaps=shown.mentions.gaps,
             confidence=shown.agreed,
             read_apart=read_apart(shown),
+            narrowed=shown.narrowed,
+            question=_question(shown),
         ),
         judging=context.services.variant.judging,
         if_halted=_way_to_safety(shown, context.services.fleet.world),
     )
+    return await _answered(context, request, decide)
+
+
+async def _answered(
+    context: MissionContext, request: ev.ApprovalRequested, decide: Decide
+) -> Decided:
+    """Tell of `request` and wait for an admissible decision on it."""
     context.emit(request)
     while True:
         with context.stopwatch.time("decision_s"):
@@ -111,11 +127,23 @@ async def ask_operator(
         problem = inadmissible(request, decision)
         context.emit(
             ev.DecisionMade(
-                attempt=shown.attempt, decision=decision, accepted=not problem, detail=problem
+                attempt=request.attempt, decision=decision, accepted=not problem, detail=problem
             )
         )
         if not problem:
             return Decided(request, decision)
+
+
+async def ask_back(context: MissionContext, question: str, decide: Decide) -> NotApproved:
+    """Ask the operator what was meant by words for which no plan was made, until that is seen."""
+    request = request_approval(
+        f"{context.mission.id}.0",
+        0,
+        CheckedPlan(Plan(reason="", actions=())),
+        OrderAsRead(question=question),
+    )
+    decided = await _answered(context, request, decide)
+    return NotApproved("held", "; ".join(decided.request.blocked_by))
 
 
 def rejection(shown: Candidate, decided: Decided) -> NotApproved:
@@ -126,6 +154,24 @@ def rejection(shown: Candidate, decided: Decided) -> NotApproved:
     if blocked_by:
         return NotApproved("held", "; ".join(blocked_by))
     return NotApproved("rejected", decision.reason or f"rejected by {decision.by}")
+
+
+def _baseless(context: MissionContext, planned: Planned, said: str) -> bool:
+    """Whether a reading moves somebody, and names nothing that the words of the order name."""
+    reading, world = read_asked(said), context.services.fleet.world
+    if reading is None or all(ask.task in _STILL for ask in reading.asks):
+        return False
+    rehearsal = planned.best.examination.rehearsal
+    before = rehearsal.before if rehearsal is not None else context.services.fleet.picture()
+    text, nothing = planned.answered.retrieved.task.text, Plan(reason="", actions=())
+    return check_mentions(world, before, text, said, nothing).unfounded
+
+
+def _question(shown: Candidate) -> str:
+    """Return what to ask back where a plan moves somebody and no word of the order bears it out."""
+    if not shown.mentions.baseless:
+        return ""
+    return "nothing in the order names what was read in it. What is to be done, by whom and where?"
 
 
 def _way_to_safety(shown: Candidate, world: World) -> tuple[Action, ...]:

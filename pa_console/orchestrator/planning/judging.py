@@ -29,7 +29,7 @@ from pa_console.orders.clause_grammar import MOST_PLANNED, WORD, exactly
 from pa_console.orders.reading import read_asked
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
-from pa_console.schema.finding import Finding, Verdict
+from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission, Verification
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import Rehearsal
@@ -182,20 +182,6 @@ async def judge_plan(context: MissionContext, case: PlanCase, candidate: Candida
         judge_error=judgement.error,
         judge_confidence=sure,
     )
-
-
-async def judge_outcome(context: MissionContext, case: OutcomeCase) -> Verdict | None:
-    """Step 7: let the judge say from telemetry whether the task was accomplished."""
-    services = context.services
-    question = ask_about_outcome(services.dialect, services.fleet.world, case)
-    with context.stopwatch.time("outcome_s"):
-        judgement = await services.judge.judge(question)
-        context.emit(
-            ev.OutcomeJudged(
-                verdict=judgement.verdict, error=judgement.error, usage=judgement.usage
-            )
-        )
-    return judgement.verdict
 
 
 def ask_about_outcome(dialect: Dialect, world: World, case: OutcomeCase) -> JudgeQuestion:

@@ -198,7 +198,8 @@ async def _examined(
 ) -> Candidate:
     """Examine a plan; what an operator's `own` is for is not read from the order."""
     found = await _safeguards(context, retrieved.task, attempt.plan)
-    fits = fulfilment_of(found, reading, context.services.fleet.world)
+    world, text = context.services.fleet.world, retrieved.task.text
+    fits = fulfilment_of(found, reading, world, text)
     mentions = NOTHING_SAID
     if not own and not retrieved.chosen:
         mentions = _mentions(context, retrieved.task, found, fits.unmet)
@@ -217,7 +218,15 @@ async def _examined(
             gaps=mentions.gaps,
         )
     )
-    return Candidate(attempt.number, found, fits.gaps, fits.unmet, mentions, attempt.confidence)
+    return Candidate(
+        attempt.number,
+        found,
+        fits.gaps,
+        fits.unmet,
+        fits.narrowed,
+        mentions,
+        attempt.confidence,
+    )
 
 
 def _mentions(

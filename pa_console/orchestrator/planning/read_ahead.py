@@ -22,8 +22,9 @@ TYPING_ROLES: tuple[Role, ...] = ("planner", "judge")
 class ReadAhead:
     """Reads the beginning of coming prompts while nobody waits; a real prompt interrupts it."""
 
-    def __init__(self, services: Services) -> None:
-        self._services = services
+    def __init__(self, services: Services, *, unasked: bool = True) -> None:
+        """`unasked`: read too what nobody has asked for yet, when a session or a mission begins."""
+        self._services, self._unasked = services, unasked
         self._read: dict[Role, tuple[Digest | None, str]] = {}
         self._words = ""
         self._wanted = asyncio.Event()
@@ -35,12 +36,12 @@ class ReadAhead:
         self._read.clear()
 
     async def load(self) -> None:
-        """Load the model and the dictionary and read the beginning of every role's prompts."""
+        """Load the model and the dictionary and, `unasked`, read how every role's prompts begin."""
         async with self._turn:
             with suppress(EngineError):  # told by the engine's state, and to whoever asks it
                 await self._services.engine.start()
                 await asyncio.to_thread(prepare)
-                for role in ROLES:
+                for role in ROLES if self._unasked else ():
                     await self._warm(role)
 
     async def read_now(self, text: str = "") -> None:

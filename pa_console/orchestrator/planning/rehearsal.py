@@ -1,13 +1,16 @@
 """Step 6: runs a plan in a forecast and records what happens on the way."""
 
 import asyncio
+import math
 from collections.abc import Collection
 from dataclasses import dataclass, field
 
-from shapely import LineString, Point, Polygon
+import shapely
+from shapely import LineString, Polygon
 
 from pa_console.fleets.fleet import Outlook
 from pa_console.policy.ordering.moments import distinct, moment
+from pa_console.schema.base import Point
 from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand
 from pa_console.schema.moment import OrderMoment
 from pa_console.schema.plan import Plan
@@ -117,8 +120,12 @@ class _Recorder:
         self._gap = dict.fromkeys(world.gates, 0.0)
         self._longest = dict.fromkeys(world.gates, 0.0)
         self._time = 0.0
+        self._orders: tuple[OrderMoment, ...] = ()
+        self._done: set[str] | None = None
         self._inside = Polygon(world.perimeter).buffer(1.0)
         self._zones = {name: Polygon(zone.polygon) for name, zone in world.zones.items()}
+        for area in (self._inside, *self._zones.values()):
+            shapely.prepare(area)
         for track in before.tracks.values():
             self._look_at(track, before, 0.0)
 
@@ -137,29 +144,25 @@ class _Recorder:
             self._look_at(track, picture, time_s)
         self._last, self._time = picture, time_s
         done = {name for name, log in self._agents.items() if log.finished}
-        orders = order_moments(self._plan, self._world, done)
-        self._moments.append(moment(picture, self._world, orders, self._plan.agents))
+        if done != self._done:
+            self._done, self._orders = done, order_moments(self._plan, self._world, done)
+        self._moments.append(moment(picture, self._world, self._orders, self._plan.agents))
 
     def _follow(self, log: _AssetLog, was: AssetTelemetry, now: AssetTelemetry) -> None:
         log.least_battery = min(log.least_battery, now.battery_pct)
         if was.position == now.position:
             return
-        leg = LineString((was.position, now.position))
-        log.travelled += leg.length
-        if not self._inside.covers(Point(now.position)):
+        log.travelled += _gap_m(was.position, now.position)
+        if not shapely.intersects_xy(self._inside, *now.position):
             log.left_perimeter = True
         for name, zone in self._zones.items():
-            if (
-                name not in log.zones
-                and zone.intersects(leg)
-                and not zone.contains(Point(was.position))
-            ):
+            if name not in log.zones and _enters(zone, was.position, now.position):
                 log.zones.append(name)
 
     def _look_at(self, track: Track, picture: Picture, time_s: float) -> None:
         log = self._tracks.setdefault(track.id, _TrackLog())
         ground = [
-            (asset, Point(asset.position).distance(Point(track.position)))
+            (asset, _gap_m(asset.position, track.position))
             for name in self._movers
             if (asset := picture.assets[name]).kind != "uav" and asset.available
         ]
@@ -218,3 +221,19 @@ class _Recorder:
 
 def _first(known: float | None, now: bool, time_s: float) -> float | None:
     return time_s if known is None and now else known
+
+
+def _gap_m(here: Point, there: Point) -> float:
+    dx, dy = there[0] - here[0], there[1] - here[1]
+    return math.sqrt(dx * dx + dy * dy)
+
+
+def _enters(zone: Polygon, here: Point, there: Point) -> bool:
+    """Return whether the straight way between two points comes into `zone` from outside it."""
+    left, low, right, high = zone.bounds
+    (ax, ay), (bx, by) = here, there
+    if max(ax, bx) < left or min(ax, bx) > right or max(ay, by) < low or min(ay, by) > high:
+        return False
+    return bool(zone.intersects(LineString((here, there)))) and not shapely.contains_xy(
+        zone, ax, ay
+    )

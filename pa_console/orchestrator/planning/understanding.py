@@ -20,6 +20,13 @@ class Refused:
 
 
 @dataclass(frozen=True)
+class NotUnderstood:
+    """A mission whose words are no order that the console can read; `question` asks back."""
+
+    question: str
+
+
+@dataclass(frozen=True)
 class Retrieved:
     """What the next plan is for, and the rules that the planner is told for it.
 
@@ -39,11 +46,22 @@ class Retrieved:
         return tuple(hit.rule_id for hit in self.hits)
 
 
-async def understand(context: MissionContext) -> Refused | None:
-    """Step 1: decide the rules that concern the mission's words alone; None when none refuses it.
+async def understand(context: MissionContext) -> Refused | NotUnderstood | None:
+    """Step 1: decide what the mission's words alone rule out; None where they rule out nothing.
 
-    No model has been asked of it so far.
+    That is what the rules on words refuse, and what is no order. No model has been asked so far.
     """
+    return await _refused(context) or await asyncio.to_thread(_not_understood, context)
+
+
+def _not_understood(context: MissionContext) -> NotUnderstood | None:
+    """Return what to ask back of an operator's words; what an alarm says is the console's own."""
+    mission = context.mission
+    question = context.services.question_back(mission) if mission.source == "operator" else ""
+    return NotUnderstood(question) if question else None
+
+
+async def _refused(context: MissionContext) -> Refused | None:
     services = context.services
     if not services.variant.checks:
         return None

@@ -120,14 +120,16 @@ def open_station(
     variant: Variant | None = None,
     fleet: Fleet | None = None,
     watch: RulesWatch | None = None,
+    read_unasked: bool = True,
 ) -> Station:
     """Return a station on `site` whose planner and judge are two roles on `engine`.
 
     The engine is closed with the session unless `keep_engine`. With `respond`, alarms become
     missions by themselves. Without a `fleet` of the caller's, the station gets a simulated one of
     its own, that begins with `seed` and in `scenario`. An evaluation may give a `variant` of the
-    pipeline. A console may `watch` its rule file. Raises ValueError for a `scenario` in a fleet
-    that is not simulated.
+    pipeline. A console may `watch` its rule file. Without `read_unasked`, the model reads nothing
+    before it is asked for, as where the picture is about to change. Raises ValueError for a
+    `scenario` in a fleet that is not simulated.
     """
     if fleet is None:
         played = scenario.scenario if scenario is not None else None
@@ -166,4 +168,5 @@ def open_station(
         keep_engine=keep_engine,
         respond=respond,
         watch=watch,
+        read_unasked=read_unasked,
     )

@@ -10,6 +10,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, MissionStatus
 from pa_console.session.state.fold import MissionTrace, SessionState
+from pa_console.session.status_words import status_of
 
 Approver = Callable[[ev.ApprovalRequested], Decision]
 Sink = Callable[[ev.Event, SessionState], None]
@@ -34,9 +35,10 @@ def standing_approver(
     overridden with `override_reason`, which stands with such a decision alone. `never` rejects
     every plan.
 
-    Nobody watches a standing approval, so it takes no plan for an order that may have been misread
-    (`doubt`): both models have to be at least so sure, 0 to 1, as `least` says. None takes it all
-    the same, for evaluations, where the truth of every plan is wanted.
+    Nobody watches a standing approval, so it takes a plan in the state `approve` alone, and none
+    for an order that may have been misread (`doubt`): both models have to be at least so sure, 0 to
+    1, as `least` says. None takes it all the same, for evaluations, where the truth of every plan
+    is wanted; what was not understood is taken by nobody.
 
     The log names the instruction as it was `given`, by default as the command line's.
     """
@@ -82,6 +84,8 @@ def doubt(request: ev.ApprovalRequested, least: float) -> str:
         why.append("not both models have told how sure they are of what was asked")
     if request.confidence is not None and request.confidence < least:
         why.append(f"read with {request.confidence:.0%} confidence, {least:.0%} are needed")
+    if not why and request.state not in ("approve", "judge_objects"):
+        why.append(status_of("approval", request.state or "none").word.lower())
     return f"too doubtful for standing approval: {'; '.join(why)}" if why else ""
 
 
@@ -94,11 +98,13 @@ async def run_missions(  # noqa: PLR0917
     duration_s: float = 0.0,
     *,
     read_ahead: bool = False,
+    decided: Callable[[], bool] = lambda: False,
 ) -> list[MissionTrace]:
     """Bring the set-up about, run `texts` in order and return the trace of every mission.
 
     The session lasts until they are finished and, if longer, `duration_s` simulated seconds have
-    passed and the missions that alarms have started meanwhile are over too. `sink` is given
+    passed and the missions that alarms have started meanwhile are over too. It ends without that
+    time where `decided` says, after the missions, that nothing of it matters. `sink` is given
     every event and the state after it, in order. After a stop no other of the `texts` is given,
     even if whoever stopped everything releases it. With `read_ahead`, the model has read the
     picture and all but the last word before a mission is given, as while an operator types. Raises
@@ -141,7 +147,7 @@ async def run_missions(  # noqa: PLR0917
                                 station.inject(incident)
                             await station.advance(SETUP_SETTLE_S)
                         mine = await submit()
-                        ending = asyncio.create_task(_end(station, duration_s, all_given))
+                        ending = asyncio.create_task(_end(station, duration_s, all_given, decided))
                     case ev.ApprovalRequested():
                         request = event.data
                         answer(request)
@@ -161,13 +167,36 @@ async def run_missions(  # noqa: PLR0917
     return list(state.missions.values())
 
 
-async def _end(station: Station, duration_s: float, all_given: asyncio.Event) -> None:
-    """Close the session once its time is over and no mission is left."""
-    if duration_s > 0.0:
-        await station.advance(duration_s)
+async def _end(
+    station: Station, duration_s: float, all_given: asyncio.Event, decided: Callable[[], bool]
+) -> None:
+    """Close the session once no mission is left and its time is over, or `decided` says so."""
+    over = asyncio.create_task(_missions_over(station, all_given))
+    try:
+        if duration_s > 0.0:
+            await _watched(station, duration_s, over, decided)
+        await over
+    finally:
+        over.cancel()
+    await station.close("every mission is finished")
+
+
+async def _missions_over(station: Station, all_given: asyncio.Event) -> None:
     await all_given.wait()
     await station.settled()
-    await station.close("every mission is finished")
+
+
+async def _watched(
+    station: Station, duration_s: float, over: asyncio.Task[None], decided: Callable[[], bool]
+) -> None:
+    """Wait until `duration_s` have passed, or the missions are `over` and that `decided` it."""
+    watching = asyncio.create_task(station.advance(duration_s))
+    try:
+        await asyncio.wait((over, watching), return_when=asyncio.FIRST_COMPLETED)
+        if not (over.done() and decided()):
+            await watching
+    finally:
+        watching.cancel()
 
 
 EXIT_CODES: dict[MissionStatus, int] = {

@@ -9,6 +9,7 @@ from pa_console.orchestrator.execution.step_feed import StepFeed
 from pa_console.orchestrator.intake.intake import Intake
 from pa_console.orchestrator.mission.mission_run import MissionRun, StationSide
 from pa_console.orchestrator.mission.outcome import Outcome
+from pa_console.orchestrator.mission.outcome_verdicts import OutcomeVerdicts
 from pa_console.orchestrator.mission.services import Services
 from pa_console.orchestrator.station.background import Background
 from pa_console.schema.events import event as ev
@@ -27,6 +28,7 @@ class StationParts:
     feed: StepFeed
     intake: Intake
     emergency_stop: EmergencyStop
+    verdicts: OutcomeVerdicts
     emit: EmitFor
 
 
@@ -36,7 +38,10 @@ class MissionWorker:
     def __init__(self, parts: StationParts) -> None:
         self._services, self._intake = parts.services, parts.intake
         self._emergency_stop, self._emit = parts.emergency_stop, parts.emit
-        self._side = StationSide(parts.feed, self._decided, lambda: self._intake.open_alarms)
+        self._verdicts = parts.verdicts
+        self._side = StationSide(
+            parts.feed, self._decided, parts.verdicts, lambda: self._intake.open_alarms
+        )
         self.idle = asyncio.Event()
         """Set while no mission is worked on and none waits."""
         self.idle.set()
@@ -59,8 +64,13 @@ class MissionWorker:
 
     @property
     def thinking(self) -> bool:
-        """Whether the active mission is being thought about, and no asset moves for it."""
-        return self._run is not None and not self._run.moving
+        """Whether the active mission, or what became of the last one, is being thought about.
+
+        No asset moves for it meanwhile.
+        """
+        if self._run is None:
+            return not self._verdicts.all_told.is_set()
+        return not self._run.moving
 
     @property
     def handled(self) -> frozenset[str]:
@@ -167,7 +177,8 @@ class MissionWorker:
         return MissionRun(self._services, mission, emit, self._side)
 
     async def _decided(self) -> Decision:
-        """Wait for `decide`."""
+        """Wait for `decide`; meanwhile nobody needs the model."""
+        self._verdicts.go_on()
         self._answer = asyncio.get_running_loop().create_future()
         try:
             return await self._answer

@@ -8,6 +8,7 @@ from pa_console.fleets.fleet import Simulated
 from pa_console.orchestrator.execution.emergency_stop import EmergencyStop
 from pa_console.orchestrator.execution.step_feed import StepFeed
 from pa_console.orchestrator.intake.intake import Intake
+from pa_console.orchestrator.mission.outcome_verdicts import OutcomeVerdicts
 from pa_console.orchestrator.mission.services import Services
 from pa_console.orchestrator.planning.read_ahead import ReadAhead
 from pa_console.orchestrator.station.background import Background
@@ -39,11 +40,13 @@ class Station:
         keep_engine: bool = False,
         respond: bool = False,
         watch: RulesWatch | None = None,
+        read_unasked: bool = True,
     ) -> None:
         """`started` is the session's first event; `clock` says when the world moves on.
 
         The engine is closed with the session unless `keep_engine`. With `respond`, alarms become
         missions by themselves. With `watch`, a changed rule file is taken as soon as it is there.
+        Without `read_unasked`, the model reads ahead only while somebody types.
         """
         self._services, self._clock, self._started = services, clock, started
         self.readonly, self._keep_engine = readonly, keep_engine
@@ -53,11 +56,19 @@ class Station:
         self._intake = Intake(self.world, started.session, respond=respond and not readonly)
         self._gate = services.gate
         self._emergency_stop = EmergencyStop(self._fleet, self._gate)
-        parts = StationParts(services, self._feed, self._intake, self._emergency_stop, self._emit)
-        self._worker = MissionWorker(parts)
-        self._ahead = ReadAhead(services)
-        self._reload = RulesReload(services, watch, self._emit, self._worker, self._ahead)
         self._background = Background(self._broken)
+        self._verdicts = OutcomeVerdicts(self._background.start, between_missions=clock.waits)
+        parts = StationParts(
+            services,
+            self._feed,
+            self._intake,
+            self._emergency_stop,
+            self._verdicts,
+            self._emit,
+        )
+        self._worker = MissionWorker(parts)
+        self._ahead = ReadAhead(services, unasked=read_unasked)
+        self._reload = RulesReload(services, watch, self._emit, self._worker, self._ahead)
         self._ticking = Ticking(parts, clock, self._worker)
         self._closed = False
         self._ending: asyncio.Task[None] | None = None
@@ -116,7 +127,7 @@ class Station:
         self._emit(self._started)
         self._emit(ev.TelemetryReceived(picture=self._ticking.first))
         self._services.engine.on_state = self.worker_changed
-        ahead, serving = self._ahead, self._worker.serve(self._background, self._ahead.load)
+        ahead, serving = self._ahead, self._worker.serve(self._background, self._between)
         for work in (
             self._ticking.run(),
             serving,
@@ -254,26 +265,40 @@ class Station:
                     return
 
     async def settled(self) -> None:
-        """Wait until no mission is worked on and none waits."""
-        await self._worker.idle.wait()
+        """Wait until no mission is worked on, none waits, and every outcome is judged."""
+        while not (self._worker.idle.is_set() and self._verdicts.all_told.is_set()):
+            await self._worker.idle.wait()
+            await self._verdicts.all_told.wait()
 
     def worker_changed(self, state: ev.WorkerState, detail: str) -> None:
         """Pass a change of the LLM worker on to the event stream."""
         self._emit(ev.WorkerChanged(state=state, detail=detail))
 
-    async def close(self, reason: str = "closed by the operator") -> None:
+    async def close(
+        self, reason: str = "closed by the operator", *, judge_outcomes: bool = False
+    ) -> None:
         """Bring assets under way to safety and end the stream after a last event.
 
-        Safe to call twice, and to cancel: the last event is told all the same.
+        With `judge_outcomes`, wait for the verdicts on outcomes that are still to come; else it is
+        told that there are none. Safe to call twice, and to cancel: what is to be told is told all
+        the same.
         """
         if self._closed:
             return
         self._closed = True
         try:
             await self._background.stop()
+            if judge_outcomes:
+                await self._verdicts.work()
         finally:
+            self._verdicts.give_up(f"the session ended before the verdict came: {reason}")
             self._emit(ev.SessionEnded(reason=reason))
             self._events.put_nowait(None)
+
+    async def _between(self) -> None:
+        """Use the model between two missions: for what is outstanding, then for reading ahead."""
+        if await self._verdicts.work():
+            await self._ahead.load()
 
     def _writable(self) -> None:
         if self.readonly:

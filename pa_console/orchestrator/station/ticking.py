@@ -17,6 +17,8 @@ class Clock(Protocol):
     """Says how many steps to take now."""
 
     rate: float
+    waits: bool
+    """Whether the world stands still while the model is asked."""
 
     async def due(self, dt_s: float, waiting: Callable[[], bool]) -> int:
         """Wait until steps are due and return their number; `waiting`: someone needs a step."""
@@ -25,6 +27,8 @@ class Clock(Protocol):
 
 class RealTimeClock:
     """`rate` simulated seconds a second; after a hold-up it does not race to catch up."""
+
+    waits = False
 
     def __init__(self, rate: float = 1.0) -> None:
         self.rate = rate
@@ -46,6 +50,7 @@ class SteppedClock:
     """As fast as possible while someone waits, else not at all: the world waits for the model."""
 
     rate = 1.0
+    waits = True
 
     async def due(self, dt_s: float, waiting: Callable[[], bool]) -> int:  # noqa: ARG002
         """Return one step as soon as someone waits for it."""

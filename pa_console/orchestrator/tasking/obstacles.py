@@ -3,8 +3,10 @@
 What could be done and is not planned is the judge's to object to (`fulfilment.py`).
 """
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from pa_console.orchestrator.planning.plan_moves import PlanMoves
 from pa_console.orders.feasibility import (
@@ -148,19 +150,90 @@ _LOOKS: frozenset[Task] = frozenset(("look", "identify", "warn", "respond"))
 _GOES: frozenset[Task] = frozenset((*_LOOKS, "go", "mass", "home", "block", "cover", "relieve"))
 
 
-def unmet_asks(moves: PlanMoves, reading: Reading) -> tuple[str, ...]:
-    """Return each ask of `reading` that is not or not wholly carried out, with the reason."""
+_MEETS: frozenset[Task] = frozenset(("identify", "warn", "respond"))
+"""What needs somebody to be there."""
+_ONLY_FREE = re.compile(
+    r"\b(?:free|spared?|available|idle|unassigned|surplus|extra|needed|can|could|possible|rest"
+    r"|others?|remaining)\b"
+)
+"""What says, in lower case, that of all those only are meant who can be had."""
+
+
+class Unmet(NamedTuple):
+    """What of an order a plan does not do, and why."""
+
+    told: str
+    so: bool = False
+    """Whether it is as was asked already."""
+
+
+def unmet_asks(moves: PlanMoves, reading: Reading, text: str) -> tuple[Unmet, ...]:
+    """Return each ask of `reading` that is not or not wholly carried out, with the reason.
+
+    `text` is the order in its own words: where it asks for all and not for those who are free, it
+    is told who stays.
+    """
     world, before = moves.world, moves.before
     due = tuple(ask for ask in reading.asks if not obstacle_to(ask, world, before))
     case = PlanForOrder(moves, due, reading.others_stay)
-    said = ((ask, _why(case, ask)) for ask in reading.asks)
-    return tuple(dict.fromkeys(f"{ask.words}: {why}" for ask, why in said if why))
+    every = not _ONLY_FREE.search(text.lower())
+    found = (
+        Unmet(f"{ask.words}: {why}", so)
+        for ask in reading.asks
+        for why, so in _unmet(case, ask, every=every)
+        if why
+    )
+    return tuple({one.told: one for one in found}.values())
+
+
+def _unmet(case: PlanForOrder, ask: Ask, *, every: bool) -> Iterator[tuple[str, bool]]:
+    """Yield why `ask` is not carried out and whether that is because it is so already."""
+    there = _there_already(case.moves, ask)
+    why = _why(case, ask)
+    yield why or there, not why
+    if every and not why:
+        yield ", ".join(_left(case.moves, ask)), False
+
+
+def _there_already(moves: PlanMoves, ask: Ask) -> str:
+    """Return who stands already where somebody was asked for and nobody is sent."""
+    if ask.task != "go" or obstacle_to(ask, moves.world, moves.before):
+        return ""
+    if ask.who.names:
+        there = [n for n in ask.who.names if _is_there(moves, n, ask)]
+    else:
+        there = [] if moves.sent(ask.place, ask.who.kind) else _standing(moves, ask)
+    return f"{', '.join(there)} there already" if there else ""
+
+
+def _is_there(moves: PlanMoves, name: str, ask: Ask) -> bool:
+    post = moves.post(name) if name in moves.world.assets else ""
+    return post == ask.place and name not in moves.moved
+
+
+def _left(moves: PlanMoves, ask: Ask) -> Iterator[str]:
+    """Yield who of all that were asked for is left where it is, with the reason."""
+    if ask.who.count != "all" or ask.task not in ("go", "mass", "home"):
+        return
+    place = moves.world.base if ask.task == "home" else ask.place
+    for name, asset in moves.before.assets.items():
+        meant = ask.who.kind in (None, asset.kind) and is_of(moves, name, ask)
+        if not meant or place in (moves.ends(name), moves.post(name)):
+            continue
+        if why := unfit(name, ask, moves.world, moves.before):
+            yield why
+        elif name in moves.alone:
+            yield f"{name} covers {moves.post(name)} alone (WF-03)"
+        else:
+            yield f"{name} stays"
 
 
 def _why(case: PlanForOrder, ask: Ask) -> str:
     moves = case.moves
     if why := obstacle_to(ask, moves.world, moves.before):
         return why
+    if ask.task in _MEETS and not moves.tracks(ask.place):
+        return "nobody is in sight there"
     if ask.who.names:
         return ", ".join(_kept(moves, ask))
     if ask.task not in _GOES:
@@ -168,8 +241,6 @@ def _why(case: PlanForOrder, ask: Ask) -> str:
     team, sent = ask.who, len(moves.sent(ask.place, ask.who.kind))
     if ask.task == "go" and team.count != "all" and 0 < sent < team.count:
         return f"no more than {sent} can be spared"
-    if there := [name for name in _standing(moves, ask) if ask.task == "go" and not sent]:
-        return f"{', '.join(there)} there already"
     return "" if _begun(moves, ask) or case.spare(ask, _needed(ask)) else "nobody can be spared"
 
 
@@ -179,8 +250,6 @@ def _kept(moves: PlanMoves, ask: Ask) -> Iterator[str]:
         post = moves.post(name) if name in moves.world.assets else ""
         if why := unfit(name, ask, moves.world, moves.before):
             yield why
-        elif ask.task == "go" and post == ask.place and name not in moves.moved:
-            yield f"{name} there already"
         elif ask.task in _GOES and name in moves.alone and moves.ends(name) == post != ask.place:
             yield f"{name} covers {post} alone"
 

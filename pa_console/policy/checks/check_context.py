@@ -38,26 +38,178 @@ Names, not positions on the map, are what policies speak of: routes and polygons
 `filter` and `map` copy what they have found so far at each hit: over `assets` use `exists`.
 """
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any
 
 from pa_console.policy.checks.plain_text import foldings, plain_words
 from pa_console.policy.checks.sightings import Sightings
 from pa_console.policy.expressions.expression import PLAN_VARIABLES
+from pa_console.policy.expressions.fields import (
+    Fields,
+    Many,
+    Record,
+    Shape,
+    Shapes,
+    everything,
+    flat,
+    names_of,
+    within,
+)
+from pa_console.schema.base import StrictModel
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Action, Plan
-from pa_console.schema.rehearsal import Rehearsal
-from pa_console.schema.telemetry import AssetTelemetry, Picture, Task, Track
+from pa_console.schema.rehearsal import AssetTimeline, GateTimeline, Rehearsal, TrackTimeline
+from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Task, Track
 from pa_console.schema.world import World
 
 Values = dict[str, Any]
 
-_ASSET_FIELDS = (
-    "id", "kind", "at", "post", "position", "speed_mps", "status", "task", "battery_pct",
-    "low_battery", "comms", "available", "stale", "integrity", "stamp_s",
+_ASSET = flat(
+    ("id", "kind", "at", "post", "position", "speed_mps", "status", "task", "battery_pct",
+     "low_battery", "comms", "available", "stale", "integrity", "stamp_s", "goes_to")
 )  # fmt: skip
+_TRACK = flat((*(Track.model_fields.keys() - {"heading_deg"}), "age_s", "met", "attended_by"))
+_OUTCOME = flat(AssetTimeline.model_fields)
+_ACTION = Record(
+    dict.fromkeys(("agent", "command", "verb", "target", "goes_to", "kind"))
+    | {"asset": _ASSET, "outcome": _OUTCOME, "tracks": Many(_TRACK)}
+)
+_PICTURE = Record(
+    {
+        "time_s": None,
+        "assets": Many(_ASSET, keyed=True),
+        "tracks": Many(_TRACK, keyed=True),
+        "gates": Many(flat(GateCover.model_fields), keyed=True),
+    }
+)
+_TIMELINE = Record(
+    {
+        "duration_s": None,
+        "gates": Many(flat(GateTimeline.model_fields), keyed=True),
+        "tracks": Many(flat(TrackTimeline.model_fields), keyed=True),
+        "assets": Many(_OUTCOME, keyed=True),
+    }
+)
+_GATE = flat(("name", "by", "unsure", *GateTimeline.model_fields))
+_MISSION = flat(("id", "text", "words", "source"))
+_WORLD = flat(
+    ("gates", "frames", "zones", "assets", "base", "standoff_m", "coverage_grace_s",
+     "low_battery_pct", "commands")
+)  # fmt: skip
+
+PLAN_SHAPES: Shapes = {
+    "plan": Record({"reason": None, "actions": Many(_ACTION)}),
+    "actions": Many(_ACTION),
+    "before": _PICTURE,
+    "after": _PICTURE,
+    "timeline": _TIMELINE,
+    "tracks": Many(_TRACK),
+    "assets": Many(_ASSET),
+    "gates": Many(_GATE),
+    "mission": _MISSION,
+    "world": _WORLD,
+    "sightings": None,
+}
+"""The variables by what they are made of."""
+
+WORLD_SHAPE: Shape = _WORLD
+EVERYTHING = everything(PLAN_VARIABLES)
+
 _ATTENDING: frozenset[Task] = frozenset(("identifying", "warning", "blocking"))
+_COMMANDS = {verb: sorted(spec.kinds) for verb, spec in COMMANDS.items()}
+
+
+class _Rehearsed:
+    """A rehearsed plan, and what follows from the plan for the values of assets and tracks."""
+
+    def __init__(self, plan: Plan, rehearsal: Rehearsal, world: World) -> None:
+        self._plan, self._rehearsal, self._world = plan, rehearsal, world
+        self._before, self._timeline = rehearsal.before, rehearsal.timeline
+        self._destinations = {action.agent: goes_to(action, world) for action in plan.actions}
+        self._met = {action: self._meets(goes_to(action, world)) for action in plan.actions}
+        self._met_ids = {name for names in self._met.values() for name in names}
+        self._attended: dict[str, list[str]] = {}
+        for gate, name in _attending(self._before, self._destinations):
+            self._attended.setdefault(gate, []).append(name)
+
+    def plan(self, fields: Fields | None) -> Values:
+        made: dict[str, Callable[[], Any]] = {
+            "reason": lambda: self._plan.reason,
+            "actions": lambda: self.actions(within(fields, "actions")),
+        }
+        return {name: made[name]() for name in names_of(fields, made)}
+
+    def actions(self, fields: Fields | None) -> list[Values]:
+        return [self._action(action, fields) for action in self._plan.actions]
+
+    def before(self, fields: Fields | None) -> Values:
+        return _picture(self._before, fields, self._asset, self._track)
+
+    def tracks(self, fields: Fields | None) -> list[Values]:
+        return [self._track(*item, fields) for item in self._before.tracks.items()]
+
+    def assets(self, fields: Fields | None) -> list[Values]:
+        return [self._asset(*item, fields) for item in self._before.assets.items()]
+
+    def gates(self, fields: Fields | None) -> list[Values]:
+        """Return every gate of the timeline with who covered it when the plan was made."""
+        covers = self._before.gates
+        return [
+            {
+                field: name
+                if field == "name"
+                else getattr(covers.get(name, _UNCOVERED) if field in _COVER else gap, field)
+                for field in names_of(fields, _GATE.fields)
+            }
+            for name, gap in self._timeline.gates.items()
+        ]
+
+    def _action(self, action: Action, fields: Fields | None) -> Values:
+        spec = self._world.assets.get(action.agent)
+        asset = self._before.assets.get(action.agent)
+        outcome = self._timeline.assets.get(action.agent)
+        tracks = self._before.tracks
+        made: dict[str, Callable[[], Any]] = {
+            "agent": lambda: action.agent,
+            "command": lambda: action.command,
+            "verb": lambda: action.verb,
+            "target": lambda: action.target or "",
+            "goes_to": lambda: goes_to(action, self._world),
+            "kind": lambda: spec.kind if spec is not None else "",
+            "asset": lambda: (
+                None if asset is None else self._asset(action.agent, asset, within(fields, "asset"))
+            ),
+            "outcome": lambda: (
+                None if outcome is None else _flat(outcome, within(fields, "outcome"))
+            ),
+            "tracks": lambda: [
+                self._track(name, tracks[name], within(fields, "tracks"))
+                for name in self._met[action]
+            ],
+        }
+        return {name: made[name]() for name in names_of(fields, made)}
+
+    def _asset(self, name: str, asset: AssetTelemetry, fields: Fields | None) -> Values:
+        return _asset(asset, self._destinations.get(name, ""), fields)
+
+    def _track(self, name: str, track: Track, fields: Fields | None) -> Values:
+        return _track(
+            track,
+            self._before.time_s,
+            fields,
+            met=name in self._met_ids,
+            attended_by=self._attended.get(track.gate, []),
+        )
+
+    def _meets(self, frame: str) -> list[str]:
+        """Return the tracks at the gate `frame`; elsewhere, those that are inside the perimeter."""
+        if not frame:
+            return []
+        tracks = self._before.tracks.items()
+        if frame in self._world.gates:
+            return [name for name, track in tracks if track.gate == frame]
+        return [name for name, track in tracks if track.status == "inside"]
 
 
 def plan_variables(  # noqa: PLR0917 - what a check may speak of, and of which of it
@@ -65,65 +217,51 @@ def plan_variables(  # noqa: PLR0917 - what a check may speak of, and of which o
     rehearsal: Rehearsal,
     mission: Mission,
     world: World,
-    wanted: Collection[str] = PLAN_VARIABLES,
+    wanted: Fields = EVERYTHING,
     sightings: Sightings | None = None,
 ) -> Values:
-    """Return the `wanted` variables for judging a rehearsed plan.
+    """Return the `wanted` fields of variables for judging a rehearsed plan.
 
     Without `sightings` nothing is known from before the plan.
 
     What nobody asks for is not converted: with many assets that takes most of the time.
     """
-    before, timeline = rehearsal.before, rehearsal.timeline.model_dump()
-    tracks = {name: _track(track, before.time_s) for name, track in before.tracks.items()}
-    destinations = {action.agent: goes_to(action, world) for action in plan.actions}
-    asked = before.assets if {"assets", "before"} & set(wanted) else destinations
-    assets = {
-        name: _asset(before.assets[name], destinations.get(name, ""))
-        for name in asked
-        if name in before.assets
+    rehearsed = _Rehearsed(plan, rehearsal, world)
+    made: dict[str, Callable[[Fields | None], Any]] = {
+        "plan": rehearsed.plan,
+        "actions": rehearsed.actions,
+        "before": rehearsed.before,
+        "after": lambda fields: _whole(rehearsal.after, fields),
+        "timeline": lambda fields: _timeline(rehearsal, fields),
+        "tracks": rehearsed.tracks,
+        "assets": rehearsed.assets,
+        "gates": rehearsed.gates,
+        "mission": lambda fields: _mission(mission, fields),
+        "world": lambda fields: world_variables(world, fields),
+        "sightings": lambda _: (sightings or Sightings(world)).at(rehearsal.before),
     }
-    actions = [_action(action, assets, tracks, timeline, world) for action in plan.actions]
-    for met in (track for action in actions for track in action["tracks"]):
-        met["met"] = True
-    for gate, name in _attending(before, destinations):
-        for track in tracks.values():
-            if track["gate"] == gate:
-                track["attended_by"].append(name)
-    made: dict[str, Callable[[], Any]] = {
-        "plan": lambda: {"reason": plan.reason, "actions": actions},
-        "actions": lambda: actions,
-        "before": lambda: _picture(before, assets, tracks),
-        "after": lambda: _whole(rehearsal.after),
-        "timeline": lambda: timeline,
-        "tracks": lambda: list(tracks.values()),
-        "assets": lambda: list(assets.values()),
-        "gates": lambda: _gates(before, timeline),
-        "mission": lambda: _mission(mission),
-        "world": lambda: world_variables(world),
-        "sightings": lambda: (sightings or Sightings(world)).at(before),
-    }
-    return {name: made[name]() for name in wanted}
+    return {name: made[name](fields) for name, fields in wanted.items()}
 
 
 def mission_variables(mission: Mission, world: World) -> Values:
     """Return what is known at intake: the mission and the world."""
-    return {"mission": _mission(mission), "world": world_variables(world)}
+    return {"mission": _mission(mission, None), "world": world_variables(world)}
 
 
-def world_variables(world: World) -> Values:
-    """Return the world by names and limits."""
-    return {
-        "gates": list(world.gates),
-        "frames": {name: frame.kind for name, frame in world.frames.items()},
-        "zones": {name: zone.kind for name, zone in world.zones.items()},
-        "assets": {name: asset.kind for name, asset in world.assets.items()},
-        "base": world.base,
-        "standoff_m": world.standoff_m,
-        "coverage_grace_s": world.coverage_grace_s,
-        "low_battery_pct": world.low_battery_pct,
-        "commands": {verb: sorted(spec.kinds) for verb, spec in COMMANDS.items()},
+def world_variables(world: World, fields: Fields | None = None) -> Values:
+    """Return the world by names and limits, of these the `fields`."""
+    made: dict[str, Callable[[], Any]] = {
+        "gates": lambda: list(world.gates),
+        "frames": lambda: {name: frame.kind for name, frame in world.frames.items()},
+        "zones": lambda: {name: zone.kind for name, zone in world.zones.items()},
+        "assets": lambda: {name: asset.kind for name, asset in world.assets.items()},
+        "base": lambda: world.base,
+        "standoff_m": lambda: world.standoff_m,
+        "coverage_grace_s": lambda: world.coverage_grace_s,
+        "low_battery_pct": lambda: world.low_battery_pct,
+        "commands": lambda: _COMMANDS,
     }
+    return {name: made[name]() for name in names_of(fields, made)}
 
 
 def goes_to(action: Action, world: World) -> str:
@@ -147,25 +285,41 @@ def reworded(variables: Values, words: str) -> Values:
     return variables | {"mission": variables["mission"] | {"words": words}}
 
 
-def _mission(mission: Mission) -> Values:
+def _mission(mission: Mission, fields: Fields | None) -> Values:
     return {
-        "id": mission.id,
-        "text": mission.text,
-        "words": plain_words(mission.text),
-        "source": mission.source,
+        name: plain_words(mission.text) if name == "words" else getattr(mission, name)
+        for name in names_of(fields, _MISSION.fields)
     }
 
 
-def _asset(asset: AssetTelemetry, destination: str) -> Values:
-    values: Values = {name: getattr(asset, name) for name in _ASSET_FIELDS}
-    values["at"], values["post"] = asset.at or "", asset.post or ""
-    values["goes_to"] = destination or asset.post or ""
+def _flat(model: StrictModel, fields: Fields | None) -> Values:
+    """Return `fields` of a model that has no models in it."""
+    return {name: getattr(model, name) for name in names_of(fields, type(model).model_fields)}
+
+
+def _asset(asset: AssetTelemetry, destination: str, fields: Fields | None) -> Values:
+    values: Values = {}
+    for name in names_of(fields, _ASSET.fields):
+        value = destination or asset.post if name == "goes_to" else getattr(asset, name)
+        values[name] = "" if value is None else value
     return values
 
 
-def _track(track: Track, now_s: float) -> Values:
-    known = track.model_dump(exclude={"heading_deg"})
-    return known | {"age_s": now_s - track.stamp_s, "met": False, "attended_by": []}
+def _track(
+    track: Track, now_s: float, fields: Fields | None, *, met: bool, attended_by: Collection[str]
+) -> Values:
+    values: Values = {}
+    for name in names_of(fields, _TRACK.fields):
+        match name:
+            case "age_s":
+                values[name] = now_s - track.stamp_s
+            case "met":
+                values[name] = met
+            case "attended_by":
+                values[name] = list(attended_by)
+            case _:
+                values[name] = getattr(track, name)
+    return values
 
 
 def _attending(picture: Picture, destinations: Mapping[str, str]) -> Iterator[tuple[str, str]]:
@@ -176,48 +330,45 @@ def _attending(picture: Picture, destinations: Mapping[str, str]) -> Iterator[tu
             yield place, name
 
 
-def _whole(picture: Picture) -> Values:
+def _whole(picture: Picture, fields: Fields | None) -> Values:
     """Return a picture after which nothing is ordered any more."""
-    tracks = {name: _track(track, picture.time_s) for name, track in picture.tracks.items()}
-    return _picture(picture, {n: _asset(asset, "") for n, asset in picture.assets.items()}, tracks)
+    return _picture(
+        picture,
+        fields,
+        lambda _, asset, inner: _asset(asset, "", inner),
+        lambda _, track, inner: _track(track, picture.time_s, inner, met=False, attended_by=()),
+    )
 
 
-def _picture(picture: Picture, assets: Values, tracks: Values) -> Values:
-    gates = {name: cover.model_dump() for name, cover in picture.gates.items()}
-    return {"time_s": picture.time_s, "assets": assets, "tracks": tracks, "gates": gates}
-
-
-def _gates(before: Picture, timeline: Values) -> list[Values]:
-    """Return every gate of the timeline with who covered it when the plan was made."""
-    nobody: Values = {"by": (), "unsure": ()}
-    by = {name: {"by": cover.by, "unsure": cover.unsure} for name, cover in before.gates.items()}
-    return [
-        {"name": name, **by.get(name, nobody), **cover} for name, cover in timeline["gates"].items()
-    ]
-
-
-def _action(
-    action: Action, assets: Values, tracks: Values, timeline: Values, world: World
+def _picture(
+    picture: Picture,
+    fields: Fields | None,
+    asset: Callable[[str, AssetTelemetry, Fields | None], Values],
+    track: Callable[[str, Track, Fields | None], Values],
 ) -> Values:
-    spec = world.assets.get(action.agent)
-    destination = goes_to(action, world)
-    return {
-        "agent": action.agent,
-        "command": action.command,
-        "verb": action.verb,
-        "target": action.target or "",
-        "goes_to": destination,
-        "kind": spec.kind if spec is not None else "",
-        "asset": assets.get(action.agent),
-        "outcome": timeline["assets"].get(action.agent),
-        "tracks": _met(destination, tracks.values(), world),
-    }
+    values: Values = {}
+    for name in names_of(fields, _PICTURE.fields):
+        inner = within(fields, name)
+        match name:
+            case "assets":
+                values[name] = {n: asset(n, one, inner) for n, one in picture.assets.items()}
+            case "tracks":
+                values[name] = {n: track(n, one, inner) for n, one in picture.tracks.items()}
+            case "gates":
+                values[name] = {n: _flat(one, inner) for n, one in picture.gates.items()}
+            case _:
+                values[name] = picture.time_s
+    return values
 
 
-def _met(frame: str, tracks: Iterable[Values], world: World) -> list[Values]:
-    """Return the tracks at the gate `frame`; elsewhere, those that are inside the perimeter."""
-    if not frame:
-        return []
-    if frame in world.gates:
-        return [track for track in tracks if track["gate"] == frame]
-    return [track for track in tracks if track["status"] == "inside"]
+def _timeline(rehearsal: Rehearsal, fields: Fields | None) -> Values:
+    timeline, values = rehearsal.timeline, Values()
+    for name in names_of(fields, _TIMELINE.fields):
+        value, inner = getattr(timeline, name), within(fields, name)
+        nested = name != "duration_s"
+        values[name] = {n: _flat(one, inner) for n, one in value.items()} if nested else value
+    return values
+
+
+_UNCOVERED = GateCover(covered=False)
+_COVER = ("by", "unsure")

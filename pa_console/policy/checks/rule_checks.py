@@ -6,7 +6,7 @@ check that fails to run decides nothing, so its finding is an error, which count
 rule's orderings must hold as well, over the mission so far and the rehearsed plan after it.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, cast
 
 import cel
@@ -69,15 +69,13 @@ def prepare_checks(
     slow is in the function alone, so that no screen and no stop has to wait for it.
     """
     history = Monitor(rulebook, world) if monitor is None else monitor
-    variables = plan_variables(
-        plan, rehearsal, mission, world, rulebook.variables, history.sightings
-    )
+    variables = plan_variables(plan, rehearsal, mission, world, rulebook.reads, history.sightings)
     ahead = history.copy(running_limits=False)
     picture = rehearsal.before
     size = len(picture.assets) + len(picture.tracks) + len(picture.gates)
 
     def run() -> tuple[Finding, ...]:
-        contexts = _contexts(variables, mission)
+        contexts = _contexts(variables, mission, rulebook.parts)
         with shared_deadline(CHECKS_S, size):
             broken = _broken_orderings(ahead, rehearsal)
             return tuple(
@@ -93,7 +91,7 @@ def prepare_checks(
 
 def check_mission(rulebook: Rulebook, mission: Mission, world: World) -> tuple[Finding, ...]:
     """Return a finding for every rule that the mission's words alone decide (step 1)."""
-    contexts = _contexts(mission_variables(mission, world), mission)
+    contexts = _contexts(mission_variables(mission, world), mission, rulebook.parts)
     with shared_deadline(CHECKS_S):
         return tuple(
             _both([_decide_all(part, contexts) for part in parts])
@@ -112,8 +110,8 @@ def check_rule(
     sightings: Sightings | None = None,
 ) -> Finding:
     """Return the finding for the guard and check of one rule alone."""
-    variables = plan_variables(plan, rehearsal, mission, world, entry.variables, sightings)
-    return _decide_all(entry, _contexts(variables, mission))
+    variables = plan_variables(plan, rehearsal, mission, world, entry.reads, sightings)
+    return _decide_all(entry, _contexts(variables, mission, (entry,)))
 
 
 def _broken_orderings(ahead: Monitor, rehearsal: Rehearsal) -> Mapping[str, Finding]:
@@ -136,12 +134,21 @@ def _broken_orderings(ahead: Monitor, rehearsal: Rehearsal) -> Mapping[str, Find
     return found
 
 
-def _contexts(variables: Values, mission: Mission) -> list[cel.Context]:
-    """Return what the checks see, once for each way to read the words of `mission`."""
+def _contexts(
+    variables: Values, mission: Mission, parts: Iterable[CompiledRule]
+) -> list[cel.Context]:
+    """Return what the checks `parts` see, once for each way to read the words of `mission`.
+
+    What another reading changes is for rules about the mission, so it has their variables only.
+    """
     contexts = [make_context(variables)]
     if "mission" in variables:
+        read = frozenset(("mission",)).union(
+            *(part.variables for part in parts if "mission" in part.variables)
+        )
+        spoken = {name: value for name, value in variables.items() if name in read}
         words = mission_words(mission)[1:]
-        contexts += (make_context(reworded(variables, other)) for other in words)
+        contexts += (make_context(reworded(spoken, other)) for other in words)
     return contexts
 
 

@@ -6,6 +6,7 @@ zone in which the track's position lies, or a frame within whose radius it is, e
 
 import math
 from collections.abc import Iterable, Iterator
+from functools import cached_property
 from typing import Any, NamedTuple
 
 from shapely import Point, Polygon
@@ -42,9 +43,12 @@ class Sightings:
     def __init__(self, world: World, past: Iterable[Sighting] = ()) -> None:
         """Begin with what is known of the `past`, oldest first."""
         self._world = world
-        self._zones = [(name, Polygon(zone.polygon)) for name, zone in world.zones.items()]
         self._posts = [name for name in world.frames if name not in world.gates]
         self._last = {(seen.track, seen.place): seen for seen in past}
+
+    @cached_property
+    def _zones(self) -> list[tuple[str, Polygon]]:
+        return [(name, Polygon(zone.polygon)) for name, zone in self._world.zones.items()]
 
     def look(self, picture: Picture) -> None:
         """Take in what `picture` shows: detections that are new, and new facts about tracks."""

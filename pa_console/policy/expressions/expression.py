@@ -11,7 +11,9 @@ import cel
 from pa_console.policy.checks.forbidden_words import asks_for_force, asks_to_set_rules_aside
 from pa_console.policy.expressions import patterns
 from pa_console.policy.expressions.deadlines import DEADLINE_S, deadline, going_on
+from pa_console.policy.expressions.fields import Fields, Shapes, everything, fields_read
 from pa_console.policy.expressions.source_limits import GOING_ON, Source
+from pa_console.policy.expressions.syntax import SyntaxTreeError, syntax_tree
 
 _log = logging.getLogger("cel")
 _log.propagate = False
@@ -107,6 +109,23 @@ class Expression:
         self.variables: frozenset[str] = allowed & named
         self.size = text.size
         """How many names, values and signs it is made of."""
+        self._tokens = text.tokens
+        self._read: tuple[Shapes, Fields] | None = None
+
+    def reads(self, shapes: Shapes) -> Fields:
+        """Return which fields of its variables, which `shapes` describes, it can notice.
+
+        It is found out once, for the same `shapes`.
+        """
+        if self._read is None or self._read[0] is not shapes:
+            self._read = shapes, self._find_reads(shapes)
+        return self._read[1]
+
+    def _find_reads(self, shapes: Shapes) -> Fields:
+        try:
+            return fields_read(syntax_tree(self._tokens), shapes)
+        except (SyntaxTreeError, RecursionError):
+            return everything(self.variables)
 
     def evaluate(self, context: cel.Context) -> Any:
         """Return the value in `context`; raises whatever the expression runs into.

@@ -15,7 +15,7 @@ import cel
 MAX_CHARACTERS = 32_768
 MAX_TOKENS = 800
 MAX_NESTING = 24
-MAX_LOOPS = 4
+MAXLOOPS = 4
 """Loops inside each other; the shipped rules have at most three."""
 MAX_VALUE = 1_000_000
 """The most characters or elements that a value which an expression builds could have."""
@@ -27,7 +27,7 @@ GOING_ON = "__going_on"
 
 Kind = Literal["space", "text", "number", "name", "sign"]
 
-_LOOPS = {"all": "false", "exists": "true", "exists_one": "false", "existsOne": "false",
+LOOPS = {"all": "false", "exists": "true", "exists_one": "false", "existsOne": "false",
           "filter": "false", "map": "null"}  # fmt: skip
 """The macros that loop, and what a round yields for which there is no time: the loop then ends."""
 _PATTERNED = ("finds", "without", "matches")
@@ -81,6 +81,11 @@ class Source:
         self._refuse_growth()
 
     @property
+    def tokens(self) -> tuple[Token, ...]:
+        """What it is made of."""
+        return tuple(self._tokens)
+
+    @property
     def size(self) -> int:
         """How many tokens it has."""
         return len(self._tokens)
@@ -108,7 +113,7 @@ class Source:
         before: dict[int, str] = {}
         after: dict[int, str] = {}
         for loop in self._loops:
-            ended = _LOOPS[loop.name]
+            ended = LOOPS[loop.name]
             before[loop.first] = before.get(loop.first, "") + f"{GOING_ON}() ? ("
             after[loop.last] = f") : {ended}" + after.get(loop.last, "")
         words: list[str] = []
@@ -140,7 +145,7 @@ class Source:
     def _find_loops(self) -> Iterator[Loop]:
         for place, token in enumerate(self._tokens):
             method = place > 0 and self._tokens[place - 1].text == "."
-            if not method or token.text not in _LOOPS or not self._is_call(place):
+            if not method or token.text not in LOOPS or not self._is_call(place):
                 continue
             arguments = self._arguments(place + 1)
             if len(arguments) not in ((2, 3) if token.text == "map" else (2,)):
@@ -158,8 +163,8 @@ class Source:
         for loop in self._loops:
             closes = [close for close in closes if close > loop.opening]
             closes.append(self._tokens[loop.opening].close)
-            if len(closes) > MAX_LOOPS:
-                raise ValueError(f"loops are nested deeper than {MAX_LOOPS}; split the rule")
+            if len(closes) > MAXLOOPS:
+                raise ValueError(f"loops are nested deeper than {MAXLOOPS}; split the rule")
 
     def _refuse_growth(self) -> None:
         """Refuse what could build a huge value: each loop may go on with what another has built.

@@ -149,13 +149,11 @@ class Monitor:
         self._evaluator = Evaluator(world)
         self._covered_before: set[str] = set()
         self._last: dict[Each, Subjects] = {}
+        orderings = [(part, ordering) for part in rulebook.parts for ordering in part.order]
+        for _, ordering in orderings:
+            self._evaluator.prepare(ordering.order, ordering.event, ordering.other)
         with shared_deadline(MOMENT_S):
-            self._watches = [
-                self._watch(part, ordering)
-                for entry in rulebook.compiled
-                for part in entry.parts
-                for ordering in part.order
-            ]
+            self._watches = [self._watch(part, ordering) for part, ordering in orderings]
 
     def observe(self, moment: Moment) -> tuple[Finding, ...]:
         """Take in the next moment; return one finding for each rule that it newly breaks."""

@@ -9,11 +9,12 @@ now    the moment: {time_s, tracks, covered, up, orders}; an order's `target` is
 world  as for checks (policy/checks/check_context.py).
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any, Literal, NamedTuple
 
-from pa_console.policy.checks.check_context import world_variables
+from pa_console.policy.checks.check_context import WORLD_SHAPE, world_variables
 from pa_console.policy.expressions.expression import Expression, make_context
+from pa_console.policy.expressions.fields import Fields, Shapes, flat, names_of
 from pa_console.schema.moment import Moment, TrackMoment
 from pa_console.schema.rule import Ordering
 from pa_console.schema.world import World
@@ -56,8 +57,8 @@ class Evaluator:
     """Evaluates expressions for subjects in one world, each distinct question only once."""
 
     def __init__(self, world: World) -> None:
-        self._world = world_variables(world)
-        self._known: dict[tuple[Expression, str, Subject], bool] = {}
+        self._world = world
+        self._known: dict[tuple[Expression, str, tuple[Any, ...]], bool] = {}
         self._moment: Moment | None = None
         self._now: dict[str, Any] = {}
 
@@ -66,12 +67,23 @@ class Evaluator:
 
         Raises TypeError when it yields anything but true or false.
         """
-        if "now" in expression.variables:
-            return self._evaluate(expression, now, name, subject)
-        key = (expression, name if "id" in expression.variables else "", subject)
+        reads = expression.reads(_SHAPES[type(subject)])
+        asked: dict[str, Any] = {}
+        if "id" in reads:
+            asked["id"] = name
+        if "it" in reads:
+            asked["it"] = _plain(subject, reads["it"])
+        if "now" in reads:
+            return self._evaluate(expression, reads, asked | {"now": self._values(now)})
+        key = (expression, asked.get("id", ""), tuple(asked.get("it", {}).values()))
         if key not in self._known:
-            self._known[key] = self._evaluate(expression, now, name, subject)
+            self._known[key] = self._evaluate(expression, reads, asked)
         return self._known[key]
+
+    def prepare(self, order: Ordering, *expressions: Expression) -> None:
+        """Find out what the `expressions` of an ordering read, which needs no deadline."""
+        for expression in expressions:
+            expression.reads(_SHAPES[_KINDS[order.each]])
 
     def copy(self) -> "Evaluator":
         """Return one that knows as much and may be used by another thread."""
@@ -82,30 +94,51 @@ class Evaluator:
 
     def number(self, expression: Expression) -> float:
         """Return the positive number that the world gives `expression`, else TypeError."""
-        value: Any = expression.evaluate(make_context({"world": self._world}))
+        value: Any = expression.evaluate(
+            make_context(self._worldly(expression.reads(_SHAPES[type(None)])))
+        )
         if isinstance(value, bool) or not isinstance(value, (int, float)) or value <= 0:
             raise TypeError(f"it yields {value!r}, not a positive number")
         return float(value)
 
-    def _evaluate(self, expression: Expression, now: Moment, name: str, subject: Subject) -> bool:
-        values: dict[str, Any] = {"id": name, "world": self._world}
-        if "it" in expression.variables:
-            values["it"] = _plain(subject)
-        if "now" in expression.variables:
-            if self._moment is not now:
-                self._moment, self._now = now, moment_values(now)
-            values["now"] = self._now
-        asked = {key: values[key] for key in expression.variables}
-        result: Any = expression.evaluate(make_context(asked))
+    def _evaluate(self, expression: Expression, reads: Fields, asked: dict[str, Any]) -> bool:
+        result: Any = expression.evaluate(make_context(asked | self._worldly(reads)))
         if not isinstance(result, bool):
             raise TypeError(f"it yields {result!r}, not true or false")
         return result
 
+    def _worldly(self, reads: Fields) -> dict[str, Any]:
+        """Return the variable `world` with the fields that are read of it, if any are."""
+        if "world" not in reads:
+            return {}
+        return {"world": world_variables(self._world, reads["world"])}
 
-def _plain(subject: Subject) -> dict[str, Any]:
-    if isinstance(subject, TrackMoment):
-        return subject.model_dump()
-    return subject._asdict() if subject is not None else {}
+    def _values(self, now: Moment) -> dict[str, Any]:
+        if self._moment is not now:
+            self._moment, self._now = now, moment_values(now)
+        return self._now
+
+
+_NAMES: Mapping[type[Subject], Iterable[str]] = {
+    TrackMoment: TrackMoment.model_fields,
+    GateMoment: GateMoment._fields,
+    type(None): (),
+}
+_SHAPES: Mapping[type[Subject], Shapes] = {
+    kind: {"it": flat(names), "id": None, "now": None, "world": WORLD_SHAPE}
+    for kind, names in _NAMES.items()
+}
+"""What expressions about each kind of subject see, by what it is made of."""
+
+_KINDS: Mapping[str | None, type[Subject]] = {
+    "track": TrackMoment,
+    "gate": GateMoment,
+    None: type(None),
+}
+
+
+def _plain(subject: Subject, fields: Fields | None) -> dict[str, Any]:
+    return {name: getattr(subject, name) for name in names_of(fields, _NAMES[type(subject)])}
 
 
 Stage = Literal["idle", "open", "settled", "broken"]

@@ -61,9 +61,15 @@ class MissionVerified(Payload):
 
 
 class OutcomeJudged(Payload):
-    """Step 7: the JudgeLLM's verdict on the outcome."""
+    """Step 7: the JudgeLLM's verdict on the outcome of an executed plan, or why there is none.
+
+    Nothing waits for it: it may come after other plans of the mission, and after its end.
+    """
 
     kind: Literal["outcome_judged"] = "outcome_judged"
+    attempt: int | None = Field(
+        default=None, description="the plan; the last one that was verified, where it is not told"
+    )
     verdict: Verdict | None
     error: str = ""
     usage: Usage = Usage()

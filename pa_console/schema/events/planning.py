@@ -8,7 +8,7 @@ from pydantic import Field
 from pa_console.schema.base import Share
 from pa_console.schema.events.base import Payload, Role
 from pa_console.schema.finding import Finding, Usage, Verdict
-from pa_console.schema.mission import Decision
+from pa_console.schema.mission import ApprovalState, Decision
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.rule import RuleHit
@@ -175,6 +175,10 @@ class ApprovalRequested(Payload):
     )
     read_apart: bool = Field(
         default=False, description="the judge has read the order otherwise than the planner"
+    )
+    state: ApprovalState | None = Field(
+        default=None,
+        description="what the operator has to know first; None in the log of an older console",
     )
 
 

@@ -186,7 +186,7 @@ class SessionState:
                 if mission.alarm:
                     self.answers[mission.alarm] = mission.id
                 origin = "by an alarm: " if mission.source == "alarm" else ""
-                self._notice(event, "info", mission.id, f"{origin}{mission.text}")
+                self._notice(event, "info", mission.id, f"{origin}{mission.said}")
             case ev.MissionStarted() if event.mission in self.missions:
                 self.active = self.last_active = event.mission
                 self.stop = None
@@ -201,6 +201,11 @@ class SessionState:
             case ev.DecisionMade(accepted=True, decision=decision, attempt=number):
                 if said := overriding(decision):
                     self._notice(event, "warning", event.mission or "", f"plan {number}: {said}")
+            case ev.OutcomeJudged(verdict=verdict, error=error):
+                if verdict is None or verdict.verdict == "Failure":
+                    said = error if verdict is None else f"{verdict.verdict}: {verdict.feedback}"
+                    text = f"the judge on the outcome: {said}"
+                    self._notice(event, "warning", event.mission or "", text)
             case ev.MissionFinished(status=status, reason=reason):
                 self._leave(event)
                 self._answered(event.mission)

@@ -5,7 +5,14 @@ from dataclasses import dataclass, field
 from pa_console.schema.command import CommandReply, DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Finding, Usage, Verdict
-from pa_console.schema.mission import Decision, Metrics, Mission, MissionStatus, Verification
+from pa_console.schema.mission import (
+    ApprovalState,
+    Decision,
+    Metrics,
+    Mission,
+    MissionStatus,
+    Verification,
+)
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.rule import RuleHit
@@ -106,9 +113,11 @@ class VerifiedPlan:
 
     verification: Verification
     round: int = 0
+    attempt: int = 0
     judged: bool = False
     verdict: Verdict | None = None
     error: str = ""
+    judging_s: float = 0.0
 
 
 @dataclass
@@ -130,6 +139,8 @@ class MissionTrace:
     executing: int = 0
     workflow: list[ev.WorkflowMoved] = field(default_factory=list[ev.WorkflowMoved])
     approval: ev.ApprovalRequested | None = None
+    approval_state: ApprovalState | None = None
+    """What the operator had to know first of the last plan that was put forward."""
     decisions: list[ev.DecisionMade] = field(default_factory=list[ev.DecisionMade])
     voided: str = ""
     preempted: str = ""
@@ -154,6 +165,11 @@ class MissionTrace:
             found = Attempt(number, round=self.round, phase=self.phase, digest=self.digest)
             self.attempts.append(found)
         return found
+
+    def find_verified(self, number: int | None) -> VerifiedPlan | None:
+        """Return what was verified of attempt `number`, of the last one for None."""
+        found = (v for v in reversed(self.verified) if number is None or v.attempt == number)
+        return next(found, None)
 
     def next_round(self) -> None:
         """Let the attempts that follow belong to another plan than those that were made."""
@@ -257,6 +273,7 @@ def _apply_decision(trace: MissionTrace, data: ev.EventPayload) -> None:
     match data:
         case ev.ApprovalRequested(attempt=number, if_halted=declared):
             trace.stage, trace.approval = "decide", data
+            trace.approval_state = data.state
             if (attempt := trace.find(number)) is not None:
                 attempt.if_halted = declared
         case ev.DecisionMade(attempt=number, decision=decision, accepted=accepted):
@@ -291,20 +308,32 @@ def _apply_execution(trace: MissionTrace, data: ev.EventPayload) -> None:
             trace.next_round()
         case ev.MissionVerified(verification=verification):
             trace.stage = "verify"
-            trace.verified.append(VerifiedPlan(verification, _executing_round(trace)))
+            verified = VerifiedPlan(verification, _executing_round(trace), trace.executing)
+            trace.verified.append(verified)
             trace.next_round()
-        case ev.OutcomeJudged(verdict=verdict, error=error) if trace.verified:
-            last = trace.verified[-1]
-            last.judged, last.verdict, last.error = True, verdict, error
-        case ev.OutcomeJudged(verdict=verdict, error=error):
-            trace.unasked_verdict, trace.unasked_error = verdict, error
+        case ev.OutcomeJudged(attempt=number, verdict=verdict, error=error, usage=usage):
+            if (judged := trace.find_verified(number)) is not None:
+                judged.judged, judged.verdict, judged.error = True, verdict, error
+                judged.judging_s = usage.seconds
+                _measure_verdicts(trace)
+            else:
+                trace.unasked_verdict, trace.unasked_error = verdict, error
         case ev.MissionReported(text=text):
             trace.stage, trace.report = "report", text
         case ev.MissionFinished(status=status, reason=reason, metrics=metrics):
             trace.stage, trace.approval, trace.preempted = "finished", None, ""
             trace.status, trace.reason, trace.metrics = status, reason, metrics
+            _measure_verdicts(trace)
         case _:
             pass
+
+
+def _measure_verdicts(trace: MissionTrace) -> None:
+    """Put into the metrics what verdicts on outcomes took, which come before or after them."""
+    if trace.metrics is not None:
+        taken = sum(verified.judging_s for verified in trace.verified)
+        outcome_s = max(trace.metrics.outcome_s, taken)
+        trace.metrics = trace.metrics.model_copy(update={"outcome_s": outcome_s})
 
 
 def _executing_round(trace: MissionTrace) -> int:

@@ -12,22 +12,27 @@ def rouse(world: World, scene: Scene, asset: AssetState) -> None:
     """Count `asset` among those that every step has to look after, until it is idle again."""
     settle(world, scene, asset)
     scene.active.add(asset.id)
+    asset.said = None
 
 
 def settle(world: World, scene: Scene, asset: AssetState) -> None:
     """Bring the battery up to date; a charging asset gains until it is full and then is idle."""
     minutes = (scene.tick - asset.settled_tick) * world.dt_s / 60.0
     asset.settled_tick = scene.tick
-    if minutes <= 0.0 or asset.failed or asset.battery <= 0.0:
+    before = asset.battery
+    if minutes <= 0.0 or asset.failed or before <= 0.0:
         return
     platform = world.platforms[asset.kind]
     if asset.task == "charging":
-        asset.battery = min(100.0, asset.battery + platform.charge_pct_per_min * minutes)
+        asset.battery = min(100.0, before + platform.charge_pct_per_min * minutes)
         if asset.battery >= 100.0:
-            asset.task = "idle"
+            asset.task, asset.said = "idle", None
         return
     moving = asset.speed > 0.0
     rate = platform.drain_moving_pct_per_min if moving else platform.drain_idle_pct_per_min
-    asset.battery = max(0.0, asset.battery - rate * minutes)
-    if asset.battery <= 0.0:
-        scene.active.add(asset.id)
+    after = before - rate * minutes
+    if after > 0.0:
+        asset.battery = after
+        return
+    asset.battery, asset.said = 0.0, None
+    scene.active.add(asset.id)

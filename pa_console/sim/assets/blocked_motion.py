@@ -1,6 +1,7 @@
 """Notices assets that make no headway and resolves it: one retreats, or the way is given up."""
 
 import math
+from functools import lru_cache
 
 from pa_console.schema.base import Point
 from pa_console.sim.assets.motion import way_left
@@ -27,7 +28,7 @@ def unstick(terrain: Terrain, scene: Scene, asset: AssetState) -> str:
     other one retreats along its way, farther at every try, and lets the other by.
     """
     dt_s = terrain.world.dt_s
-    if (scene.tick - asset.nearest_tick) % max(1, round(_CHECK_S / dt_s)):
+    if (scene.tick - asset.nearest_tick) % _check_ticks(dt_s):
         return ""
     left = way_left(asset)
     if left < asset.nearest_m - _HEADWAY_M:
@@ -51,6 +52,11 @@ def unstick(terrain: Terrain, scene: Scene, asset: AssetState) -> str:
         return "" if way else f"the way to {asset.post} is closed: something lies across it"
     _replan(terrain, scene, asset)
     return ""
+
+
+@lru_cache
+def _check_ticks(dt_s: float) -> int:
+    return max(1, round(_CHECK_S / dt_s))
 
 
 def _way(terrain: Terrain, asset: AssetState, start: Point, target: Point) -> Route | None:

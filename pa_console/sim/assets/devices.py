@@ -1,7 +1,7 @@
 """What a device does with a command, and what it does when it hears nothing any more (CAP-05)."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from pa_console.schema.command import COMMANDS, CommandReply, DeviceCommand, ReplyStatus
 from pa_console.schema.telemetry import Task
@@ -23,7 +23,9 @@ def listen(terrain: Terrain, scene: Scene) -> None:
     world = terrain.world
     for asset in scene.assets.values():
         if radio.works(scene, asset) and not radio.loses(scene, asset):
-            note_heard(terrain, scene, asset)
+            asset.heard_tick = scene.tick
+            if asset.cut_off:
+                note_heard(terrain, scene, asset)
         elif not asset.cut_off and not asset.down:
             silence_s = (scene.tick - asset.heard_tick) * world.dt_s
             if silence_s >= world.platforms[asset.kind].lost_link_after_s:
@@ -105,31 +107,40 @@ def lose_link(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterator[Com
             _stand(terrain, asset, "holding")
 
 
-def work(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterator[CommandReply]:
-    """Advance the asset's command after a step; yield what it has to say."""
+def work(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterable[CommandReply]:
+    """Advance the asset's command after a step; return what it has to say."""
     if asset.down:
-        yield from _break_down(scene, asset)
-        return
-    if asset.route:
-        trouble = unstick(terrain, scene, asset)
-        if trouble:
-            yield from _give_up(terrain, scene, asset, trouble)
-            return
+        return _break_down(scene, asset)
+    if asset.route and (trouble := unstick(terrain, scene, asset)):
+        return _give_up(terrain, scene, asset, trouble)
+    if not asset.route:
+        return _do_there(terrain, scene, asset)
+    command = asset.command
+    if command is None or (scene.tick - asset.progress_tick) * terrain.world.dt_s < PROGRESS_S:
+        return ()
+    return _tell_progress(scene, asset, command)
+
+
+def _tell_progress(
+    scene: Scene, asset: AssetState, command: DeviceCommand
+) -> Iterable[CommandReply]:
+    """Let an asset under way tell how far it has to go."""
+    asset.progress_tick = scene.tick
+    held = ""
+    if asset.held_by:
+        contact = scene.contacts.get(asset.held_by)
+        name = called(scene, contact) if contact else "a contact"
+        held = f", keeping its distance from {name}"
+    text = f"{way_left(asset):.0f} m to go{held}"
+    return (_remember(asset, _answer(scene, command, "progress", text)),)
+
+
+def _do_there(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterator[CommandReply]:
+    """Do what the command asks for at its target, where the asset stands."""
     command = asset.command
     if command is None:
-        if not asset.route and asset.task in ("moving", "returning"):
+        if asset.task in ("moving", "returning"):
             asset.task = "charging" if asset.task == "returning" else "holding"
-        return
-    if asset.route:
-        if (scene.tick - asset.progress_tick) * terrain.world.dt_s >= PROGRESS_S:
-            asset.progress_tick = scene.tick
-            held = ""
-            if asset.held_by:
-                contact = scene.contacts.get(asset.held_by)
-                name = called(scene, contact) if contact else "a contact"
-                held = f", keeping its distance from {name}"
-            text = f"{way_left(asset):.0f} m to go{held}"
-            yield _remember(asset, _answer(scene, command, "progress", text))
         return
     if asset.task in ("moving", "returning"):
         asset.task = "charging" if command.verb == "return_to_base" else _TASKS[command.verb]

@@ -1,54 +1,63 @@
 """Drives assets along their routes: turning, slowing, giving way, keeping the standoff."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from math import atan2, cos, dist, hypot, remainder, sin, tau
 
 from pa_console.schema.base import Point
-from pa_console.schema.world import Platform
 from pa_console.sim.assets.physics import CONTACT_MARGIN_M, Velocity
 from pa_console.sim.assets.surroundings import Traffic
 from pa_console.sim.state import AssetState, Scene
+from pa_console.sim.worlds.platform_limits import HULL_GAP_M, LOOK_M, LOOK_S, PlatformLimits
+from pa_console.sim.worlds.routes import Area
 from pa_console.sim.worlds.terrain import Terrain
 
 ARRIVAL_M = 0.3
-_CORNER_M = {"uav": 1.5, "ugv": 0.5, "robot": 0.4}
-_LOOK_M = 5.0
-_LOOK_S = 2.0
-_HULL_GAP_M = 0.15
 _SLOWING_S = 0.6
 _TURNS = tuple(math.radians(turn) for turn in (0, -25, 25, -50, 50, -75, 75, -100, 100))
 """Ways to pass something, best first: of two equal ones the right-hand one."""
+_STANDS: Velocity = (0.0, 0.0)
+_Other = tuple[float, float, float, float, float]
+"""Another asset as one sees it: (dx, dy, vx, vy, reach), metres and metres a second."""
 
 
 def traffic(terrain: Terrain, scene: Scene) -> Traffic:
     """Return the ground assets as they stand now, looked up as far as one has to give way."""
-    widest = max(platform.radius_m for platform in terrain.world.platforms.values())
-    standing_m = max(_LOOK_M + 3 * widest + _HULL_GAP_M, terrain.contact_m + CONTACT_MARGIN_M)
-    return Traffic(scene, standing_m, standing_m + _LOOK_M)
+    widest = max(limits.radius_m for limits in terrain.limits.values())
+    standing_m = LOOK_M + 3 * widest + HULL_GAP_M
+    close_m = terrain.contact_m + CONTACT_MARGIN_M
+    return Traffic(scene.assets.values(), standing_m, standing_m + LOOK_M, close_m)
 
 
-def drive(terrain: Terrain, scene: Scene, ground: Traffic, dt_s: float) -> dict[str, Velocity]:
+def drive(
+    terrain: Terrain, scene: Scene, busy: Sequence[AssetState], ground: Traffic, dt_s: float
+) -> dict[str, Velocity]:
     """Turn every asset that has a route toward it; return the velocities (m/s) of those moving."""
+    ground.go(scene.active)
     velocities: dict[str, Velocity] = {}
     tracks = [(contact.id, contact.position) for contact in scene.contacts.values()]
-    for asset in scene.busy():
-        if not asset.route or asset.down:
+    for asset in busy:
+        limits = terrain.limits[asset.kind]
+        gap = _pass_corners(asset, limits.corner_m) if asset.route and not asset.down else 0.0
+        if gap == 0.0:
             asset.speed = 0.0
             continue
-        _pass_corners(asset)
-        if not asset.route:
-            asset.speed = 0.0
-            continue
-        direction: float | None = _bearing(asset, asset.route[0])
-        if asset.kind != "uav":
-            direction = give_way(terrain, asset, ground.near(asset), direction)
-        velocity = _steer(asset, terrain.world.platforms[asset.kind], direction, dt_s)
+        x, y = asset.route[0]
+        direction: float | None = atan2(y - asset.y, x - asset.x)
+        if not limits.flies and (near := _in_the_way(asset, limits, ground.around(asset).near)):
+            situation = (asset.position, asset.route[0], asset.station, asset.obstructions, *near)
+            if ground.waiting.get(asset.id) == situation:
+                direction = None
+            else:
+                direction = give_way(terrain, asset, near, direction)
+                ground.waiting[asset.id] = situation if direction is None else None
+        velocity = _steer(asset, limits, direction, gap, dt_s)
         asset.held_by = ""
-        if asset.kind != "uav" and tracks:
+        if tracks and not limits.flies:
             asset.held_by = _too_near(asset, velocity, tracks, terrain.world.standoff_m, dt_s)
         if asset.held_by:
             asset.speed = 0.0
-        elif velocity != (0.0, 0.0):
+        elif velocity != _STANDS:
             velocities[asset.id] = velocity
     return velocities
 
@@ -57,95 +66,109 @@ def way_left(asset: AssetState) -> float:
     """Return the metres still ahead on the asset's route."""
     left, here = 0.0, asset.position
     for point in asset.route:
-        left += math.dist(here, point)
+        left += dist(here, point)
         here = point
     return left
 
 
-def _bearing(asset: AssetState, point: Point) -> float:
-    return math.atan2(point[1] - asset.y, point[0] - asset.x)
+def _pass_corners(asset: AssetState, corner_m: float) -> float:
+    """Drop the waypoints that are reached: corners roughly, the last one closely.
 
-
-def _pass_corners(asset: AssetState) -> None:
-    """Drop the waypoints that are reached: corners roughly, the last one closely."""
-    for index, point in enumerate(asset.route):
-        limit = _CORNER_M[asset.kind] if index + 1 < len(asset.route) else ARRIVAL_M
-        if math.dist(asset.position, point) > limit:
-            asset.route = asset.route[index:]
-            return
+    Returns the metres to the first of those left, 0.0 if there are none.
+    """
+    here, route = (asset.x, asset.y), asset.route
+    last = len(route) - 1
+    for index, point in enumerate(route):
+        gap = dist(here, point)
+        if gap > (corner_m if index < last else ARRIVAL_M):
+            if index:
+                asset.route = route[index:]
+            return gap
     asset.route = ()
+    return 0.0
 
 
-def _steer(asset: AssetState, platform: Platform, direction: float | None, dt_s: float) -> Velocity:
+def _steer(
+    asset: AssetState, limits: PlatformLimits, direction: float | None, gap: float, dt_s: float
+) -> Velocity:
     """Turn toward `direction` (radians) at most at the turn rate and go as far as it points there.
 
-    None means stand and wait.
+    `gap` is the distance to the next waypoint, metres. None means stand and wait.
     """
     if direction is None:
         asset.speed = 0.0
-        return (0.0, 0.0)
-    most = math.radians(platform.turn_rate_dps) * dt_s
-    error = math.remainder(direction - asset.heading, math.tau)
-    asset.heading = math.remainder(asset.heading + min(most, max(-most, error)), math.tau)
-    rest = math.remainder(direction - asset.heading, math.tau)
-    ahead = math.cos(rest)
-    fastest = platform.speed_mps * asset.speed_factor
-    speed = fastest * ahead * ahead if ahead > 0.5 else 0.0
-    gap = math.dist(asset.position, asset.route[0])
+        return _STANDS
+    most = limits.turn_rad
+    error = remainder(direction - asset.heading, tau)
+    turn = most if error > most else -most if error < -most else error
+    heading = remainder(asset.heading + turn, tau)
+    ahead = cos(remainder(direction - heading, tau))
+    speed = limits.speed_mps * asset.speed_factor * ahead * ahead if ahead > 0.5 else 0.0
     if len(asset.route) == 1:
         speed = min(speed, max(gap / _SLOWING_S, 0.3 * ahead))
-    asset.speed = max(0.0, min(speed, gap / dt_s))
-    return (asset.speed * math.cos(asset.heading), asset.speed * math.sin(asset.heading))
+    speed = min(speed, gap / dt_s)
+    asset.heading, asset.speed = heading, speed
+    return (speed * cos(heading), speed * sin(heading))
 
 
 def give_way(
-    terrain: Terrain, asset: AssetState, ground: Sequence[AssetState], wanted: float
+    terrain: Terrain, asset: AssetState, near: list[_Other], wanted: float
 ) -> float | None:
-    """Return the direction nearest to `wanted` in which nothing is run into, None to wait."""
-    platforms = terrain.world.platforms
-    mine = platforms[asset.kind]
-    look = min(_LOOK_M, mine.speed_mps * _LOOK_S) + mine.radius_m
-    reach = {k: mine.radius_m + p.radius_m + _HULL_GAP_M for k, p in platforms.items()}
-    near: list[tuple[float, float, float, float, float]] = []
-    for other in ground:
-        dx, dy = other.x - asset.x, other.y - asset.y
-        radius = reach[other.kind]
-        limit = look + radius + (min(other.speed * _LOOK_S, _LOOK_M) if other.speed else 0.0)
-        if other is not asset and dx * dx + dy * dy < limit * limit:
-            vx, vy = other.speed * math.cos(other.heading), other.speed * math.sin(other.heading)
-            near.append((dx, dy, vx, vy, radius))
-    if not near:
-        return wanted
-    horizon = min(_LOOK_S, math.dist(asset.position, asset.route[0]) / mine.speed_mps + 0.2)
-    area = terrain.planner.area(asset.kind, asset.position, asset.station, avoid=asset.obstructions)
-    free_here = area.contains(asset.x, asset.y)
+    """Return the direction nearest to `wanted` in which none of `near` is met, None to wait."""
+    speed = terrain.limits[asset.kind].speed_mps
+    horizon = min(LOOK_S, dist(asset.position, asset.route[0]) / speed + 0.2)
+    area: Area | None = None
     for turn in _TURNS:
-        vx = mine.speed_mps * math.cos(wanted + turn)
-        vy = mine.speed_mps * math.sin(wanted + turn)
-        if any(_meets(vx, vy, other, horizon) for other in near):
+        vx = speed * cos(wanted + turn)
+        vy = speed * sin(wanted + turn)
+        if _meets_any(vx, vy, near, horizon):
             continue
-        if turn and free_here and not area.contains(asset.x + vx * 0.5, asset.y + vy * 0.5):
-            continue
+        if turn:
+            area = area or terrain.planner.area(
+                asset.kind, asset.position, asset.station, avoid=asset.obstructions
+            )
+            leaves = not area.contains(asset.x + vx * 0.5, asset.y + vy * 0.5)
+            if leaves and area.contains(asset.x, asset.y):
+                continue
         return wanted + turn
     return None
 
 
-def _meets(
-    vx: float, vy: float, other: tuple[float, float, float, float, float], horizon: float
-) -> bool:
-    """Return whether going at (vx, vy) comes too near `other` (dx, dy, vx, vy, reach) in time.
+def _in_the_way(
+    asset: AssetState, limits: PlatformLimits, ground: Iterable[AssetState]
+) -> list[_Other]:
+    """Return those of `ground` that `asset` may meet within the time that it looks ahead."""
+    near: list[_Other] = []
+    x, y, look_m, apart_m = asset.x, asset.y, limits.look_m, limits.apart_m
+    for other in ground:
+        dx, dy = other.x - x, other.y - y
+        radius, speed = apart_m[other.kind], other.speed
+        limit = look_m + radius + (min(speed * LOOK_S, LOOK_M) if speed else 0.0)
+        if dx * dx + dy * dy < limit * limit:
+            way = other.heading
+            velocity = (speed * cos(way), speed * sin(way)) if speed else _STANDS
+            near.append((dx, dy, *velocity, radius))
+    return near
 
-    Something already too near is met only by going closer still.
+
+def _meets_any(vx: float, vy: float, near: list[_Other], horizon: float) -> bool:
+    """Return whether going at (vx, vy) comes too near one of `near` in time.
+
+    Something already too near is met only by going closer still. What is met goes to the front:
+    it is likely to be met on the next way that is tried, too.
     """
-    dx, dy, ux, uy, reach = other
-    rx, ry = ux - vx, uy - vy
-    closing = -(dx * rx + dy * ry)
-    if closing <= 0.0:
-        return False
-    if dx * dx + dy * dy <= reach * reach:
+    for index, (dx, dy, ux, uy, reach) in enumerate(near):
+        rx, ry = ux - vx, uy - vy
+        closing = -(dx * rx + dy * ry)
+        if closing <= 0.0:
+            continue
+        if dx * dx + dy * dy > reach * reach:
+            when = min(closing / (rx * rx + ry * ry), horizon)
+            if hypot(dx + rx * when, dy + ry * when) >= reach:
+                continue
+        near[0], near[index] = near[index], near[0]
         return True
-    when = min(closing / (rx * rx + ry * ry), horizon)
-    return math.hypot(dx + rx * when, dy + ry * when) < reach
+    return False
 
 
 def _too_near(
@@ -161,7 +184,7 @@ def _too_near(
     for name, point in tracks:
         if abs(point[0] - there[0]) >= limit or abs(point[1] - there[1]) >= limit:
             continue
-        gap = math.dist(there, point)
-        if gap < limit and gap < math.dist(asset.position, point):
+        gap = dist(there, point)
+        if gap < limit and gap < dist(asset.position, point):
             return name
     return ""

@@ -7,6 +7,7 @@ physics, and a fork stays exactly equal to its original through contacts too.
 
 import math
 from collections.abc import Mapping, Sequence
+from math import hypot
 
 import pymunk
 
@@ -33,50 +34,45 @@ def move(
     UAVs fly over everything. A ground asset never passes through a wall, an obstruction or
     another one.
     """
-    touching, walls = _touching(terrain, scene, ground, velocities, dt_s)
-    fixed = {asset.id for asset in touching}
-    for name, velocity in velocities.items():
-        if name not in fixed:
-            asset = scene.assets[name]
-            asset.x += velocity[0] * dt_s
-            asset.y += velocity[1] * dt_s
+    movers = [(scene.assets[name], vx, vy) for name, (vx, vy) in velocities.items()]
+    rolling = [(asset, hypot(vx, vy) * dt_s) for asset, vx, vy in movers if asset.kind != "uav"]
+    touching, walls = _touching(terrain, scene, ground, rolling)
+    fixed = {asset.id for asset in touching} if touching else ()
+    for asset, vx, vy in movers:
+        if asset.id not in fixed:
+            asset.x += vx * dt_s
+            asset.y += vy * dt_s
     if touching:
         _collide(terrain, touching, walls, velocities, dt_s)
+    if rolling:
+        ground.went(max(asset.speed for asset, _ in rolling) * dt_s)
 
 
 def _touching(
-    terrain: Terrain,
-    scene: Scene,
-    ground: Traffic,
-    velocities: Mapping[str, Velocity],
-    dt_s: float,
-) -> tuple[list[AssetState], list[Wall]]:
-    """Return the ground assets and walls that may come into contact within the step."""
-    platforms = terrain.world.platforms
+    terrain: Terrain, scene: Scene, ground: Traffic, rolling: Sequence[tuple[AssetState, float]]
+) -> tuple[Sequence[AssetState], Sequence[Wall]]:
+    """Return the ground assets and walls that may come into contact within the step.
+
+    `rolling` are those that move, each with the metres that it goes.
+    """
+    steps = {asset.id: step_m for asset, step_m in rolling}
     close: set[str] = set()
     walls: list[Wall] = []
-    for name, velocity in velocities.items():
-        mover = scene.assets[name]
-        if mover.kind == "uav":
-            continue
-        radius, speed = platforms[mover.kind].radius_m, math.hypot(*velocity)
-        reach = radius + speed * dt_s + CONTACT_MARGIN_M
-        for other in ground.near(mover):
-            if other is mover:
-                continue
-            theirs = velocities.get(other.id)
-            limit = reach + platforms[other.kind].radius_m
-            if theirs is not None:
-                limit += math.hypot(*theirs) * dt_s
-            dx, dy = other.x - mover.x, other.y - mover.y
+    for mover, step_m in rolling:
+        x, y = mover.x, mover.y
+        reach = terrain.limits[mover.kind].radius_m + step_m + CONTACT_MARGIN_M
+        for other in ground.around(mover).close:
+            limit = reach + terrain.limits[other.kind].radius_m + steps.get(other.id, 0.0)
+            dx, dy = other.x - x, other.y - y
             if dx * dx + dy * dy < limit * limit:
                 close |= {mover.id, other.id}
-        for wall in (*terrain.near_walls(mover.x, mover.y), *scene.obstructions):
-            if gap(wall, mover.x, mover.y) < reach:
+        near_walls = terrain.near_walls(x, y)
+        for wall in (*near_walls, *scene.obstructions) if scene.obstructions else near_walls:
+            if gap(wall, x, y) < reach:
                 close.add(mover.id)
                 if wall not in walls:
                     walls.append(wall)
-    return scene.in_order(close), walls
+    return scene.in_order(close) if close else (), walls
 
 
 def gap(wall: Wall, x: float, y: float) -> float:
@@ -85,7 +81,7 @@ def gap(wall: Wall, x: float, y: float) -> float:
     dx, dy = bx - ax, by - ay
     along = ((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy)
     along = min(1.0, max(0.0, along))
-    return math.hypot(x - ax - along * dx, y - ay - along * dy) - wall.thickness_m / 2
+    return hypot(x - ax - along * dx, y - ay - along * dy) - wall.thickness_m / 2
 
 
 def _collide(
@@ -115,11 +111,11 @@ def _collide(
         body.position, body.velocity = asset.position, velocity
         space.add(body, pymunk.Circle(body, radius))
         moving.append((asset, body))
-        fastest = max(fastest, math.hypot(*velocity))
+        fastest = max(fastest, hypot(*velocity))
     substeps = max(3, math.ceil(fastest * dt_s / _SUBSTEP_M))
     for _ in range(substeps):
         space.step(dt_s / substeps)
     for asset, body in moving:
         x, y = body.position
-        asset.speed = math.hypot(x - asset.x, y - asset.y) / dt_s
+        asset.speed = hypot(x - asset.x, y - asset.y) / dt_s
         asset.x, asset.y = x, y

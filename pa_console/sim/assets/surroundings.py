@@ -1,35 +1,100 @@
-"""Finds the ground assets near a moving one without asking every asset of a large team."""
+"""Finds the ground assets near a moving one without asking every asset of a team at every step.
 
-import numpy as np
-import numpy.typing as npt
+Who is near is looked up with some metres to spare and holds until somebody has gone half of them
+(a Verlet list), so most steps look nothing up.
+"""
 
-from pa_console.sim.state import AssetState, Scene
+import math
+from collections.abc import Iterable, Set
+from typing import NamedTuple
 
-Floats = npt.NDArray[np.float64]
+from pa_console.sim.state import AssetState
+
+_HOLDS_M = 2.0
+"""What has been looked up holds until somebody has gone so far."""
+_SPARE_M = 2 * _HOLDS_M + 0.01
+_FEW = 16
+"""So many are asked one by one sooner than they are sorted into cells."""
+
+_Cell = tuple[int, int]
+
+
+class Neighbours(NamedTuple):
+    """Whom a ground asset may have to give way to and whom it may touch; some are farther off.
+
+    It holds until somebody has gone `until_m` metres since the traffic began.
+    """
+
+    near: list[AssetState]
+    close: list[AssetState]
+    until_m: float
 
 
 class Traffic:
-    """The ground assets of one step, before anything moves; collected on first use."""
+    """The ground assets of a team; nobody but those that `went` tells of may have moved."""
 
-    def __init__(self, scene: Scene, standing_m: float, moving_m: float) -> None:
-        """Look `standing_m` far for those that stand and `moving_m` for those under way."""
-        self._scene = scene
-        self._standing_m, self._moving_m = standing_m, moving_m
-        self._ground: list[AssetState] | None = None
-        self._x: Floats = np.empty(0)
-        self._y: Floats = np.empty(0)
-        self._reach: Floats = np.empty(0)
+    def __init__(
+        self, assets: Iterable[AssetState], standing_m: float, moving_m: float, close_m: float
+    ) -> None:
+        """Look among `assets` as far as one gives way to those that stand and to others.
 
-    def near(self, asset: AssetState) -> list[AssetState]:
-        """Return the ground assets that may matter to `asset`, itself among them."""
-        ground = self._ground
-        if ground is None:
-            ground = [other for other in self._scene.assets.values() if other.kind != "uav"]
-            moving = np.array([bool(other.route) or other.speed > 0.0 for other in ground])
-            self._ground = ground
-            self._x = np.array([other.x for other in ground])
-            self._y = np.array([other.y for other in ground])
-            self._reach = np.where(moving, self._moving_m**2, self._standing_m**2)
-        dx, dy = self._x - asset.x, self._y - asset.y
-        found: list[int] = np.flatnonzero(dx * dx + dy * dy <= self._reach).tolist()
-        return [ground[index] for index in found]
+        They are close within `close_m`.
+        """
+        self._standing_m, self._moving_m = standing_m + _SPARE_M, moving_m + _SPARE_M
+        self._close_m = close_m + _SPARE_M
+        self._cell_m = max(self._moving_m, self._close_m) + _SPARE_M
+        self._moving: set[str] = set()
+        self._ground = [asset for asset in assets if asset.kind != "uav"]
+        self._gone_m = self._sorted_until_m = 0.0
+        self._cells: dict[_Cell, list[AssetState]] = {}
+        self._neighbours: dict[str, Neighbours] = {}
+        self.waiting: dict[str, tuple[object, ...] | None] = {}
+        """The situation in which an asset found no way: in an equal one there is none either."""
+
+    def went(self, metres: float) -> None:
+        """Note that in this step nobody has gone farther than `metres`."""
+        self._gone_m += metres
+
+    def go(self, names: Set[str]) -> None:
+        """Note that nobody moves in this step but, maybe, the assets of these names."""
+        if not names <= self._moving:
+            self._moving = set(names)
+            self._neighbours.clear()
+
+    def around(self, asset: AssetState) -> Neighbours:
+        """Return the neighbours of `asset`."""
+        found = self._neighbours.get(asset.id)
+        if found is None or self._gone_m > found.until_m:
+            found = self._neighbours[asset.id] = self._look_up(asset)
+        return found
+
+    def _look_up(self, asset: AssetState) -> Neighbours:
+        found = Neighbours([], [], self._gone_m + _HOLDS_M)
+        x, y, widest_m = asset.x, asset.y, max(self._moving_m, self._close_m)
+        for other in self._ground if len(self._ground) <= _FEW else self._in_cells(asset):
+            gap = math.hypot(other.x - x, other.y - y)
+            if gap > widest_m or other is asset:
+                continue
+            if gap <= (self._moving_m if other.id in self._moving else self._standing_m):
+                found.near.append(other)
+            if gap <= self._close_m:
+                found.close.append(other)
+        return found
+
+    def _in_cells(self, asset: AssetState) -> Iterable[AssetState]:
+        """Return those in the nine cells about `asset`; the cells hold as long as a list does."""
+        if not self._cells or self._gone_m > self._sorted_until_m:
+            self._cells = {}
+            for other in self._ground:
+                self._cells.setdefault(self._cell(other), []).append(other)
+            self._sorted_until_m = self._gone_m + _HOLDS_M
+        column, row = self._cell(asset)
+        return [
+            other
+            for i in (column - 1, column, column + 1)
+            for j in (row - 1, row, row + 1)
+            for other in self._cells.get((i, j), ())
+        ]
+
+    def _cell(self, asset: AssetState) -> _Cell:
+        return math.floor(asset.x / self._cell_m), math.floor(asset.y / self._cell_m)

@@ -11,6 +11,7 @@ or UAV watches the place; anything but the position (battery, task).
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import lru_cache
 
@@ -37,9 +38,11 @@ UNSEEN_S = 3.0
 
 def judge(world: World, heard: Heard, report: Report) -> Trust:
     """Return what to make of an asset's positions now that `report` has come after `heard`."""
-    trust, last, now = heard.trust, heard.telemetry, report.telemetry
+    trust, last, now = heard.trust, heard.telemetry.like, report.telemetry.like
     if trust.carried_tick is not None:
         return Trust(stood=_standing(now))
+    if not trust.suspect and now.position == last.position == trust.stood and _standing(now):
+        return trust
     since_s = (report.stamp - heard.stamp) * world.dt_s
     if not trust.suspect:
         if _possible(world, now, last.position, since_s) and not _creeps(
@@ -48,9 +51,8 @@ def judge(world: World, heard: Heard, report: Report) -> Trust:
             return _sound(world, trust, now, since_s)
         return Trust(stood=trust.stood, suspect=True, anchor=last.position, anchor_tick=heard.stamp)
     if trust.sound_from is None:
-        if _returned(world, trust, report, last, since_s):
-            return replace(trust, sound_from=report.stamp)
-        return trust
+        returned = _returned(world, trust, report, last, since_s)
+        return replace(trust, sound_from=report.stamp) if returned else trust
     if not _possible(world, now, last.position, since_s) or _creeps(world, now, trust, since_s):
         return replace(trust, sound_from=None)
     if (report.stamp - trust.sound_from) * world.dt_s >= SOUND_S:
@@ -67,24 +69,34 @@ def compare(terrain: Terrain, scene: Scene) -> None:
     world, station = terrain.world, scene.station
     fresh = scene.tick - round(2 * world.telemetry_period_s / world.dt_s)
     for gate, names in station.at_gate.items():
-        cameras = [
-            name
-            for name, camera in world.cameras.items()
-            if camera.gate == gate and name not in scene.sensing.broken
-        ]
-        drones = [name for name in names if _witness(world, scene, name, fresh)]
+        watch: tuple[list[str], list[str]] | None = None
         for name in names:
             heard = station.heard[name]
-            at = heard.telemetry.position
-            if heard.stamp < fresh or _standing(heard.telemetry) is None:
+            at, trust = heard.telemetry.like.position, heard.trust
+            there = math.dist(at, scene.assets[name].position) <= SEEN_M
+            if there and not trust.suspect and not trust.unseen:
                 continue
+            if heard.stamp < fresh or _standing(heard.telemetry.like) is None:
+                continue
+            cameras, drones = watch = watch or _watch(terrain, scene, gate, names, fresh)
             if any(drone != name for drone in drones) or any(
                 _in_view(terrain, camera, at, scene.sensing.weather) for camera in cameras
             ):
-                there = math.dist(at, scene.assets[name].position) <= SEEN_M
-                trust = _witnessed(world, heard, there)
-                if trust is not heard.trust:
-                    station.heard[name] = replace(heard, trust=trust)
+                now = _witnessed(world, heard, there)
+                if now is not trust:
+                    station.heard[name] = heard._replace(trust=now)
+
+
+def _watch(
+    terrain: Terrain, scene: Scene, gate: str, names: Iterable[str], fresh: int
+) -> tuple[list[str], list[str]]:
+    """Return the cameras at `gate` that work and those of `names` that see for themselves."""
+    cameras = [
+        name
+        for name, camera in terrain.world.cameras.items()
+        if camera.gate == gate and name not in scene.sensing.broken
+    ]
+    return cameras, [name for name in names if _witness(terrain.world, scene, name, fresh)]
 
 
 @lru_cache(maxsize=4096)
@@ -111,7 +123,7 @@ def _witness(world: World, scene: Scene, name: str, fresh: int) -> bool:
         and not asset.down
         and name not in scene.sensing.broken
         and radio.works(scene, asset)
-        and math.dist(asset.position, heard.telemetry.position)
+        and math.dist(asset.position, heard.telemetry.like.position)
         <= world.platforms["uav"].sensor_range_m / 2
     )
 
@@ -123,9 +135,9 @@ def _witnessed(world: World, heard: Heard, there: bool) -> Trust:
         if not trust.suspect:
             return replace(trust, unseen=0) if trust.unseen else trust
         if (trust.seen + 1) * period_s >= SOUND_S:
-            return Trust(stood=heard.telemetry.position)
+            return Trust(stood=heard.telemetry.like.position)
         return replace(trust, seen=trust.seen + 1, unseen=0)
-    at = heard.telemetry.position
+    at = heard.telemetry.like.position
     if trust.suspect:
         return replace(trust, seen=0, lie=at, sound_from=None)
     if (trust.unseen + 1) * period_s >= UNSEEN_S:
@@ -135,8 +147,10 @@ def _witnessed(world: World, heard: Heard, there: bool) -> Trust:
 
 def _possible(world: World, now: AssetTelemetry, then: Point, since_s: float) -> bool:
     """Return whether an asset of the kind can have come from `then` within `since_s`."""
+    if now.position == then:
+        return True
     limit = SPEED_MARGIN * world.platforms[now.kind].speed_mps * since_s + NOISE_M
-    return now.position == then or math.dist(now.position, then) <= limit
+    return math.dist(now.position, then) <= limit
 
 
 def _creeps(world: World, now: AssetTelemetry, trust: Trust, since_s: float) -> bool:
@@ -174,7 +188,7 @@ def _returned(
     They are if it is back where it stood, or has left the place where it was missed, or its
     position breaks off from the doubtful ones and can be reached from its last sound one.
     """
-    now = report.telemetry
+    now = report.telemetry.like
     if trust.stood is not None and math.dist(now.position, trust.stood) <= NOISE_M:
         return True
     age_s = (report.stamp - trust.anchor_tick) * world.dt_s

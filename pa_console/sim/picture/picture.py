@@ -5,14 +5,23 @@ is concluded from which reports came, and when (paper, Step 3; CAP-05).
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
-from pa_console.schema.telemetry import AssetTelemetry, CommsStatus, GateCover, Picture
+from pa_console.schema.telemetry import (
+    AssetTelemetry,
+    CameraReport,
+    CommsStatus,
+    GateCover,
+    Picture,
+    Track,
+    Weather,
+)
 from pa_console.schema.world import World
 from pa_console.sim.picture import integrity, telemetry
 from pa_console.sim.radio import radio
 from pa_console.sim.sensing import sensing
-from pa_console.sim.state import Heard, Report, Scene, StationState
+from pa_console.sim.state import Heard, Report, Said, Scene, StationState
 from pa_console.sim.worlds.terrain import Terrain
 
 LATE_S = 0.25
@@ -31,7 +40,24 @@ def period_ticks(world: World) -> int:
     return max(1, round(world.telemetry_period_s / world.dt_s))
 
 
-def begin(terrain: Terrain, scene: Scene) -> Picture:
+class Draft(NamedTuple):
+    """What a picture says, before what each asset said of itself is put together."""
+
+    tick: int
+    time_s: float
+    assets: dict[str, Said]
+    tracks: dict[str, Track]
+    gates: dict[str, GateCover]
+    cameras: dict[str, CameraReport]
+    weather: Weather
+
+    def picture(self) -> Picture:
+        """Return the picture."""
+        assets = {name: said.telemetry() for name, said in self.assets.items()}
+        return Picture.of_valid({**self._asdict(), "assets": assets})
+
+
+def begin(terrain: Terrain, scene: Scene) -> Draft:
     """Return the picture before the first step, in which everything has been so for long.
 
     A link that works has always worked, and one that does not has long been silent.
@@ -49,37 +75,46 @@ def begin(terrain: Terrain, scene: Scene) -> Picture:
     return build(terrain, scene, scene.assets)
 
 
-def receive(terrain: Terrain, scene: Scene, report: Report) -> None:
-    """Take in a report that has just arrived, unless a later one has come before it.
+def receive(terrain: Terrain, scene: Scene, reports: Sequence[Report]) -> None:
+    """Take in the reports that have just arrived, unless a later one has come before it.
 
     What a suspect asset detects is ignored: it may not be where it says it is.
     """
-    world, station = terrain.world, scene.station
-    heard = station.heard[report.agent]
-    carried = heard.trust.carried_tick
-    if report.stamp <= heard.stamp or (carried is not None and report.stamp <= carried):
+    if not reports:
         return
-    trust = integrity.judge(world, heard, report)
-    missed = (report.stamp - heard.stamp) // period_ticks(world)
-    in_time = scene.tick - report.stamp <= _patience(world)
-    marks = (heard.marks << min(missed, WINDOW) | in_time) & _ALL
-    station.heard[report.agent] = Heard(report.telemetry, report.stamp, marks, trust)
-    if report.detections and not trust.suspect:
-        sensing.receive(terrain, scene, report.agent, report.stamp, report.detections)
+    world, station = terrain.world, scene.station
+    latest, period = scene.tick - _patience(world), period_ticks(world)
+    for report in reports:
+        heard = station.heard[report.agent]
+        carried = heard.trust.carried_tick
+        if report.stamp <= heard.stamp or (carried is not None and report.stamp <= carried):
+            continue
+        trust = integrity.judge(world, heard, report)
+        missed = (report.stamp - heard.stamp) // period
+        marks = (heard.marks << min(missed, WINDOW) | (report.stamp >= latest)) & _ALL
+        station.heard[report.agent] = Heard(report.telemetry, report.stamp, marks, trust)
+        if report.detections and not trust.suspect:
+            sensing.receive(terrain, scene, report.agent, report.stamp, report.detections)
 
 
-def build(terrain: Terrain, scene: Scene, names: Iterable[str]) -> Picture:
-    """Conclude anew about the assets in `names` and return the picture."""
+def build(terrain: Terrain, scene: Scene, names: Iterable[str]) -> Draft:
+    """Conclude anew about the assets in `names` and return what the picture says."""
     station = scene.station
-    stirred = {gate for gate in terrain.world.gates if gate not in station.covers}
+    stirred = {gate for gate in terrain.gates if gate not in station.covers}
+    silences: dict[int, _Silence] = {}
     for name in names:
-        known = _concluded(terrain.world, scene, name)
+        heard = station.heard[name]
+        silence = silences.get(heard.stamp)
+        if silence is None:
+            silence = silences[heard.stamp] = _silence(terrain.world, scene, heard.stamp)
         before = station.shown.get(name)
+        known = _concluded(heard, silence, before)
         if known is not before:
             station.shown[name] = known
-            stirred |= update_post(scene, before, known)
+            if before is None or known.like is not before.like:
+                update_post(scene, before.like if before else None, known.like, stirred)
     _cover(terrain, scene, stirred)
-    return Picture.model_construct(
+    return Draft(
         tick=scene.tick,
         time_s=terrain.seconds(scene.tick),
         assets=dict(station.shown),
@@ -101,30 +136,40 @@ def comms_of(heard: Heard, missing: int) -> CommsStatus:
     return "ok" if WINDOW - marks.bit_count() <= TOLERATED else "degraded"
 
 
-def _concluded(world: World, scene: Scene, name: str) -> AssetTelemetry:
-    """Return an asset's latest report with the station's conclusions about it."""
-    heard = scene.station.heard[name]
-    age = scene.tick - heard.stamp
+class _Silence(NamedTuple):
+    """What it means that nothing has been heard since: too old to rely on, reports missing."""
+
+    stale: bool
+    lost: bool
+    missing: int
+
+
+def _silence(world: World, scene: Scene, stamp: int) -> _Silence:
+    """Return what it means that the latest report was sent at tick `stamp`."""
+    age = scene.tick - stamp
     age_s = round(age * world.dt_s, 6)
-    stale, suspect = age_s > world.stale_s, heard.trust.suspect
-    comms: CommsStatus = "lost"
-    if age_s < world.link_lost_s:
-        missing = 0 if scene.ideal else max(0, age - _patience(world)) // period_ticks(world)
-        comms = comms_of(heard, missing)
-    said = heard.telemetry
+    missing = 0 if scene.ideal else max(0, age - _patience(world)) // period_ticks(world)
+    return _Silence(age_s > world.stale_s, age_s >= world.link_lost_s, missing)
+
+
+def _concluded(heard: Heard, silence: _Silence, shown: Said | None) -> Said:
+    """Return an asset's latest report with the station's conclusions about it."""
+    stale, lost, missing = silence
+    comms: CommsStatus = "lost" if lost else comms_of(heard, missing)
+    said, suspect = heard.telemetry, heard.trust.suspect
     if comms == "ok" and not stale and not suspect:
         return said
-    available = said.available and not stale and not suspect and comms != "lost"
+    available = said.like.available and not stale and not suspect and comms != "lost"
     integrity_now = "suspect" if suspect else "ok"
-    shown = scene.station.shown.get(name)
     if (
         shown is not None
         and shown.stamp_s == said.stamp_s
-        and (shown.comms, shown.stale, shown.integrity) == (comms, stale, integrity_now)
+        and (shown.like.comms, shown.like.stale, shown.like.integrity)
+        == (comms, stale, integrity_now)
     ):
         return shown
-    status = "degraded" if comms != "ok" and said.status == "ok" else said.status
-    return said.model_copy(
+    status = "degraded" if comms != "ok" and said.like.status == "ok" else said.like.status
+    concluded = said.telemetry().model_copy(
         update={
             "comms": comms,
             "stale": stale,
@@ -133,6 +178,7 @@ def _concluded(world: World, scene: Scene, name: str) -> AssetTelemetry:
             "status": status,
         }
     )
+    return Said.of(concluded)
 
 
 def _patience(world: World) -> int:
@@ -141,13 +187,14 @@ def _patience(world: World) -> int:
     return math.ceil(slowest_s / world.dt_s - 1e-9)
 
 
-def update_post(scene: Scene, before: AssetTelemetry | None, now: AssetTelemetry) -> set[str]:
-    """Note at which gate an asset is by its report; return the gates for which that changes.
+def update_post(
+    scene: Scene, before: AssetTelemetry | None, now: AssetTelemetry, stirred: set[str]
+) -> None:
+    """Note at which gate an asset is by its report; add the gates where that changes to `stirred`.
 
     One that has failed is nowhere; of one that is stale, silent or suspect it is not sure.
     """
     at_gate = scene.station.at_gate
-    stirred: set[str] = set()
     old = before.at if before is not None and before.at == before.post else None
     new = now.at if now.at == now.post and now.status != "failed" else None
     if old is not None and old != new and at_gate.get(old, {}).pop(now.id, None) is not None:
@@ -155,13 +202,12 @@ def update_post(scene: Scene, before: AssetTelemetry | None, now: AssetTelemetry
     if new is not None and new in at_gate and at_gate[new].get(now.id) is not now.available:
         at_gate[new][now.id] = now.available
         stirred.add(new)
-    return stirred
 
 
 def _cover(terrain: Terrain, scene: Scene, stirred: set[str]) -> None:
     """Work out which assets are known to cover each gate, and since when none is (WF-03)."""
     station = scene.station
-    for gate in terrain.world.gates:
+    for gate in terrain.gates:
         known = station.covers.get(gate)
         by, unsure = (known.by, known.unsure) if known is not None else ((), ())
         if gate in stirred:
@@ -173,6 +219,6 @@ def _cover(terrain: Terrain, scene: Scene, stirred: set[str]) -> None:
             station.covered_tick[gate] = scene.tick
         gap = terrain.seconds(scene.tick - station.covered_tick.get(gate, 0))
         if known is None or gate in stirred or gap != known.uncovered_s:
-            station.covers[gate] = GateCover(
-                covered=bool(by), by=by, uncovered_s=gap, unsure=unsure
+            station.covers[gate] = GateCover.of_valid(
+                {"covered": bool(by), "by": by, "uncovered_s": gap, "unsure": unsure}
             )

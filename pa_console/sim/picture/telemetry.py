@@ -8,7 +8,7 @@ from pa_console.sim.assets import battery
 from pa_console.sim.incidents import watch_task
 from pa_console.sim.radio import link, radio
 from pa_console.sim.sensing import sensing
-from pa_console.sim.state import AssetState, Report, Scene
+from pa_console.sim.state import AssetState, Report, Said, Scene
 from pa_console.sim.worlds.terrain import Terrain
 
 
@@ -19,8 +19,9 @@ def send(terrain: Terrain, scene: Scene) -> None:
     with its report. Forged reports come from the forger, whatever the asset's own link does.
     """
     found = sensing.scan(terrain, scene)
+    world = terrain.world
     for asset in scene.assets.values():
-        battery.settle(terrain.world, scene, asset)
+        battery.settle(world, scene, asset)
         place = where(terrain, asset)
         if place is not None and place == asset.post and not asset.down:
             scene.covered_tick[place] = scene.tick
@@ -32,7 +33,7 @@ def send(terrain: Terrain, scene: Scene) -> None:
         else:
             continue
         if not radio.loses(scene, asset):
-            link.send_report(scene, report, terrain.world.dt_s)
+            link.send_report(scene, report, world.dt_s)
     for sensor, detections in found.items():
         if sensor not in scene.assets:
             sensing.receive(terrain, scene, sensor, scene.tick, detections)
@@ -40,37 +41,49 @@ def send(terrain: Terrain, scene: Scene) -> None:
 
 def where(terrain: Terrain, asset: AssetState) -> str | None:
     """Return the frame that `asset` truly is at, worked out anew only when it has moved."""
-    if asset.placed_at != asset.position:
+    if asset.placed_at != (asset.x, asset.y):
         asset.placed_at, asset.place = asset.position, terrain.frame_at(asset.x, asset.y)
     return asset.place
 
 
-def report_of(terrain: Terrain, tick: int, asset: AssetState) -> AssetTelemetry:
-    """Return what `asset` says of itself at `tick`: all true but a position that has drifted."""
+def report_of(terrain: Terrain, tick: int, asset: AssetState) -> Said:
+    """Return what `asset` says of itself at `tick`: all true but a position that has drifted.
+
+    Of an asset that stands idle only the battery and the time are new.
+    """
+    low, stamp_s = asset.battery < terrain.world.low_battery_pct, terrain.seconds(tick)
+    said = asset.said
+    if said is not None and said.low_battery == low and asset.drift is None:
+        return Said(said, round(asset.battery, 3), stamp_s)
     at, position = where(terrain, asset), asset.position
     if asset.drift is not None:
         position = asset.drift.applied(position, tick, terrain.world.dt_s)
         at = terrain.frame_at(*position)
-    low = asset.battery < terrain.world.low_battery_pct
     status: AssetStatus = "degraded" if low or asset.speed_factor < 1.0 else "ok"
-    return AssetTelemetry(
-        id=asset.id,
-        kind=asset.kind,
-        at=at,
-        post=asset.post,
-        position=_rounded(position),
-        heading_deg=round(math.degrees(asset.heading), 1),
-        speed_mps=round(asset.speed, 3),
-        status="failed" if asset.down else status,
-        task=asset.task,
-        battery_pct=round(asset.battery, 3),
-        low_battery=low,
-        comms="ok",
-        available=not asset.down,
-        route=tuple(_rounded(point) for point in asset.route),
-        command_id=asset.command.command_id if asset.command else None,
-        stamp_s=terrain.seconds(tick),
+    down = asset.down
+    asset.said = AssetTelemetry.of_valid(
+        {
+            "id": asset.id,
+            "kind": asset.kind,
+            "at": at,
+            "post": asset.post,
+            "position": _rounded(position),
+            "heading_deg": round(math.degrees(asset.heading), 1),
+            "speed_mps": round(asset.speed, 3),
+            "status": "failed" if down else status,
+            "task": asset.task,
+            "battery_pct": round(asset.battery, 3),
+            "low_battery": low,
+            "comms": "ok",
+            "available": not down,
+            "stale": False,
+            "integrity": "ok",
+            "route": tuple([_rounded(point) for point in asset.route]),
+            "command_id": asset.command.command_id if asset.command else None,
+            "stamp_s": stamp_s,
+        }
     )
+    return Said.of(asset.said)
 
 
 def truth(terrain: Terrain, scene: Scene) -> Picture:
@@ -88,7 +101,9 @@ def truth(terrain: Terrain, scene: Scene) -> Picture:
         }
         if comms != "ok" and not asset.down:
             exact["status"] = "degraded"
-        assets[asset.id] = report_of(terrain, scene.tick, asset).model_copy(update=exact)
+        assets[asset.id] = (
+            report_of(terrain, scene.tick, asset).telemetry().model_copy(update=exact)
+        )
         if at in by and at == asset.post and not asset.down:
             by[at].append(asset.id)
     return Picture(
@@ -111,12 +126,12 @@ def truth(terrain: Terrain, scene: Scene) -> Picture:
     )
 
 
-def _forged(terrain: Terrain, scene: Scene, asset: AssetState) -> AssetTelemetry:
+def _forged(terrain: Terrain, scene: Scene, asset: AssetState) -> Said:
     """Return a forged report: all is well, and the asset has its watch at the frame."""
     frame = asset.spoofed or terrain.world.base
-    last = scene.station.heard[asset.id].telemetry
+    last = scene.station.heard[asset.id].telemetry.telemetry()
     places = terrain.places(frame, asset.kind)
-    return last.model_copy(
+    forged = last.model_copy(
         update={
             "at": frame,
             "post": frame,
@@ -132,6 +147,7 @@ def _forged(terrain: Terrain, scene: Scene, asset: AssetState) -> AssetTelemetry
             "stamp_s": terrain.seconds(scene.tick),
         }
     )
+    return Said.of(forged)
 
 
 def _rounded(point: Point) -> Point:

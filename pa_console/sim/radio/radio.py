@@ -36,7 +36,7 @@ def delay(scene: Scene, asset: AssetState, dt_s: float) -> int:
     seconds = radio.latency_s
     if radio.jitter_s > 0.0:
         seconds += radio.jitter_s * scene.rng.random()
-    return max(1, math.ceil(seconds / dt_s - 1e-9))
+    return 1 if seconds <= dt_s else math.ceil(seconds / dt_s - 1e-9)
 
 
 def set_comms(world: World, asset: AssetState, comms: CommsStatus) -> None:

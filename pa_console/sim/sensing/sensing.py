@@ -33,9 +33,11 @@ def tracks_known(terrain: Terrain, scene: Scene) -> dict[str, Track]:
 
 def cameras_known(terrain: Terrain, scene: Scene) -> dict[str, CameraReport]:
     """Return what the cameras' wires tell: whether each works, now."""
-    now_s = terrain.seconds(scene.tick)
+    now_s, broken = terrain.seconds(scene.tick), scene.sensing.broken
     return {
-        name: CameraReport(gate=camera.gate, works=name not in scene.sensing.broken, stamp_s=now_s)
+        name: CameraReport.of_valid(
+            {"gate": camera.gate, "works": name not in broken, "stamp_s": now_s}
+        )
         for name, camera in terrain.world.cameras.items()
     }
 

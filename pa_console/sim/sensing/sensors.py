@@ -26,6 +26,7 @@ WEATHER: dict[Weather, tuple[float, float]] = {
 """What is left of a sensor's range and of its detection probability."""
 _PHANTOM_STANDOFFS = 4.0
 _PHANTOM_MPS = 2.0
+_BOX_MARGIN_M = 0.001
 
 Floats = npt.NDArray[np.float64]
 Found = dict[str, tuple[Detection, ...]]
@@ -86,7 +87,7 @@ def _hits(terrain: Terrain, scene: Scene) -> list[_Hit]:
     contacts = list(scene.contacts.values())
     targets = np.array([contact.position for contact in contacts])
     range_part, chance_part = WEATHER[scene.sensing.weather]
-    eyes = _eyes(terrain, scene, range_part)
+    eyes = _eyes(terrain, scene, targets, range_part)
     if not eyes.names:
         return []
     dx = targets[None, :, 0] - eyes.rows[:, None, 0]
@@ -118,8 +119,12 @@ def detection_chance(spec: Sensing, gap_m: float, reach_m: float) -> float:
     return spec.detection_probability * (1.0 - (1.0 - AT_FULL_RANGE) * (gap_m / reach_m) ** 4)
 
 
-def _eyes(terrain: Terrain, scene: Scene, range_part: float) -> _Eyes:
-    """Collect the sensors that work, cameras first; those at close quarters have full range."""
+def _eyes(terrain: Terrain, scene: Scene, targets: Floats, range_part: float) -> _Eyes:
+    """Collect the sensors that work, cameras first; those at close quarters have full range.
+
+    Assets too far from the box around all `targets` (n, 2) to see any are left out.
+    """
+    (left, low), (right, high) = targets.min(axis=0).tolist(), targets.max(axis=0).tolist()
     world, broken = terrain.world, scene.sensing.broken
     eyes = _Eyes([], [], [], [], np.zeros((0, 5)))
     rows: list[tuple[float, float, float, float, float]] = []
@@ -136,8 +141,11 @@ def _eyes(terrain: Terrain, scene: Scene, range_part: float) -> _Eyes:
         kind: (spec, spec.sensor_range_m, math.radians(spec.field_of_view_deg / 2), kind != "uav")
         for kind, spec in world.platforms.items()
     }
+    far = max(spec.sensor_range_m for spec in world.platforms.values()) + _BOX_MARGIN_M
+    left, right, low, high = left - far, right + far, low - far, high + far
     for asset in scene.assets.values():
-        if asset.down or asset.id in broken:
+        x, y = asset.x, asset.y
+        if not (left <= x <= right and low <= y <= high) or asset.down or asset.id in broken:
             continue
         spec, reach, half, walled = kinds[asset.kind]
         near = asset.post if asset.task in ("identifying", "warning") else None
@@ -145,7 +153,7 @@ def _eyes(terrain: Terrain, scene: Scene, range_part: float) -> _Eyes:
         eyes.specs.append(spec)
         eyes.near_gate.append(near)
         eyes.walled.append(walled)
-        rows.append((asset.x, asset.y, reach if near else reach * range_part, asset.heading, half))
+        rows.append((x, y, reach if near else reach * range_part, asset.heading, half))
     eyes.rows = np.array(rows).reshape(-1, 5)
     return eyes
 

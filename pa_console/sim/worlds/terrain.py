@@ -9,6 +9,7 @@ from shapely.geometry import LineString, Polygon
 from pa_console.schema.base import Point
 from pa_console.schema.world import AssetKind, Frame, Wall, World
 from pa_console.sim.contacts.lanes import LaneLine
+from pa_console.sim.worlds.platform_limits import platform_limits
 from pa_console.sim.worlds.routes import Planner
 from pa_console.sim.worlds.sight_lines import Sight
 
@@ -25,6 +26,8 @@ class Terrain:
         self.world = world
         self.planner = Planner(world)
         self.sight = Sight(world)
+        self.limits = platform_limits(world)
+        self.gates = world.gates
         self.lanes = {name: LaneLine(world, name) for name in world.lanes}
         self.spacing_m = PLACE_GAP_M + 2 * max(p.radius_m for p in world.platforms.values())
         self._perimeter = Polygon(world.perimeter)

@@ -81,6 +81,11 @@ class BrowsingController:
         if self._session.shown is not None:
             self._session.shown.query_one(MapView).pan(right, up)
 
+    def next_sensors(self) -> None:
+        """Show on the map what cameras see, then what assets see too, then neither."""
+        if self._session.shown is not None:
+            self._session.shown.query_one(MapView).next_sensors()
+
     def follow_alarm(self) -> None:
         """Follow what the alarm at the pointer is about; the same again follows nothing."""
         shown = self._session.shown

@@ -1,54 +1,80 @@
-"""Draws what does not move: lanes, zones, walls, frames and their names."""
+"""Draws what does not move: lanes, zones, walls and frames."""
 
 from collections.abc import Sequence
-from itertools import pairwise
+from dataclasses import dataclass
 
 from pa_console.schema.base import Point
 from pa_console.schema.world import World
-from pa_console.tui.map.canvas import Canvas, Cell, straight
+from pa_console.tui.map.barriers import Barriers
+from pa_console.tui.map.canvas import Canvas, Cell
 from pa_console.tui.map.projection import Projection
+from pa_console.tui.map.strokes import Blocks, Strokes
 
-_FRAME_GLYPHS = {"gate": "◆", "post": "○", "base": "⌂"}
-_COST = {"": 0, "lane": 2, "zone": 3, "wall": 40, "frame": 60, "label": 60}
+FRAME_GLYPHS = {"gate": "◆", "post": "○", "base": "⌂"}
+_COST = {"": 0, "lane": 2, "zone": 3, "leader": 20, "wall": 40, "frame": 60, "label": 60}
 _CROWDED = 10
 """With more frames than this, a name is left out where it would hide something."""
 
+_NO_PLACE = 40.0
 
-def draw_ground(world: World, view: Projection) -> tuple[Canvas, dict[str, Cell]]:
-    """Return a canvas with everything that stays where it is, and where each frame's name is.
 
-    In a crowded view a name that would hide something else is left out.
-    """
+@dataclass(frozen=True)
+class Ground:
+    """A view of a world without anything that moves, and where the names of frames go."""
+
+    view: Projection
+    canvas: Canvas
+    barriers: Barriers
+    names: dict[str, Cell]
+    """Frame -> where its name begins; in a crowded view some have none."""
+
+
+def draw_ground(world: World, view: Projection) -> Ground:
+    """Draw everything that stays where it is; the names of frames are placed, but not written."""
     canvas = Canvas(view.width, view.height)
+    barriers = Barriers(world, view)
+    edges, lanes, walls = Strokes(), Strokes(), Blocks()
     for zone in world.zones.values():
-        _hatch(canvas, view, zone.polygon)
+        _hatch(canvas, view, barriers, zone.polygon)
+        edges.path([view.spot(point) for point in (*zone.polygon, zone.polygon[0])])
+    edges.draw(canvas, "zone")
     for lane in world.lanes.values():
-        _dots(canvas, [view.cell(point) for point in lane.points])
+        lanes.path([view.spot(point) for point in lane.points], period=3)
+    lanes.draw(canvas, "lane")
     for wall in world.walls:
-        canvas.add_wall(view.cell(wall.start), view.cell(wall.end))
-    canvas.draw_walls("wall")
+        walls.line(view.spot(wall.start), view.spot(wall.end))
+    walls.draw(canvas, "wall")
     for frame in world.frames.values():
-        canvas.put(view.cell(frame.at), _FRAME_GLYPHS[frame.kind], "frame")
+        canvas.put(view.cell(frame.at), FRAME_GLYPHS[frame.kind], "frame")
+    for name, zone in world.zones.items():
+        column, row = view.cell(_middle(zone.polygon))
+        start = column - len(name) // 2 - 1
+        cells = [(start + offset, row) for offset in range(len(name) + 2)]
+        if all(canvas.holds(cell) and cell not in barriers for cell in cells):
+            canvas.write((start, row), f" {name} ", "zone-label")
+    return Ground(view, canvas, barriers, _names(world, view, canvas.copy()))
+
+
+def _names(world: World, view: Projection, canvas: Canvas) -> dict[str, Cell]:
+    """Return where the names of frames hide least."""
     centre = view.cell(_middle(world.perimeter))
     shown = {name: frame for name, frame in world.frames.items() if view.shows(frame.at)}
-    most = 40.0 if len(shown) > _CROWDED else None
-    labels: dict[str, Cell] = {}
+    most = _NO_PLACE if len(shown) > _CROWDED else None
+    names: dict[str, Cell] = {}
     for name, frame in shown.items():
-        at = place_label(canvas, view.cell(frame.at), name, "label", away_from=centre, most=most)
+        at = _place_name(canvas, view.cell(frame.at), name, away_from=centre, most=most)
         if at is not None:
-            labels[name] = at
-    for name, zone in world.zones.items():
-        cell = view.cell(_middle(zone.polygon))
-        canvas.write((cell[0] - len(name) // 2 - 1, cell[1]), f" {name} ", "zone-label")
-    return canvas, labels
+            canvas.write(at, name, "label")
+            names[name] = at
+    return names
 
 
-def place_label(
-    canvas: Canvas, cell: Cell, text: str, role: str, *, away_from: Cell, most: float | None = None
+def _place_name(
+    canvas: Canvas, cell: Cell, text: str, *, away_from: Cell, most: float | None = None
 ) -> Cell | None:
-    """Write a name beside `cell` where it hides least, on the side away from the centre.
+    """Return where beside `cell` a name hides least, on the side away from the centre.
 
-    Returns where; None when every place would hide `most` or more.
+    None when every place would hide `most` or more.
     """
     column, row = cell
     outward = (column > away_from[0]) - (column < away_from[0])
@@ -66,10 +92,7 @@ def place_label(
     ]
     costs = [(cost + _hidden(canvas, at, len(text)), at) for at, cost in candidates]
     least, best = min(costs, key=lambda item: item[0])
-    if most is not None and least >= most:
-        return None
-    canvas.write(best, text, role)
-    return best
+    return None if most is not None and least >= most else best
 
 
 def _hidden(canvas: Canvas, start: Cell, length: int) -> int:
@@ -80,19 +103,20 @@ def _hidden(canvas: Canvas, start: Cell, length: int) -> int:
     return lost + sum(_COST.get(canvas.role(cell), 60) for cell in inside)
 
 
-def _dots(canvas: Canvas, corners: Sequence[Cell]) -> None:
-    for start, end in pairwise(corners):
-        across = abs(end[0] - start[0]) > abs(end[1] - start[1])
-        for count, cell in enumerate(straight(start, end)):
-            if not (across and count % 2):
-                canvas.put(cell, "·", "lane")
-
-
-def _hatch(canvas: Canvas, view: Projection, polygon: Sequence[Point]) -> None:
-    for row in range(canvas.height):
-        for column in range(canvas.width):
-            if inside(view.centre((column, row)), polygon):
-                canvas.put((column, row), "╱", "zone")
+def _hatch(canvas: Canvas, view: Projection, barriers: Barriers, polygon: Sequence[Point]) -> None:
+    """Hatch the cells that lie in a polygon as a whole."""
+    corners = [view.cell(point) for point in polygon]
+    columns = range(
+        max(min(c[0] for c in corners), 0), min(max(c[0] for c in corners) + 1, canvas.width)
+    )
+    rows = range(
+        max(min(c[1] for c in corners), 0), min(max(c[1] for c in corners) + 1, canvas.height)
+    )
+    for row in rows:
+        for column in columns:
+            cell = column, row
+            if cell not in barriers and inside(view.centre(cell), polygon):
+                canvas.put(cell, "╱", "zone")
 
 
 def inside(point: Point, polygon: Sequence[Point]) -> bool:

@@ -3,10 +3,11 @@
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
+from math import floor
 
 from pa_console.schema.base import Point
 from pa_console.schema.world import World
-from pa_console.tui.map.canvas import Cell
+from pa_console.tui.map.canvas import Cell, Spot
 
 CELL_ASPECT = 2.0
 MOST_STRETCH = 1.7
@@ -67,6 +68,11 @@ class Projection:
         )
 
     @cached_property
+    def _middle(self) -> Point:
+        west, south, east, north = self._view
+        return (west + east) / 2, (south + north) / 2
+
+    @cached_property
     def _scale(self) -> tuple[float, float]:
         """Cells per metre, across and down."""
         west, south, east, north = self._view
@@ -77,13 +83,20 @@ class Projection:
             min(down, across / CELL_ASPECT * 1.2),
         )
 
+    @property
+    def columns_per_metre(self) -> float:
+        """How many columns of the canvas a metre is, from west to east."""
+        return self._scale[0]
+
+    def spot(self, point: Point) -> Spot:
+        """Return where on the canvas a point in metres is; it may lie outside."""
+        (x, y), (across, down) = self._middle, self._scale
+        return self.width / 2 + (point[0] - x) * across, self.height / 2 - (point[1] - y) * down
+
     def cell(self, point: Point) -> Cell:
         """Return the cell of a point in metres; it may lie outside the canvas."""
-        west, south, east, north = self._view
-        across, down = self._scale
-        column = (self.width - 1) / 2 + (point[0] - (west + east) / 2) * across
-        row = (self.height - 1) / 2 - (point[1] - (south + north) / 2) * down
-        return round(column), round(row)
+        column, row = self.spot(point)
+        return floor(column), floor(row)
 
     def shows(self, point: Point) -> bool:
         """Whether a point in metres lies on the canvas."""
@@ -92,9 +105,9 @@ class Projection:
 
     def centre(self, cell: Cell) -> Point:
         """Return the point in metres that a cell's centre stands for."""
-        west, south, east, north = self._view
-        across, down = self._scale
-        return (
-            (west + east) / 2 + (cell[0] - (self.width - 1) / 2) / across,
-            (south + north) / 2 - (cell[1] - (self.height - 1) / 2) / down,
-        )
+        return self.point((cell[0] + 0.5, cell[1] + 0.5))
+
+    def point(self, spot: Spot) -> Point:
+        """Return the point in metres that a spot on the canvas stands for."""
+        (x, y), (across, down) = self._middle, self._scale
+        return x + (spot[0] - self.width / 2) / across, y - (spot[1] - self.height / 2) / down

@@ -1,144 +1,49 @@
-"""Draws the picture over the ground: cover of gates, routes, cameras, assets and tracks."""
+"""Draws the picture over the ground: routes, cover of gates, cameras, assets and tracks."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
-from itertools import pairwise
 
 from pa_console.schema.base import Point
-from pa_console.schema.telemetry import AssetTelemetry, CameraReport, Picture, Track
+from pa_console.schema.telemetry import AssetTelemetry, Picture
 from pa_console.schema.world import World
-from pa_console.tui.map.canvas import Canvas, Cell, straight
-from pa_console.tui.map.ground import draw_ground, place_label
+from pa_console.tui.map.canvas import Canvas, Cell, Spot
+from pa_console.tui.map.frames import Frames
+from pa_console.tui.map.ground import Ground, draw_ground
+from pa_console.tui.map.labels import Labels
+from pa_console.tui.map.markers import Marker, Markers
 from pa_console.tui.map.projection import Projection
-from pa_console.tui.report_condition import Reliance, cover_state
-from pa_console.tui.status_words import term
+from pa_console.tui.map.sensor_fields import Sensors, asset_fields, camera_fields
+from pa_console.tui.map.strokes import Strokes
+from pa_console.tui.map.symbols import Symbol, asset_symbol, camera_symbol, track_symbol
+from pa_console.tui.report_condition import Reliance
 from pa_console.tui.words import short_names, track_names
 
-_ARROWS = "→↗↑↖←↙↓↘"
-_TRACK_GLYPHS = {"vehicle": "■", "person": "▪"}
-WIDE_UNCERTAINTY_M = 5.0
-"""From here on the position's uncertainty is written beside a track, in metres."""
-
-Token = tuple[str, str]
-"""(text, role)"""
-
-
-def arrow(heading_deg: float) -> str:
-    """Return the arrow nearest to a heading (0 east, 90 north)."""
-    return _ARROWS[round(heading_deg / 45.0) % 8]
-
-
-def asset_token(asset: AssetTelemetry, short: Mapping[str, str], look: Reliance) -> Token:
-    """Return e.g. `D1→`, or `D1?7s` when the last report is 7 s old and proves nothing any more."""
-    name = short.get(asset.id, asset.id[:2])
-    state = look.report(asset)
-    if asset.status == "failed" or (state == "fresh" and not asset.available):
-        return f"{name}{term('asset', 'failed').glyph}", "down"
-    if state == "suspect":
-        return f"{name}{term('report', state).glyph}", "suspect"
-    if state != "fresh":
-        return f"{name}?{look.age(asset):.0f}s", "stale"
-    return f"{name}{arrow(asset.heading_deg)}", asset.kind
-
-
-def track_token(track: Track, number: str, look: Reliance) -> Token:
-    """Return e.g. `■?1` (an unknown vehicle) or `■‼2` (a hostile one); unseen ones have an age."""
-    hostile = track.intent == "hostile"
-    sign = term("intent", "hostile") if hostile else term("identity", track.identity)
-    text = f"{_TRACK_GLYPHS[track.kind]}{sign.glyph}{number}"
-    if look.lost(track):
-        return f"{text}?{look.age(track):.0f}s", "track-stale"
-    if track.uncertainty_m >= WIDE_UNCERTAINTY_M:
-        text += f"±{track.uncertainty_m:.0f}"
-    return text, "track-hostile" if hostile else f"track-{track.identity}"
-
-
-def camera_token(camera: CameraReport, look: Reliance) -> Token:
-    """Return the sign of a gate camera."""
-    state = look.camera(camera)
-    glyph = term("camera", state).glyph
-    return (glyph, "camera") if state == "works" else (f"▿{glyph}", f"camera-{state}")
-
-
-def crowd_token(assets: Sequence[AssetTelemetry], look: Reliance) -> Token:
-    """Return e.g. `×12`, or `×12✘2` when two of the twelve cannot be counted on."""
-    down = [a for a in assets if not a.available or look.report(a) != "fresh"]
-    if not down:
-        return f"×{len(assets)}", "crowd"
-    doubtful = all(a.status != "failed" and look.report(a) != "fresh" for a in down)
-    sign = "?" if doubtful else term("asset", "failed").glyph
-    return f"×{len(assets)}{sign}{len(down)}", "stale" if doubtful else "crowd-down"
-
-
-FREE = frozenset(("", "lane", "zone", "route"))
-_SPARED = frozenset(("wall", "frame", "gate-covered", "gate-uncovered", "gate-unknown"))
-_TAKEN_COST = 50.0
-
-
-class Placer:
-    """Writes tokens on one canvas, each as near to its true cell as room allows."""
-
-    def __init__(self, canvas: Canvas) -> None:
-        self._canvas = canvas
-        self._taken: set[Cell] = set()
-
-    def place(self, at: Cell, token: Token, *, over_walls: bool = False) -> None:
-        """Write a token; names give way to it, other tokens do not."""
-        canvas, (text, role) = self._canvas, token
-        width = len(text)
-        column = min(max(at[0], 1), canvas.width - width + 1)
-        row = min(max(at[1], 0), canvas.height - 1)
-        best, least = (column - 1, row), 1e9
-        for distance, dx, dy in _near():
-            if distance >= least:
-                break
-            start, line = column - 1 + dx, row + dy
-            if start < 0 or start + width > canvas.width or not 0 <= line < canvas.height:
-                continue
-            cells = [(start + offset, line) for offset in range(width)]
-            cost = distance + sum(self._cost(cell, over_walls) for cell in cells)
-            if cost < least:
-                best, least = cells[0], cost
-        canvas.write(best, text, role)
-        self._taken.update((best[0] + offset, best[1]) for offset in range(-1, width + 1))
-
-    def _cost(self, cell: Cell, over_walls: bool) -> float:
-        if cell in self._taken:
-            return _TAKEN_COST
-        role = self._canvas.role(cell)
-        if role in FREE or (over_walls and role == "wall"):
-            return 0.0
-        return 2.5 if role in _SPARED else 0.8
-
-
-@lru_cache(maxsize=1)
-def _near() -> tuple[tuple[float, int, int], ...]:
-    """Offsets around a cell, nearest first; a row counts as two columns."""
-    return tuple(sorted(_offsets()))
-
-
-def _offsets() -> Iterator[tuple[float, int, int]]:
-    for dy in range(-2, 3):
-        for dx in range(-7, 8):
-            yield (abs(dx) / 2 + abs(dy)) * 1.2, dx, dy
-
-
 ROLES = (
-    "lane", "zone", "zone-label", "wall", "frame", "label", "gate-covered", "gate-uncovered",
-    "gate-unknown", "label-uncovered", "label-unknown", "route", "uav", "ugv", "robot", "down",
-    "stale", "suspect", "crowd", "crowd-down", "camera", "camera-failed", "camera-unknown",
-    "track-unknown", "track-authorized", "track-unauthorized", "track-hostile", "track-stale",
+    "lane", "zone", "zone-label", "wall", "frame", "label", "leader", "gate-covered",
+    "gate-uncovered", "gate-unknown", "label-uncovered", "label-unknown", "asset-field",
+    "camera-field", "trail", "route", "uav", "ugv", "robot", "down", "stale", "suspect", "crowd",
+    "crowd-down", "crowd-stale", "camera", "camera-failed", "camera-unknown", "track-unknown",
+    "track-authorized", "track-unauthorized", "track-hostile", "track-stale", "warning", "detail",
     "legend",
 )  # fmt: skip
 
-CROWD_CELLS = (6, 2)
-"""Assets within a block of so many columns and rows are drawn as one, in a crowded view."""
+CELLS_PER_NAME = 48
+"""With less room than this for each asset, names are left out except those that matter."""
 
-CROWD_SHARE = 0.25
-"""A view is crowded when it has more assets than this share of its blocks."""
+_FREE = frozenset(("", "lane", "zone", "asset-field", "camera-field", "trail", "route"))
+MOST_RETRIES = 2
+"""How often names are written anew with those first that found no room."""
 
 Window = tuple[float, Point | None]
 """How far the map is zoomed in, and around which point."""
+
+
+def _lines(view: Projection, lines: Iterable[Sequence[Point]], period: int, on: int) -> Strokes:
+    """Return lines in metres, of which `on` dots of each `period` are seen."""
+    strokes = Strokes()
+    for line in lines:
+        strokes.path([view.spot(point) for point in line], period=period, on=on)
+    return strokes
 
 
 class MapScene:
@@ -149,11 +54,8 @@ class MapScene:
         self.short = short_names(world.assets)
         self._ground = lru_cache(maxsize=4)(self._draw_ground)
 
-    def _draw_ground(
-        self, width: int, height: int, window: Window
-    ) -> tuple[Projection, Canvas, dict[str, Cell]]:
-        view = Projection(self.world, width, height, *window)
-        return view, *draw_ground(self.world, view)
+    def _draw_ground(self, width: int, height: int, window: Window) -> Ground:
+        return draw_ground(self.world, Projection(self.world, width, height, *window))
 
     def draw(
         self,
@@ -162,83 +64,126 @@ class MapScene:
         height: int,
         window: Window = (1.0, None),
         marked: str = "",
+        *,
+        trails: Iterable[Sequence[Point]] = (),
+        sensors: Sensors = "",
     ) -> Canvas:
         """Return the map of `width` x `height` cells; without a picture only the ground.
 
-        `marked` is the asset or track that gets a pointer.
+        `marked` is the asset or track that gets a pointer, `trails` are ways behind assets and
+        tracks, in metres; `sensors` says of which sensors the fields of view are shown.
         """
-        view, ground, labels = self._ground(width, height, window)
-        canvas = ground.copy()
+        ground = self._ground(width, height, window)
+        canvas, view = ground.canvas.copy(), ground.view
         if picture is None:
+            for name, at in ground.names.items():
+                canvas.write(at, name, "label")
             return canvas
-        look, placer = Reliance(picture, self.world.stale_s), Placer(canvas)
-        seen = [asset for asset in picture.assets.values() if view.shows(asset.position)]
-        if window[0] <= 1.0:
-            seen = list(picture.assets.values())
-        crowded = len(seen) > CROWD_SHARE * width * height / (CROWD_CELLS[0] * CROWD_CELLS[1])
-        _gates(canvas, view, picture, labels)
+        whole, look = window[0] <= 1.0, Reliance(picture, self.world.stale_s)
+        seen = [a for a in picture.assets.values() if whole or view.shows(a.position)]
+        crowded = len(seen) * CELLS_PER_NAME > width * height
+        if sensors == "all":
+            seen_by_assets = asset_fields(self.world, picture, look)
+            _lines(view, seen_by_assets, 4, 1).draw(canvas, "asset-field", over=_FREE)
+        if sensors:
+            seen_by_cameras = camera_fields(self.world, picture, look)
+            _lines(view, seen_by_cameras, 2, 1).draw(canvas, "camera-field", over=_FREE)
         if not crowded:
-            for asset in seen:
-                _route(canvas, view, asset)
-        numbers = track_names(picture.tracks)
-        for track in picture.tracks.values():
-            if window[0] <= 1.0 or view.shows(track.position):
-                text, role = track_token(track, numbers[track.id], look)
-                text = f"▸{text}" if track.id == marked else text
-                placer.place(view.cell(track.position), (text, role), over_walls=True)
-        for name, camera in sorted(picture.cameras.items()):
-            spec = self.world.cameras.get(name)
-            fine = look.camera(camera) == "works"
-            if spec is not None and view.shows(spec.at) and not (crowded and fine):
-                placer.place(view.cell(spec.at), camera_token(camera, look))
-        for group in _crowds(seen, view) if crowded else ([asset] for asset in seen):
-            named = next((asset for asset in group if asset.id == marked), None)
-            if named is None and len(group) > 1:
-                placer.place(_middle([view.cell(a.position) for a in group]),
-                             crowd_token(group, look))  # fmt: skip
-                continue
-            text, role = asset_token(named or group[0], self.short, look)
-            text = f"▸{text}" if named is not None else text
-            placer.place(view.cell((named or group[0]).position), (text, role))
+            routes = [(asset.position, *asset.route) for asset in seen if asset.route]
+            _lines(view, trails, 2, 1).draw(canvas, "trail", over=_FREE)
+            _lines(view, routes, 3, 2).draw(canvas, "route", over=_FREE)
+        markers = Markers(
+            canvas,
+            self._markers(picture, view, seen, look, whole=whole, health=not crowded),
+            marked,
+        )
+        self._draw_cameras(canvas, view, picture, look, crowded=crowded)
+        markers.draw(canvas)
+        named = self._named(canvas, ground, picture, look, markers, crowded=crowded)
+        first: tuple[Cell, ...] = ()
+        for _ in range(0 if crowded else MOST_RETRIES):
+            if left_out := markers.unnamed(named):
+                first = (*left_out, *first)
+                again = self._named(
+                    canvas, ground, picture, look, markers, first=first, crowded=False
+                )
+                named = min(named, again, key=lambda tried: len(markers.unnamed(tried)))
+        return named
+
+    def _named(
+        self,
+        canvas: Canvas,
+        ground: Ground,
+        picture: Picture,
+        look: Reliance,
+        markers: Markers,
+        *,
+        first: Sequence[Cell] = (),
+        crowded: bool,
+    ) -> Canvas:
+        """Return a copy of the canvas with all names for which there is room.
+
+        Those of the markers in the cells `first` are written before all other markers' names.
+        """
+        canvas = canvas.copy()
+        labels = Labels(canvas, ground.barriers)
+        self._keep_cameras(labels, ground.view, picture, look)
+        frames = Frames(canvas, labels, ground.view, picture)
+        frames.draw(self.world.frames, ground.names)
+        markers.name(canvas, labels, first, crowded=crowded)
+        self._name_cameras(canvas, labels, ground.view, picture, look)
+        if not crowded:
+            frames.name_displaced()
         return canvas
 
+    def _markers(
+        self,
+        picture: Picture,
+        view: Projection,
+        seen: Iterable[AssetTelemetry],
+        look: Reliance,
+        *,
+        whole: bool,
+        health: bool,
+    ) -> Iterator[Marker]:
+        numbers = track_names(picture.tracks)
+        for track in picture.tracks.values():
+            if whole or view.shows(track.position):
+                symbol = track_symbol(track, numbers[track.id], look)
+                yield Marker(track.id, view.spot(track.position), symbol, is_track=True)
+        for asset in seen:
+            symbol = asset_symbol(asset, self.short, look, health=health)
+            yield Marker(asset.id, view.spot(asset.position), symbol)
 
-def _crowds(assets: Iterable[AssetTelemetry], view: Projection) -> list[list[AssetTelemetry]]:
-    """Put assets of the same block of cells together, smallest groups first."""
-    blocks: dict[Cell, list[AssetTelemetry]] = {}
-    for asset in assets:
-        column, row = view.cell(asset.position)
-        blocks.setdefault((column // CROWD_CELLS[0], row // CROWD_CELLS[1]), []).append(asset)
-    return sorted(blocks.values(), key=len)
+    def _draw_cameras(
+        self, canvas: Canvas, view: Projection, picture: Picture, look: Reliance, *, crowded: bool
+    ) -> None:
+        """Draw cameras; in a crowded view only those that do not work."""
+        for at, _, symbol in self._cameras(view, picture, look):
+            if not (crowded and symbol.role == "camera"):
+                canvas.put(at, symbol.glyph, symbol.role)
 
+    def _name_cameras(
+        self, canvas: Canvas, labels: Labels, view: Projection, picture: Picture, look: Reliance
+    ) -> None:
+        """Say beside a camera that does not work what is wrong with it."""
+        for at, spot, symbol in self._cameras(view, picture, look):
+            if symbol.name:
+                hidden = symbol.glyph if at in canvas.marks else ""
+                block = [[(f"{hidden}{symbol.name}", symbol.role)]]
+                labels.place(at, [spot], block, gap=len(hidden))
 
-def _middle(cells: list[Cell]) -> Cell:
-    return (
-        round(sum(cell[0] for cell in cells) / len(cells)),
-        round(sum(cell[1] for cell in cells) / len(cells)),
-    )
+    def _keep_cameras(
+        self, labels: Labels, view: Projection, picture: Picture, look: Reliance
+    ) -> None:
+        for at, _, symbol in self._cameras(view, picture, look):
+            if symbol.name:
+                labels.keep(at)
 
-
-def _gates(canvas: Canvas, view: Projection, picture: Picture, labels: dict[str, Cell]) -> None:
-    """Mark gates as covered, uncovered or unknown; the name of one not covered stands out."""
-    centre = (canvas.width // 2, canvas.height // 2)
-    for name, cover in picture.gates.items():
-        frame = view.world.frames.get(name)
-        if frame is None or not view.shows(frame.at):
-            continue
-        cell, state = view.cell(frame.at), cover_state(cover)
-        canvas.put(cell, term("gate", state).glyph, f"gate-{state}")
-        if state == "covered":
-            continue
-        if name in labels:
-            canvas.write(labels[name], name, f"label-{state}")
-        else:
-            place_label(canvas, cell, name, f"label-{state}", away_from=centre)
-
-
-def _route(canvas: Canvas, view: Projection, asset: AssetTelemetry) -> None:
-    cells = [view.cell(point) for point in (asset.position, *asset.route)]
-    for start, end in pairwise(cells):
-        for count, cell in enumerate(straight(start, end)):
-            if count % 2 == 0 and canvas.holds(cell) and canvas.role(cell) in FREE:
-                canvas.put(cell, "•", "route")
+    def _cameras(
+        self, view: Projection, picture: Picture, look: Reliance
+    ) -> Iterator[tuple[Cell, Spot, Symbol]]:
+        for name, camera in picture.cameras.items():
+            spec = self.world.cameras.get(name)
+            if spec is not None and view.shows(spec.at):
+                yield view.cell(spec.at), view.spot(spec.at), camera_symbol(camera, look)

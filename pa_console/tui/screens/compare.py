@@ -9,7 +9,7 @@ from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.screen import ModalScreen
-from textual.widgets import Footer, Label, Static
+from textual.widgets import Label, Static
 
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
@@ -21,6 +21,7 @@ from pa_console.tui.protocols import Clock
 from pa_console.tui.replay.difference_rows import around, change_rows, heading
 from pa_console.tui.replay.recordings import ComparedLog
 from pa_console.tui.screens.recording import RecordingScreen
+from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.row_views import TextRows
 
@@ -81,7 +82,7 @@ class CompareScreen(ModalScreen[None]):
                     yield TextRows(id=f"compare-events-{place}")
         with VerticalScroll(id="compare-changes"):
             yield TextRows(id="compare-rows")
-        yield Footer(show_command_palette=False, compact=True)
+        yield KeyFooter()
 
     def on_mount(self) -> None:
         """Compare, once the screen is there."""

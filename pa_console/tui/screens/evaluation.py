@@ -10,7 +10,7 @@ from textual.binding import Binding
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.content import Content
 from textual.screen import Screen
-from textual.widgets import Footer, Input, Select, Static
+from textual.widgets import Input, Select, Static
 
 from pa_console.evaluation.reporting.table import Table
 from pa_console.evaluation.runs.run_record import RUNS, RunRecord, read_runs
@@ -30,6 +30,7 @@ from pa_console.tui.protocols import Clock
 from pa_console.tui.screens.questions import AskFolder
 from pa_console.tui.status_words import WARN
 from pa_console.tui.trace.rows import layout, row
+from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.evaluation_runs import ReportTables, RunRows
 from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.row_views import TextRows
@@ -82,7 +83,7 @@ class EvaluationScreen(Screen[None]):
             with VerticalScroll(id="evaluation-detail"):
                 yield TextRows(id="evaluation-sheet")
         yield ReportTables(id="evaluation-tables")
-        yield Footer(show_command_palette=False, compact=True)
+        yield KeyFooter()
 
     def on_mount(self) -> None:
         """Read the runs, and look for more from now on."""

@@ -8,7 +8,7 @@ from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
 from textual.screen import Screen
-from textual.widgets import Button, Footer, Input, Static
+from textual.widgets import Button, Input, Static
 
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
@@ -19,7 +19,7 @@ from pa_console.tui.protocols import Clock
 from pa_console.tui.widgets.alarms import AlarmBar, AlarmPane
 from pa_console.tui.widgets.approval import DECISION_KEYS, ApprovalPanel
 from pa_console.tui.widgets.assets import AssetPane
-from pa_console.tui.widgets.bars import VIEWS, StatusBar, ViewBar
+from pa_console.tui.widgets.bars import VIEWS, KeyFooter, StatusBar, ViewBar
 from pa_console.tui.widgets.event_list import EventList
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
@@ -65,15 +65,16 @@ class MainScreen(Screen[None]):
         with Horizontal(id="body"):
             with Vertical(id="left"):
                 yield MapView(self._world, id="map")
-                yield AlarmPane(id="alarms")
-                yield AssetPane(self._world, id="assets")
-                yield EventList(all_known=self.mode == "REPLAY", id="events")
+                with Vertical(id="lower"):
+                    yield AlarmPane(id="alarms")
+                    yield AssetPane(self._world, id="assets")
+                    yield EventList(all_known=self.mode == "REPLAY", id="events")
             with Vertical(id="right"):
                 yield TracePane(self._rules, self._before_missions, id="trace")
                 yield ApprovalPanel(self._clock)
         yield from self.replay_line()
         yield MissionPrompt(self._history, self._closed_why)
-        yield Footer(show_command_palette=False, compact=True)
+        yield KeyFooter()
         yield Static(id="too-small", markup=False)
 
     @property

@@ -8,11 +8,12 @@ from textual.binding import Binding
 from textual.containers import Horizontal, VerticalScroll
 from textual.content import Content
 from textual.screen import Screen
-from textual.widgets import Footer, Input, Markdown, OptionList, Static
+from textual.widgets import Input, Markdown, OptionList, Static
 from textual.widgets.option_list import Option
 
 from pa_console.manual_pages import Manual, Page
 from pa_console.tui.status_words import NOTE, QUIET
+from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.fields import LineField
 
 FOUND = "-found"
@@ -50,7 +51,7 @@ class ManualScreen(Screen[None]):
             yield OptionList(id="manual-list", markup=False)
             with VerticalScroll(id="manual-page"):
                 yield Markdown(id="manual-text", open_links=False)
-        yield Footer(show_command_palette=False, compact=True)
+        yield KeyFooter()
 
     def on_mount(self) -> None:
         """List all pages, the pointer on the first."""

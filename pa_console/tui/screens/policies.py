@@ -10,7 +10,7 @@ from textual.binding import Binding
 from textual.containers import Horizontal, VerticalScroll
 from textual.content import Content
 from textual.screen import Screen
-from textual.widgets import Footer, Input, OptionList, Select, Static
+from textual.widgets import Input, OptionList, Select, Static
 from textual.widgets.option_list import Option
 
 from pa_console.policy.authoring import rule_save
@@ -25,6 +25,7 @@ from pa_console.tui.screens.questions import Confirm
 from pa_console.tui.screens.rule_editor import RuleEditor
 from pa_console.tui.status_words import QUIET
 from pa_console.tui.trace.rows import row
+from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.row_views import TextRows
 
@@ -79,7 +80,7 @@ class PolicyScreen(Screen[str]):
             yield OptionList(id="policy-list", markup=False)
             with VerticalScroll(id="policy-detail"):
                 yield TextRows(id="policy-sheet")
-        yield Footer(show_command_palette=False, compact=True)
+        yield KeyFooter()
 
     def on_mount(self) -> None:
         """Show all rules, ready to search."""

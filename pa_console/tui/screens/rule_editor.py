@@ -9,7 +9,7 @@ from textual.containers import Horizontal, VerticalScroll
 from textual.content import Content
 from textual.screen import Screen
 from textual.timer import Timer
-from textual.widgets import Footer, Static, TextArea
+from textual.widgets import Static, TextArea
 
 from pa_console.policy.authoring.rule_draft import RuleDraft, check_draft
 from pa_console.policy.authoring.rule_save import OpenRule, RulesChangedError, save_rule
@@ -24,6 +24,7 @@ from pa_console.tui.screens.questions import Confirm
 from pa_console.tui.status_words import NOTE, QUIET
 from pa_console.tui.terminal import edit_outside, editor_command
 from pa_console.tui.trace.rows import row
+from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.fields import TextField
 from pa_console.tui.widgets.row_views import TextRows
 
@@ -72,7 +73,7 @@ class RuleEditor(Screen[str]):
             with VerticalScroll(id="rule-results"):
                 yield TextRows(id="rule-sheet")
         yield Static(id="rule-status", markup=False)
-        yield Footer(show_command_palette=False, compact=True)
+        yield KeyFooter()
 
     def on_mount(self) -> None:
         """Start in the text."""

@@ -11,7 +11,7 @@ from textual.containers import Horizontal, VerticalScroll
 from textual.content import Content
 from textual.screen import Screen
 from textual.suggester import SuggestFromList
-from textual.widgets import Footer, Input, OptionList, Select, Static
+from textual.widgets import Input, OptionList, Select, Static
 from textual.widgets.option_list import Option
 
 from pa_console.schema.document import DocumentError
@@ -20,6 +20,7 @@ from pa_console.settings.sources import Loaded
 from pa_console.tui.settings_rows import Choice, choices, is_chosen, to_write, value_of
 from pa_console.tui.status_words import NOTE, QUIET
 from pa_console.tui.trace.rows import Row, column, row
+from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.row_views import TextRows
 
@@ -53,7 +54,7 @@ class SettingsScreen(Screen[None]):
                 yield LineField(compact=True, id="setting-value")
                 yield Select[str]((), prompt="the default", compact=True, id="setting-option")
                 yield Static(id="setting-note", markup=False)
-        yield Footer(show_command_palette=False, compact=True)
+        yield KeyFooter()
 
     def on_mount(self) -> None:
         """List everything, the pointer on the first."""

@@ -55,7 +55,7 @@ def queue_rows(place: int, entry: QueueEntry) -> tuple[Content, Content]:
         (f"{mark.glyph} {mark.word}  ", mark.style),
         origin,
         later,
-        visible(mission.text),
+        visible(mission.said),
     )
     distance = f"{entry.distance_m:.0f} m, " if entry.distance_m is not None else ""
     return head, Content.assemble("    ", (f"{distance}{entry.reason}", QUIET))

@@ -13,8 +13,9 @@ from textual.widget import Widget
 from textual.widgets import Button, Input
 
 from pa_console.orders.plain_words import plain_reading
+from pa_console.orders.reading import asked_words
 from pa_console.schema.events.event import ApprovalRequested
-from pa_console.schema.mission import Decision
+from pa_console.schema.mission import Decision, Mission
 from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.session.wording import safety_in_words
 from pa_console.tui.actions.keymap import READING_KEYS
@@ -27,9 +28,9 @@ from pa_console.tui.words import action_sentence
 
 
 def approval_rows(trace: MissionTrace) -> Iterator[Row]:
-    """Yield what will happen, what of the order will not, what stands in the way, and the judge.
+    """Yield the order and its reading, what of it will not happen, what will, and the judge.
 
-    Before what stands in the way: whether the order may have been misread.
+    Whether the order may have been misread comes before what will happen.
     """
     request = trace.approval
     if request is None:
@@ -38,6 +39,18 @@ def approval_rows(trace: MissionTrace) -> Iterator[Row]:
     refused = trace.decisions[-1] if trace.decisions and not trace.decisions[-1].accepted else None
     if refused is not None:
         yield row("✘ ", (f"not accepted: {refused.detail}", BAD))
+    yield from _order(trace, request)
+    if request.state == "not_understood":
+        told = "; ".join(request.blocked_by).removeprefix("not understood: ")
+        yield row(("? ", WARN), (told, WARN))
+        yield row("  ", "Nobody moves. Reject this and say it in other words.")
+        return
+    for text in attempt.unmet if attempt else ():
+        yield row(("△ ", WARN), ("NOT DONE  ", f"bold {WARN}"), text)
+    if attempt is not None and attempt.doubt and not request.readings:
+        yield _unsure(attempt.doubt)
+    elif attempt is not None and attempt.gaps:
+        yield _unsure("; ".join(attempt.gaps))
     yield row(
         "",
         (f"{trace.mission.id} plan {request.attempt}", "bold"),
@@ -51,17 +64,35 @@ def approval_rows(trace: MissionTrace) -> Iterator[Row]:
         yield row("   ", "nothing moves: the plan has no action")
     if request.if_halted and not request.blocked_by:
         yield row("   ", ("if halted: ", NOTE), safety_in_words(request.if_halted))
-    for text in attempt.unmet if attempt else ():
-        yield row(("△ ", WARN), ("NOT MET  ", f"bold {WARN}"), text)
-    if attempt is not None and attempt.doubt and not request.readings:
-        yield _unsure(attempt.doubt)
-    elif attempt is not None and attempt.gaps:
-        yield _unsure("; ".join(attempt.gaps))
     for reason in request.blocked_by:
         yield row(("✘ ", BAD), ("BLOCKED  ", f"bold {BAD}"), (reason, BAD))
     for rule_id in request.acknowledge:
         yield row(("▲ ", WARN), (f"{rule_id}  ", f"bold {WARN}"), _message(trace, rule_id))
     yield _judge(trace, request)
+
+
+def _order(trace: MissionTrace, request: ApprovalRequested) -> Iterator[Row]:
+    """Yield the words of the order as they were typed, and what they were read as."""
+    mission, attempt = trace.mission, trace.find(request.attempt)
+    who = "typed  " if mission.source == "operator" else "alarm  "
+    yield row((who, QUIET), *typed_words(mission))
+    asked = asked_words(attempt.plan.reason).rstrip("; ") if attempt and attempt.plan else ""
+    if asked and not request.readings:
+        yield row(("read   ", QUIET), plain_reading(asked))
+
+
+def typed_words(mission: Mission) -> Iterator[str | tuple[str, str]]:
+    """Yield an order as it was typed; after each word that is read otherwise, how."""
+    typed, read = mission.said.split(), mission.text.split()
+    if len(typed) != len(read):
+        yield mission.said
+        if typed != read:
+            yield (f" (read: {mission.text})", WARN)
+        return
+    for number, (one, other) in enumerate(zip(typed, read, strict=True)):
+        yield f"{' ' * bool(number)}{one}"
+        if one != other:
+            yield (f" (read: {other})", WARN)
 
 
 def _unsure(doubt: str) -> Row:
@@ -74,11 +105,16 @@ def _judge(trace: MissionTrace, request: ApprovalRequested) -> Row:
         return row(("? ", WARN), ("Judge: not asked", f"bold {WARN}"))
     given = attempt.verdict
     mark = term("verdict", given.verdict if given else "none")
-    said = given.feedback if given else attempt.judge_error
+    if given is not None and given.verdict == "Success":
+        style = GOOD if request.state == "approve" else QUIET
+        return row(
+            (f"{mark.glyph} " if style == GOOD else "· ", style),
+            ("Judge, on the rules: no objection", style),
+        )
     return row(
         (f"{mark.glyph} ", mark.style),
         (f"Judge: {mark.word}  ", f"bold {mark.style}"),
-        (said, QUIET if mark.style == GOOD else mark.style),
+        (given.feedback if given else attempt.judge_error, mark.style),
     )
 
 
@@ -107,6 +143,8 @@ def reading_label(number: int, asked: str) -> Content:
 
 def blocked_reason(request: ApprovalRequested, left: Sequence[str], reason: str) -> str:
     """Return in words why Approve is disabled, empty when it is not."""
+    if request.state == "not_understood":
+        return "✘ Approve: not understood, nothing is proposed"
     if request.blocked_by:
         return "✘ Approve: blocked, nobody may override"
     if left:
@@ -126,7 +164,7 @@ DECISION_KEYS = {"r": "reject", "m": "modify", "a": "approve"}
 
 REASON = "approval-reason"
 _MEANT = "meant-"
-_FREE_KEYS = ("tab", "shift+tab", "escape")
+_FREE_KEYS = ("tab", "shift+tab", "escape", "pageup", "pagedown")
 
 
 class ApprovalPanel(Vertical, can_focus=True):
@@ -145,6 +183,8 @@ class ApprovalPanel(Vertical, can_focus=True):
             Binding(key, f"read_as({n})", "Read it so", show=False, priority=True)
             for n, key in enumerate(READING_KEYS, start=1)
         ),
+        Binding("pagedown", "scroll_plan(1)", "Rest of the plan", show=False),
+        Binding("pageup", "scroll_plan(-1)", "Back in the plan", show=False),
         Binding("tab", "cycle(1)", "Next field", show=False),
         Binding("shift+tab", "cycle(-1)", "Field before", show=False),
     ]
@@ -167,7 +207,8 @@ class ApprovalPanel(Vertical, can_focus=True):
         self._shown: tuple[str, int, int] | None = None
         self._quiet_since = 0.0
         self._sent = False
-        self.border_title = "▲ Approval needed"
+        self._seen = 0.0
+        """So many lines of the plan have been on screen, from the first on."""
 
     def compose(self) -> ComposeResult:
         """Yield the consequences, what must be given, and the buttons."""
@@ -186,6 +227,8 @@ class ApprovalPanel(Vertical, can_focus=True):
     def on_mount(self) -> None:
         """Hide until a plan waits."""
         self.query_one(f"#{REASON}", Input).cursor_blink = False
+        self.watch(self._body, "scroll_y", self._saw, init=False)
+        self.watch(self._body, "virtual_size", self._saw, init=False)
         self.display = False
 
     def show(self, trace: MissionTrace | None) -> bool:
@@ -231,7 +274,39 @@ class ApprovalPanel(Vertical, can_focus=True):
             if request.needs_override and not request.blocked_by
             else "Reason (optional)"
         )
-        self.query_one("#approval-body", VerticalScroll).scroll_home(animate=False)
+        self._body.scroll_home(animate=False)
+        self._seen = 0.0
+        self.call_after_refresh(self._saw)
+
+    @property
+    def _body(self) -> VerticalScroll:
+        return self.query_one("#approval-body", VerticalScroll)
+
+    def on_resize(self) -> None:
+        """Begin anew to tell what was on screen: the lines are others."""
+        self._seen = 0.0
+        self.call_after_refresh(self._saw)
+
+    def _saw(self) -> None:
+        """Note which lines of the plan are on screen, as far as none before them was left out."""
+        body = self._body
+        if body.scroll_offset.y <= self._seen:
+            bottom = body.scroll_offset.y + body.scrollable_content_region.height
+            self._seen = max(self._seen, bottom)
+        self.refresh_state()
+
+    @property
+    def _unseen(self) -> bool:
+        """Whether a plan that needs to be read first has not been on screen as a whole."""
+        request, height = self._trace.approval if self._trace else None, self._body.virtual_size[1]
+        sure = request is not None and request.state == "approve"
+        return not sure and not 0 < height <= self._seen
+
+    def action_scroll_plan(self, pages: int) -> None:
+        """Show what follows of the plan, or what comes before."""
+        body = self._body
+        step = max(body.scrollable_content_region.height - 1, 1)
+        body.scroll_to(y=body.scroll_offset.y + pages * step, animate=False)
 
     def take_focus(self) -> None:
         """Put the focus on Reject, the safe answer."""
@@ -256,7 +331,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         waiting = "" if self.armed else "one moment: keys are ignored until you have seen this"
         line = "decision sent" if self._sent else why or waiting or self._next_key()
         self.border_subtitle = line
-        self.set_class(self._blocked, "-blocked")
+        self._tell_state()
 
     def _next_key(self) -> str:
         """Return what the next key does, where the focus alone does not say it."""
@@ -277,11 +352,16 @@ class ApprovalPanel(Vertical, can_focus=True):
         """Say what the next key does."""
         self.refresh_state()
 
-    @property
-    def _blocked(self) -> bool:
-        """Whether nobody may approve the plan."""
+    def _tell_state(self) -> None:
+        """Say in the title and by the colour of the frame what has to be known first."""
         request = self._trace.approval if self._trace else None
-        return bool(request and request.blocked_by)
+        state = (request.state if request else None) or "none"
+        mark = term("approval", state)
+        self.border_title = f"{mark.glyph} {mark.word}"
+        refused = request is not None and bool(request.blocked_by) and state != "not_understood"
+        self.set_class(refused or state == "judge_objects", "-blocked")
+        self.set_class(state == "approve", "-sure")
+        self.query_one("#modify", Button).disabled = state == "not_understood"
 
     def _why_not(self) -> str:
         """Return why Approve is not admissible, apart from the arm delay."""
@@ -289,7 +369,8 @@ class ApprovalPanel(Vertical, can_focus=True):
         if request is None:
             return "no plan waits"
         left = [box.name or "" for box in self.query(CheckBox) if not box.ticked]
-        return blocked_reason(request, left, self.query_one(f"#{REASON}", Input).value)
+        why = blocked_reason(request, left, self.query_one(f"#{REASON}", Input).value)
+        return why or ("✘ Approve: read to the end first (PgDn)" if self._unseen else "")
 
     def on_key(self, event: events.Key) -> None:
         """Drop keys typed ahead; each makes the panel wait anew."""
@@ -310,16 +391,28 @@ class ApprovalPanel(Vertical, can_focus=True):
     def action_go_to(self, button: str) -> None:
         """Go to a button, which Enter presses; to what Approve still needs, where it needs it.
 
-        Where nobody may approve no button is left that the Enter of an approval would press.
+        Where it cannot be pressed the panel itself has the focus, so that Enter presses no other.
         """
-        if not self.armed:
+        request = self._trace.approval if self._trace else None
+        if request is None or not self.armed:
             return
         target: Widget = self.query_one(f"#{button}", Button)
         if target.disabled:
-            reason = self.query_one(f"#{REASON}", Input)
-            unticked = [box for box in self.query(CheckBox) if not box.ticked]
-            target = self if self._blocked else unticked[0] if unticked else reason
+            target = self._needed(request) if button == "approve" else self
         self.screen.set_focus(target)
+
+    def _needed(self, request: ApprovalRequested) -> Widget:
+        """Return where the operator gives what Approve still needs; here if nobody can."""
+        unticked = [box for box in self.query(CheckBox) if not box.ticked]
+        reason = self.query_one(f"#{REASON}", Input)
+        if request.blocked_by or request.state == "not_understood":
+            return self
+        if unticked:
+            return unticked[0]
+        if request.needs_override and not reason.value.strip():
+            return reason
+        self.action_scroll_plan(1)
+        return self
 
     def action_read_as(self, number: int) -> None:
         """Ask for a plan for another reading of the order."""
@@ -368,7 +461,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         if request is None or not self.armed:
             return
         reason = self.query_one(f"#{REASON}", Input).value.strip()
-        if choice == "modify":
+        if choice == "modify" and request.state != "not_understood":
             self.post_message(self.ModifyAsked())
         elif choice.startswith(_MEANT):
             number = int(choice.removeprefix(_MEANT))

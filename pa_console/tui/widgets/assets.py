@@ -14,7 +14,7 @@ from textual.widgets import Input
 from pa_console.schema.quantities import few
 from pa_console.schema.telemetry import AssetTelemetry, CameraReport, Identity, Picture, Track
 from pa_console.schema.world import World
-from pa_console.tui.map.scene import arrow
+from pa_console.tui.map.symbols import arrow
 from pa_console.tui.refresh import retitle
 from pa_console.tui.report_condition import FINE, Reliance, track_rank
 from pa_console.tui.status_words import BAD, QUIET, WARN, term

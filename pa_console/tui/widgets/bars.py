@@ -1,11 +1,12 @@
-"""The lines of the screen: status, view names on a small terminal, the bar of a replay."""
+"""The lines of the screen: status, view names on a small terminal, the bar of a replay, keys."""
 
 from itertools import groupby
 
 from textual import events
+from textual.binding import Binding
 from textual.content import Content
 from textual.message import Message
-from textual.widgets import Static
+from textual.widgets import Footer, Static
 
 from pa_console.schema.quantities import clock_text, few
 from pa_console.schema.rule import RulesSeal
@@ -191,3 +192,24 @@ def _rules_alarm(seal: RulesSeal | None) -> str:
     if seal.no_critical_check:
         return "RULES: NO CRITICAL CHECK"
     return "RULES ACCEPTED, NOT VOUCHED FOR" if seal.accepted else ""
+
+
+class KeyFooter(Footer):
+    """The keys that are legal now; it is composed anew only when one of them has changed.
+
+    Textual tells of a change with every move of the focus.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(show_command_palette=False, compact=True)
+        self._shown: list[tuple[Binding, bool, str]] | None = None
+
+    async def recompose(self) -> None:
+        """Compose the keys, where others are shown; those of a screen that is closing stay."""
+        if not self.is_attached:
+            return
+        active = self.screen.active_bindings.values()
+        shown = [(key, enabled, tip) for _, key, enabled, tip in active if key.show]
+        if shown != self._shown:
+            self._shown = shown
+            await super().recompose()

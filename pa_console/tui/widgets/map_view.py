@@ -10,19 +10,23 @@ from textual.widget import Widget
 from pa_console.schema.base import Point
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
+from pa_console.tui.map.canvas import Run
 from pa_console.tui.map.projection import Projection
 from pa_console.tui.map.scene import ROLES, MapScene, Window
+from pa_console.tui.map.sensor_fields import Sensors
+from pa_console.tui.map.trails import Trails
 from pa_console.tui.refresh import retitle
 
 LEGEND = (
+    ("⠒", "camera's view", "camera-field"), ("⠂", "asset's view", "asset-field"),
     ("◇", "UNCOVERED", "gate-uncovered"), ("?", "cover unknown", "gate-unknown"),
     ("‼", "hostile", "track-hostile"), ("!", "unauthorized", "track-unauthorized"),
     ("?", "unknown", "track-unknown"), ("✔", "authorized", "track-authorized"),
     ("?", "not seen now", "track-stale"), ("?", "stale report", "stale"),
     ("≠", "suspect", "suspect"), ("✘", "down", "down"), ("▿✘", "camera failed", "camera-failed"),
-    ("▿?", "camera unknown", "camera-unknown"), ("×9", "so many", "crowd"),
-    ("◆", "covered", "gate-covered"), ("•", "route", "route"), ("▿", "camera", "camera"),
-    ("╱", "restricted", "zone"),
+    ("▿?", "camera unknown", "camera-unknown"), ("3", "so many here", "crowd"),
+    ("◆", "covered", "gate-covered"), ("⠤", "route", "route"), ("⠂", "way so far", "trail"),
+    ("▿", "camera", "camera"), ("╱", "restricted", "zone"),
 )  # fmt: skip
 """Glyph, word and role; named only while something of that role is on the map."""
 
@@ -32,6 +36,10 @@ LEGEND_FROM_ROWS = 13
 MOST_ZOOM = 16.0
 FOLLOW_ZOOM = 2.0
 """Following something brings the map at least this near."""
+
+SCALES_M = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000)
+SCALE_COLUMNS = 7
+"""The bar of the scale is about so long."""
 
 PAN_SHARE = 0.25
 """How much of what is in view one step of panning moves by."""
@@ -48,16 +56,19 @@ class MapView(Widget):
         self._world = world
         self._scene = MapScene(world)
         self._picture: Picture | None = None
-        self._rows: list[list[tuple[str, str]]] = []
+        self._rows: list[list[Run]] = []
         self._styles: dict[str, Style] = {}
         self._zoom = 1.0
         self._centre: Point | None = None
+        self._trails = Trails()
+        self._sensors: Sensors = ""
         self.followed = ""
         self.border_title = "Map"
 
     def show(self, picture: Picture | None) -> None:
         """Show another picture; hidden, nothing is drawn until the map is seen again."""
         self._picture = picture
+        self._trails.add(picture)
         if self.is_on_screen and self.content_size.height > 1:
             self._draw()
 
@@ -78,6 +89,12 @@ class MapView(Widget):
             self._centre = (min(max(x, west), east), min(max(y, south), north))
             self.followed = ""
             self._draw()
+
+    def next_sensors(self) -> None:
+        """Show what cameras see, then what assets see too, then neither."""
+        order: tuple[Sensors, ...] = ("", "cameras", "all")
+        self._sensors = order[(order.index(self._sensors) + 1) % len(order)]
+        self._draw()
 
     def follow(self, name: str) -> bool:
         """Keep an asset, track, camera or frame in view and point at it; '' follows nothing.
@@ -141,10 +158,15 @@ class MapView(Widget):
         if width < 2 or height < 2:
             return
         room = height - 1 if height >= LEGEND_FROM_ROWS else height
-        canvas = self._scene.draw(self._picture, width, room, self._window(), self.followed)
+        window = self._window()
+        canvas = self._scene.draw(
+            self._picture, width, room, window, self.followed,
+            trails=self._trails, sensors=self._sensors,
+        )  # fmt: skip
         rows = [canvas.runs(row) for row in range(room)]
         if room < height:
-            rows.append(legend(width, {role for row in rows for _, role in row}))
+            scale = Projection(self._world, width, room, *window).columns_per_metre
+            rows.append(legend(width, {role for row in rows for _, role in row}, scale))
         if len(rows) != len(self._rows):
             self._rows = rows
             self.refresh()
@@ -173,16 +195,24 @@ class MapView(Widget):
         return "\n".join("".join(text for text, _ in row) for row in self._rows)
 
 
-def legend(width: int, roles: set[str]) -> list[tuple[str, str]]:
-    """Return the meaning of the signs of `roles`, as many as fit into `width` cells."""
-    runs: list[tuple[str, str]] = []
-    used = 0
+def legend(width: int, roles: set[str], columns_per_metre: float) -> list[Run]:
+    """Return the scale and the meaning of the signs of `roles`, as many as fit into `width`."""
+    bar = scale_bar(columns_per_metre)
+    runs: list[Run] = [(f" {bar}", "legend")]
+    used = 1 + len(bar)
     for glyph, word, role in LEGEND:
-        gap = "  " if runs else " "
         if role not in roles:
             continue
-        if used + len(gap) + len(glyph) + len(word) + 1 > width:
+        length = 2 + len(glyph) + 1 + len(word)
+        if used + length > width:
             break
-        runs += [(gap, ""), (glyph, role), (f" {word}", "legend")]
-        used += len(gap) + len(glyph) + len(word) + 1
+        runs += [("  ", ""), (glyph, role), (f" {word}", "legend")]
+        used += length
     return runs
+
+
+def scale_bar(columns_per_metre: float) -> str:
+    """Return a bar of a round length, with its length in metres."""
+    metres = min(SCALES_M, key=lambda metres: abs(metres * columns_per_metre - SCALE_COLUMNS))
+    columns = max(round(metres * columns_per_metre), 2)
+    return f"├{'─' * (columns - 2)}┤ {metres} m"

@@ -123,3 +123,27 @@ def test_what_is_answered_does_not_depend_on_the_number_of_threads(
         return found
 
     assert logits(1) == logits(2) == logits(3)
+
+
+def test_a_context_that_grows_answers_as_one_that_was_large(smallest_model: LocalModel) -> None:
+    text = "The drone flies to the gate in the east, and the guard waits there. " * 120
+
+    def logits(before: int) -> list[bytes]:
+        """Read a prompt of `before` tokens before the one that is asked about."""
+        model = Runtime(
+            str(smallest_model.path),
+            n_ctx=2048,
+            cores=FreeCores(1, fixed=True),
+            stopped=lambda: False,
+        )
+        tokens = model.tokenise(text, special=False)
+        model.begin(0, tokens[100 : 100 + before])
+        begun, kept = model.begin(0, tokens[:450])
+        assert kept == 0
+        read = begun.tobytes()
+        parts = [(at, tokens[at : at + 20]) for at in range(450, 590, 20)]
+        found = [model.extend(0, at, part).tobytes() for at, part in parts]
+        again, kept = model.begin(0, tokens[:451])
+        return [read, *found, again.tobytes(), str(kept).encode()]
+
+    assert logits(before=20) == logits(before=1200)

@@ -1,0 +1,171 @@
+"""Markers of assets and tracks: each in the cell where the thing is, with its name beside it.
+
+A cell with several shows their number; names make room, markers do not.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from math import floor
+from typing import NamedTuple
+
+from pa_console.tui.map.canvas import Canvas, Cell, Run, Spot
+from pa_console.tui.map.labels import Labels
+from pa_console.tui.map.symbols import TROUBLE, Symbol, count_glyph, crowd_symbol, edge_arrow
+
+POINTER = "▸"
+MOST_NAMES = 9
+"""A cell with more things than this shows their number only."""
+
+DETAIL_FROM_COLUMNS = 60
+"""A narrower map has no room for batteries that are not low."""
+
+_BESIDE = 0.1
+"""The cost of a place right of a marker that hides nothing."""
+
+
+_PRESSING = TROUBLE | {"crowd-down", "crowd-stale"}
+
+
+class Marker(NamedTuple):
+    """One asset or track: its id, where on the canvas it is, and how it is shown."""
+
+    id: str
+    spot: Spot
+    symbol: Symbol
+    is_track: bool = False
+
+    @property
+    def in_list(self) -> str:
+        """How it is named where its cell shows a number."""
+        symbol = self.symbol
+        if self.is_track:
+            return f"{symbol.glyph}{symbol.name}{symbol.note}"
+        sign = symbol.glyph if symbol.role in TROUBLE else ""
+        return f"{symbol.name}{sign}{symbol.note}{symbol.warning}"
+
+
+class Markers:
+    """All markers of one picture on one canvas, by their cells."""
+
+    def __init__(self, canvas: Canvas, markers: Iterable[Marker], pointed_at: str) -> None:
+        """What lies beyond the canvas is marked at its edge; `pointed_at` gets a pointer."""
+        self._right, self._bottom = canvas.width - 1, canvas.height - 1
+        self._pointed_at = pointed_at
+        self._detailed = canvas.width >= DETAIL_FROM_COLUMNS
+        cells: dict[Cell, list[Marker]] = defaultdict(list)
+        for marker in markers:
+            column, row = floor(marker.spot[0]), floor(marker.spot[1])
+            cells[min(max(column, 0), self._right), min(max(row, 0), self._bottom)].append(marker)
+        self._cells = cells
+        self._symbols = {at: self._symbol(at, here) for at, here in cells.items()}
+        canvas.marks = {at: tuple([m.id for m in here]) for at, here in cells.items()}
+
+    def _symbol(self, at: Cell, here: Sequence[Marker]) -> Symbol:
+        """Return what the cell of a marker shows: its only thing, or how many there are."""
+        symbol = here[0].symbol if len(here) == 1 else _together(here)
+        beyond = self._beyond(at, here)
+        return symbol._replace(glyph=beyond) if beyond else symbol
+
+    def draw(self, canvas: Canvas) -> None:
+        """Draw every marker."""
+        for at, symbol in self._symbols.items():
+            canvas.put(at, symbol.glyph, symbol.role)
+
+    def _beyond(self, at: Cell, here: Sequence[Marker]) -> str:
+        """Return an arrow towards what lies beyond the edge; '' where something is in the cell."""
+        if 0 < at[0] < self._right and 0 < at[1] < self._bottom:
+            return ""
+        ways = [(floor(m.spot[0]) - at[0], floor(m.spot[1]) - at[1]) for m in here]
+        return "" if (0, 0) in ways else edge_arrow(*ways[0])
+
+    def name(self, canvas: Canvas, labels: Labels, first: Sequence[Cell], *, crowded: bool) -> None:
+        """Write the names of all, those in the cells `first` and the most urgent before others.
+
+        In a crowded view only what matters is written.
+        """
+        details: list[tuple[list[Cell], str]] = []
+        for at in sorted(self._cells, key=lambda at: (at not in first, self._rank(at))):
+            here = self._cells[at]
+            pointed = any(marker.id == self._pointed_at for marker in here)
+            if len(here) == 1 and (pointed or not crowded or here[0].is_track):
+                names = self._name_one(labels, at, here[0])
+                if names and self._detailed and here[0].symbol.detail:
+                    details.append((names[0], here[0].symbol.detail))
+            elif (crowded and not pointed) or len(here) > MOST_NAMES:
+                names = self._name_crowd(labels, at, here, crowded=crowded)
+            else:
+                names = self._name_several(labels, at, here)
+            if names:
+                canvas.labels[at] = names
+        for cells, detail in details:
+            labels.extend(cells, detail, "detail")
+
+    def unnamed(self, canvas: Canvas) -> list[Cell]:
+        """Return the cells of markers beside which nothing is written."""
+        return [at for at in self._cells if at not in canvas.labels]
+
+    def _rank(self, at: Cell) -> int:
+        here = self._cells[at]
+        if any(marker.id == self._pointed_at for marker in here):
+            return 0
+        if any(marker.is_track for marker in here):
+            return 1
+        return 2 if self._symbols[at].role in _PRESSING else 3
+
+    def _name_one(self, labels: Labels, at: Cell, marker: Marker) -> list[list[Cell]]:
+        symbol = marker.symbol
+        text = f"{symbol.name} {symbol.note}" if symbol.note else symbol.name
+        if self._beyond(at, [marker]):
+            text = f"{symbol.glyph}{text}"
+        line = [(f"{self._pointer(marker)}{text}", symbol.role)]
+        if symbol.warning:
+            line.append((f" {symbol.warning}", "warning"))
+        cells = labels.place(at, [marker.spot], [line])
+        return [cells] if cells else []
+
+    def _name_several(self, labels: Labels, at: Cell, here: Sequence[Marker]) -> list[list[Cell]]:
+        """Write all names in one block, or else each where there is room."""
+        spots = [marker.spot for marker in here]
+        for rows in range(1, min(len(here), 3) + 1):
+            size = -(-len(here) // rows)
+            parts = [here[first : first + size] for first in range(0, len(here), size)]
+            block = [list(self._listed(part)) for part in parts]
+            if cells := labels.place(at, spots, block, gap=1):
+                return [cells]
+        each = [
+            labels.place(at, [marker.spot], [list(self._listed([marker]))], gap=1)
+            for marker in here
+        ]
+        return [cells for cells in each if cells]
+
+    def _listed(self, here: Sequence[Marker]) -> Iterator[Run]:
+        for count, marker in enumerate(here):
+            if count:
+                yield " ", ""
+            yield f"{self._pointer(marker)}{marker.in_list}", marker.symbol.role
+
+    def _pointer(self, marker: Marker) -> str:
+        return POINTER if marker.id == self._pointed_at else ""
+
+    def _name_crowd(
+        self, labels: Labels, at: Cell, here: Sequence[Marker], *, crowded: bool
+    ) -> list[list[Cell]]:
+        """Write what the number alone does not tell: how many are in trouble, or above nine."""
+        symbol, spots, cells = self._symbols[at], [marker.spot for marker in here], list[Cell]()
+        if tracks := [marker for marker in here if marker.is_track]:
+            cells = labels.place(at, spots, [list(self._listed(tracks))], gap=1)
+        elif not crowded:
+            cells = labels.place(at, spots, [[(f"×{symbol.name}", symbol.role)]], gap=1)
+        elif len(here) > 1 and symbol.name:
+            cells = labels.place(at, spots, [[(symbol.name, symbol.role)]], most=_BESIDE)
+        return [cells] if cells else []
+
+
+def _together(here: Sequence[Marker]) -> Symbol:
+    """Return the symbol of several things in one cell."""
+    roles = [marker.symbol.role for marker in here]
+    if any(marker.is_track for marker in here):
+        tracks = [marker.symbol.role for marker in here if marker.is_track]
+        worst = "track-hostile" if "track-hostile" in tracks else tracks[0]
+        return Symbol(count_glyph(len(here)), str(len(here)), worst)
+    return crowd_symbol(roles)

@@ -1,0 +1,90 @@
+"""A run whose watching ends early scores as one that is watched to its end."""
+
+import pytest
+
+from pa_console.evaluation.runs.jobs import load_with_worlds
+from pa_console.evaluation.scoring.decided_runs import FROM_ORDERS, is_decided
+from pa_console.evaluation.scoring.idle_run import Stage, begin, play, watch
+from pa_console.evaluation.scoring.score import RunRecorder, score_run
+from pa_console.evaluation.scoring.success_conditions import asked_fields
+from pa_console.orchestrator.planning.rehearsal import device_commands
+from pa_console.resources import data_folder
+from pa_console.schema.command import DeviceCommand
+from pa_console.schema.evaluation import MissionCase
+from pa_console.schema.world import World
+from pa_console.sim.worlds.world_file import load_world
+from tests.evaluation.scoring.recordings import ALL_RULES, UNKNOWN, WORLD, case, order
+from tests.evaluation.witness_play import plans, written
+
+pytestmark = pytest.mark.long
+
+FOLDER = data_folder() / "worlds" / "checkpoint"
+HOME = load_world(FOLDER / "world.yaml")
+CASES = {
+    each.id: (each, worlds[each.world])
+    for found, worlds in (
+        load_with_worlds(path, HOME) for path in sorted(FOLDER.glob("missions/*.yaml"))
+    )
+    for each in found.missions
+}
+WITNESSES = written("*.yaml")
+BY_ORDERS = sorted(
+    name
+    for name, (each, _) in CASES.items()
+    if all(asked_fields(source) <= FROM_ORDERS for source in each.success)
+)
+
+
+def stay(world: World) -> Stage:
+    """Return orders to everybody to report, and to hold."""
+    return [
+        DeviceCommand(command_id=f"{name}.{verb}", agent=name, verb=verb)
+        for name in world.assets
+        for verb in ("report", "hold")
+    ]
+
+
+def scores(each: MissionCase, world: World, stages: list[Stage]) -> tuple[bool, bool]:
+    """Play `stages`; return whether the run is decided then, and whether watching changes it."""
+    sim = begin(each, world, 0)
+    recorder = RunRecorder(sim, each.command)
+    for stage in stages:
+        play(sim, recorder, stage)
+    if not is_decided(each, recorder.recording):
+        return False, False
+    early = score_run(each, recorder, "verified", ALL_RULES)
+    watch(sim, recorder, each.watch_s - recorder.recording.final.time_s)
+    return True, score_run(each, recorder, "verified", ALL_RULES) != early
+
+
+@pytest.mark.parametrize("name", BY_ORDERS)
+def test_watching_a_decided_run_changes_nothing(name: str) -> None:
+    each, world = CASES[name]
+    assert scores(each, world, []) == (True, False)
+    assert scores(each, world, [stay(world)])[1] is False
+
+
+@pytest.mark.parametrize("name", sorted(WITNESSES))
+def test_a_witness_that_is_decided_scores_as_when_it_is_watched(name: str) -> None:
+    each, world = CASES[name]
+    stages = [
+        device_commands(plan, f"plan{number}") for number, plan in enumerate(plans(WITNESSES[name]))
+    ]
+    assert scores(each, world, list(stages))[1] is False
+
+
+def test_what_may_still_change_is_watched() -> None:
+    ask_orders = case(UNKNOWN, success=["run.refused"])
+    sent = [order("Drone_T04 observe WestGate")]
+    assert scores(ask_orders, WORLD, []) == (True, False)
+    assert scores(ask_orders, WORLD, [sent]) == (False, False)
+    for asks in ("run.tracks.size() == 0", "run.coverage['WestGate'].at_end", "size(run) > 0"):
+        assert scores(case(UNKNOWN, success=[asks]), WORLD, []) == (False, False)
+
+
+def test_an_order_that_nobody_has_answered_is_waited_for() -> None:
+    each = case(success=["size(run.reports) == 1"])
+    sim = begin(each, WORLD, 0)
+    recorder = RunRecorder(sim, each.command)
+    recorder.sent(order("Drone_T04 report"))
+    assert not is_decided(each, recorder.recording)

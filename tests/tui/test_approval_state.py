@@ -1,0 +1,128 @@
+"""The approval panel says what to know first, and is armed only once all of it was on screen."""
+
+from pathlib import Path
+
+import pytest
+from textual.widgets import Button
+
+from pa_console.schema.events import event as ev
+from pa_console.schema.plan import Action, Plan
+from pa_console.tui.widgets.approval import ARM_DELAY_S, ApprovalPanel
+from pa_console.tui.widgets.row_views import TextRows
+from tests.tui import story
+from tests.tui.scripted import FakeClock, ScriptedStation, console, settle
+
+SMALL = (80, 24)
+EVERYBODY = Plan(
+    reason="asked: all free to EastGate; Free drone: Drone_T04",
+    actions=tuple(
+        Action(agent=name, command=command)
+        for command in ("move_to EastGate", "report", "hold")
+        for name in story.WORLD.assets
+    ),
+)
+LEFT = ("all free to EastGate: Drone_T01 covers NorthGate alone (WF-03)",)
+
+
+def narrowed() -> list[ev.EventPayload]:
+    """An order to all that is planned for many, one of them misspelt by its operator."""
+    mission = story.MISSION.model_copy(
+        update={"text": "Send all assets east.", "typed": "Send all asets east."}
+    )
+    told: list[ev.EventPayload] = []
+    for data in story.told("approval", unmet=LEFT):
+        match data:
+            case ev.PlanProposed() | ev.ApprovalRequested():
+                told.append(data.model_copy(update={"plan": EVERYBODY}))
+            case ev.MissionReceived():
+                told.append(data.model_copy(update={"mission": mission}))
+            case _:
+                told.append(data)
+    return told
+
+
+def said(panel: ApprovalPanel) -> str:
+    return " ".join(panel.query_one("#approval-text", TextRows).render().plain.split())
+
+
+@pytest.mark.parametrize(
+    ("told", "title"),
+    [
+        (story.told("approval", confidence=0.8), "✔ Approve"),
+        (story.told("approval", unmet=LEFT), "△ Narrowed by rules"),
+        (story.told("approval", confidence=0.18), "△ May be misunderstood"),
+        (story.not_understood("Schick die Drohne zum Osttor."), "? Not understood"),
+        (story.told("approval", verdict="Failure"), "✘ Judge objects"),
+        (story.told("approval", blocked=("WF-03: a gate is left",)), "✘ Blocked"),
+    ],
+)
+async def test_the_title_says_what_to_know_first(
+    tmp_path: Path, told: list[ev.EventPayload], title: str
+) -> None:
+    station = ScriptedStation(told)
+    app = console(station, tmp_path, FakeClock())
+    async with app.run_test(size=SMALL) as pilot:
+        await settle(pilot, station)
+        panel = app.screen.query_one(ApprovalPanel)
+        assert panel.border_title == title
+        assert ("✔ Judge" in said(panel)) == (title == "✔ Approve")
+
+
+async def test_a_narrowed_plan_is_armed_when_its_last_line_was_on_screen(tmp_path: Path) -> None:
+    station, clock = ScriptedStation(narrowed()), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SMALL) as pilot:
+        await settle(pilot, station)
+        clock.now += ARM_DELAY_S
+        panel = app.screen.query_one(ApprovalPanel)
+        for _ in range(20):
+            if not panel.query_one("#approve", Button).disabled:
+                break
+            await pilot.press("a", "enter")
+            assert station.decisions == []
+            clock.now += ARM_DELAY_S
+            await pilot.press("pagedown")
+            await settle(pilot, station)
+        body = panel.query_one("#approval-body")
+        assert body.scroll_offset.y == body.max_scroll_y > 0
+        clock.now += ARM_DELAY_S
+        await pilot.press("a", "enter")
+        await settle(pilot, station)
+        assert [decision.kind for decision in station.decisions] == ["approve"]
+
+
+async def test_a_jump_to_the_end_has_not_shown_what_lies_between(tmp_path: Path) -> None:
+    station = ScriptedStation(narrowed())
+    app = console(station, tmp_path, FakeClock())
+    async with app.run_test(size=SMALL) as pilot:
+        await settle(pilot, station)
+        panel = app.screen.query_one(ApprovalPanel)
+        panel.query_one("#approval-body").scroll_end(animate=False)
+        await settle(pilot, station)
+        assert panel.query_one("#approve", Button).disabled
+
+
+async def test_the_typed_words_stand_beside_their_reading(tmp_path: Path) -> None:
+    station = ScriptedStation(narrowed())
+    app = console(station, tmp_path, FakeClock())
+    async with app.run_test(size=SMALL) as pilot:
+        await settle(pilot, station)
+        text = said(app.screen.query_one(ApprovalPanel))
+        assert "typed Send all asets (read: assets) east." in text
+        assert "read send every free asset to EastGate" in text
+        assert f"NOT DONE {LEFT[0]}" in text
+
+
+async def test_what_was_not_understood_can_only_be_rejected(tmp_path: Path) -> None:
+    station, clock = ScriptedStation(story.not_understood("asdf qwer")), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SMALL) as pilot:
+        await settle(pilot, station)
+        clock.now += ARM_DELAY_S
+        assert "What is to be done, in English?" in said(app.screen.query_one(ApprovalPanel))
+        await pilot.press("a", "enter", "m", "enter")
+        await settle(pilot, station)
+        assert station.decisions == []
+        await pilot.press("r", "enter")
+        await settle(pilot, station)
+        assert [decision.kind for decision in station.decisions] == ["reject"]
