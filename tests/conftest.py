@@ -14,6 +14,9 @@ from pa_console.policy.checks import rule_checks
 from pa_console.settings.schema import describe_settings
 from tests.quick_textual import quicken
 
+RARELY = 50_000
+"""So many more objects are made than freed before the garbage collector looks."""
+
 KEPT = ("cache",)
 """The tests' model is looked for where the user keeps models."""
 
@@ -60,7 +63,15 @@ def pytest_collection_finish() -> None:
     """
     gc.collect()
     gc.freeze()
-    gc.set_threshold(50_000, 20, 10)
+    gc.set_threshold(RARELY, 20, 10)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _collected() -> Iterator[None]:
+    """Free what a file of tests leaves, if that is much: consoles hold on to themselves."""
+    yield
+    if gc.get_count()[1] > 1:
+        gc.collect()
 
 
 @pytest.fixture(scope="session", autouse=True)
