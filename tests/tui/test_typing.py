@@ -310,3 +310,18 @@ async def test_nothing_that_was_not_meant_is_commanded_at_an_approval(
         assert app.is_running
         assert app.session.main is not None
         assert app.session.main.query_one(ApprovalPanel).display
+
+
+@pytest.mark.parametrize("pause", [0.1, 0.5, 3.0])
+async def test_enters_after_a_text_that_was_typed_ahead_press_no_button(
+    tmp_path: Path, pause: float
+) -> None:
+    station = ScriptedStation(story.told("approval"))
+    app, clock = opened(tmp_path, station)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await Typist(pilot, clock, 0.4).types("me too")
+        await Typist(pilot, clock, pause).types("\n\n\n")
+        await settle(pilot, station)
+        assert given_commands(station) == []
+        assert app.screen.query_one(ApprovalPanel).display

@@ -92,6 +92,8 @@ class TypingController:
         if chosen is not None and time_s - chosen.time_s <= CHOSEN_S:
             await self._app.run_action(f"app.{chosen.action.action}")
             return True
+        if ends_text and (panel := self._panel) is not None:
+            panel.end_text()
         return ends_text
 
     # The approval panel

@@ -425,6 +425,11 @@ class ApprovalPanel(Vertical, can_focus=True):
         """Drop a key that came too early; the panel waits anew."""
         self._disarm()
 
+    def end_text(self) -> None:
+        """Drop the Enter at the end of a text; one that follows it presses no button either."""
+        self.screen.set_focus(self)
+        self._disarm()
+
     def write_reason(self, text: str) -> None:
         """Go to the reason and add to it what was typed at the buttons."""
         reason = self.query_one(f"#{REASON}", Input)
