@@ -28,7 +28,7 @@ _DEEPEST = 6
 
 _SPECIAL = re.compile(r"[\\`*\[\]<>#|~&$]|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])")
 _LIST_MARK = re.compile(r"^(\s*)(?:([-+=:])|(\d+)([.)])(?=\s|$))")
-_LINK = re.compile(r"(?i)\b(https?|ftp)://|\bwww\.")
+_LINK = re.compile(r"(?i)\b(https?|ftp)://|\bwww\.|(?<=[\w/])\.(?=[^\W\d])")
 _BREAKS = re.compile(r"\r\n|[\r\n\v\f\x1c-\x1e\x85\u2028\u2029]")
 
 
