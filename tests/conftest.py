@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from pa_console.policy.checks import rule_checks
+from pa_console.policy.ordering import monitor
 from pa_console.settings.schema import describe_settings
 from tests.quick_textual import quicken
 
@@ -79,6 +80,7 @@ def _patient_checks() -> Iterator[None]:
     """Let no stall of the machine, which counts as processor time on some, decide about a plan."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(rule_checks, "CHECKS_S", 60.0)
+        patch.setattr(monitor, "MOMENT_S", 60.0)
         yield
 
 

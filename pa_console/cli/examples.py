@@ -36,6 +36,7 @@ EXAMPLES = {
     "bench twins": "pa-console bench twins --seeds 3",
     "bench degradation": "pa-console bench degradation --out degradation",
     "bench judge": "pa-console bench judge results/night --every 5",
+    "bench load": "pa-console bench load --beside 0 --beside 2",
     "bench start": "pa-console bench start --runs 10",
     "scenarios": "pa-console scenarios list",
     "scenarios list": "pa-console scenarios list --world my-world",

@@ -3,6 +3,7 @@
 import signal
 from collections.abc import Callable, Generator
 from pathlib import Path
+from time import monotonic
 
 import pytest
 
@@ -14,6 +15,8 @@ from tests.cli.outside import WITHIN_S, Outside
 Start = Callable[..., Outside]
 ORDER = "Fill the gap at EastGate."
 LAST = ("command_sent", "session_ended")
+READ_S = 1.0
+"""Keys that come sooner are not heeded: nobody has read the plan yet."""
 QUICK = ("--set", "approval_delay_s=0.2")
 
 
@@ -47,7 +50,15 @@ def _moving(console: Outside) -> None:
     console.until("telemetry")
     console.type(f"{ORDER}\r")
     console.until("approval_requested")
-    console.until("command_replied", lambda: console.type("a"))
+    pressed = monotonic()
+
+    def approve() -> None:
+        nonlocal pressed
+        if monotonic() - pressed > READ_S:
+            console.type("a\r")
+            pressed = monotonic()
+
+    console.until("command_replied", approve)
 
 
 @pytest.mark.parametrize(

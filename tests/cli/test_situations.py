@@ -1,6 +1,5 @@
 """`--scenario` of `mission` and `console`: a situation is played, its alarms start missions."""
 
-import asyncio
 from collections.abc import Callable
 from contextlib import aclosing
 from pathlib import Path
@@ -91,9 +90,8 @@ def test_a_situation_that_the_world_cannot_play_is_refused_before_a_log_is_begun
     assert not log.exists()
 
 
-@pytest.mark.usefixtures("engine")
 def test_the_console_opens_on_the_situation(
-    call: Call, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    call: Call, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, engine: ScriptedEngine
 ) -> None:
     opened: list[Station] = []
     seen: list[SessionStarted] = []
@@ -120,9 +118,9 @@ def test_the_console_opens_on_the_situation(
             leaving = SimpleNamespace(end=stop, ended_by=0)
             self.controllers = SimpleNamespace(leaving=leaving)
 
-        def run(self, *, mouse: bool) -> None:
+        async def run_async(self, *, mouse: bool) -> None:
             assert not mouse
-            seen.append(asyncio.run(first_event(opened[0])))
+            seen.append(await first_event(opened[0]))
 
     path = tmp_path / "loss.yaml"
     path.write_text(LOSS, encoding="utf-8")
@@ -138,6 +136,7 @@ def test_the_console_opens_on_the_situation(
     assert (tmp_path / "sessions.index").is_file()
     assert (started.scenario, started.seed, started.readonly) == ("loss", 7, True)
     assert len(started.scenario_sha256) == 64
+    engine.on_state = None  # that session is over
     missing = call("console", "--scenario", "nowhere")
     assert missing.code == 2
     assert "situation-2" in missing.err

@@ -100,7 +100,7 @@ def test_it_comes_to_the_same_as_a_run_of_the_whole_console(
     setup: tuple[Incident, ...], first: list[str]
 ) -> None:
     there = place(*setup)
-    case = there.case("A", "Do as planned.", ("run.status == 'verified'", AT_EAST))
+    case = there.case("A", "Do as planned at EastGate.", ("run.status == 'verified'", AT_EAST))
     found = verify(case, there, plan(*first), RULES, follow=True)
     texts = [done.plan.model_dump_json() for done in found.done]
     engine = ScriptedEngine(texts or [plan(*first).model_dump_json()])

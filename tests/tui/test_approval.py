@@ -16,7 +16,7 @@ from pa_console.tui.widgets.fields import CheckBox
 from pa_console.tui.widgets.mission_prompt import MissionInput
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
-from tests.tui.scripted import FakeClock, ScriptedStation, console, notices, settle
+from tests.tui.scripted import FakeClock, ScriptedStation, console, notices, settle, until
 
 pytestmark = pytest.mark.long
 
@@ -328,7 +328,7 @@ async def test_modify_says_what_is_wrong_with_the_text(
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
         await pilot.press("m", "enter")
-        await pilot.pause()
+        await until(pilot, lambda: app.screen.query("#editor"))
         app.screen.query_one(TextArea).text = text
         await pilot.pause()
         assert words in str(app.screen.query_one("#editor-error").render())
@@ -345,13 +345,13 @@ async def test_modify_sends_the_changed_plan_and_keeps_a_left_draft(tmp_path: Pa
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
         await pilot.press("m", "enter")
-        await pilot.pause()
+        await until(pilot, lambda: app.screen.query("#editor"))
         changed = app.screen.query_one(TextArea).text.replace("observe", "move_to")
         app.screen.query_one(TextArea).text = changed
         await pilot.press("escape")
         await settle(pilot, station)
         await pilot.press("m", "enter")
-        await pilot.pause()
+        await until(pilot, lambda: app.screen.query("#editor"))
         assert app.screen.query_one(TextArea).text == changed
         await pilot.press("ctrl+s")
         await settle(pilot, station)
@@ -370,7 +370,7 @@ async def test_a_whole_plan_is_replaced_from_the_keyboard_and_the_proposed_one_c
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
         await pilot.press("m", "enter")
-        await pilot.pause()
+        await until(pilot, lambda: app.screen.query("#editor"))
         area = app.screen.query_one(TextArea)
         proposed, own = area.text, '{"reason": "none", "actions": []}'
         await pilot.press("ctrl+a", *own)
@@ -391,7 +391,7 @@ async def test_a_plan_that_was_not_changed_is_not_sent(tmp_path: Path) -> None:
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
         await pilot.press("m", "enter")
-        await pilot.pause()
+        await until(pilot, lambda: app.screen.query("#editor"))
         await pilot.press("space", "ctrl+s")
         await settle(pilot, station)
         assert station.decisions == []
@@ -415,7 +415,7 @@ async def test_the_proposed_plan_comes_back_after_the_operators_own_was_examined
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
         await pilot.press("m", "enter")
-        await pilot.pause()
+        await until(pilot, lambda: app.screen.query("#editor"))
         area = app.screen.query_one(TextArea)
         assert "none of it" in area.text
         await pilot.press("ctrl+r")
@@ -457,7 +457,7 @@ async def test_a_request_is_withdrawn_with_its_mission(tmp_path: Path) -> None:
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
         await pilot.press("m", "enter")
-        await pilot.pause()
+        await until(pilot, lambda: app.screen.query("#editor"))
         station.emit(ev.MissionFinished(status="cancelled", reason="stop", metrics=Metrics()))
         await settle(pilot, station)
         assert app.screen is app.session.main
@@ -472,7 +472,7 @@ async def test_a_decision_that_was_not_accepted_can_be_made_again(tmp_path: Path
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
         await pilot.press("m", "enter")
-        await pilot.pause()
+        await until(pilot, lambda: app.screen.query("#editor"))
         app.screen.query_one(TextArea).text = OWN.model_dump_json()
         await pilot.press("ctrl+s")
         await settle(pilot, station)

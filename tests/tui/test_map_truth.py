@@ -61,14 +61,14 @@ def inside(cell: Cell, canvas: Canvas) -> Cell:
 
 
 def name_cells(canvas: Canvas, name: str) -> list[Cell]:
-    """Every cell where a short name is written."""
-    return [
-        (column + offset, row)
+    """Every cell where a short name is written; a count in another word makes none."""
+    found = [
+        [(column + offset, row) for offset in range(len(name))]
         for row, line in enumerate(canvas.lines())
         for column in range(len(line))
         if line.startswith(name, column)
-        for offset in range(len(name))
     ]
+    return [cell for cells in found if canvas.marks.keys().isdisjoint(cells) for cell in cells]
 
 
 def ways(canvas: Canvas, at: Cell) -> Iterator[list[Cell]]:
@@ -104,6 +104,7 @@ def test_every_marker_is_in_the_cell_of_its_asset(
 @given(teams, sizes, troubles)
 @example(list(CROWDED_WEST), (69, 13), {})
 @example(list(CROWDED_WEST), (80, 17), {})
+@example([(-46.0, 23.0), (-46.0, 23.0)], (45, 8), {})
 @settings(max_examples=250, deadline=None)
 def test_no_name_lies_on_or_beyond_a_wall_or_the_edge_of_a_zone(
     places: list[tuple[float, float]], size: tuple[int, int], trouble: dict[str, object]

@@ -171,13 +171,13 @@ async def _end(
     station: Station, duration_s: float, all_given: asyncio.Event, decided: Callable[[], bool]
 ) -> None:
     """Close the session once no mission is left and its time is over, or `decided` says so."""
-    over = asyncio.create_task(_missions_over(station, all_given))
-    try:
-        if duration_s > 0.0:
+    if duration_s > 0.0:
+        over = asyncio.create_task(_missions_over(station, all_given))
+        try:
             await _watched(station, duration_s, over, decided)
-        await over
-    finally:
-        over.cancel()
+        finally:
+            over.cancel()
+    await _missions_over(station, all_given)  # alarms may have started others meanwhile
     await station.close("every mission is finished")
 
 

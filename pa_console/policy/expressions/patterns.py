@@ -6,11 +6,10 @@ backtracking engine that stops when the check's time is up. Both mean the same b
 """
 
 import re
-from collections.abc import Generator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import lru_cache
 from importlib import import_module
-from typing import Any
+from typing import Any, TypeVar
 
 import regex
 
@@ -19,6 +18,7 @@ from pa_console.policy.expressions.deadlines import DeadlineError, give_up, left
 _re2: Any = import_module("re2")
 """The library has no type information."""
 
+T = TypeVar("T")
 MAX_PATTERN = 16_384
 MAX_PROGRAM = 12_000
 """Steps of a pattern in RE2, which go once through the text each at worst."""
@@ -52,16 +52,14 @@ class Pattern:
         left = _left(text)
         if self._linear is not None and text.isascii():
             return self._linear.search(text) is not None
-        with _in_time():
-            return self._any.search(text, timeout=left) is not None
+        return _in_time(lambda limit: self._any.search(text, timeout=limit) is not None, left)
 
     def cut(self, text: str, mark: str) -> str:
         """Return `text` with every match replaced by `mark`."""
         left = _left(text)
         if self._linear is not None and text.isascii():
             return str(self._linear.sub(mark, text))
-        with _in_time():
-            return self._any.sub(mark, text, timeout=left)
+        return _in_time(lambda limit: self._any.sub(mark, text, timeout=limit), left)
 
 
 @lru_cache(maxsize=1024)
@@ -100,14 +98,20 @@ def _left(text: str) -> float | None:
     return left
 
 
-@contextmanager
-def _in_time() -> Generator[None]:
-    """Take a search that was broken off for one that used up the time of its check."""
-    try:
-        yield
-    except TimeoutError as error:
-        give_up()
-        raise DeadlineError("a pattern took too long") from error
+def _in_time(search: Callable[[float | None], T], left: float | None) -> T:
+    """Return what `search` finds within `left` seconds; raises DeadlineError when it takes longer.
+
+    The engine counts what all threads of the process compute. A search that it broke off before
+    this thread has used up its own time is made again.
+    """
+    while True:
+        try:
+            return search(left)
+        except TimeoutError as error:
+            left = left_s()
+            if not left:
+                give_up()
+                raise DeadlineError("a pattern took too long") from error
 
 
 def _without_layout(source: str) -> str:

@@ -163,7 +163,7 @@ class MainScreen(Screen[None]):
             bar.show(state, self._world.title, self.mode, rate, silent_s)
             self.query_one(AlarmBar).show(state)
         if "map" in views:
-            self.query_one(MapView).show(state.picture)
+            self.query_one(MapView).show(state.picture, live=self.mode == "LIVE")
         if "assets" in views:
             self.query_one(AssetPane).show(state.picture)
         if "alarms" in views:

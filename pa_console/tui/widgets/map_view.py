@@ -65,10 +65,13 @@ class MapView(Widget):
         self.followed = ""
         self.border_title = "Map"
 
-    def show(self, picture: Picture | None) -> None:
-        """Show another picture; hidden, nothing is drawn until the map is seen again."""
+    def show(self, picture: Picture | None, *, live: bool = False) -> None:
+        """Show another picture; hidden, nothing is drawn until the map is seen again.
+
+        There are trails only where it is `live`: what a replay shows depends on its moment alone.
+        """
         self._picture = picture
-        self._trails.add(picture)
+        self._trails.add(picture if live else None)
         if self.is_on_screen and self.content_size.height > 1:
             self._draw()
 
