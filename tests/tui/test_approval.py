@@ -350,6 +350,7 @@ async def test_modify_sends_the_changed_plan_and_keeps_a_left_draft(tmp_path: Pa
         app.screen.query_one(TextArea).text = changed
         await pilot.press("escape")
         await settle(pilot, station)
+        await until(pilot, lambda: not app.screen.query("Button.-active"))
         await pilot.press("m", "enter")
         await until(pilot, lambda: app.screen.query("#editor"))
         assert app.screen.query_one(TextArea).text == changed
