@@ -20,6 +20,9 @@ FEW_CORES = 4
 LOOK_S = 0.1
 """Seconds between two looks at what the cores do, which the system counts in hundredths."""
 
+PAUSE_S = 0.02
+"""After so long without an evaluation, others may have used the cores because we did not."""
+
 NEARLY = 0.25
 """A core of which at most this share is used by others counts as free."""
 
@@ -102,18 +105,22 @@ class FreeCores:
         self._fixed = fixed
         self._now, self._computed, self._idle = now, computed, idle
         self._looked = self._look()
+        self._ended = self._looked[0]
         self._patience_s, self._try_at = PATIENCE_S[0], 0.0
         self._busy_s = self._whole_s = 0.0
 
     @contextmanager
     def evaluating(self, tokens: int) -> Generator[int]:
         """Yield how many threads are to evaluate `tokens` in the block; note how that went."""
-        if not self._fixed and self._now() - self._looked[0] >= LOOK_S:
-            self._follow()
+        now = self._now()
+        paused = now - self._ended >= PAUSE_S
+        if not self._fixed and (paused or now - self._looked[0] >= LOOK_S):
+            self._follow(paused=paused)
         threads = min(self.count, batch_threads(self._most, tokens))
         began, computed = self._now(), self._computed()
         yield threads
-        seconds = self._now() - began
+        self._ended = self._now()
+        seconds = self._ended - began
         if seconds > 0.0:
             self._note(threads, seconds, (self._computed() - computed) / (seconds * threads))
 
@@ -125,17 +132,22 @@ class FreeCores:
     def _look(self) -> tuple[float, float, float | None]:
         return self._now(), self._computed(), self._idle()
 
-    def _follow(self) -> None:
-        """Use the cores that were idle since the last look, and those that were used here."""
+    def _follow(self, *, paused: bool) -> None:
+        """Use the cores that were idle since the last look, and those that were used here.
+
+        What others did in a pause is no reason to take fewer: it may be over with the pause.
+        """
         (then, before, idle_then), self._looked = self._looked, self._look()
         now, computed, idle = self._looked
+        if now - then < LOOK_S:
+            return
         if idle is None or idle_then is None:
             if now >= self._try_at:
                 self.count = min(self._most, 2 * self.count)
             return
         free = (max(0.0, idle - idle_then) + computed - before) / (now - then)
         free = max(1, min(self._most, int(free + NEARLY)))
-        if free < self.count or now >= self._try_at:
+        if (free < self.count and not paused) or (free > self.count and now >= self._try_at):
             self.count = free
 
     def _note(self, threads: int, seconds: float, share: float) -> None:
