@@ -23,20 +23,23 @@ LOOK_S = 0.1
 PAUSE_S = 0.02
 """After so long without an evaluation, others may have used the cores because we did not."""
 
-NEARLY = 0.25
-"""A core of which at most this share is used by others counts as free."""
+NEARLY = 0.5
+"""A core of which others, the console itself among them, use at most this share counts as free."""
 
-SHORT = 0.7
+SHORT = 0.65
 """Threads that got less than this share of the time that they were to compute were put aside."""
 
 BRIEF_S = 0.004
 """Less than this is too short to tell that threads were put aside."""
 
-PATIENCE_S = (LOOK_S, 10.0)
+PATIENCE_S = (LOOK_S, 2.0)
 """Seconds without another try after the system told of free cores and threads were put aside: at
 first, and at most. The time doubles from one to the next."""
 
-BUSY_SHARE = 0.5
+TELLING_S = 0.5
+"""Evaluations that took less time together do not tell whether the machine is busy."""
+
+BUSY_SHARE = 0.8
 """Answers are slow because of the machine where it was busy for this share of their time."""
 
 
@@ -108,6 +111,7 @@ class FreeCores:
         self._ended = self._looked[0]
         self._patience_s, self._try_at = PATIENCE_S[0], 0.0
         self._busy_s = self._whole_s = 0.0
+        self._was_busy = False
 
     @contextmanager
     def evaluating(self, tokens: int) -> Generator[int]:
@@ -125,9 +129,11 @@ class FreeCores:
             self._note(threads, seconds, (self._computed() - computed) / (seconds * threads))
 
     def busy(self) -> bool:
-        """Return whether other work made the evaluations since the last call slow."""
-        busy, self._busy_s, whole, self._whole_s = self._busy_s, 0.0, self._whole_s, 0.0
-        return busy > BUSY_SHARE * whole
+        """Return whether other work makes evaluations slow, by those of the last TELLING_S."""
+        if self._whole_s >= TELLING_S:
+            self._was_busy = self._busy_s > BUSY_SHARE * self._whole_s
+            self._busy_s = self._whole_s = 0.0
+        return self._was_busy
 
     def _look(self) -> tuple[float, float, float | None]:
         return self._now(), self._computed(), self._idle()
