@@ -100,14 +100,14 @@ def test_the_help_tells_of_every_verb_and_loads_none() -> None:
         "numpy",
         "shapely",
         "cel",
-        "pa_console.cli.mission",
+        "pa_console.cli.mission.mission",
         "pa_console.schema.world",
     }
 
 
 def test_the_help_of_a_mission_waits_for_no_session() -> None:
     helped = loaded_by(MISSION_HELPED)
-    assert "pa_console.cli.mission" in helped
+    assert "pa_console.cli.mission.mission" in helped
     assert not helped & {"numpy", "shapely", "cel", "pa_console.orchestrator", "pa_console.llm"}
 
 

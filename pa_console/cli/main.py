@@ -16,9 +16,10 @@ from pa_console.cli.output import BAD_INPUT, FAILED, errors, open_closed_streams
 from pa_console.cli.verbs import Verbs
 
 INTERRUPTED = 130
-COLLECTED_AFTER = (50_000, 20, 100)
+COLLECTED_AFTER = (20_000, 10, 5)
 """How much has to be allocated before garbage is looked for. With Python's own 700, a tenth of the
-start goes into looking through what was just imported."""
+start goes into looking through what was just imported; a console that runs for days must still get
+rid of a screen that nobody sees any more."""
 
 app = typer.Typer(
     name="pa-console",

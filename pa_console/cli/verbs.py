@@ -26,7 +26,7 @@ VERBS = {
         "Open the console: live checkpoint, policy browser, missions, trace and approval.",
     ),
     "mission": Verb(
-        "mission:mission",
+        "mission.mission:mission",
         "Plan, check, rehearse, judge, decide, execute and verify one mission, or a situation's.",
     ),
     "replay": Verb(

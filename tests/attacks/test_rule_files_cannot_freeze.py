@@ -33,6 +33,8 @@ from tests.attacks.hostile_rules import KINDS, measure, measure_apart, write_hos
 from tests.policy.book import write_rules
 from tests.policy.test_large import MISSION
 
+pytestmark = pytest.mark.long
+
 ENDLESS = "l.exists(a, l.exists(b, l.exists(c, l.exists(d, a + b + c + d < 0))))"
 LONG: dict[str, Any] = {"gates": list(range(400))}
 CHECKS_S = rule_checks.CHECKS_S

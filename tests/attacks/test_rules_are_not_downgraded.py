@@ -9,7 +9,7 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pa_console.cli import mission_session
+from pa_console.cli.mission import session as mission_session
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.orchestrator.station.assembly import load_site, open_station
 from pa_console.orchestrator.station.rules_in_force import RulesWatch

@@ -4,7 +4,7 @@ import io
 
 import pytest
 
-from pa_console.cli.terminal_approval import ask_decision
+from pa_console.cli.mission.terminal_approval import ask_decision
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.session.state.fold import SessionState

@@ -12,6 +12,8 @@ from pa_console.signing import KEY_VARIABLE
 from tests.cli.inside import Call
 from tests.cli.outside import WITHIN_S, Outside
 
+pytestmark = pytest.mark.long
+
 Start = Callable[..., Outside]
 ORDER = "Fill the gap at EastGate."
 LAST = ("command_sent", "session_ended")

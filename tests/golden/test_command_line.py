@@ -12,6 +12,8 @@ import pytest
 from tests.golden.command_line_calls import CALLS, Caller, declared
 from tests.golden.stored import compare, read, write
 
+pytestmark = pytest.mark.long
+
 FILE = "command_line.json"
 TO_RECORD = "PA_GOLDEN_RECORD"
 

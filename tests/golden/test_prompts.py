@@ -6,8 +6,12 @@ of those for the ten missions of the paper.
 
 from functools import cache
 
+import pytest
+
 from tests.golden.prompt_cases import PAPER, cases, everything
 from tests.golden.stored import HERE, compare, read, sha256, write, write_text
+
+pytestmark = pytest.mark.long
 
 DIGITS = 20
 """Of a SHA-256: enough to tell texts apart."""

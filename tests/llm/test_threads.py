@@ -8,6 +8,8 @@ from pa_console.llm.models.catalogue import LocalModel
 from pa_console.llm.worker.runtime import Runtime
 from pa_console.llm.worker.threads import FreeCores
 
+pytestmark = pytest.mark.long
+
 TOKEN_S = 0.020
 """One token on one core of the machine below."""
 

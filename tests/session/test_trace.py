@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 
-from pa_console.cli.mission_trace import print_trace
+from pa_console.cli.mission.trace import print_trace
 from pa_console.export.markdown import mission_document
 from pa_console.schema.command import CommandReply
 from pa_console.schema.events import event as ev

@@ -1,15 +1,18 @@
 """Deciding on a plan: nothing is approved by a stray key, and nothing inadmissible at all."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from textual import events
+from textual.pilot import Pilot
 from textual.widget import Widget
 from textual.widgets import Button, Input, TextArea
 
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision, Metrics
 from pa_console.schema.plan import Action, Plan
+from pa_console.tui.app import ConsoleApp
 from pa_console.tui.trace.sections import sections
 from pa_console.tui.widgets.approval import ARM_DELAY_S, ApprovalPanel
 from pa_console.tui.widgets.fields import CheckBox
@@ -23,6 +26,12 @@ pytestmark = pytest.mark.long
 SIZE = (120, 36)
 OWN = Plan(reason="none of it", actions=(Action(agent="Drone_T04", command="hold"),))
 BLOCKED = "WF-03: a gate is left without cover"
+
+
+async def open_editor(app: ConsoleApp, pilot: Pilot[Any]) -> None:
+    """Choose Modify and wait for the plan's editor."""
+    await pilot.press("m", "enter")
+    await until(pilot, lambda: app.screen.query("#editor"))
 
 
 async def test_keys_typed_ahead_are_dropped_and_then_approve_works(tmp_path: Path) -> None:
@@ -327,8 +336,7 @@ async def test_modify_says_what_is_wrong_with_the_text(
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
-        await pilot.press("m", "enter")
-        await until(pilot, lambda: app.screen.query("#editor"))
+        await open_editor(app, pilot)
         app.screen.query_one(TextArea).text = text
         await pilot.pause()
         assert words in str(app.screen.query_one("#editor-error").render())
@@ -344,15 +352,13 @@ async def test_modify_sends_the_changed_plan_and_keeps_a_left_draft(tmp_path: Pa
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
-        await pilot.press("m", "enter")
-        await until(pilot, lambda: app.screen.query("#editor"))
+        await open_editor(app, pilot)
         changed = app.screen.query_one(TextArea).text.replace("observe", "move_to")
         app.screen.query_one(TextArea).text = changed
         await pilot.press("escape")
         await settle(pilot, station)
         await until(pilot, lambda: not app.screen.query("Button.-active"))
-        await pilot.press("m", "enter")
-        await until(pilot, lambda: app.screen.query("#editor"))
+        await open_editor(app, pilot)
         assert app.screen.query_one(TextArea).text == changed
         await pilot.press("ctrl+s")
         await settle(pilot, station)
@@ -370,8 +376,7 @@ async def test_a_whole_plan_is_replaced_from_the_keyboard_and_the_proposed_one_c
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
-        await pilot.press("m", "enter")
-        await until(pilot, lambda: app.screen.query("#editor"))
+        await open_editor(app, pilot)
         area = app.screen.query_one(TextArea)
         proposed, own = area.text, '{"reason": "none", "actions": []}'
         await pilot.press("ctrl+a", *own)
@@ -391,8 +396,7 @@ async def test_a_plan_that_was_not_changed_is_not_sent(tmp_path: Path) -> None:
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
-        await pilot.press("m", "enter")
-        await until(pilot, lambda: app.screen.query("#editor"))
+        await open_editor(app, pilot)
         await pilot.press("space", "ctrl+s")
         await settle(pilot, station)
         assert station.decisions == []
@@ -415,8 +419,7 @@ async def test_the_proposed_plan_comes_back_after_the_operators_own_was_examined
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
-        await pilot.press("m", "enter")
-        await until(pilot, lambda: app.screen.query("#editor"))
+        await open_editor(app, pilot)
         area = app.screen.query_one(TextArea)
         assert "none of it" in area.text
         await pilot.press("ctrl+r")
@@ -457,8 +460,7 @@ async def test_a_request_is_withdrawn_with_its_mission(tmp_path: Path) -> None:
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
-        await pilot.press("m", "enter")
-        await until(pilot, lambda: app.screen.query("#editor"))
+        await open_editor(app, pilot)
         station.emit(ev.MissionFinished(status="cancelled", reason="stop", metrics=Metrics()))
         await settle(pilot, station)
         assert app.screen is app.session.main
@@ -472,8 +474,7 @@ async def test_a_decision_that_was_not_accepted_can_be_made_again(tmp_path: Path
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
         clock.now += ARM_DELAY_S
-        await pilot.press("m", "enter")
-        await until(pilot, lambda: app.screen.query("#editor"))
+        await open_editor(app, pilot)
         app.screen.query_one(TextArea).text = OWN.model_dump_json()
         await pilot.press("ctrl+s")
         await settle(pilot, station)

@@ -160,11 +160,8 @@ def _american(word: str) -> Iterator[str]:
         yield _OTHERWISE[stem] + word.removeprefix(stem)
 
 
+@lru_cache(maxsize=4)
 def rule_words(rulebook: Rulebook) -> frozenset[str]:
     """Return every word that a rule uses, in its text or its checks."""
-    return _words_of(tuple(rule.model_dump_json() for rule in rulebook.rules))
-
-
-@lru_cache(maxsize=4)
-def _words_of(rules: tuple[str, ...]) -> frozenset[str]:
-    return frozenset(word for rule in rules for word in re.findall("[a-z]+", rule.lower()))
+    rules = (rule.model_dump_json().lower() for rule in rulebook.rules)
+    return frozenset(word for rule in rules for word in re.findall("[a-z]+", rule))

@@ -10,8 +10,9 @@ from pathlib import Path
 import typer
 from pydantic import TypeAdapter, ValidationError
 
-from pa_console.cli.mission import Approve
-from pa_console.cli.mission_trace import print_trace
+from pa_console.cli.mission.mission import Approve
+from pa_console.cli.mission.terminal_approval import ask_decision
+from pa_console.cli.mission.trace import print_trace
 from pa_console.cli.output import (
     BAD_INPUT,
     errors,
@@ -21,7 +22,6 @@ from pa_console.cli.output import (
 )
 from pa_console.cli.session_log import open_log, tell_of_witness
 from pa_console.cli.settings_defaults import settings_of
-from pa_console.cli.terminal_approval import ask_decision
 from pa_console.end_signals import EndableRun, end_signals, exit_code_of, leave_terminal
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.models.catalogue import find_model

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 from rich.prompt import Confirm, Prompt
 
-from pa_console.cli.mission_trace import print_proposal
+from pa_console.cli.mission.trace import print_proposal
 from pa_console.cli.output import errors
 from pa_console.orders.plain_words import plain_reading
 from pa_console.schema.events.event import ApprovalRequested

@@ -68,7 +68,7 @@ def mission(
     json: JsonOption = False,
 ) -> None:
     """Plan, check, rehearse, judge, decide, execute and verify one mission, or a situation's."""
-    from pa_console.cli.mission_session import run_session  # noqa: PLC0415 - no help waits for it
+    from pa_console.cli.mission.session import run_session  # noqa: PLC0415 - no help waits for it
 
     run_session(
         context,
