@@ -4,6 +4,7 @@ from pydantic import Field
 
 from pa_console.schema.base import Name, NonNegative, Percent, StrictModel
 from pa_console.schema.moment import Moment
+from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture
 
 
@@ -90,3 +91,11 @@ class Rehearsal(StrictModel):
     timeline: Timeline
     moments: tuple[Moment, ...] = ()
     motion: Motion = Motion()
+
+
+class RehearsedReading(StrictModel):
+    """What a reading of an order would lead to: a plan for it and that plan's rehearsal."""
+
+    plan: Plan
+    rehearsal: Rehearsal
+    faults: tuple[str, ...] = Field(default=(), description="why nobody may approve the plan")

@@ -19,6 +19,9 @@ MOST_NAMES = 9
 DETAIL_FROM_COLUMNS = 60
 """A narrower map has no room for batteries that are not low."""
 
+NAMES_FROM_ROWS = 12
+"""A lower map has no room for the names of what is dimmed."""
+
 _BESIDE = 0.1
 """The cost of a place right of a marker that hides nothing."""
 
@@ -84,9 +87,12 @@ class Markers:
         In a crowded view only what matters is written.
         """
         details: list[tuple[list[Cell], str]] = []
+        low = canvas.height < NAMES_FROM_ROWS
         for at in sorted(self._cells, key=lambda at: (at not in first, self._rank(at))):
             here = self._cells[at]
             pointed = any(marker.id == self._pointed_at for marker in here)
+            if low and not pointed and self._symbols[at].role == "dimmed":
+                continue
             if len(here) == 1 and (pointed or not crowded or here[0].is_track):
                 names = self._name_one(labels, at, here[0])
                 if names and self._detailed and here[0].symbol.detail:
