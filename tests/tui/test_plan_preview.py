@@ -9,7 +9,7 @@ from textual.widgets import Button
 
 from pa_console.schema.events import event as ev
 from pa_console.schema.plan import Action, Plan
-from pa_console.schema.rehearsal import Motion, RehearsedReading
+from pa_console.schema.rehearsal import Motion
 from pa_console.session.replay.player import Player
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.map.plan_layer import PlanLayer
@@ -25,7 +25,7 @@ from pa_console.tui.widgets.approval import ARM_DELAY_S, ApprovalPanel
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.plan_schedule import PlanSchedule
 from pa_console.tui.widgets.row_views import TextRows
-from tests.tui import living, story
+from tests.tui import compound, living, story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, settle, until
 from tests.tui.site import WORLD
 from tests.tui.story import stamped
@@ -34,47 +34,6 @@ pytestmark = pytest.mark.long
 
 SIZE = (120, 36)
 READING = "asked: 2 drones to EastGate"
-EAST = Plan(
-    reason="",
-    actions=(
-        Action(agent="Drone_T04", command="move_to EastGate"),
-        Action(agent="Drone_T02", command="move_to EastGate"),
-    ),
-)
-EAST_MOTION = Motion(
-    trajectories={
-        "Drone_T04": ((0.0, 2.0, 3.0), (5.0, 53.0, 0.0)),
-        "Drone_T02": ((0.0, 1.0, 33.0), (8.0, 53.0, 0.0)),
-    },
-    guards={
-        "EastGate": (
-            (0.0, ("Ugv_T01",)),
-            (5.0, ("Ugv_T01", "Drone_T04")),
-            (8.0, ("Ugv_T01", "Drone_T04", "Drone_T02")),
-        ),
-        "NorthGate": ((0.0, ("Drone_T02",)), (1.0, ())),
-    },
-    arrived_s={"Drone_T04": 5.0, "Drone_T02": 8.0},
-    ended_s={"Drone_T04": 6.0, "Drone_T02": 9.0},
-)
-
-
-def rehearsed(plan: Plan, motion: Motion = EAST_MOTION, *, gap_s: float = 9.0) -> RehearsedReading:
-    """A plan after which the north gate has lost its guard."""
-    told = story.rehearsal()
-    north = told.timeline.gates["NorthGate"].model_copy(
-        update={"covered_after": False, "longest_gap_s": gap_s}
-    )
-    lines = told.timeline.assets
-    timeline = told.timeline.model_copy(
-        update={
-            "duration_s": 10.0,
-            "gates": {**told.timeline.gates, "NorthGate": north},
-            "assets": dict.fromkeys(plan.agents, lines["Drone_T04"]),
-        }
-    )
-    rehearsal = told.model_copy(update={"timeline": timeline, "motion": motion})
-    return RehearsedReading(plan=plan, rehearsal=rehearsal, faults=("WF-03: NorthGate is left",))
 
 
 def preview(plan: Plan = story.PLAN) -> PlanPreview:
@@ -82,7 +41,7 @@ def preview(plan: Plan = story.PLAN) -> PlanPreview:
 
 
 def lost() -> PlanPreview:
-    return PlanPreview(WORLD, EAST, rehearsed(EAST).rehearsal)
+    return PlanPreview(WORLD, compound.PLAN, compound.rehearsal())
 
 
 def written(rows: list[Row], width: int = 100) -> list[str]:
@@ -113,31 +72,35 @@ def test_nobody_is_sent_to_where_he_stands() -> None:
 
 
 def test_equal_actions_share_a_row_that_names_everybody() -> None:
-    plan = plan_of("Ugv_T02 move_to WestGate", "Drone_T01 hold", "Robot_T01 move_to WestGate")
-    assert len(written(list(action_rows(preview(plan))), 200)) == 3
-    together = plan_of("Drone_T04 report", "Robot_T02 hold", "Robot_T01 hold", "Ugv_T02 hold")
-    same = PlanPreview(WORLD, plan_of("Drone_T02 hold", "Drone_T04 hold"), story.rehearsal())
-    assert len(list(action_rows(PlanPreview(WORLD, together, story.rehearsal())))) == 4
-    assert len(list(action_rows(same))) == 2
-    (row,) = written(list(action_rows(lost_together())), 200)
-    assert row.startswith("2 UAVs Checkpoint → East Gate 5 to 8 s")
-    assert row.endswith("Drone_T04, Drone_T02")
-
-
-def lost_together() -> PlanPreview:
-    """Two drones that stand at the same place are sent to the same gate."""
-    given = rehearsed(EAST).rehearsal
+    given = compound.rehearsal()
+    assert len(list(action_rows(lost()))) == len(compound.PLAN.actions)
     moved = given.before.assets["Drone_T02"].model_copy(update={"at": "Checkpoint"})
     assets = {**given.before.assets, "Drone_T02": moved}
     before = given.before.model_copy(update={"assets": assets})
-    return PlanPreview(WORLD, EAST, given.model_copy(update={"before": before}))
+    together = PlanPreview(WORLD, compound.PLAN, given.model_copy(update={"before": before}))
+    first, *others = written(list(action_rows(together)), 200)
+    assert len(others) == 2
+    assert first.startswith("2 UAVs Checkpoint → East Gate 5 to 8 s battery 87 → 84 %")
+    assert first.endswith("Drone_T04, Drone_T02")
 
 
 def test_a_gate_that_loses_its_guards_is_told() -> None:
     row = cover_row(lost())
     assert row is not None
     assert "East Gate 1 → 3" in row.body.plain
-    assert "North Gate 1 → 0, none for 9 s" in row.body.plain
+    assert "North Gate 1 → 0, none left" in row.body.plain
+
+
+def test_a_gate_that_is_without_guards_for_a_time_is_told_with_the_seconds() -> None:
+    given = compound.rehearsal()
+    gates = {**given.timeline.gates}
+    gates["EastGate"] = gates["EastGate"].model_copy(update={"longest_gap_s": 4.0})
+    timeline = given.timeline.model_copy(update={"gates": gates})
+    plan = PlanPreview(WORLD, compound.PLAN, given.model_copy(update={"timeline": timeline}))
+    row = cover_row(plan)
+    assert row is not None
+    assert "East Gate 1 → 3, none for 4 s" in row.body.plain
+    assert "1→3 gap 4s" in roles(plan)[0]
 
 
 def test_no_phrase_of_a_row_is_broken_where_it_fits_on_a_line() -> None:
@@ -157,17 +120,17 @@ def test_a_judge_that_objects_does_so_in_plain_words() -> None:
 
 
 def test_the_schedule_tells_who_goes_when_and_how_many_guards_a_gate_has() -> None:
-    axis, first, second, north, *rest = (line.plain for line in schedule_lines(lost(), 60))
-    assert axis.split() == ["0", "s", "10", "s"]
-    assert first.startswith("Drone_T04")
-    assert second.startswith("Drone_T02")
-    assert first.index("✔") < second.index("✔")
-    counts = {line.split()[0]: [c for c in line if c.isdigit()] for line in (north, *rest)}
-    assert counts == {"North": ["1", "0"], "East": ["1", "2", "3"]}
+    axis, *lines = (line.plain for line in schedule_lines(lost(), 60))
+    assert axis.split() == ["0", "s", "18", "s"]
+    assert [line.split()[0] for line in lines[:3]] == ["Drone_T04", "Drone_T02", "Ugv_T02"]
+    ends = [line.index("✔") for line in lines[:3]]
+    assert ends == sorted(ends)
+    counts = {line.split()[0]: [c for c in line if c.isdigit()] for line in lines[3:]}
+    assert counts == {"North": ["1", "0"], "East": ["1", "2", "3"], "West": ["1", "2"]}
 
 
 def test_a_schedule_points_at_the_moment_that_is_played() -> None:
-    at = [schedule_lines(lost(), 60, now)[0].plain.index("▼") for now in (0.0, 5.0, 10.0)]
+    at = [schedule_lines(lost(), 60, now)[0].plain.index("▼") for now in (0.0, 5.0, 18.0)]
     assert at == sorted(set(at))
 
 
@@ -197,7 +160,7 @@ def test_the_map_shows_the_way_the_arrival_with_its_seconds_and_the_cover() -> N
 def test_the_map_shows_which_gate_loses_cover() -> None:
     text, seen = roles(lost())
     assert "gate-loses" in seen
-    assert "1→0 gap 9s" in text
+    assert "1→0" in text
 
 
 def test_what_is_in_trouble_is_never_dimmed() -> None:
@@ -260,7 +223,7 @@ async def test_space_plays_the_rehearsal_and_stops_it(tmp_path: Path) -> None:
         await pilot.press("space")
         clock.now += LONGEST_S / 2
         await until(pilot, lambda: "REHEARSAL 19 s of 38 s" in title(app))
-        assert "▼ 19 s" in app.screen.query_one(PlanSchedule).lines(40)[0].plain
+        assert "▼ 19 s" in app.screen.query_one("#schedule", PlanSchedule).lines(40)[0].plain
         panel = app.screen.query_one(ApprovalPanel)
         assert panel.border_subtitle == "Space stops the rehearsal"
         assert app.screen.query_one(MapView).text() != live
@@ -309,16 +272,16 @@ async def test_what_is_played_ends_with_the_request(tmp_path: Path) -> None:
 async def test_another_reading_is_looked_at_before_it_is_chosen(tmp_path: Path) -> None:
     told = story.told("approval", confidence=0.41, readings=(READING,))
     station, clock = ScriptedStation(told), FakeClock()
-    station.rehearsed[READING] = rehearsed(EAST)
+    station.rehearsed[READING] = compound.reading()
     app = console(station, tmp_path, clock)
     async with app.run_test(size=(120, 40)) as pilot:
         await armed(pilot, station, clock)
         own = app.screen.query_one(MapView).text()
         await pilot.press("alt+1")
         await until(pilot, lambda: "send 2 drones to EastGate" in title(app))
-        assert "1→0 gap 9s" in app.screen.query_one(MapView).text()
+        assert "1→0" in app.screen.query_one(MapView).text()
         said = app.screen.query_one("#approval-looked-at", TextRows).render().plain
-        assert "WF-03: NorthGate is left" in said
+        assert "WF-03: NorthGate would be left" in " ".join(said.split())
         assert station.decisions == []
         await pilot.press("escape")
         await until(pilot, lambda: title(app) == "Map: the plan that waits")
@@ -332,7 +295,7 @@ async def test_another_reading_is_looked_at_before_it_is_chosen(tmp_path: Path) 
 async def test_approve_is_about_the_plan_that_waits_whatever_was_looked_at(tmp_path: Path) -> None:
     told = story.told("approval", confidence=0.8, readings=(READING,))
     station, clock = ScriptedStation(told), FakeClock()
-    station.rehearsed[READING] = rehearsed(EAST)
+    station.rehearsed[READING] = compound.reading()
     app = console(station, tmp_path, clock)
     async with app.run_test(size=(120, 40)) as pilot:
         await armed(pilot, station, clock)
@@ -343,6 +306,37 @@ async def test_approve_is_about_the_plan_that_waits_whatever_was_looked_at(tmp_p
         await pilot.press("enter")
         await settle(pilot, station)
         assert [made.kind for made in station.decisions] == ["approve"]
+
+
+async def test_a_reading_that_cannot_be_rehearsed_says_so(tmp_path: Path) -> None:
+    told = story.told("approval", confidence=0.41, readings=(READING,))
+    station, clock = ScriptedStation(told), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await armed(pilot, station, clock)
+        await pilot.press("alt+1")
+        rows = app.screen.query_one("#approval-looked-at", TextRows)
+        told = "What it leads to is known once it is planned."
+        await until(pilot, lambda: told in " ".join(rows.render().plain.split()))
+        assert title(app) == "Map"
+
+
+async def test_a_plan_that_was_read_to_its_end_stays_read_when_it_is_played(tmp_path: Path) -> None:
+    station, clock = ScriptedStation(compound.told()), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await armed(pilot, station, clock)
+        approve = app.screen.query_one("#approve", Button)
+        assert approve.disabled
+        for _ in range(3):
+            await pilot.press("pagedown")
+            await settle(pilot, station)
+        assert not approve.disabled
+        await pilot.press("space")
+        await settle(pilot, station)
+        await pilot.press("space")
+        await settle(pilot, station)
+        assert not approve.disabled
 
 
 async def test_a_recorded_approval_shows_its_panel_and_decides_nothing(tmp_path: Path) -> None:
@@ -369,11 +363,11 @@ async def test_panel_and_header_name_the_same_phase(tmp_path: Path) -> None:
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
         said = app.screen.query_one("#approval-text", TextRows).render().plain
-        assert "phase warn" in said
+        assert "phase warn of Track_01" in said
         station.emit(living.move(3))
         await settle(pilot, station)
         said = app.screen.query_one("#approval-text", TextRows).render().plain
-        assert "phase escalate, planned for warn" in " ".join(said.split())
+        assert "phase escalate of Track_01, planned for warn" in " ".join(said.split())
 
 
 @pytest.mark.parametrize("size", [SIZE, (160, 50), (200, 60)])

@@ -58,7 +58,10 @@ class Markers:
         cells: dict[Cell, list[Marker]] = defaultdict(list)
         for marker in markers:
             column, row = floor(marker.spot[0]), floor(marker.spot[1])
-            cells[min(max(column, 0), self._right), min(max(row, 0), self._bottom)].append(marker)
+            if not (0 <= column <= self._right and 0 <= row <= self._bottom):
+                column = min(max(column, 0), self._right)
+                row = min(max(row, 0), self._bottom)
+            cells[column, row].append(marker)
         self._cells = cells
         self._symbols = {at: self._symbol(at, here) for at, here in cells.items()}
         canvas.marks = {at: tuple([m.id for m in here]) for at, here in cells.items()}
@@ -112,7 +115,7 @@ class Markers:
 
     def _rank(self, at: Cell) -> int:
         here = self._cells[at]
-        if any(marker.id == self._pointed_at for marker in here):
+        if self._pointed_at and any(marker.id == self._pointed_at for marker in here):
             return 0
         if any(marker.is_track for marker in here):
             return 1

@@ -2,14 +2,15 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 from pa_console.schema.world import World
 from pa_console.tui.map.canvas import Canvas, Run
 from pa_console.tui.map.ground import Ground
 from pa_console.tui.map.labels import Labels
-from pa_console.tui.map.markers import Marker
 from pa_console.tui.map.projection import Projection
 from pa_console.tui.map.strokes import Strokes
+from pa_console.tui.map.symbols import Symbol
 from pa_console.tui.plan_preview.preview import CoverChange, PlanPreview
 
 ARRIVAL = "◎"
@@ -17,6 +18,12 @@ ARRIVAL = "◎"
 
 MOST_NAMED = 3
 """So many who come to one place are named there, each with the seconds."""
+
+FARTHEST = 4.0
+"""What a text may cost that stands beside its place; a worse one stands behind the name."""
+
+MOST_SOLID = 16
+"""The ways of more than so many are dotted: drawn in full they would be one spot."""
 
 DIMMED = frozenset(("uav", "ugv", "robot", "crowd", "track-authorized"))
 """What is dimmed where a plan does not concern it; what is in trouble or a threat never is."""
@@ -32,20 +39,19 @@ class PlanLayer:
     short: Mapping[str, str]
     time_s: float = 0.0
 
-    def dim(self, marker: Marker) -> Marker:
-        """Return the marker of what the plan does not concern, dimmed."""
-        if marker.id in self.preview.involved or marker.symbol.role not in DIMMED:
-            return marker
-        return marker._replace(symbol=marker.symbol._replace(role="dimmed", detail=""))
+    def dims(self, name: str) -> bool:
+        """Whether the plan does not concern an asset or track."""
+        return name not in self.preview.involved
 
     def draw_routes(self, canvas: Canvas, view: Projection) -> None:
         """Draw the way that is still to go of everybody who moves, and where it ends."""
         strokes, ends = Strokes(), list[tuple[int, int]]()
+        period = 1 if len(self.preview.ways) <= MOST_SOLID else 3
         for name in self.preview.ways:
             left = self.preview.way_left(name, self.time_s)
             if not left:
                 continue
-            strokes.path([view.spot(point) for point in left])
+            strokes.path([view.spot(point) for point in left], period=period)
             if name in self.preview.goals:
                 ends.append(view.cell(left[-1]))
         strokes.draw(canvas, "ghost", over=_ROUTE_OVER)
@@ -64,7 +70,10 @@ class PlanLayer:
             if view.shows(at):
                 coming = self.preview.arrivals.get(place, ())
                 lines = list(self._lines(changes.get(place), coming))
-                beside = (labels.place(view.cell(at), [view.spot(at)], [line]) for line in lines)
+                spot = view.spot(at)
+                beside = (
+                    labels.place(view.cell(at), [spot], [one], most=FARTHEST) for one in lines
+                )
                 if not any(beside) and (name := ground.names.get(place)):
                     behind = name[0] + len(place), name[1]
                     _ = any(labels.write(behind, line, keep=True) for line in lines)
@@ -95,6 +104,15 @@ class PlanLayer:
         return "" if at is None else f"+{at:.0f}s"
 
 
+@lru_cache(maxsize=4096)
+def dimmed(symbol: Symbol) -> Symbol:
+    """Return the sign of what a plan does not concern; what is in trouble keeps its own."""
+    if symbol.role not in DIMMED:
+        return symbol
+    return symbol._replace(role="dimmed", detail="")
+
+
 def _cover_words(change: CoverChange) -> str:
     words = f"{change.before}→{change.after}"
-    return f"{words} gap {change.longest_gap_s:.0f}s" if change.longest_gap_s else words
+    gap_s = change.longest_gap_s if change.after else 0.0
+    return f"{words} gap {gap_s:.0f}s" if gap_s else words

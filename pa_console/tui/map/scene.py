@@ -11,7 +11,7 @@ from pa_console.tui.map.frames import Frames
 from pa_console.tui.map.ground import Ground, draw_ground
 from pa_console.tui.map.labels import Labels
 from pa_console.tui.map.markers import Marker, Markers
-from pa_console.tui.map.plan_layer import PlanLayer
+from pa_console.tui.map.plan_layer import PlanLayer, dimmed
 from pa_console.tui.map.projection import Projection
 from pa_console.tui.map.sensor_fields import Sensors, asset_fields, camera_fields
 from pa_console.tui.map.strokes import Strokes
@@ -100,8 +100,8 @@ class MapScene:
             _lines(view, routes, 3, 2).draw(canvas, "route", over=_FREE)
         if plan is not None:
             plan.draw_routes(canvas, view)
-        shown = self._markers(picture, view, seen, look, whole=whole, health=not crowded)
-        markers = Markers(canvas, map(plan.dim, shown) if plan is not None else shown, marked)
+        shown = self._markers(picture, view, seen, look, plan, whole=whole, health=not crowded)
+        markers = Markers(canvas, shown, marked)
         self._draw_cameras(canvas, view, picture, look, crowded=crowded)
         markers.draw(canvas)
         named = self._named(canvas, ground, picture, look, markers, plan=plan, crowded=crowded)
@@ -151,6 +151,7 @@ class MapScene:
         view: Projection,
         seen: Iterable[AssetTelemetry],
         look: Reliance,
+        plan: PlanLayer | None,
         *,
         whole: bool,
         health: bool,
@@ -159,9 +160,13 @@ class MapScene:
         for track in picture.tracks.values():
             if whole or view.shows(track.position):
                 symbol = track_symbol(track, numbers[track.id], look)
+                if plan is not None and plan.dims(track.id):
+                    symbol = dimmed(symbol)
                 yield Marker(track.id, view.spot(track.position), symbol, is_track=True)
         for asset in seen:
             symbol = asset_symbol(asset, self.short, look, health=health)
+            if plan is not None and plan.dims(asset.id):
+                symbol = dimmed(symbol)
             yield Marker(asset.id, view.spot(asset.position), symbol)
 
     def _draw_cameras(

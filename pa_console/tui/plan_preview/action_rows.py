@@ -58,16 +58,15 @@ def unrehearsed_row(action: Action) -> Row:
 
 def cover_row(preview: PlanPreview) -> Row | None:
     """Return which gates gain or lose guards, None where all keep theirs."""
-    parts: list[Part] = []
+    phrases: list[Part] = []
     for gate, change in preview.cover_changes.items():
         words = f"{place_words(gate)} {change.before} → {change.after}"
-        if change.longest_gap_s:
-            words += f", none for {change.longest_gap_s:.0f} s"
-        elif not change.after:
+        if not change.after:
             words += ", none left"
-        parts += ["; "] * bool(parts)
-        parts.append((words, BAD if change.longest_gap_s or not change.after else ""))
-    return row(("Guards  ", QUIET), *parts) if parts else None
+        elif change.longest_gap_s:
+            words += f", none for {change.longest_gap_s:.0f} s"
+        phrases.append((words, BAD if change.loses else ""))
+    return phrased(("Guards  ", QUIET), phrases) if phrases else None
 
 
 def _deed(action: Action, preview: PlanPreview) -> _Deed:

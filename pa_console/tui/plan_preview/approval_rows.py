@@ -85,10 +85,14 @@ def _because(unmet: str) -> str:
 
 def _phase(trace: MissionTrace, attempt: Attempt | None) -> Iterator[Row]:
     """Yield for which phase of a workflow the plan is, and that it has moved on since."""
-    planned, now = attempt.phase if attempt else "", trace.phase
-    if planned or now:
-        moved = f", planned for {planned}" if planned and now and planned != now else ""
-        yield row(("▶ ", NOTE), (f"phase {now or planned}", NOTE), moved)
+    planned = attempt.phase if attempt else ""
+    now = next((m for m in trace.standings.values() if 0 <= m.phase < len(m.phases)), None)
+    if now is not None:
+        name = now.phases[now.phase]
+        moved = f", planned for {planned}" if planned not in ("", name) else ""
+        yield row(("▶ ", NOTE), (f"phase {name} of {now.track}", NOTE), moved)
+    elif planned:
+        yield row(("▶ ", NOTE), (f"phase {planned}", NOTE), ", which is over")
 
 
 def _actions(request: ApprovalRequested, preview: PlanPreview | None) -> Iterator[Row]:
@@ -162,8 +166,11 @@ def reading_rows(trace: MissionTrace) -> Iterator[Row]:
     yield row(("△ ", WARN), ("Unsure  ", f"bold {WARN}"), f"read{sure} as: {asked}")
 
 
-def looked_at_rows(preview: PlanPreview, faults: tuple[str, ...]) -> Iterator[Row]:
+def looked_at_rows(preview: PlanPreview | None, faults: tuple[str, ...]) -> Iterator[Row]:
     """Yield what another reading would lead to, and why nobody could approve that."""
+    if preview is None:
+        yield row("  ", ("What it leads to is known once it is planned.", QUIET))
+        return
     yield from action_rows(preview)
     if changed := cover_row(preview):
         yield changed

@@ -160,7 +160,7 @@ class PlanPreview:
         return before.model_copy(update={"assets": assets, "tracks": tracks, "gates": gates})
 
     def _cover(self, gate: str, cover: GateCover, time_s: float) -> GateCover:
-        if gate not in self.rehearsal.motion.guards:
+        if len(self.rehearsal.motion.guards.get(gate, ())) <= 1:
             return cover
         by = self.guards_at(gate, time_s)
         return cover.model_copy(update={"covered": bool(by), "by": by})

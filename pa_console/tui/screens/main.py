@@ -8,6 +8,7 @@ from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
 from textual.screen import Screen
+from textual.timer import Timer
 from textual.widgets import Button, Input, Static
 
 from pa_console.schema.events.event import ApprovalRequested
@@ -26,6 +27,7 @@ from pa_console.tui.widgets.bars import VIEWS, KeyFooter, StatusBar, ViewBar
 from pa_console.tui.widgets.event_list import EventList
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
+from pa_console.tui.widgets.plan_schedule import PlanSchedule
 from pa_console.tui.widgets.trace_pane import NO_MISSION, TracePane
 
 PLAY_FRAME_S = 0.1
@@ -65,6 +67,7 @@ class MainScreen(Screen[None]):
         self._waits: tuple[ApprovalRequested, PlanPreview | None] | None = None
         self._plan: PlanPreview | None = None
         self._playback: Playback | None = None
+        self._play_timer: Timer | None = None
 
     def compose(self) -> ComposeResult:
         """Yield all panes; the style sheet decides which are seen."""
@@ -75,6 +78,7 @@ class MainScreen(Screen[None]):
             with Vertical(id="left"):
                 yield MapView(self._world, id="map")
                 with Vertical(id="lower"):
+                    yield PlanSchedule(id="schedule")
                     yield AlarmPane(id="alarms")
                     yield AssetPane(self._world, id="assets")
                     yield EventList(all_known=self.mode == "REPLAY", id="events")
@@ -98,7 +102,6 @@ class MainScreen(Screen[None]):
         """Start where missions are typed."""
         self.set_class(self.mode == "REPLAY", "-replay")
         self.focus_view(self._view)
-        self.set_interval(PLAY_FRAME_S, self._play_on)
         if not self._closed_why:
             self.query_one(MissionPrompt).take_cursor()
 
@@ -230,7 +233,7 @@ class MainScreen(Screen[None]):
     def look_at(self, asked: str, plan: PlanPreview | None, faults: tuple[str, ...] = ()) -> None:
         """Show what another reading would lead to; without `asked` the plan that waits again."""
         waits = self._waits[1] if self._waits is not None else None
-        self.query_one(ApprovalPanel).show_reading(plan, faults)
+        self.query_one(ApprovalPanel).show_reading(asked, plan, faults)
         self.show_plan(plan if asked else waits)
 
     def on_approval_panel_play_asked(self) -> None:
@@ -244,14 +247,21 @@ class MainScreen(Screen[None]):
         self._show_moment()
 
     def _play_on(self) -> None:
-        if self._playback is not None:
-            if self._playback.is_over:
-                self._playback = None
-            self._show_moment()
+        if self._playback is not None and self._playback.is_over:
+            self._playback = None
+        self._show_moment()
 
     def _show_moment(self) -> None:
-        moment_s = self._playback.time_s if self._playback is not None else None
+        playback = self._playback
+        moment_s = playback.time_s if playback is not None else None
+        if playback is not None and self._play_timer is None:
+            self._play_timer = self.set_interval(PLAY_FRAME_S, self._play_on)
+        elif playback is None and self._play_timer is not None:
+            self._play_timer.stop()
+            self._play_timer = None
+        self.set_class(self._plan is not None, "-planned")
         self.query_one(MapView).show_plan(self._plan, moment_s)
+        self.query_one("#schedule", PlanSchedule).show(self._plan, moment_s)
         self.query_one(ApprovalPanel).show_moment(self._plan, moment_s)
 
     def action_where_to_decide(self) -> None:

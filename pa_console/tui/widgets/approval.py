@@ -53,7 +53,7 @@ DECISION_KEYS = {"r": "reject", "m": "modify", "a": "approve"}
 ROWS_ELSEWHERE = 6
 """The lines of the terminal that are neither map nor panel, about."""
 
-WIDE_SHARE, COMPACT_SHARE = 0.75, 0.62
+WIDE_SHARE, COMPACT_SHARE = 0.7, 0.62
 """How much of the other lines the panel may take, beside the map and below it."""
 
 LEAST_ROWS, LEAST_BODY_ROWS = 13, 4
@@ -118,6 +118,8 @@ class ApprovalPanel(Vertical, can_focus=True):
         self._sent = False
         self._seen = 0.0
         """So many lines of the plan have been on screen, from the first on."""
+        self._seen_before_play = 0.0
+        self._width = self._body_rows = 0
         self._looked_at = ""
         self._playing = False
 
@@ -171,7 +173,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         self._looked_at = ""
         self._tell(trace, preview)
         self.query_one("#approval-looked-at", TextRows).show(())
-        self.query_one(PlanSchedule).show(preview)
+        self._schedule.show(preview)
         self.query_one("#approval-reading", TextRows).show(tuple(reading_rows(trace)))
         readings = self.query_one("#approval-readings", Vertical)
         readings.remove_children()
@@ -205,16 +207,27 @@ class ApprovalPanel(Vertical, can_focus=True):
 
     def show_moment(self, preview: PlanPreview | None, now_s: float | None) -> None:
         """Show the schedule of the plan that is looked at; `now_s` while it is played."""
-        self.query_one(PlanSchedule).show(preview, now_s)
+        self._schedule.show(preview, now_s)
         if self._playing != (now_s is not None):
             self._playing = now_s is not None
             self.set_class(self._playing, "-playing")
             self.call_after_refresh(self.fit)
+            if self._playing:
+                self._seen_before_play = self._seen
+            else:
+                self.call_after_refresh(self._recall)
         self.refresh_state()
 
-    def show_reading(self, preview: PlanPreview | None, faults: tuple[str, ...] = ()) -> None:
-        """Show what the reading that is looked at would lead to; None: that is not known."""
-        rows = looked_at_rows(preview, faults) if preview is not None else ()
+    def _recall(self) -> None:
+        """What was on screen before a rehearsal was played counts after it."""
+        self._seen = max(self._seen, self._seen_before_play)
+        self.refresh_state()
+
+    def show_reading(
+        self, asked: str, preview: PlanPreview | None, faults: tuple[str, ...] = ()
+    ) -> None:
+        """Show what the reading that was `asked` for would lead to; None: that is not known."""
+        rows = looked_at_rows(preview, faults) if asked else ()
         self.query_one("#approval-looked-at", TextRows).show(tuple(rows))
         self.call_after_refresh(self.fit)
 
@@ -222,9 +235,14 @@ class ApprovalPanel(Vertical, can_focus=True):
     def _body(self) -> VerticalScroll:
         return self.query_one("#approval-body", VerticalScroll)
 
-    def on_resize(self) -> None:
-        """Begin anew to tell what was on screen: the lines are others."""
-        self._seen = 0.0
+    @property
+    def _schedule(self) -> PlanSchedule:
+        return self.query_one("#approval-schedule", PlanSchedule)
+
+    def on_resize(self, event: events.Resize) -> None:
+        """Begin anew to tell what was on screen where another width has made other lines."""
+        if event.size.width != self._width:
+            self._width, self._seen = event.size.width, 0.0
         self.call_after_refresh(self.fit)
         self.call_after_refresh(self._saw)
 
@@ -235,8 +253,13 @@ class ApprovalPanel(Vertical, can_focus=True):
         most = max(int(room * (COMPACT_SHARE if compact else WIDE_SHARE)), LEAST_ROWS)
         others = [child for child in self.children if child is not self._body and child.display]
         taken = sum(child.outer_size.height + child.styles.margin.height for child in others)
+        rows = max(most - taken - self.gutter.height, LEAST_BODY_ROWS)
         self.styles.max_height = most
-        self._body.styles.max_height = max(most - taken - self.gutter.height, LEAST_BODY_ROWS)
+        if rows != self._body_rows:
+            self._body_rows = self._body.styles.max_height = rows
+            if self._body.scroll_offset.y == 0:  # nothing has been read on yet
+                self._seen = 0.0
+            self.call_after_refresh(self._saw)
 
     def _saw(self) -> None:
         """Note which lines of the plan are on screen, as far as none before them was left out."""

@@ -70,6 +70,7 @@ class MapView(Widget):
         self._moment_s: float | None = None
         self._fit = (0, 0)
         self._fit_for = (0, 0)
+        self._fits: dict[tuple[tuple[int, int], int, int], bool] = {}
         self.followed = ""
         self.border_title = "Map"
 
@@ -165,9 +166,11 @@ class MapView(Widget):
         if self._fit_for != self.app.size:
             self._fit, self._fit_for = (width, height), self.app.size
         self._fit = max(self._fit[0], width), max(self._fit[1], height)
-        view = Projection(self._world, width, height, fit=self._fit)
-        shows_all = all(view.shows(frame.at) for frame in self._world.frames.values())
-        return self._fit if shows_all else (width, height)
+        shown = self._fit, width, height
+        if shown not in self._fits:
+            view = Projection(self._world, width, height, fit=self._fit)
+            self._fits[shown] = all(view.shows(each.at) for each in self._world.frames.values())
+        return self._fit if self._fits[shown] else (width, height)
 
     def _label(self) -> None:
         title = "Map"

@@ -7,6 +7,11 @@ from textual.widget import Widget
 from pa_console.tui.plan_preview.preview import PlanPreview
 from pa_console.tui.plan_preview.schedule import schedule_lines
 
+TITLE = "Schedule: ━ under way  ─ at the place  1 2 3 guards"
+
+LEAST_WIDTH = 40
+"""A chart is never narrower."""
+
 
 class PlanSchedule(Widget):
     """Shows who does what when; hidden without a plan that was rehearsed."""
@@ -17,12 +22,15 @@ class PlanSchedule(Widget):
         super().__init__(id=kwargs.get("id"))
         self._preview: PlanPreview | None = None
         self._now_s: float | None = None
+        self.border_title = TITLE
+        self.add_class("-empty")
 
     def show(self, preview: PlanPreview | None, now_s: float | None = None) -> None:
         """Show another plan, or another moment of it."""
         other = preview is not self._preview
         if other or now_s != self._now_s:
             self._preview, self._now_s = preview, now_s
+            self.set_class(not self.lines(LEAST_WIDTH), "-empty")
             self.refresh(layout=other)
 
     def lines(self, width: int) -> list[Content]:
