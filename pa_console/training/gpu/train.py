@@ -13,7 +13,7 @@ import queue
 import random
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -21,7 +21,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from pa_console.training.gpu.attention import attend
+from pa_console.training.gpu import attention, flash
 from pa_console.training.gpu.batches import Batch, in_batches, make_batch
 from pa_console.training.gpu.corpus import Pack, read_corpus
 from pa_console.training.lora.adapter import Adapter, Pair
@@ -70,6 +70,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--device", default="cuda")
     parser.add_argument("--dtype", default="bfloat16")
+    parser.add_argument("--attention", choices=("flash", "grid"), default="flash")
     parser.add_argument("--resume", action="store_true")
     parser.add_argument("--profile", action="store_true", help="where the time goes, 5 steps")
     for name, value in asdict(Config()).items():
@@ -79,7 +80,8 @@ def main() -> None:
     corpora = [_corpus(text) for text in args.corpus]
     valid = {name: read_corpus(Path(file)) for name, _, file in map(_parted, args.valid)}
     base = read_base(args.base, args.device, getattr(torch, args.dtype))
-    run = Run(config, base, corpora, valid, args.out, args.resume)
+    with_flash = args.attention == "flash" and not base.shape.window
+    run = Run(config, base, corpora, valid, args.out, with_flash, args.resume)
     if args.profile:
         run.profile()
     run.go()
@@ -105,8 +107,11 @@ class Run:
         corpora: Sequence[Corpus],
         valid: dict[str, list[Pack]],
         out: Path,
+        with_flash: bool,
         resume: bool,
     ) -> None:
+        self._flash = with_flash
+        self._attend: Callable[..., Tensor] = flash.attend if with_flash else attention.attend
         self._config, self._base, self._corpora, self._out = config, base, corpora, out
         self._device = base.embedding.device
         self._window = base.shape.window
@@ -215,7 +220,7 @@ class Run:
         return loss.detach()
 
     def _states(self, pairs: Sequence[Pair], batch: Batch) -> Tensor:
-        states = hidden(self._base, pairs, batch.tokens, batch.grid, attend)
+        states = hidden(self._base, pairs, batch.tokens, batch.layout, self._attend)
         return states.index_select(0, batch.rows)
 
     @torch.no_grad()
@@ -245,8 +250,8 @@ class Run:
     def _batches_of(self, packs: Sequence[Pack]) -> list[Batch]:
         rng = random.Random(0)
         return [
-            make_batch(some, self._window, self._device)
-            for some in in_batches(packs, self._config.tokens, rng)
+            make_batch(some, self._window, self._device, self._flash)
+            for some in in_batches(packs, self._config.tokens, rng, not self._flash)
         ]
 
     def _fill(self) -> None:
@@ -260,12 +265,12 @@ class Run:
             chosen = owed.index(min(owed))
             packs = next(endless[chosen])
             given[chosen] += sum(pack.size for pack in packs)
-            self._queue.put(make_batch(packs, self._window, self._device))
+            self._queue.put(make_batch(packs, self._window, self._device, self._flash))
 
     def _endless(self, corpus: Corpus, rng: random.Random) -> Iterator[tuple[Pack, ...]]:
         epoch = 0
         while True:
-            yield from in_batches(corpus.packs, self._config.tokens, rng)
+            yield from in_batches(corpus.packs, self._config.tokens, rng, not self._flash)
             epoch += 1
             self._say(corpus=corpus.name, epochs=epoch, step=self.step)
 
