@@ -121,7 +121,7 @@ class Run:
             self.adapter.masters, lr=0.0, betas=BETAS, weight_decay=0.0, foreach=True
         )
         self._valid = {name: self._batches_of(packs) for name, packs in valid.items()}
-        self.step, self._before, self._tokens = 0, 0.0, 0
+        self.step, self._before, self._tokens, self._best = 0, 0.0, 0, 0.0
         if resume and (out / "state.pt").exists():
             self._load()
         self._queue: queue.Queue[Batch] = queue.Queue(AHEAD)
@@ -225,7 +225,9 @@ class Run:
 
     @torch.no_grad()
     def _validate(self) -> None:
+        """Tell how much is right of what is not learnt, and keep the adapter that had most."""
         pairs = self.adapter.working(self._base.embedding.dtype)
+        shares = 0.0
         for name, batches in self._valid.items():
             right = samples = count = 0
             total = 0.0
@@ -238,6 +240,7 @@ class Run:
                 parts = torch.split((hits | ~batch.learnt).cpu(), list(batch.lengths))
                 right += sum(bool(part.all()) for part in parts)
                 samples += len(parts)
+            shares += right / samples
             self._say(
                 step=self.step,
                 valid=name,
@@ -246,6 +249,9 @@ class Run:
                 share=round(right / samples, 4),
                 loss=round(total / count, 4),
             )
+        if shares > self._best:
+            self._best = shares
+            self._write(self._out / "best")
 
     def _batches_of(self, packs: Sequence[Pack]) -> list[Batch]:
         rng = random.Random(0)
@@ -275,24 +281,30 @@ class Run:
             self._say(corpus=corpus.name, epochs=epoch, step=self.step)
 
     def save(self) -> None:
-        """Write the adapter, in files that are small enough to travel, and the whole state."""
+        """Write the adapter and the whole state."""
         state = {
             "masters": [master.detach() for master in self.adapter.masters],
             "optimiser": self._optimiser.state_dict(),
             "step": self.step,
             "seconds": self._seconds,
             "tokens": self._tokens,
+            "best": self._best,
         }
         torch.save(state, self._out / "state.partial")
         os.replace(self._out / "state.partial", self._out / "state.pt")
+        self._write(self._out)
+
+    def _write(self, folder: Path) -> None:
+        """Write the adapter as it is, in files that are small enough to travel."""
+        folder.mkdir(exist_ok=True)
         flat = torch.cat([master.detach().flatten() for master in self.adapter.masters])
         whole = flat.to(torch.float16).cpu().numpy()
         each = MOST_FILE // 2
         for number, start in enumerate(range(0, len(whole), each)):
-            np.save(self._out / f"masters-{number}.npy", whole[start : start + each])
+            np.save(folder / f"masters-{number}.npy", whole[start : start + each])
         facts = {"step": self.step, "seconds": self._seconds, "tokens_learnt": self._tokens}
         facts |= asdict(self._config)
-        (self._out / "facts.json").write_text(json.dumps(facts), encoding="utf-8")
+        (folder / "facts.json").write_text(json.dumps(facts), encoding="utf-8")
 
     def _load(self) -> None:
         state = torch.load(self._out / "state.pt", map_location=self._device, weights_only=True)
@@ -301,7 +313,7 @@ class Run:
                 master.copy_(saved)
         self._optimiser.load_state_dict(state["optimiser"])
         self.step, self._before = state["step"], state["seconds"]
-        self._tokens = state["tokens"]
+        self._tokens, self._best = state["tokens"], state["best"]
 
     def _say(self, **facts: object) -> None:
         line = json.dumps(facts)
