@@ -15,8 +15,8 @@ import numpy as np
 
 from pa_console.llm.models.catalogue import Catalog
 from pa_console.training.gpu.corpus import Branch, Pack, write_corpus
-from pa_console.training.lora.material import Pack as LoraPack
 from pa_console.training.lora.material import Tokeniser, make_packs
+from pa_console.training.lora.packs import Pack as LoraPack
 from pa_console.training.samples.sample import Sample, read_samples
 
 MOST_TOKENS = 4096

@@ -13,7 +13,7 @@ import torch
 from pa_console.training.gpu import attention, flash
 from pa_console.training.gpu.batches import in_batches, make_batch
 from pa_console.training.gpu.corpus import Branch, Pack, read_corpus, write_corpus
-from pa_console.training.lora import material as lora_tokens
+from pa_console.training.lora import packs as lora_packs
 from pa_console.training.lora.base import Base, read_base
 from pa_console.training.lora.kernels import answer_loss
 from pa_console.training.lora.model import gradients, hidden
@@ -42,12 +42,12 @@ def random_packs(count: int, seed: int) -> list[Pack]:
     return packs
 
 
-def plain(pack: Pack) -> lora_tokens.Pack:
+def plain(pack: Pack) -> lora_packs.Pack:
     """Return `pack` as the trainer for a CPU has it."""
-    return lora_tokens.Pack(
+    return lora_packs.Pack(
         pack.prefix,
         tuple(
-            lora_tokens.Branch(b.tokens, b.targets, b.learnt.astype(np.float32))
+            lora_packs.Branch(b.tokens, b.targets, b.learnt.astype(np.float32))
             for b in pack.branches
         ),
     )
@@ -133,3 +133,10 @@ def test_a_run_goes_on_where_it_was_stopped_and_learns(tmp_path: Path) -> None:
     assert losses[-1] < losses[0]
     masters = np.load(tmp_path / "run" / "masters-0.npy")
     assert np.isfinite(masters).all()
+
+
+def test_the_machine_with_the_gpu_needs_nothing_of_the_console() -> None:
+    names = ["pydantic", "llama_cpp", "yaml", "rapidfuzz", "textual", "pymunk"]
+    blocked = "; ".join(f"sys.modules[{name!r}] = None" for name in names)
+    script = f"import sys; {blocked}; import pa_console.training.gpu.train"
+    subprocess.run([sys.executable, "-c", script], check=True)
