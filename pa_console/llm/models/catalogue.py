@@ -186,9 +186,12 @@ class ModelEntry(StrictModel):
     def learnt_file(self, path: Path) -> Path:
         """Return the file that adapters are trained on: the fetched one with what is left of it.
 
-        Its weights are as they were published, so that it is the same on every machine. Cutting a
-        vocabulary takes 20 s, once. Raises ModelError like `ready_file`.
+        Its weights are as they were published where the type depends on the machine, and of the
+        type that runs where that is the same on every machine. Cutting a vocabulary takes 20 s,
+        once. Raises ModelError like `ready_file`.
         """
+        if self.prepare not in {None, "fastest"}:
+            return self._made(self.how, path, silent)[0]
         if self.vocabulary is None:
             return path
         return self._made(Preparation(None, self.vocabulary), path, silent)[0]
