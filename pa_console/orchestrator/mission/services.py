@@ -48,6 +48,8 @@ class Services:
     """What every command to a device goes through: `fleet.send` is for the gate alone."""
     sightings: Sightings
     """What was seen where in this session; the station keeps it."""
+    second_reader: Judge | None = None
+    """What reads an order again of which planner or judge is unsure."""
     top_k: int = 3
 
     @classmethod
@@ -67,6 +69,7 @@ class Services:
         given. A `retriever` that has read the rules already saves the time to index them.
         """
         dialect, variant = dialect or DIALECTS[engine.model.prompts], variant or Variant()
+        second = engine.second_reader
         if retriever is None:
             retriever = Retriever(rulebook.rules, variant.method or DEFAULT_METHOD)
         journal = Journal()
@@ -82,6 +85,7 @@ class Services:
             journal=journal,
             gate=CommandGate(fleet, journal),
             sightings=Sightings(fleet.world),
+            second_reader=Judge(second, max_tokens=dialect.verdict_tokens) if second else None,
         )
 
     def read(self, text: str) -> str:

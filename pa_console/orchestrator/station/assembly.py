@@ -140,6 +140,7 @@ def open_station(
     retriever = site.retriever_by(variant.method or DEFAULT_METHOD)
     services = Services.open(fleet, site.rulebook, engine, variant, retriever=retriever)
     grammar = plan_grammar(site.world, fleet.picture(), tuple(site.world.assets)[:MAX_ACTIONS])
+    reader = engine.model.second_reader
     started = SessionStarted(
         session=new_session_id(),
         version=__version__,
@@ -159,6 +160,8 @@ def open_station(
         readonly=readonly,
         packages={name: version(name) for name in PINNED_PACKAGES},
         adapters={adapter.path.name: adapter.sha256 for adapter in engine.model.adapters},
+        second_reader=reader.name if reader is not None else "",
+        second_reader_sha256=reader.fingerprint if reader is not None else "",
     )
     return Station(
         services,
