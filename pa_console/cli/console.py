@@ -64,7 +64,7 @@ def console(
     )
     with Runner() as loop:
         with ThreadPoolExecutor(1) as hashing, _stopped_when_left() as going_on:
-            found = hashing.submit(find_model, model, going_on)
+            found = hashing.submit(find_model, model, going_on, settings.values.second_reader)
             from pa_console.cli.session_log import open_log, tell_of_witness  # noqa: PLC0415
             from pa_console.orchestrator.station.assembly import open_station  # noqa: PLC0415
             from pa_console.orchestrator.station.rules_in_force import RulesWatch  # noqa: PLC0415

@@ -78,7 +78,7 @@ def run_session(
     signer = load_signer()
     station = open_station(
         site,
-        Engine(find_model(model)),
+        Engine(find_model(model, second_reader=settings.values.second_reader)),
         SteppedClock(),
         seed=seed,
         scenario=played,

@@ -27,6 +27,8 @@ from pa_console.schema.base import StrictModel
 from pa_console.schema.document import Document
 from pa_console.schema.events.event import Role
 
+NO_READER = "off"
+"""What stands for a model's name where no second reader is wanted."""
 CPU_INFO = Path("/proc/cpuinfo")
 WIDE = "avx512f"
 
@@ -278,8 +280,13 @@ class Catalog(StrictModel):
             f"unknown model {name!r}.{hint} Known: {', '.join(known)}; or give a path to a .gguf"
         )
 
-    def locate(self, name: str, progress: Progress = silent) -> LocalModel:
+    def locate(
+        self, name: str, progress: Progress = silent, second_reader: str = NO_READER
+    ) -> LocalModel:
         """Return model `name` as it is on this machine, hashed; blocks for about 1 s per GB.
+
+        Its `second_reader` is a model by name, '' for the one that its entry names, if that is
+        here.
 
         Weights that are to be prepared and are not are prepared now, 1 s per 100 MB. Raises
         ModelError when the model is unknown, was not pulled yet, cannot be prepared, or a file is
@@ -305,14 +312,25 @@ class Catalog(StrictModel):
             check_adapters(entry.name, entry.adapters),
             entry.prompts,
             entry.n_ctx,
-            self._second_reader(entry, progress),
+            self._reader_after(entry, second_reader, progress),
         )
 
-    def _second_reader(self, entry: ModelEntry, progress: Progress) -> LocalModel | None:
-        """Return what reads after `entry`; None where it names nothing or that was not pulled."""
-        if not entry.second_reader or self.get(entry.second_reader).local_file is None:
+    def _reader_after(
+        self, entry: ModelEntry, wanted: str, progress: Progress
+    ) -> LocalModel | None:
+        """Return what reads after `entry`; None for a model that reads in another dialect."""
+        name = wanted or entry.second_reader
+        if name in {"", NO_READER, entry.name} or entry.prompts != "compact":
             return None
-        return self.locate(entry.second_reader, progress)
+        if not wanted and self.get(name).local_file is None:
+            return None
+        reader = self.locate(name, progress)
+        if reader.prompts != entry.prompts:
+            raise ModelError(
+                f"second reader {name}: has no adapters: name a model that was trained for PA "
+                f"Console, or {NO_READER!r}"
+            )
+        return reader
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> Self:
@@ -333,13 +351,17 @@ class Catalog(StrictModel):
         return self
 
 
-def find_model(name: str | None, progress: Progress = silent) -> LocalModel:
+def find_model(
+    name: str | None, progress: Progress = silent, second_reader: str = NO_READER
+) -> LocalModel:
     """Return a model of the installed catalogue, or of a file, None for the default one.
+
+    `second_reader` is as in `Catalog.locate`.
 
     Raises ModelError like `Catalog.locate`.
     """
     catalog = Catalog.load()
-    return catalog.locate(name or catalog.default, progress)
+    return catalog.locate(name or catalog.default, progress, second_reader)
 
 
 def _entry_from_file(path: Path) -> ModelEntry:

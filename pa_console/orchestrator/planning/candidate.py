@@ -15,6 +15,9 @@ from pa_console.schema.events.event import UNSURE, told_confidence
 from pa_console.schema.finding import Verdict
 from pa_console.schema.world import World
 
+ALONE = 0.5
+"""How often a second reader is right that contradicts the planner: 62 of 150 such orders."""
+
 
 @dataclass(frozen=True)
 class ReadAgain:
@@ -112,10 +115,15 @@ class Candidate:
 
 
 def _with_second(sure: float | None, read: ReadAgain) -> float:
-    """Return how sure the two are together of what the plan is for."""
+    """Return how sure the two are together of what the plan is for.
+
+    Without a chance of the planner's, the plan is for what the second reader alone has read.
+    """
     if not read.same:
         return min(sure or 0.0, 1.0 - read.confidence)
-    return read.confidence if sure is None else 1.0 - (1.0 - sure) * (1.0 - read.confidence)
+    if sure is None:
+        return ALONE * read.confidence
+    return 1.0 - (1.0 - sure) * (1.0 - read.confidence)
 
 
 def _refuses(reading: Reading | None) -> bool:
