@@ -6,6 +6,7 @@ from typing import Protocol
 from pa_console.schema.events.event import Event
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Mission
+from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.rule import Rule, RuleHit, RulesSeal
 
 Clock = Callable[[], float]
@@ -42,6 +43,10 @@ class LiveStation(Protocol):
 
     def decide(self, decision: Decision) -> None:
         """Answer the open approval; raises ValueError when none is open."""
+        ...
+
+    async def look_at(self, mission: Mission, asked: str) -> RehearsedReading | None:
+        """Rehearse what another reading of a mission would lead to; None where that is unknown."""
         ...
 
     def cancel(self) -> None:
