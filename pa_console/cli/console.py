@@ -51,6 +51,14 @@ def console(
     witness: WitnessOption = "",
     unsigned: UnsignedOption = False,
     accept_rules: AcceptRulesOption = False,
+    resume: Annotated[
+        bool | None,
+        typer.Option(
+            "--resume/--new",
+            help="Go on with a session whose console ended without closing it, or begin a new one; "
+            "asked where neither is given.",
+        ),
+    ] = None,
     mouse: Annotated[
         bool,
         typer.Option("--mouse/--no-mouse", help="Take the mouse, or leave it to the terminal."),
@@ -66,10 +74,12 @@ def console(
         with ThreadPoolExecutor(1) as hashing, _stopped_when_left() as going_on:
             found = hashing.submit(find_model, model, going_on)
             from pa_console.cli.session_log import open_log, tell_of_witness  # noqa: PLC0415
+            from pa_console.cli.unclosed import choose_session  # noqa: PLC0415
             from pa_console.orchestrator.station.assembly import open_station  # noqa: PLC0415
             from pa_console.orchestrator.station.rules_in_force import RulesWatch  # noqa: PLC0415
             from pa_console.orchestrator.station.ticking import RealTimeClock  # noqa: PLC0415
             from pa_console.policy.trust.pinned_rules import RulesPins  # noqa: PLC0415
+            from pa_console.session.log.writer import default_folder  # noqa: PLC0415
             from pa_console.signing import load_signer  # noqa: PLC0415
             from pa_console.sim.worlds.scenario_file import open_scenario  # noqa: PLC0415 - meanwhile
 
@@ -94,6 +104,11 @@ def console(
                 else None
             )
             played = open_scenario(site.world, site.world_path, scenario) if scenario else None
+            folder = settings.values.logs or default_folder()
+            chosen = None
+            if not readonly:
+                chosen = choose_session(folder, site, engine.model.sha256, scenario, resume)
+            resumed, log = chosen if chosen is not None else (None, None)
             signer = load_signer()
             station = open_station(
                 site,
@@ -104,6 +119,7 @@ def console(
                 scenario=played,
                 respond=alarms,
                 watch=watch,
+                resumed=resumed,
             )
             require_keys("use 'pa-console mission' in scripts")
             station.rate = settings.values.speed
@@ -114,7 +130,13 @@ def console(
                 )
 
             writer = open_log(
-                settings.values, station.session, signer, cannot_write, witness=witness
+                settings.values,
+                station.session,
+                signer,
+                cannot_write,
+                log,
+                witness,
+                resumed=resumed is not None,
             )
             app = ConsoleApp(
                 site.world,

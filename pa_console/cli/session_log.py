@@ -18,10 +18,13 @@ def open_log(
     on_error: Callable[[LogError], None],
     path: Path | None = None,
     witness: str = "",
+    *,
+    resumed: bool = False,
 ) -> LogWriter:
     """Open a signed log: at `path`, or a new one in the folder of logs, which its index notes.
 
-    Raises ValueError for a `witness` that is none, LogError when the log cannot be opened.
+    The log of a `resumed` session, which is in that folder, goes on where it ended. Raises
+    ValueError for a `witness` that is none, LogError when the log cannot be opened.
     """
     folder = settings.logs or default_folder()
     target = witness_target(witness) if witness else ""
@@ -34,6 +37,7 @@ def open_log(
         folder=folder,
         on_error=on_error,
         witness=Witness(target) if target else None,
+        resumed=resumed,
     )
 
 

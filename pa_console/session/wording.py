@@ -223,6 +223,8 @@ def _done(data: ev.EventPayload) -> str:
             said = f"by {who}"
         case ev.SessionEnded(reason=reason):
             said = reason
+        case ev.SessionResumed(interrupted=interrupted):
+            said = f"ended as held: {', '.join(interrupted)}" if interrupted else ""
         case _:
             pass
     return said

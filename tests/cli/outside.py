@@ -126,11 +126,15 @@ class Outside:
         """Wait until `text` is on the terminal."""
         self._until(lambda: text in self.shown, lambda: None)
 
+    def until_new(self, log: Path) -> None:
+        """Wait until there is another log than `log`."""
+        self._until(lambda: len(set(self.logs.glob("*.jsonl")) - {log}) > 0, lambda: None)
+
     def _until(self, done: Callable[[], bool], meanwhile: Callable[[], object]) -> None:
         end = time.monotonic() + WITHIN_S
         while not done():
             assert self.process.poll() is None, self.shown
-            assert time.monotonic() < end, (self.kinds, self.shown)
+            assert time.monotonic() < end, self.shown
             meanwhile()
             time.sleep(0.05)
 

@@ -19,7 +19,7 @@ def test_a_session_is_listed_shown_and_verified_by_its_name(call: Call, tmp_path
     assert listed["outcomes"] == {done["mission"]["status"]: 1}
     assert (listed["standing"], listed["ending"]) == ("verified", "closed")
     assert listed["log"] == done["log"]
-    assert listed["title"] in call(*logs, "sessions").said
+    assert listed["session"] in call(*logs, "sessions").said
     shown = call(*logs, "sessions", "last")
     assert f"pa-console replay {listed['session']}" in shown.said
     assert call(*logs, "sessions", listed["session"], "--json").json == listed

@@ -56,6 +56,7 @@ from pa_console.schema.events.session import (
     Noticed,
     RulesReplaced,
     SessionEnded,
+    SessionResumed,
     SessionStarted,
     TelemetryReceived,
     WorkerChanged,
@@ -105,6 +106,7 @@ __all__ = (
     "RulesReplaced",
     "RulesRetrieved",
     "SessionEnded",
+    "SessionResumed",
     "SessionStarted",
     "StopReleased",
     "TelemetryReceived",
@@ -123,7 +125,8 @@ EventPayload = Annotated[
     | TextStreamed | PlanProposed | PlanRehearsed | PlanChecked | PlanJudged | RepairRequested
     | ApprovalRequested | DecisionMade | PlanVoided | CommandSent | CommandReplied
     | MissionVerified | OutcomeJudged | MissionReported | MissionFinished | AllStopped
-    | StopReleased | CommandRefused | RulesReplaced | SessionEnded | LogSigned | LogTroubled,
+    | StopReleased | CommandRefused | RulesReplaced | SessionEnded | SessionResumed | LogSigned
+    | LogTroubled,
     Field(discriminator="kind"),
 ]  # fmt: skip
 

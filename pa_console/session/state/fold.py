@@ -154,6 +154,10 @@ class SessionState:
                 self._notice(event, "alarm" if problem else "info", "session log", text)
             case ev.SessionEnded(reason=reason):
                 self.ended = reason
+            case ev.SessionResumed():
+                self.ended, self.worker = "", None
+                text = "goes on after its console ended without closing it"
+                self._notice(event, "warning", "session", text)
             case _:
                 pass
 
