@@ -105,7 +105,7 @@ class ConsoleApp(App[None]):
         self._log_alarm = LogAlarmController(session)
         self._typing = TypingController(session, user, key_time)
         self.controllers = Controllers(
-            browsing=BrowsingController(session, user, evaluations),
+            browsing=BrowsingController(session, user, evaluations, copies),
             copying=CopyController(session, rules, copies),
             replay=ReplayController(session),
             commands=commands,
