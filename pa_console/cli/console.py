@@ -73,13 +73,18 @@ def console(
     with Runner() as loop:
         with ThreadPoolExecutor(1) as hashing, _stopped_when_left() as going_on:
             found = hashing.submit(find_model, model, going_on)
-            from pa_console.cli.session_log import open_log, tell_of_witness  # noqa: PLC0415
+            from pa_console.cli.session_log import (  # noqa: PLC0415
+                open_log,
+                tell_of_witness,
+                usual_file,
+            )
             from pa_console.cli.unclosed import choose_session  # noqa: PLC0415
             from pa_console.orchestrator.station.assembly import open_station  # noqa: PLC0415
             from pa_console.orchestrator.station.rules_in_force import RulesWatch  # noqa: PLC0415
             from pa_console.orchestrator.station.ticking import RealTimeClock  # noqa: PLC0415
             from pa_console.policy.trust.pinned_rules import RulesPins  # noqa: PLC0415
             from pa_console.session.log.writer import default_folder  # noqa: PLC0415
+            from pa_console.session.state.waiting import load_usual, save_usual  # noqa: PLC0415
             from pa_console.signing import load_signer  # noqa: PLC0415
             from pa_console.sim.worlds.scenario_file import open_scenario  # noqa: PLC0415 - meanwhile
 
@@ -146,6 +151,7 @@ def console(
                 readonly=readonly,
                 settings=settings,
                 rules_file=file,
+                usual=load_usual(usual_file(), engine.model.sha256),
             )
         except BaseException:
             loop.run(engine.close())
@@ -154,6 +160,7 @@ def console(
         with end_signals(leaving.end), writer:
             station.write_to(writer)
             loop.run(app.run_async(mouse=mouse))
+            save_usual(usual_file(), engine.model.sha256, app.feed.waiting.usual)
     tell_of_witness(writer)
     out.print(f"session log: {writer.path}", markup=False, soft_wrap=True)
     if leaving.ended_by:

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from pathlib import Path
 
+import platformdirs
+
 from pa_console.cli.output import errors
 from pa_console.session.log.witness import URLS, Witness
 from pa_console.session.log.writer import LogError, LogWriter, default_folder, open_session_log
@@ -56,6 +58,11 @@ def witness_target(given: str) -> str:
 def warn_of_witness(text: str) -> None:
     """Say on stderr what is wrong with a witness."""
     errors.print(f"warning: {text}", style="yellow", markup=False, soft_wrap=True)
+
+
+def usual_file() -> Path:
+    """Return where the usual times of a mission's steps are kept for this user."""
+    return platformdirs.user_state_path("pa-console") / "usual-times.json"
 
 
 def tell_of_witness(log: LogWriter) -> None:
