@@ -92,4 +92,4 @@ def test_the_steps_of_a_mission_are_told_on_stderr_and_the_document_stays_alone_
     steps = [line.partition(":")[0] for line in told]
     assert steps[:5] == ["mission", "rules found", "plan", "safeguards", "judge"]
     assert "sent: Drone_T04: move_to EastGate" in told
-    assert steps[-1] == "finished"
+    assert "finished" in steps
