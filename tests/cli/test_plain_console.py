@@ -66,7 +66,7 @@ def test_a_mission_goes_through_all_steps_in_lines(
     answered(console, "approve", "command_sent")
     console.type("status\n")
     console.until_shown("missions wait")
-    console.until("mission_finished")
+    console.until_shown("finished: verified")
     assert console.kinds.count("mission_received") == 1
     console.type("quit\n")
     assert console.process.wait(WITHIN_S) == 0
@@ -81,8 +81,7 @@ def test_stop_is_heeded_while_a_plan_runs_and_released_after_a_yes(start: Start)
     console.until_shown("Your answer: approve")
     answered(console, "approve", "command_sent")
     console.type("stop\n")
-    console.until("all_stopped")
-    console.until("mission_finished")
+    console.until_shown("finished: cancelled")
     console.type("status\n")
     console.until_shown("STOPPED")
     console.type("release\n")
@@ -106,8 +105,7 @@ def test_ctrl_c_stops_nothing_and_says_what_would(start: Start) -> None:
     answered(console, "approve", "command_sent")
     console.type("\x03")
     console.type("stop\n")
-    console.until("all_stopped")
-    console.until("mission_finished")
+    console.until_shown("finished: cancelled")
     console.type("\x04")
     assert console.process.wait(WITHIN_S) == 0
     assert console.kinds[-2] == "session_ended"

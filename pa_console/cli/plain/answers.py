@@ -106,7 +106,7 @@ def _modify(request: ApprovalRequested, text: str, reason: str) -> Answer:
         actions.append({"agent": agent, "command": command.strip()})
     try:
         plan = Plan.model_validate(
-            {"reason": reason or "changed by the operator", "actions": actions}
+            {"reason": reason or "changed by the operator", "actions": tuple(actions)}
         )
     except ValidationError as error:
         first = error.errors(include_url=False)[0]

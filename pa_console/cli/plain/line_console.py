@@ -73,6 +73,7 @@ class LineConsole:
         self._reason = ""
         self._shown_at = 0.0
         self._closing: asyncio.Task[None] | None = None
+        self._input_ended = False
 
     @property
     def request(self) -> ev.ApprovalRequested | None:
@@ -148,6 +149,9 @@ class LineConsole:
             self._answer(Answer(Decision(kind="reject", reason=why, request_id=request.request_id)))
             return
         self._show_request(request)
+        if self._input_ended:
+            self._reject_unanswered(request)
+            return
         self._forget()
         self._shown_at = monotonic()
         self._called()
@@ -180,6 +184,7 @@ class LineConsole:
             if line.strip():
                 self._do(line.strip())
         self._say("no more lines can come: the session ends when nothing is under way")
+        self._input_ended = True
         if self.request is not None:
             self._reject_unanswered(self.request)
         await self._station.settled()

@@ -144,11 +144,10 @@ class MissionPrompt(Horizontal):
         A text that is being typed is never covered.
         """
         shown = f"◔ {text}" if text else ""
-        if self._closed_why:
-            return
         above = bool(self.styles.border_top[0])
         retitle(self, shown if above else "")
-        self.query_one(MissionInput).say_instead("" if above else shown)
+        for field in self.query(MissionInput):
+            field.say_instead("" if above else shown)
 
     @property
     def draft(self) -> str:
