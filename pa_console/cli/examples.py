@@ -8,6 +8,7 @@ EXAMPLES = {
     "console": "pa-console console --scenario situation-1-unauthorized",
     "mission": 'pa-console mission "Move the drone to the east gate." --approve auto',
     "replay": "pa-console replay session.jsonl --verify",
+    "sessions": "pa-console sessions last --json",
     "doctor": "pa-console doctor --json",
     "export": "pa-console export markdown session.jsonl --mission M1 --out M1.md",
     "export markdown": "pa-console export markdown session.jsonl --mission M1 --out M1.md",

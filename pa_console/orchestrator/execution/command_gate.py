@@ -79,6 +79,13 @@ class CommandGate:
         self._holds = set(holds)
         return holds
 
+    def resume(self, stops: int, *, stopped: bool) -> None:
+        """Take up a session in which there were `stops` stops, the last perhaps not released.
+
+        A device takes no command whose id it knows, so the ids of stops are counted on.
+        """
+        self._stops, self.stopped = stops, stopped
+
     def release(self) -> None:
         """Let what is decided from now on pass again; raises ValueError when nothing is stopped."""
         if not self.stopped:

@@ -2,7 +2,7 @@
 
 import hashlib
 import secrets
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import cached_property
 from importlib.metadata import version
@@ -14,6 +14,7 @@ from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.roles.grammar import plan_grammar
 from pa_console.orchestrator.mission.services import Services
+from pa_console.orchestrator.station.resumed_session import ResumedSession
 from pa_console.orchestrator.station.rules_in_force import RulesWatch
 from pa_console.orchestrator.station.station import Station
 from pa_console.orchestrator.station.ticking import Clock
@@ -121,6 +122,7 @@ def open_station(
     fleet: Fleet | None = None,
     watch: RulesWatch | None = None,
     read_unasked: bool = True,
+    resumed: ResumedSession | None = None,
 ) -> Station:
     """Return a station on `site` whose planner and judge are two roles on `engine`.
 
@@ -128,9 +130,12 @@ def open_station(
     missions by themselves. Without a `fleet` of the caller's, the station gets a simulated one of
     its own, that begins with `seed` and in `scenario`. An evaluation may give a `variant` of the
     pipeline. A console may `watch` its rule file. Without `read_unasked`, the model reads nothing
-    before it is asked for, as where the picture is about to change. Raises ValueError for a
+    before it is asked for, as where the picture is about to change. A `resumed` session goes on
+    with its own fleet, seed and scenario. Raises ValueError for a
     `scenario` in a fleet that is not simulated.
     """
+    if resumed is not None:
+        fleet, scenario = resumed.fleet, None
     if fleet is None:
         played = scenario.scenario if scenario is not None else None
         fleet = SimulatedFleet.start(site.world, seed, played)
@@ -139,29 +144,35 @@ def open_station(
     variant = variant or Variant()
     retriever = site.retriever_by(variant.method or DEFAULT_METHOD)
     services = Services.open(fleet, site.rulebook, engine, variant, retriever=retriever)
+    if resumed is not None:
+        services = replace(services, sightings=resumed.sightings)
     grammar = plan_grammar(site.world, fleet.picture(), tuple(site.world.assets)[:MAX_ACTIONS])
     reader = engine.model.second_reader
-    started = SessionStarted(
-        session=new_session_id(),
-        version=__version__,
-        world=site.world.name,
-        world_sha256=site.world_sha256,
-        rules=site.rulebook.name,
-        rules_sha256=site.rulebook.sha256,
-        rules_seal=site.rulebook.seal,
-        model=engine.model.name,
-        model_sha256=engine.model.sha256,
-        seed=fleet.seed if isinstance(fleet, Simulated) else seed,
-        scenario=scenario.scenario.name if scenario is not None else "",
-        scenario_sha256=scenario.sha256 if scenario is not None else "",
-        sampler=engine.sampler,
-        grammar_sha256=hashlib.sha256(grammar.encode()).hexdigest(),
-        variant=variant,
-        readonly=readonly,
-        packages={name: version(name) for name in PINNED_PACKAGES},
-        adapters={adapter.path.name: adapter.sha256 for adapter in engine.model.adapters},
-        second_reader=reader.name if reader is not None else "",
-        second_reader_sha256=reader.fingerprint if reader is not None else "",
+    started = (
+        resumed.started
+        if resumed is not None
+        else SessionStarted(
+            session=new_session_id(),
+            version=__version__,
+            world=site.world.name,
+            world_sha256=site.world_sha256,
+            rules=site.rulebook.name,
+            rules_sha256=site.rulebook.sha256,
+            rules_seal=site.rulebook.seal,
+            model=engine.model.name,
+            model_sha256=engine.model.sha256,
+            seed=fleet.seed if isinstance(fleet, Simulated) else seed,
+            scenario=scenario.scenario.name if scenario is not None else "",
+            scenario_sha256=scenario.sha256 if scenario is not None else "",
+            sampler=engine.sampler,
+            grammar_sha256=hashlib.sha256(grammar.encode()).hexdigest(),
+            variant=variant,
+            readonly=readonly,
+            packages={name: version(name) for name in PINNED_PACKAGES},
+            adapters={adapter.path.name: adapter.sha256 for adapter in engine.model.adapters},
+            second_reader=reader.name if reader is not None else "",
+            second_reader_sha256=reader.fingerprint if reader is not None else "",
+        )
     )
     return Station(
         services,
@@ -172,4 +183,5 @@ def open_station(
         respond=respond,
         watch=watch,
         read_unasked=read_unasked,
+        resumed=resumed,
     )

@@ -57,6 +57,7 @@ from pa_console.schema.events.session import (
     Noticed,
     RulesReplaced,
     SessionEnded,
+    SessionResumed,
     SessionStarted,
     TelemetryReceived,
     WorkerChanged,
@@ -107,6 +108,7 @@ __all__ = (
     "RulesReplaced",
     "RulesRetrieved",
     "SessionEnded",
+    "SessionResumed",
     "SessionStarted",
     "StopReleased",
     "TelemetryReceived",
@@ -125,7 +127,8 @@ EventPayload = Annotated[
     | TextStreamed | PlanProposed | PlanRehearsed | PlanChecked | PlanJudged | OrderReadAgain
     | RepairRequested | ApprovalRequested | DecisionMade | PlanVoided | CommandSent | CommandReplied
     | MissionVerified | OutcomeJudged | MissionReported | MissionFinished | AllStopped
-    | StopReleased | CommandRefused | RulesReplaced | SessionEnded | LogSigned | LogTroubled,
+    | StopReleased | CommandRefused | RulesReplaced | SessionEnded | SessionResumed | LogSigned
+    | LogTroubled,
     Field(discriminator="kind"),
 ]  # fmt: skip
 

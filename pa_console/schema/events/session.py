@@ -48,6 +48,18 @@ class SessionStarted(Payload):
     second_reader_sha256: str = ""
 
 
+class SessionResumed(Payload):
+    """The session goes on in its own log, after its console had ended without closing it.
+
+    Nothing is dispatched by that. `interrupted` are the missions that were under way: they end as
+    held. What had not begun waits again, open alarms are open, a stop stays latched.
+    """
+
+    kind: Literal["session_resumed"] = "session_resumed"
+    version: str
+    interrupted: tuple[str, ...] = ()
+
+
 class RulesReplaced(Payload):
     """Another rule set is in force; a mission that was begun stays under the set it began with.
 
