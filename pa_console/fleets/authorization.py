@@ -137,7 +137,7 @@ class Approval:
 
 @dataclass(frozen=True)
 class Grounds:
-    """What a command rests on: signed approvals by the person's name, and the head of the log.
+    """What a command rests on: signed approvals by the person's name, and what they are about.
 
     `operator` is the person whose decision it was.
     """
@@ -146,7 +146,6 @@ class Grounds:
     session: str
     plan: str
     rules: str
-    head: str
     kind: Kind
     epoch: int
     approvals: Mapping[str, str]
@@ -174,11 +173,18 @@ def sign_approval(key: Ed25519PrivateKey, approval: Approval, now: float) -> str
 
 
 def sign_command(
-    key: Ed25519PrivateKey, command: Command, grounds: Grounds, now: float, serial: str = ""
+    key: Ed25519PrivateKey,
+    command: Command,
+    grounds: Grounds,
+    now: float,
+    *,
+    head: str = "",
+    serial: str = "",
 ) -> str:
     """Return the token with which the station that has `key` sends `command`; takes about 0.1 ms.
 
-    `now` is in seconds since 1970. The vehicle's `serial` is by default the command's agent.
+    `now` is in seconds since 1970, `head` the head of the station's log, which holds the decision.
+    The vehicle's `serial` is by default the command's agent.
     """
     claims = {
         "iss": public_of(key),
@@ -188,13 +194,14 @@ def sign_command(
         "nbf": now,
         "exp": now + TOKEN_S,
         "command": digest(command),
+        "head": head,
         **{name: getattr(grounds, name) for name in _OF_GROUNDS},
         "approvals": dict(grounds.approvals),
     }
     return _sign("command", claims, key)
 
 
-_OF_GROUNDS = ("session", "plan", "rules", "head", "kind", "epoch")
+_OF_GROUNDS = ("session", "plan", "rules", "kind", "epoch")
 
 
 def sign_roster(owner: Ed25519PrivateKey, roster: Roster) -> str:
@@ -285,6 +292,18 @@ class Trust:
         if ROLES.index(person.role) < ROLES.index("operator"):
             raise RefusedError(f"{name} has the role {person.role}, which may approve nothing")
         return person
+
+    def approval(self, name: str, message: str, now: float) -> tuple[_Claims, str]:
+        """Return what the person called `name` has approved, and the public key of it.
+
+        Raises RefusedError for what nobody signed who may approve, and for what is out of date.
+        """
+        person, what = self.approver(name), f"the approval of {name}"
+        approval = _open(message, "approval", _public(person.key), what)
+        _check_time(approval, what, APPROVAL_S, now)
+        if approval["person"] != name or type(approval["orders"]) is not list:
+            raise RefusedError(f"{what} is not what it should be")
+        return approval, person.key
 
     def _take_roster(self, claims: _Claims) -> None:
         roster = Roster.of(claims)
@@ -439,7 +458,7 @@ class Verifier:
                 raise RefusedError("it has no authorization")
             claims = self._opened(token)
             self._check_command(claims, command)
-            self._check_time(claims, "its authorization", TOKEN_S)
+            _check_time(claims, "its authorization", TOKEN_S, self._now())
             approvals = self._check_approvals(claims, command)
             self._use(claims, approvals, command)
             if self._fresh:
@@ -499,15 +518,6 @@ class Verifier:
         if claims["jti"] != command.command_id or claims["command"] != digest(command):
             raise RefusedError("its authorization is for another command")
 
-    def _check_time(self, claims: _Claims, what: str, most_s: float) -> None:
-        now, begins, ends = self._now(), claims["nbf"], claims["exp"]
-        if not (_is_time(begins) and _is_time(ends) and ends - begins <= most_s + ROUNDING_S):
-            raise RefusedError(f"{what} is not limited to {most_s:.0f} s")
-        if not now >= begins - LEEWAY_S:
-            raise RefusedError(f"{what} is not valid for another {begins - now:.1f} s")
-        if not now <= ends + LEEWAY_S:
-            raise RefusedError(f"{what} expired {now - ends:.1f} s ago")
-
     def _check_approvals(self, claims: _Claims, command: Command) -> list[_Claims]:
         """Return the approvals, once as many people as the rules ask have signed each their own."""
         rules = self.trust.roster.rules.get(claims["rules"])
@@ -554,16 +564,15 @@ class Verifier:
         self, name: str, message: str, token: _Claims, command: Command
     ) -> tuple[_Claims, str]:
         """Return what the person called `name` has signed, and the key that it is signed with."""
-        person, what = self.trust.approver(name), f"the approval of {name}"
-        approval = _open(message, "approval", _public(person.key), what)
-        self._check_time(approval, what, APPROVAL_S)
-        if approval["person"] != name or approval["station"] != token["iss"]:
+        what = f"the approval of {name}"
+        approval, key = self.trust.approval(name, message, self._now())
+        if approval["station"] != token["iss"]:
             raise RefusedError(f"{what} was not given to this station")
         if any(approval[part] != token[part] for part in ("session", "plan", "rules")):
             raise RefusedError(f"{what} is for another plan or another rule set")
-        if type(approval["orders"]) is not list or words(command) not in approval["orders"]:
+        if words(command) not in approval["orders"]:
             raise RefusedError(f"{what} is not for {words(command)}")
-        return approval, person.key
+        return approval, key
 
 
 def _sign(kind: Message, claims: _Claims, key: Ed25519PrivateKey) -> str:
@@ -588,6 +597,17 @@ def _open(
     if opened["header"].get("typ") != f"pa-{kind}+jwt":
         raise RefusedError(f"{what} is a message of another kind")
     return _claims(opened["payload"])
+
+
+def _check_time(claims: _Claims, what: str, most_s: float, now: float) -> None:
+    """Raise RefusedError unless `claims` hold at `now`, and for no longer than `most_s`."""
+    begins, ends = claims["nbf"], claims["exp"]
+    if not (_is_time(begins) and _is_time(ends) and ends - begins <= most_s + ROUNDING_S):
+        raise RefusedError(f"{what} is not limited to {most_s:.0f} s")
+    if not now >= begins - LEEWAY_S:
+        raise RefusedError(f"{what} is not valid for another {begins - now:.1f} s")
+    if not now <= ends + LEEWAY_S:
+        raise RefusedError(f"{what} expired {now - ends:.1f} s ago")
 
 
 def _claims(payload: bytes) -> _Claims:

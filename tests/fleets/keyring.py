@@ -111,5 +111,5 @@ def token_of(
             name: approval_of(name, said, station=station, now=now, kind=kind, acts=acts)
             for name in by
         }
-    grounds = auth.Grounds(by[0], "S", PLAN, RULES, HEAD, kind, epoch, approvals)
-    return auth.sign_command(KEYS[key or station], command, grounds, now, serial)
+    grounds = auth.Grounds(by[0], "S", PLAN, RULES, kind, epoch, approvals)
+    return auth.sign_command(KEYS[key or station], command, grounds, now, head=HEAD, serial=serial)

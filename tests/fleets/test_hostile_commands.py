@@ -6,7 +6,6 @@ the key of the station in command, but of nobody who may approve.
 """
 
 import json
-from collections.abc import Callable
 from dataclasses import asdict, replace
 
 import jwt
@@ -17,7 +16,6 @@ from hypothesis import strategies as st
 from pa_console.fleets import authorization as auth
 from pa_console.schema.command import COMMANDS, DeviceCommand
 from tests.fleets.keyring import (
-    HEAD,
     KEYS,
     NOW,
     PLAN,
@@ -75,14 +73,16 @@ def forged(key: str, command: DeviceCommand, approver: str, signer: str, epoch: 
     return token, command, NOW
 
 
-def moved(name: str, value: object) -> Callable[[dict[str, object]], dict[str, object]]:
-    return lambda claims: {**claims, name: value}
+def misused(command: DeviceCommand, station: str, plan: str) -> Attack:
+    """A token for a command, with somebody's approval of another one."""
+    signed = {"ann": approval_of("ann", "Ugv_T01 report", station=station, plan=plan)}
+    return token_of(command, key="north", approvals=signed), command, NOW
 
 
 def claimed(token: str, key: str, name: str, value: object) -> str:
     """`token` with another claim, signed anew with a key that was stolen."""
     claims = jwt.decode(token, options={"verify_signature": False})
-    payload = json.dumps(moved(name, value)(claims)).encode()
+    payload = json.dumps({**claims, name: value}).encode()
     return jwt.PyJWS().encode(payload, KEYS[key], "EdDSA", headers={"typ": "pa-command+jwt"})
 
 
@@ -134,15 +134,7 @@ attacks: st.SearchStrategy[Attack] = st.one_of(
     ),
     # approved by people who may, for other orders, another station or another plan
     st.builds(
-        lambda command, station, plan: (
-            token_of(
-                command,
-                key="north",
-                approvals={"ann": approval_of("ann", "Ugv_T01 report", station=station, plan=plan)},
-            ),
-            command,
-            NOW,
-        ),
+        misused,
         commands.filter(lambda command: auth.words(command) != "Ugv_T01 report"),
         st.sampled_from(("north", "south", "lost")),
         st.sampled_from((PLAN, "e" * 64)),
@@ -201,4 +193,4 @@ def test_no_stolen_key_changes_what_a_vehicle_goes_by(
     assert verifier.verify(auth.sign_command(KEYS["north"], FRESH, UNAPPROVED, NOW), FRESH)
 
 
-UNAPPROVED = auth.Grounds("ann", "S", PLAN, RULES, HEAD, "operator", 1, {})
+UNAPPROVED = auth.Grounds("ann", "S", PLAN, RULES, "operator", 1, {})

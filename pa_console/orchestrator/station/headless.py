@@ -5,10 +5,11 @@ from collections.abc import Callable, Sequence
 from contextlib import aclosing
 from typing import Literal
 
+from pa_console.orchestrator.planning.approval import people_words
 from pa_console.orchestrator.station.station import Station
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident
-from pa_console.schema.mission import Decision, MissionStatus
+from pa_console.schema.mission import STANDING, Decision, MissionStatus
 from pa_console.session.state.fold import MissionTrace, SessionState
 from pa_console.session.status_words import status_of
 
@@ -45,7 +46,7 @@ def standing_approver(
     chosen: list[str] = []
 
     def decide(request: ev.ApprovalRequested) -> Decision:
-        by = f"standing instruction: {given or f'--approve {mode}'}"
+        by = f"{STANDING}: {given or f'--approve {mode}'}"
         others = request.readings[reading - 1 : reading] if reading and not chosen else ()
         for asked in others:
             chosen.append(asked)
@@ -54,6 +55,9 @@ def standing_approver(
             return Decision(kind="reject", by=by, reason="plans are never approved in this run")
         if request.blocked_by:
             return Decision(kind="reject", by=by, reason="; ".join(request.blocked_by))
+        if request.approvals:
+            reason = f"{people_words(request.approvals)} to approve, and nobody looked at it"
+            return Decision(kind="reject", by=by, reason=reason)
         if least is not None and (why := doubt(request, least)):
             return Decision(kind="reject", by=by, reason=why)
         if request.needs_override and not override_reason.strip():
