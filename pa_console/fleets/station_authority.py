@@ -115,13 +115,15 @@ class StationAuthority:
         signature = sign_approval(self.keys.own, approval, self._now())
         return decision.model_copy(update={"signatures": {self.keys.person: signature}})
 
-    def people(self, request: ApprovalRequested, decision: Decision, rules: Rulebook) -> int:
-        """Return how many people have signed that they approve `request`, each by an own key.
+    def valid(
+        self, request: ApprovalRequested, decision: Decision, rules: Rulebook
+    ) -> dict[str, str]:
+        """Return those signatures of `decision` that approve `request`, one for each own key.
 
-        What somebody has signed for other orders, or who may approve nothing, does not count.
+        What somebody has signed for other orders, or who may approve nothing, is none of them.
         """
         wanted = self._approval(request, decision, rules)
-        keys = set[str]()
+        valid, keys = dict[str, str](), set[str]()
         for name, signature in decision.signatures.items():
             try:
                 approval, key = self.trust.approval(name, signature, self._now())
@@ -132,22 +134,24 @@ class StationAuthority:
                 for part in ("station", "session", "request", "plan", "rules")
             )
             orders = tuple(approval["orders"]) == wanted.orders
-            if same and orders and set(wanted.acts) <= set(approval["acts"]):
+            acts = set(wanted.acts) <= set(approval["acts"])
+            if same and orders and acts and key not in keys:
                 keys.add(key)
-        return len(keys)
+                valid[name] = signature
+        return valid
 
     def grant(self, request: ApprovalRequested, decision: Decision, rules: Rulebook) -> None:
         """Sign the commands of an approved plan, and of its way to safety, from now on."""
         approval = self._approval(request, decision, rules)
-        by = self.keys.person
+        approvals, by = self.valid(request, decision, rules), self.keys.person
         grounds = Grounds(
-            operator=by if by in decision.signatures else next(iter(decision.signatures), ""),
+            operator=by if by in approvals else next(iter(approvals), ""),
             session=self._session,
             plan=approval.plan,
             rules=approval.rules,
             kind=approval.kind,
             epoch=self.trust.takeover.epoch,
-            approvals=decision.signatures,
+            approvals=approvals,
         )
         self._plan = frozenset(approval.orders), grounds
 

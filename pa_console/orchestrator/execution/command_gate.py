@@ -42,8 +42,10 @@ class Authority(Protocol):
         """Return `decision` with the signature of whoever sits at this station."""
         ...
 
-    def people(self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook) -> int:
-        """Return how many people have signed that they approve `request`, each the own name."""
+    def valid(
+        self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook
+    ) -> dict[str, str]:
+        """Return those signatures of `decision` that approve `request`, one a person."""
         ...
 
     def grant(self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook) -> None:
@@ -95,11 +97,14 @@ class CommandGate:
     ) -> Decision:
         """Return `decision` with the signature of whoever sits at this station, if it has keys.
 
-        One that was signed elsewhere is returned as it is.
+        Of one that was signed elsewhere the signatures stay that are valid.
         """
-        if self._authority is None or decision.kind != "approve" or decision.signatures:
+        if self._authority is None or decision.kind != "approve":
             return decision
-        return self._authority.signed(request, decision, rules)
+        if not decision.signatures:
+            return self._authority.signed(request, decision, rules)
+        valid = self._authority.valid(request, decision, rules)
+        return decision.model_copy(update={"signatures": valid})
 
     def inadmissible(
         self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook
@@ -109,7 +114,7 @@ class CommandGate:
             return inadmissible(request, decision, self.needed(request, rules))
         if problem := self.objection(rules):
             return problem
-        people = self._authority.people(request, decision, rules)
+        people = len(self._authority.valid(request, decision, rules))
         if people < 1:
             return "nobody who may approve at this site has signed it"
         return inadmissible(request, decision, self.needed(request, rules), people)
