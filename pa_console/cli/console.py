@@ -66,6 +66,7 @@ def console(
         with ThreadPoolExecutor(1) as hashing, _stopped_when_left() as going_on:
             found = hashing.submit(find_model, model, going_on)
             from pa_console.cli.session_log import open_log, tell_of_witness  # noqa: PLC0415
+            from pa_console.cli.site_keys import load_authority  # noqa: PLC0415
             from pa_console.orchestrator.station.assembly import open_station  # noqa: PLC0415
             from pa_console.orchestrator.station.rules_in_force import RulesWatch  # noqa: PLC0415
             from pa_console.orchestrator.station.ticking import RealTimeClock  # noqa: PLC0415
@@ -94,7 +95,7 @@ def console(
                 else None
             )
             played = open_scenario(site.world, site.world_path, scenario) if scenario else None
-            signer = load_signer()
+            signer, authority = load_signer(), load_authority()
             station = open_station(
                 site,
                 engine,
@@ -104,6 +105,7 @@ def console(
                 scenario=played,
                 respond=alarms,
                 watch=watch,
+                authority=authority,
             )
             require_keys("use 'pa-console mission' in scripts")
             station.rate = settings.values.speed

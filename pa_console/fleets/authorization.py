@@ -84,12 +84,16 @@ class EnrolledRules:
 
 @dataclass(frozen=True)
 class Roster:
-    """Who and what belongs to a site: people and stations by name, rule sets by SHA-256."""
+    """Who and what belongs to a site: people and stations by name, rule sets by SHA-256.
+
+    No takeover below `epoch` counts any more, even at a vehicle that has forgotten those after it.
+    """
 
     serial: int = 0
     people: Mapping[str, Person] = field(default_factory=dict[str, Person])
     stations: Mapping[str, str] = field(default_factory=dict[str, str])
     rules: Mapping[str, EnrolledRules] = field(default_factory=dict[str, EnrolledRules])
+    epoch: int = 0
 
     @classmethod
     def of(cls, claims: Mapping[str, Any]) -> Self:
@@ -99,6 +103,7 @@ class Roster:
             {name: Person(**person) for name, person in claims["people"].items()},
             dict(claims["stations"]),
             {sha: EnrolledRules(**rules) for sha, rules in claims["rules"].items()},
+            _number(claims["epoch"]),
         )
         for name, person in roster.people.items():
             _public(person.key)
@@ -329,8 +334,8 @@ class Trust:
             raise RefusedError(f"{name} has the role {person.role}; only a commander gives command")
         claims = _open(message, "takeover", _public(person.key))
         taken = Takeover(_number(claims["epoch"]), str(claims["station"]), name)
-        if not self.roster.station_of(taken.station) or taken.station in self.revoked:
-            raise RefusedError("it is for a station that is not enrolled, or was revoked")
+        if taken.epoch < self.roster.epoch:
+            raise RefusedError(f"epoch {taken.epoch} is over: the roster is of {self.roster.epoch}")
         if taken.epoch == self.takeover.epoch and taken.station == self.takeover.station:
             return
         if taken.epoch <= self.takeover.epoch:

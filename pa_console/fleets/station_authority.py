@@ -52,13 +52,14 @@ class StationAuthority:
     def __init__(self, keys: Keys, commanded: Iterable[str] = ()) -> None:
         """`commanded` are the vehicles that were given an order in an earlier session.
 
-        Raises ValueError when the site's signed messages do not hold.
+        Raises ValueError when the site's roster does not hold.
         """
         self.keys, self._public = keys, public_of(keys.station)
         self.trust = Trust(keys.owner)
-        for message in keys.messages:
-            if why := self.trust.take(message):
-                raise ValueError(f"the keys of this site do not fit together: {why}")
+        problems = [why for message in keys.messages if (why := self.trust.take(message))]
+        if not self.trust.roster.serial:
+            why = "; ".join(problems) or "there is none"
+            raise ValueError(f"the roster of this site does not hold: {why}")
         self._commanded = set(commanded)
         self._plan: tuple[frozenset[str], Grounds] | None = None
         self._sent: OrderedDict[str, Grounds] = OrderedDict()

@@ -25,7 +25,6 @@ from tests.fleets.keyring import (
     REVOCATION,
     ROSTER,
     RULES,
-    SIGNED_ROSTER,
     TO_NORTH,
     TO_SOUTH,
     Clock,
@@ -240,6 +239,7 @@ def test_rules_that_are_not_enrolled_are_told_before_a_vehicle_refuses() -> None
     assert "the rules 'house': they are not enrolled; pa-console keys enrol" in told
 
 
-def test_keys_that_do_not_fit_together_are_refused() -> None:
-    with pytest.raises(ValueError, match="do not fit together"):
-        StationAuthority(keys_of("ann", (SIGNED_ROSTER, TO_NORTH.swapcase())))
+def test_a_roster_that_its_owner_has_not_signed_is_refused() -> None:
+    forged = auth.sign_roster(KEYS["cleo"], ROSTER)
+    with pytest.raises(ValueError, match=r"does not hold: .* wrong key"):
+        StationAuthority(keys_of("ann", (forged, TO_NORTH)))

@@ -121,10 +121,14 @@ async def _answered(
 ) -> Decided:
     """Tell of `request` and wait for an admissible decision on it, of as many as it takes.
 
-    What somebody has approved who is not enough alone stands until the request is answered.
+    What somebody has approved who is not enough alone stands until the request is answered. A plan
+    that this station could not send is blocked.
     """
     gate, rules = context.services.gate, context.services.rulebook
     request = request.model_copy(update={"approvals": gate.needed(request, rules)})
+    if (problem := gate.objection(rules)) and request.state != "not_understood":
+        blocked = (*request.blocked_by, problem)
+        request = request.model_copy(update={"blocked_by": blocked, "state": "blocked"})
     context.emit(request)
     signatures: dict[str, str] = {}
     while True:

@@ -118,14 +118,8 @@ async def run_missions(  # noqa: PLR0917
     waiting, all_given = list(texts), asyncio.Event()
     mine: str | None = None
     ending: asyncio.Task[None] | None = None
-    request: ev.ApprovalRequested | None = None
+    answers = _Answers(station, approver)
     begun = False
-
-    def answer(asked: ev.ApprovalRequested) -> None:
-        """Decide about `asked` and no other plan, unless none waits any more."""
-        if station.awaits_decision:
-            named = {"request_id": asked.request_id}
-            station.decide(approver(asked).model_copy(update=named))
 
     async def submit() -> str | None:
         """Give the next mission, if there is one more."""
@@ -153,10 +147,9 @@ async def run_missions(  # noqa: PLR0917
                         mine = await submit()
                         ending = asyncio.create_task(_end(station, duration_s, all_given, decided))
                     case ev.ApprovalRequested():
-                        request = event.data
-                        answer(request)
-                    case ev.DecisionMade(accepted=False) if request is not None:
-                        answer(request)
+                        answers.decide(event.data)
+                    case ev.DecisionMade(accepted=False, detail=problem):
+                        answers.decide_again(problem)
                     case ev.AllStopped():
                         waiting.clear()
                         all_given.set()
@@ -169,6 +162,42 @@ async def run_missions(  # noqa: PLR0917
             ending.cancel()
             await asyncio.gather(ending, return_exceptions=True)
     return list(state.missions.values())
+
+
+class _Answers:
+    """Gives the approver's decision on each plan that waits."""
+
+    def __init__(self, station: Station, approver: Approver) -> None:
+        self._station, self._approver = station, approver
+        self._asked: ev.ApprovalRequested | None = None
+        self._given: Decision | None = None
+
+    def decide(self, asked: ev.ApprovalRequested) -> None:
+        """Decide about `asked` and no other plan, unless none waits any more."""
+        self._asked = asked
+        if self._station.awaits_decision:
+            self._give(self._decision(asked))
+
+    def decide_again(self, problem: str) -> None:
+        """Decide anew, for the last decision was not accepted.
+
+        The same once more would go on for ever: the plan is rejected instead.
+        """
+        if self._asked is None or not self._station.awaits_decision:
+            return
+        decision = self._decision(self._asked)
+        if decision == self._given:
+            decision = Decision(
+                kind="reject", request_id=decision.request_id, by=decision.by, reason=problem
+            )
+        self._give(decision)
+
+    def _decision(self, asked: ev.ApprovalRequested) -> Decision:
+        return self._approver(asked).model_copy(update={"request_id": asked.request_id})
+
+    def _give(self, decision: Decision) -> None:
+        self._given = decision
+        self._station.decide(decision)
 
 
 async def _end(
