@@ -64,7 +64,8 @@ class StationAuthority:
         self._plan: tuple[frozenset[str], Grounds] | None = None
         self._sent: OrderedDict[str, Grounds] = OrderedDict()
         self._session, self._head = "", _no_head
-        self._now: Callable[[], float] = _no_time
+        self.now: Callable[[], float] = _no_time
+        """The clock that vehicles go by, in seconds since 1970."""
 
     @property
     def person(self) -> str:
@@ -77,7 +78,7 @@ class StationAuthority:
         `head` is that of its log; `now` is the clock that the vehicles go by, in seconds since
         1970.
         """
-        self._session, self._head, self._now = session, head, now
+        self._session, self._head, self.now = session, head, now
         self._plan = None
         self._sent.clear()
 
@@ -113,7 +114,7 @@ class StationAuthority:
     def signed(self, request: ApprovalRequested, decision: Decision, rules: Rulebook) -> Decision:
         """Return `decision` with the signature of whoever sits at this station."""
         approval = self._approval(request, decision, rules)
-        signature = sign_approval(self.keys.own, approval, self._now())
+        signature = sign_approval(self.keys.own, approval, self.now())
         return decision.model_copy(update={"signatures": {self.keys.person: signature}})
 
     def valid(
@@ -127,7 +128,7 @@ class StationAuthority:
         valid, keys = dict[str, str](), set[str]()
         for name, signature in decision.signatures.items():
             try:
-                approval, key = self.trust.approval(name, signature, self._now())
+                approval, key = self.trust.approval(name, signature, self.now())
             except RefusedError:
                 continue
             same = all(
@@ -169,7 +170,7 @@ class StationAuthority:
             self._commanded.add(command.agent)
             if len(self._sent) > MOST_SENT:
                 self._sent.popitem(last=False)
-        return sign_command(self.keys.station, command, grounds, self._now(), head=self._head())
+        return sign_command(self.keys.station, command, grounds, self.now(), head=self._head())
 
     def _approval(
         self, request: ApprovalRequested, decision: Decision, rules: Rulebook
