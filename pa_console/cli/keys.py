@@ -16,6 +16,7 @@ from pa_console.fleets.authorization import EnrolledRules
 from pa_console.fleets.key_folder import KeyFolder
 from pa_console.orchestrator.station.assembly import open_rules
 from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.rule import approvals_in_words
 from pa_console.signing import PASSPHRASE_VARIABLE, fingerprint, is_public_key
 
 app = typer.Typer(
@@ -182,7 +183,7 @@ def _show(folder: KeyFolder, *, json: bool = False) -> None:
         table.add_row(row.kind, row.name, row.role, row.state, here, fingerprint(row.key))
     out.print(table)
     for sha, its in roster.rules.items():
-        asked = ", ".join(f"{act} {people}" for act, people in its.approvals.items())
+        asked = approvals_in_words(its.approvals)
         more = f"; people who must approve: {asked}" if asked else ""
         out.print(f"rules {its.name} {sha[:12]}{more}", markup=False, soft_wrap=True)
     out.print(f"roster {roster.serial}; {trust.in_command}", markup=False, soft_wrap=True)

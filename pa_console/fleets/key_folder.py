@@ -91,8 +91,7 @@ class KeyFolder:
 
         A takeover that does not hold any more puts nobody in command.
         """
-        if not self.made:
-            raise SigningError(f"{self.path}: there are no keys of a site; pa-console keys make")
+        self._require_site()
         try:
             trust = Trust(self.owner)
         except ValueError as error:
@@ -302,11 +301,16 @@ class KeyFolder:
         self._keep("revocation", sign_revocation(owner, trust.revocation + 1, keys))
 
     def _owner(self) -> Ed25519PrivateKey:
-        if self.made and not self._file(_pem("owner", OWNER)).exists():
+        self._require_site()
+        if not self._file(_pem("owner", OWNER)).exists():
             raise SigningError(
                 f"{self.path}: the key of the site's owner is not on this machine; do this there"
             )
         return self._load("owner", OWNER)
+
+    def _require_site(self) -> None:
+        if not self.made:
+            raise SigningError(f"{self.path}: there are no keys of a site; pa-console keys make")
 
     def _first(self, kind: str, names: Mapping[str, object]) -> str:
         for name in names:

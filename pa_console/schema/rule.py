@@ -1,6 +1,7 @@
 """Operational policy as data: rules, their checks and examples, and who vouches for a rule set."""
 
 import re
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, StringConstraints, model_validator
@@ -186,6 +187,11 @@ def _people(approvals: dict[str, int]) -> dict[str, int]:
         if not 1 <= people <= MOST_PEOPLE:
             raise ValueError(f"{act}: {people} people; give a number from 1 to {MOST_PEOPLE}")
     return approvals
+
+
+def approvals_in_words(approvals: Mapping[str, int]) -> str:
+    """Return what more than one person must approve, e.g. `block 2, override 2`; '' for nothing."""
+    return ", ".join(f"{act} {people}" for act, people in approvals.items() if people > 1)
 
 
 class RuleSet(StrictModel):

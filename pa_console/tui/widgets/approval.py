@@ -12,6 +12,7 @@ from textual.message import Message
 from textual.widget import Widget
 from textual.widgets import Button, Input
 
+from pa_console.orchestrator.planning.approval import people_words
 from pa_console.orders.plain_words import plain_reading
 from pa_console.orders.reading import asked_words
 from pa_console.schema.events.event import ApprovalRequested
@@ -66,6 +67,8 @@ def approval_rows(trace: MissionTrace) -> Iterator[Row]:
         yield row("   ", ("if halted: ", NOTE), safety_in_words(request.if_halted))
     for reason in request.blocked_by:
         yield row(("✘ ", BAD), ("BLOCKED  ", f"bold {BAD}"), (reason, BAD))
+    if request.approvals:
+        yield row(("▲ ", WARN), ("PEOPLE  ", f"bold {WARN}"), people_words(request.approvals))
     for rule_id in request.acknowledge:
         yield row(("▲ ", WARN), (f"{rule_id}  ", f"bold {WARN}"), _message(trace, rule_id))
     yield _judge(trace, request)
