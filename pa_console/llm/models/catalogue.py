@@ -134,6 +134,10 @@ class ModelEntry(StrictModel):
     adapters: dict[Role, AdapterFile] = {}
     prompts: DialectName = "examples"
     n_ctx: int = Field(default=N_CTX, ge=512)
+    second_reader: str = Field(
+        default="",
+        description="another model that reads an order of which this one is unsure, if it is here",
+    )
     notes: str = ""
     sources: tuple[Source, ...] = Field(min_length=1)
 
@@ -186,9 +190,12 @@ class ModelEntry(StrictModel):
     def learnt_file(self, path: Path) -> Path:
         """Return the file that adapters are trained on: the fetched one with what is left of it.
 
-        Its weights are as they were published, so that it is the same on every machine. Cutting a
-        vocabulary takes 20 s, once. Raises ModelError like `ready_file`.
+        Its weights are as they were published where the type depends on the machine, and of the
+        type that runs where that is the same on every machine. Cutting a vocabulary takes 20 s,
+        once. Raises ModelError like `ready_file`.
         """
+        if self.prepare not in {None, "fastest"}:
+            return self._made(self.how, path, silent)[0]
         if self.vocabulary is None:
             return path
         return self._made(Preparation(None, self.vocabulary), path, silent)[0]
@@ -231,6 +238,8 @@ class LocalModel:
     adapters: tuple[LocalAdapter, ...] = ()
     prompts: DialectName = "examples"
     n_ctx: int = N_CTX
+    second_reader: "LocalModel | None" = None
+    """What reads an order again of which this model is unsure."""
 
     @property
     def fingerprint(self) -> str:
@@ -296,7 +305,14 @@ class Catalog(StrictModel):
             check_adapters(entry.name, entry.adapters),
             entry.prompts,
             entry.n_ctx,
+            self._second_reader(entry, progress),
         )
+
+    def _second_reader(self, entry: ModelEntry, progress: Progress) -> LocalModel | None:
+        """Return what reads after `entry`; None where it names nothing or that was not pulled."""
+        if not entry.second_reader or self.get(entry.second_reader).local_file is None:
+            return None
+        return self.locate(entry.second_reader, progress)
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> Self:
@@ -308,6 +324,10 @@ class Catalog(StrictModel):
             twin = next((e for e in self.models if e.name == entry.stem), None)
             if twin is None or twin.sha256 != entry.sha256:
                 raise ValueError(f"{entry.name}: weights: no model {entry.stem!r} of that SHA-256")
+            if entry.second_reader and entry.second_reader not in names:
+                raise ValueError(f"{entry.name}: second_reader: no model {entry.second_reader!r}")
+            if entry.second_reader == entry.name:
+                raise ValueError(f"{entry.name}: second_reader: has to be another model")
         if self.default not in names:
             raise ValueError(f"default: {self.default!r} is not one of the models")
         return self

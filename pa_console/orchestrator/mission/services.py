@@ -48,6 +48,8 @@ class Services:
     """What every command to a device goes through: `fleet.send` is for the gate alone."""
     sightings: Sightings
     """What was seen where in this session; the station keeps it."""
+    second_reader: Judge | None = None
+    """What reads an order again of which planner or judge is unsure."""
     top_k: int = 3
 
     @classmethod
@@ -69,6 +71,7 @@ class Services:
         `authority`, people and the station sign what is approved and sent.
         """
         dialect, variant = dialect or DIALECTS[engine.model.prompts], variant or Variant()
+        second = engine.second_reader
         if retriever is None:
             retriever = Retriever(rulebook.rules, variant.method or DEFAULT_METHOD)
         journal = Journal()
@@ -84,6 +87,7 @@ class Services:
             journal=journal,
             gate=CommandGate(fleet, journal, authority),
             sightings=Sightings(fleet.world),
+            second_reader=Judge(second, max_tokens=dialect.verdict_tokens) if second else None,
         )
 
     def read(self, text: str) -> str:

@@ -17,6 +17,16 @@ from pa_console.schema.world import World
 
 
 @dataclass(frozen=True)
+class ReadAgain:
+    """What the second reader says was asked, and the chance that it gave to that."""
+
+    asked: str
+    confidence: float
+    same: bool
+    """Whether that is what the plan is for."""
+
+
+@dataclass(frozen=True)
 class Candidate:
     """A plan that went through the safeguards, and the judge's answer once there is one."""
 
@@ -36,6 +46,10 @@ class Candidate:
     judge_error: str = ""
     judge_confidence: float | None = None
     """The chance that the judge gave to what it says was asked."""
+    own: bool = False
+    """Whether the operator wrote it."""
+    read_again: ReadAgain | None = None
+    """What the second reader says, where it was asked."""
 
     @property
     def badness(self) -> tuple[int, ...]:
@@ -58,8 +72,11 @@ class Candidate:
     def agreed(self) -> float | None:
         """The same, None where not both of them have read the order for themselves.
 
-        It is less where the words of the order and its reading do not match.
+        It is less where the words of the order and its reading do not match. A second reader that
+        says the same makes it more, one that says something else less.
         """
+        if self.read_again is not None:
+            return told_confidence(_with_second(self.sure, self.read_again), self.mentions.gaps)
         if self.confidence is None or self.judge_confidence is None:
             return None
         return told_confidence(self.sure, self.mentions.gaps)
@@ -92,6 +109,13 @@ class Candidate:
     def objected(self) -> bool:
         """Whether the judge says that the plan is not right."""
         return self.verdict is not None and self.verdict.verdict == "Failure"
+
+
+def _with_second(sure: float | None, read: ReadAgain) -> float:
+    """Return how sure the two are together of what the plan is for."""
+    if not read.same:
+        return min(sure or 0.0, 1.0 - read.confidence)
+    return read.confidence if sure is None else 1.0 - (1.0 - sure) * (1.0 - read.confidence)
 
 
 def _refuses(reading: Reading | None) -> bool:

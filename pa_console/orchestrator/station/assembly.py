@@ -154,6 +154,7 @@ def open_station(
         fleet, site.rulebook, engine, variant, retriever=retriever, authority=authority
     )
     grammar = plan_grammar(site.world, fleet.picture(), tuple(site.world.assets)[:MAX_ACTIONS])
+    reader = engine.model.second_reader
     started = SessionStarted(
         session=new_session_id(),
         version=__version__,
@@ -173,6 +174,8 @@ def open_station(
         readonly=readonly,
         packages={name: version(name) for name in PINNED_PACKAGES},
         adapters={adapter.path.name: adapter.sha256 for adapter in engine.model.adapters},
+        second_reader=reader.name if reader is not None else "",
+        second_reader_sha256=reader.fingerprint if reader is not None else "",
     )
     if authority is not None:
         authority.begin(started.session, lambda: services.journal.head, now)

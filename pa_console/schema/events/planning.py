@@ -90,6 +90,9 @@ class PlanProposed(Payload):
     as_judged: bool = Field(
         default=False, description="it is for what the judge read in the mission"
     )
+    as_read_again: bool = Field(
+        default=False, description="it is for what the second reader read in the mission"
+    )
     as_chosen: bool = Field(
         default=False, description="it is for the reading of the mission that the operator chose"
     )
@@ -130,6 +133,20 @@ class PlanJudged(Payload):
     usage: Usage = Usage()
     confidence: Share | None = Field(
         default=None, description="the chance that the judge gave to what it says was asked"
+    )
+
+
+class OrderReadAgain(Payload):
+    """Step 6: what another model read in an order of which planner or judge was unsure."""
+
+    kind: Literal["order_read_again"] = "order_read_again"
+    attempt: int
+    model: str
+    asked: str
+    error: str = ""
+    usage: Usage = Usage()
+    confidence: Share | None = Field(
+        default=None, description="the chance that it gave to what it says was asked"
     )
 
 
