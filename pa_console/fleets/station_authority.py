@@ -192,22 +192,28 @@ class StationAuthority:
         )
 
 
-def vehicle_side(
-    agents: Iterable[str], keys: Keys, now: Callable[[], float]
-) -> Callable[[str | None, DeviceCommand], str]:
-    """Return what the vehicles `agents` of a simulation check tokens and commands with.
+class Vehicles:
+    """What the vehicles of a simulation check tokens and commands with, each by an own verifier."""
 
-    Each has an own verifier, and was told what the site has signed.
-    """
-    verifiers = {agent: Verifier(agent, keys.owner, now=now) for agent in agents}
-    for verifier in verifiers.values():
-        for message in keys.messages:
-            verifier.take(message)
+    def __init__(
+        self, agents: Iterable[str], owner: str, messages: Iterable[str], now: Callable[[], float]
+    ) -> None:
+        """`owner` is the public key of the site's owner; the vehicles go by the clock `now`.
 
-    def verify(token: str | None, command: DeviceCommand) -> str:
-        return verifiers[command.agent].verify(token, command)
+        `messages` are the signed ones that they are told first.
+        """
+        self._verifiers = {agent: Verifier(agent, owner, now=now) for agent in agents}
+        for message in messages:
+            self.take(message)
 
-    return verify
+    def take(self, message: str) -> str:
+        """Tell every vehicle of a signed message; return why one does not take it, '' if all do."""
+        found = [verifier.take(message) for verifier in self._verifiers.values()]
+        return next(filter(None, found), "")
+
+    def verify(self, token: str | None, command: DeviceCommand) -> str:
+        """Return why the command's agent refuses it with that token, '' when it is taken."""
+        return self._verifiers[command.agent].verify(token, command)
 
 
 def _no_head() -> str:

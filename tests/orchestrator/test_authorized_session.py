@@ -6,7 +6,7 @@ import pytest
 
 from pa_console.fleets import authorization as auth
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.fleets.station_authority import Keys, StationAuthority, vehicle_side
+from pa_console.fleets.station_authority import Keys, StationAuthority, Vehicles
 from pa_console.orchestrator.station.assembly import Site, open_station
 from pa_console.orchestrator.station.headless import Approver, run_missions, standing_approver
 from pa_console.orchestrator.station.station import Station
@@ -76,8 +76,9 @@ async def test_a_mission_is_carried_out_with_the_signature_of_whoever_approved(s
 def test_what_nobody_approved_is_refused_by_the_vehicle_itself(site: Site) -> None:
     fleet, authority = SimulatedFleet.start(site.world), authority_of(site)
     authority.begin("S", lambda: "", lambda: fleet.time_s)
-    agents = tuple(site.world.assets)
-    fleet.use(authority.authorize, vehicle_side(agents, authority.keys, authority.now))
+    keys = authority.keys
+    vehicles = Vehicles(site.world.assets, keys.owner, keys.messages, authority.now)
+    fleet.use(authority.authorize, vehicles.verify)
     fleet.send(STRAY)
     fleet.send(STRAY.model_copy(update={"command_id": "h", "verb": "hold", "target": None}))
     told = [reply for _ in range(20) for reply in fleet.step().replies]

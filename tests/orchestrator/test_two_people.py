@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.fleets import authorization as auth
-from pa_console.fleets.station_authority import Keys, StationAuthority, vehicle_side
+from pa_console.fleets.station_authority import Keys, StationAuthority, Vehicles
 from pa_console.orchestrator.execution.command_gate import CommandGate
 from pa_console.orchestrator.planning.rehearsal import device_commands
 from pa_console.orchestrator.station.journal import Journal
@@ -66,7 +66,8 @@ class Link:
     sent: list[DeviceCommand] = field(default_factory=list[DeviceCommand])
 
     def __post_init__(self) -> None:
-        self.verify = vehicle_side(("Ugv_T01",), keys_of("ann"), self.clock)
+        vehicles = Vehicles(("Ugv_T01",), PUBLIC["owner"], MESSAGES, self.clock)
+        self.verify = vehicles.verify
 
     def send(self, command: DeviceCommand) -> None:
         """Note the command, which its vehicle must take, unless it has it already."""

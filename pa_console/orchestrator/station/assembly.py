@@ -196,12 +196,14 @@ def _use_keys(fleet: SimulatedFleet, authority: "StationAuthority") -> Callable[
 
     It goes with the simulation: a token is good for as long, however fast that is.
     """
-    from pa_console.fleets.station_authority import vehicle_side  # noqa: PLC0415 - only with keys
+    from pa_console.fleets.station_authority import Vehicles  # noqa: PLC0415 - only with keys
 
     begun = time.time()
 
     def now() -> float:
         return begun + fleet.time_s
 
-    fleet.use(authority.authorize, vehicle_side(fleet.world.assets, authority.keys, now))
+    keys = authority.keys
+    vehicles = Vehicles(fleet.world.assets, keys.owner, keys.messages, now)
+    fleet.use(authority.authorize, vehicles.verify)
     return now
