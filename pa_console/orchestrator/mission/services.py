@@ -11,7 +11,7 @@ from pa_console.llm.engine.engine import Engine
 from pa_console.llm.roles.dialect import DIALECTS, Dialect
 from pa_console.llm.roles.judge import Judge
 from pa_console.llm.roles.planner import Planner
-from pa_console.orchestrator.execution.command_gate import CommandGate
+from pa_console.orchestrator.execution.command_gate import Authority, CommandGate
 from pa_console.orchestrator.intake.order_language import is_english, question_back
 from pa_console.orchestrator.intake.spelling_correction import respell
 from pa_console.orchestrator.station.journal import Journal
@@ -62,11 +62,13 @@ class Services:
         *,
         dialect: Dialect | None = None,
         retriever: Retriever | None = None,
+        authority: Authority | None = None,
     ) -> Self:
         """Begin with nothing seen or decided, and with the core in force whatever the rules say.
 
         Planner and judge are two roles on `engine`, in the `dialect` of its model unless one is
-        given. A `retriever` that has read the rules already saves the time to index them.
+        given. A `retriever` that has read the rules already saves the time to index them. With an
+        `authority`, people and the station sign what is approved and sent.
         """
         dialect, variant = dialect or DIALECTS[engine.model.prompts], variant or Variant()
         second = engine.second_reader
@@ -83,7 +85,7 @@ class Services:
             dialect=dialect,
             variant=variant,
             journal=journal,
-            gate=CommandGate(fleet, journal),
+            gate=CommandGate(fleet, journal, authority),
             sightings=Sightings(fleet.world),
             second_reader=Judge(second, max_tokens=dialect.verdict_tokens) if second else None,
         )

@@ -120,12 +120,25 @@ async def ask_operator(
 async def _answered(
     context: MissionContext, request: ev.ApprovalRequested, decide: Decide
 ) -> Decided:
-    """Tell of `request` and wait for an admissible decision on it."""
+    """Tell of `request` and wait for an admissible decision on it, of as many as it takes.
+
+    What somebody has approved who is not enough alone stands until the request is answered. A plan
+    that this station could not send is blocked.
+    """
+    gate, rules = context.services.gate, context.services.rulebook
+    request = request.model_copy(update={"approvals": gate.needed(request, rules)})
+    if (problem := gate.objection(rules)) and request.state != "not_understood":
+        blocked = (*request.blocked_by, problem)
+        request = request.model_copy(update={"blocked_by": blocked, "state": "blocked"})
     context.emit(request)
+    signatures: dict[str, str] = {}
     while True:
         with context.stopwatch.time("decision_s"):
-            decision = await decide()
-        problem = inadmissible(request, decision)
+            decision = gate.signed(request, await decide(), rules)
+        if decision.kind == "approve" and not inadmissible(request, decision):
+            signatures.update(decision.signatures)
+            decision = decision.model_copy(update={"signatures": signatures.copy()})
+        problem = gate.inadmissible(request, decision, rules)
         context.emit(
             ev.DecisionMade(
                 attempt=request.attempt, decision=decision, accepted=not problem, detail=problem

@@ -143,6 +143,8 @@ class Station:
             self._emit(ev.TelemetryReceived(picture=self._ticking.first))
         else:
             self._go_on(self._resumed)
+        if problem := self._gate.objection(self._services.rulebook):
+            self._emit(ev.Noticed(level="alarm", subject="keys", text=problem))
         self._services.engine.on_state = self.worker_changed
         ahead, serving = self._ahead, self._worker.serve(self._background, self._between)
         for work in (

@@ -177,6 +177,11 @@ class ApprovalRequested(Payload):
         default="",
         description="what the plan is for, in canonical words; empty where nothing else is offered",
     )
+    approvals: dict[str, int] = Field(
+        default={},
+        exclude_if=lambda approvals: not approvals,
+        description="what of it more than one person must approve, and how many",
+    )
     readings: tuple[str, ...] = Field(
         default=(),
         max_length=MOST_READINGS,

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from textual.content import Content
 
 from pa_console.llm.roles.grammar import PLANNED
+from pa_console.orchestrator.planning.approval import people_words
 from pa_console.orders.plain_words import plain_reading
 from pa_console.orders.reading import asked_words
 from pa_console.schema.events.event import UNSURE, ApprovalRequested
@@ -44,6 +45,8 @@ def approval_rows(trace: MissionTrace, preview: PlanPreview | None = None) -> It
     yield from _actions(request, preview)
     for reason in request.blocked_by:
         yield row(("✘ ", BAD), ("Blocked  ", f"bold {BAD}"), (reason, BAD))
+    if request.approvals:
+        yield row(("▲ ", WARN), ("People  ", f"bold {WARN}"), people_words(request.approvals))
     for rule_id in request.acknowledge:
         yield row(("▲ ", WARN), (f"{rule_id}  ", f"bold {WARN}"), _message(trace, rule_id))
     yield _judge(attempt, request)
