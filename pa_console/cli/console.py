@@ -12,6 +12,8 @@ import typer
 
 from pa_console.cli.output import (
     AcceptRulesOption,
+    CertificatesOption,
+    FleetOption,
     ModelOption,
     RulesOption,
     ScenarioOption,
@@ -42,6 +44,8 @@ def console(
     model: ModelOption = None,
     scenario: ScenarioOption = None,
     seed: SeedOption = 0,
+    fleet: FleetOption = "",
+    certificates: CertificatesOption = None,
     alarms: Annotated[
         bool, typer.Option("--alarms/--no-alarms", help="Alarms become missions by themselves.")
     ] = True,
@@ -65,6 +69,7 @@ def console(
     with Runner() as loop:
         with ThreadPoolExecutor(1) as hashing, _stopped_when_left() as going_on:
             found = hashing.submit(find_model, model, going_on)
+            from pa_console.cli.fleet import find_fleet  # noqa: PLC0415
             from pa_console.cli.session_log import open_log, tell_of_witness  # noqa: PLC0415
             from pa_console.orchestrator.station.assembly import open_station  # noqa: PLC0415
             from pa_console.orchestrator.station.rules_in_force import RulesWatch  # noqa: PLC0415
@@ -79,8 +84,9 @@ def console(
             from pa_console.tui.app import ConsoleApp  # noqa: PLC0415 - while the model is loaded
 
             pins, deadline_s = RulesPins(), settings.values.check_deadline_ms / 1000.0
+            on_bus = find_fleet(fleet, certificates, world, settings.values, scenario)
             site = _open_site(
-                world,
+                on_bus.world,
                 rules,
                 unsigned=unsigned,
                 pins=pins,
@@ -98,12 +104,13 @@ def console(
             station = open_station(
                 site,
                 engine,
-                RealTimeClock(),
+                on_bus.clock(RealTimeClock()),
                 seed=seed,
                 readonly=readonly,
                 scenario=played,
                 respond=alarms,
                 watch=watch,
+                fleet=on_bus.drive(site),
             )
             require_keys("use 'pa-console mission' in scripts")
             station.rate = settings.values.speed

@@ -12,6 +12,7 @@ from pa_console.fleets.bus.address import BrokerAddress
 from pa_console.fleets.bus.mqtt_fleet import Authorize, MqttFleet, join, nobody
 from pa_console.fleets.bus.opening import fleet_of
 from pa_console.fleets.site.simulated_site import SimulatedSite, SiteOptions
+from pa_console.fleets.vda5050.additions import SITE
 from pa_console.resources import find_data
 from pa_console.schema.scenario import Scenario
 from pa_console.schema.world import World
@@ -97,7 +98,7 @@ def joined(
     """Yield the fleet of the site at `address`, once the site is there."""
     for _ in range(20):
         found = join(address)
-        if found.site is not None:
+        if found.site is not None and SITE in found.online:
             break
         found.link.close()
     else:

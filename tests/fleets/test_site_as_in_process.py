@@ -30,6 +30,7 @@ def command(number: int, agent: str, verb: Verb, target: str | None = None) -> D
 
 SCRIPTS: dict[str, Script] = {
     "moves": {
+        0: command(0, "Robot_T01", "move_to", "WestGate"),
         5: command(1, "Drone_T04", "move_to", "EastGate"),
         6: command(2, "Ugv_T02", "block", "NorthGate"),
         7: command(3, "Robot_T02", "report"),

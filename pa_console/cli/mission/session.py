@@ -10,6 +10,7 @@ from pathlib import Path
 import typer
 from pydantic import TypeAdapter, ValidationError
 
+from pa_console.cli.fleet import find_fleet
 from pa_console.cli.mission.mission import Approve
 from pa_console.cli.mission.terminal_approval import ask_decision
 from pa_console.cli.mission.trace import print_trace
@@ -54,6 +55,8 @@ def run_session(
     scenario: str | None,
     alarms: bool | None,
     seed: int,
+    fleet: str,
+    certificates: Path | None,
     log: Path | None,
     witness: str,
     unsigned: bool,
@@ -65,8 +68,9 @@ def run_session(
         raise ValueError("give a mission in plain language, or --scenario NAME, or both")
     incidents = [read_event(number, told) for number, told in enumerate(setup, start=1)]
     settings = settings_of(context)
+    found = find_fleet(fleet, certificates, world, settings.values, scenario)
     site = load_site(
-        world,
+        found.world,
         rules,
         unsigned=unsigned,
         pins=RulesPins(),
@@ -79,10 +83,11 @@ def run_session(
     station = open_station(
         site,
         Engine(find_model(model)),
-        SteppedClock(),
+        found.clock(SteppedClock()),
         seed=seed,
         scenario=played,
         respond=alarms if alarms is not None else played is not None,
+        fleet=found.drive(site),
     )
     writer = open_log(settings.values, station.session, signer, _cannot_write, log, witness)
     endable = EndableRun()

@@ -69,6 +69,8 @@ class Joined:
     link: StationLink
     site: additions.SiteDescription | None
     factsheets: dict[Identity, Factsheet]
+    online: frozenset[Identity]
+    """Whoever is connected."""
     deliveries: tuple[Delivery, ...]
 
 
@@ -84,15 +86,19 @@ def join(address: BrokerAddress, credentials: Credentials | None = None) -> Join
         deliveries += link.take()
     site: additions.SiteDescription | None = None
     factsheets: dict[Identity, Factsheet] = {}
+    states: dict[Identity, messages.ConnectionState] = {}
     for delivery in deliveries:
         match delivery.message:
             case additions.SiteDescription() if delivery.topic.identity == additions.SITE:
                 site = delivery.message
             case Factsheet():
                 factsheets.setdefault(delivery.topic.identity, delivery.message)
+            case messages.Connection():
+                states[delivery.topic.identity] = delivery.message.connection_state
             case _:
                 pass
-    return Joined(link, site, factsheets, tuple(deliveries))
+    online = frozenset(identity for identity, state in states.items() if state == "ONLINE")
+    return Joined(link, site, factsheets, online, tuple(deliveries))
 
 
 class MqttFleet:
@@ -130,6 +136,16 @@ class MqttFleet:
     def time_s(self) -> float:
         """Seconds on the station's clock since the session began."""
         return self._known.terrain.seconds(self._tick)
+
+    @property
+    def rate(self) -> float:
+        """Seconds on the robots' clock a second."""
+        return self._rate
+
+    @property
+    def paced(self) -> bool:
+        """Whether the robots stand still until the station steps: simulated ones may."""
+        return False
 
     def picture(self) -> Picture:
         """Return the picture as it was made last, every `world.telemetry_period_s`."""

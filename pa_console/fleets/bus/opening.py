@@ -2,6 +2,7 @@
 
 from pa_console.fleets.bus.mqtt_fleet import Authorize, Joined, MqttFleet, nobody
 from pa_console.fleets.bus.site_fleet import SiteFleet
+from pa_console.fleets.vda5050.additions import SITE
 from pa_console.schema.world import World
 
 
@@ -15,6 +16,9 @@ def fleet_of(
     site = joined.site
     if site is None:
         return MqttFleet(world, joined, authorize)
+    if SITE not in joined.online:
+        joined.link.close()
+        raise ValueError(f"the site of {site.world!r} at {joined.link.address} is not running now")
     if site.world_sha256 != world_sha256:
         joined.link.close()
         raise ValueError(

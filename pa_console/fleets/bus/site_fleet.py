@@ -43,6 +43,11 @@ class SiteFleet(MqttFleet):
             self._known.show(self._weather)
 
     @property
+    def paced(self) -> bool:
+        """Whether the site stands still until the station steps."""
+        return self._site.paced
+
+    @property
     def seed(self) -> int:
         """Where the site's random draws begin."""
         return self._site.seed

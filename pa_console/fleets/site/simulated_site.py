@@ -28,7 +28,7 @@ from pa_console.fleets.vda5050.additions import (
 )
 from pa_console.fleets.vda5050.numbers import Numbers
 from pa_console.fleets.vda5050.vehicle import Verify, anybody
-from pa_console.fleets.vda5050.wire import Header
+from pa_console.fleets.vda5050.wire import Header, in_milliseconds
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events.event import IncidentHappened, Noticed
 from pa_console.schema.incident import Incident
@@ -67,7 +67,7 @@ class SimulatedSite:
         self.checkpoint, self._options = checkpoint, options
         self._world = checkpoint.world
         self._period = station_side.period_ticks(self._world)
-        self._numbers, self._epoch = Numbers(), datetime.now(UTC)
+        self._numbers, self._epoch = Numbers(), in_milliseconds(datetime.now(UTC))
         self._news = asyncio.Event()
         self._asked: list[Header] = []
         self._weather: Weather = checkpoint.picture().weather

@@ -24,7 +24,7 @@ from pa_console.fleets.vda5050.messages import (
     Reference,
 )
 from pa_console.fleets.vda5050.topics import Identity
-from pa_console.fleets.vda5050.wire import Header
+from pa_console.fleets.vda5050.wire import Header, in_milliseconds
 from pa_console.schema.command import CommandReply, DeviceCommand, ReplyStatus, Verb
 
 Verify = Callable[[str | None, DeviceCommand], str]
@@ -98,7 +98,7 @@ class Vehicle:
     ) -> None:
         self.identity, self.paused, self._relays = identity, False, relays
         self._offers, self._now, self._verify = offers, now, verify
-        self._began = now()
+        self._began = in_milliseconds(now())
         self._known: OrderedDict[str, _Known | None] = OrderedDict()
         """By id of every action ever seen: how far it is; None when it was refused or ended long
         ago."""

@@ -25,6 +25,11 @@ class UnreadableError(ValueError):
     """A message that is not what its topic is for; its text says why, in one line."""
 
 
+def in_milliseconds(time: datetime) -> datetime:
+    """Return `time` as it reads once it has been on the bus."""
+    return time.replace(microsecond=time.microsecond // 1000 * 1000)
+
+
 def _written(time: datetime) -> str:
     return time.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%S.%f")[:-3] + "Z"
 
