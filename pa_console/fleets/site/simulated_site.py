@@ -94,8 +94,8 @@ class SimulatedSite:
             for name, said in self.checkpoint.picture().assets.items():
                 self._tell_at_once(name, said)
             self._describe()
-            serving = asyncio.create_task(self._serve())
-            done, _ = await asyncio.wait((serving, *running), return_when=asyncio.FIRST_COMPLETED)
+            running.append(asyncio.create_task(self._serve()))
+            done, _ = await asyncio.wait(running, return_when=asyncio.FIRST_COMPLETED)
             for task in done:
                 task.result()
         finally:
