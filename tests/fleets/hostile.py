@@ -11,7 +11,7 @@ TOPICS = (
     "order", "nonsense",
 )  # fmt: skip
 WRONG: tuple[Any, ...] = (
-    None, True, -1, 2**70, 1e308, "", "x" * 3000, [], {}, [[[[]]]], {"a": {"b": []}}, "\x1b]52;c;AA",
+    None, True, -1, 2**70, 1e308, "", "x" * 3000, [], {}, [[[[]]]], {"a": {"b": []}}, "\x1b]52;c;A",
 )  # fmt: skip
 GARBAGE = (
     b"", b"null", b"[]", b"{", b"\xff\x00\xfe", b"NaN", b"[" * 100_000, b'{"headerId": 1e999}',

@@ -34,6 +34,7 @@ class Intruder:
         self.all.append((message.topic, message.payload))
 
     def topic(self, name: str, topic: str, manufacturer: str = "pa-console") -> str:
+        """Return the name of a topic of a robot."""
         return f"{self._address.site}/{MAJOR}/{manufacturer}/{name}/{topic}"
 
     def send(self, topic: str, payload: bytes, *, retain: bool = False) -> None:
@@ -41,6 +42,7 @@ class Intruder:
         self._client.publish(topic, payload, qos=1, retain=retain).wait_for_publish(UP_S)
 
     def close(self) -> None:
+        """Leave the bus."""
         self._client.disconnect()
         self._client.loop_stop()
 

@@ -28,6 +28,7 @@ class Robot:
         self.vehicle = Vehicle(ME, OFFERS, lambda: self.time, **options)
 
     def header(self, identity: Identity = ME, sent: datetime | None = None) -> dict[str, Any]:
+        """Return a header of now."""
         return {
             "header_id": 1,
             "timestamp": sent or self.time,
@@ -43,6 +44,7 @@ class Robot:
         token: str | None = None,
         **header: Any,
     ) -> list[DeviceCommand]:
+        """Send an order; return what the device gets."""
         given = ((commands.TARGET, target), (commands.AUTHORIZATION, token))
         action = messages.Action(
             action_id=f"c{number}",
@@ -67,31 +69,38 @@ class Robot:
         return self.note(list(got))
 
     def at_once(self, *actions: messages.Action, **header: Any) -> list[DeviceCommand]:
+        """Send instant actions; return what the device gets."""
         message = messages.InstantActions(**self.header(**header), actions=actions)
         return self.note(list(self.vehicle.take_actions(message)))
 
     def hold(self, number: int, **header: Any) -> list[DeviceCommand]:
+        """Send a hold."""
         command = DeviceCommand(command_id=f"c{number}", agent=ME.serial_number, verb="hold")
         return self.at_once(*commands.actions_at_once(command, None), **header)
 
     def resume(self, number: int, **header: Any) -> list[DeviceCommand]:
+        """Send the end of a pause."""
         command = DeviceCommand(command_id=f"c{number}", agent=ME.serial_number, verb="report")
         return self.at_once(commands.resume_for(command), **header)
 
     def note(self, got: list[DeviceCommand]) -> list[DeviceCommand]:
+        """Note what the device gets."""
         self.got += got
         return got
 
     def answer(self, number: int, status: ReplyStatus) -> None:
+        """Let the device answer."""
         self.vehicle.hear(
             CommandReply(command_id=f"c{number}", agent=ME.serial_number, status=status, tick=0)
         )
 
     def states(self) -> dict[str, str]:
+        """Return the status of every action that the state names."""
         told = (*self.vehicle.action_states, *self.vehicle.instant_action_states)
         return {state.action_id: state.action_status for state in told}
 
     def refused(self) -> list[str]:
+        """Return why something was refused."""
         return [error.error_description or "" for error in self.vehicle.errors]
 
 
