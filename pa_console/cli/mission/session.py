@@ -11,6 +11,7 @@ from time import monotonic
 import typer
 from pydantic import TypeAdapter, ValidationError
 
+from pa_console.cli.fleet import find_fleet
 from pa_console.cli.mission.mission import Approve
 from pa_console.cli.mission.steps import step_line
 from pa_console.cli.mission.terminal_approval import ask_decision
@@ -58,6 +59,8 @@ def run_session(
     scenario: str | None,
     alarms: bool | None,
     seed: int,
+    fleet: str,
+    certificates: Path | None,
     log: Path | None,
     witness: str,
     unsigned: bool,
@@ -69,8 +72,9 @@ def run_session(
         raise ValueError("give a mission in plain language, or --scenario NAME, or both")
     incidents = [read_event(number, told) for number, told in enumerate(setup, start=1)]
     settings = settings_of(context)
+    found = find_fleet(fleet, certificates, world, settings.values, scenario)
     site = load_site(
-        world,
+        found.world,
         rules,
         unsigned=unsigned,
         pins=RulesPins(),
@@ -81,14 +85,16 @@ def run_session(
     played = open_scenario(site.world, site.world_path, scenario) if scenario else None
     signer = load_signer()
     engine = Engine(find_model(model, second_reader=settings.values.second_reader))
+    authority = load_authority()
     station = open_station(
         site,
         engine,
-        SteppedClock(),
+        found.clock(SteppedClock()),
         seed=seed,
         scenario=played,
         respond=alarms if alarms is not None else played is not None,
-        authority=load_authority(),
+        authority=authority,
+        fleet=found.drive(site, authority),
     )
     writer = open_log(settings.values, station.session, signer, _cannot_write, log, witness)
     endable = EndableRun()
