@@ -113,6 +113,8 @@ def inadmissible(request: ApprovalRequested, decision: Decision) -> str:
         return "the decision was about another plan, which no longer waits"
     if decision.kind == "reject":
         return ""
+    if decision.kind == "answer":
+        return _not_answerable(request, decision)
     if request.state == "not_understood":
         return f"{'; '.join(request.blocked_by)} Reject it and say it anew"
     if decision.kind == "modify":
@@ -120,6 +122,12 @@ def inadmissible(request: ApprovalRequested, decision: Decision) -> str:
     if decision.kind == "choose":
         return "" if decision.asked in request.readings else "no such reading was offered"
     return _not_approvable(request, decision)
+
+
+def _not_answerable(request: ApprovalRequested, decision: Decision) -> str:
+    if request.state != "not_understood":
+        return "nothing was asked"
+    return "" if decision.asked.strip() else "the answer is empty"
 
 
 def _not_approvable(request: ApprovalRequested, decision: Decision) -> str:

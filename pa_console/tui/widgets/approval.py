@@ -12,6 +12,7 @@ from textual.message import Message
 from textual.widget import Widget
 from textual.widgets import Button, Input
 
+from pa_console.orders.clauses import ASKED
 from pa_console.orders.plain_words import plain_reading
 from pa_console.orders.reading import asked_words
 from pa_console.schema.events.event import ApprovalRequested
@@ -43,7 +44,8 @@ def approval_rows(trace: MissionTrace) -> Iterator[Row]:
     if request.state == "not_understood":
         told = "; ".join(request.blocked_by).removeprefix("not understood: ")
         yield row(("? ", WARN), (told, WARN))
-        yield row("  ", "Nobody moves. Reject this and say it in other words.")
+        told = "Choose or write what is meant" if trace.choices else "Write what is meant"
+        yield row("  ", f"Nobody moves. {told}, or reject this.")
         return
     for text in attempt.unmet if attempt else ():
         yield row(("△ ", WARN), ("NOT DONE  ", f"bold {WARN}"), text)
@@ -138,7 +140,8 @@ def reading_rows(trace: MissionTrace) -> Iterator[Row]:
 
 def reading_label(number: int, asked: str) -> Content:
     """Return what else the order may mean, after the key that chooses it."""
-    return Content.assemble((f"(Alt+{number}) ", "bold"), ("or: ", QUIET), plain_reading(asked))
+    or_ = ("or: ", QUIET) if asked.startswith(ASKED) else ""
+    return Content.assemble((f"(Alt+{number}) ", "bold"), or_, plain_reading(asked))
 
 
 def blocked_reason(request: ApprovalRequested, left: Sequence[str], reason: str) -> str:
@@ -257,9 +260,9 @@ class ApprovalPanel(Vertical, can_focus=True):
         readings.remove_children()
         readings.mount_all(
             Button(reading_label(number, asked), name=f"meant-{number}", compact=True)
-            for number, asked in enumerate(request.readings, start=1)
+            for number, asked in enumerate(trace.choices or request.readings, start=1)
         )
-        self.set_class(bool(request.readings), "-unclear")
+        self.set_class(bool(trace.choices or request.readings), "-unclear")
         warnings = self.query_one("#approval-warnings", ItemGrid)
         warnings.remove_children()
         warnings.mount_all(
@@ -272,6 +275,8 @@ class ApprovalPanel(Vertical, can_focus=True):
         reason.placeholder = (
             "Why override the judge? (required)"
             if request.needs_override and not request.blocked_by
+            else "Your answer, Enter sends it"
+            if request.state == "not_understood"
             else "Reason (optional)"
         )
         self._body.scroll_home(animate=False)
@@ -457,8 +462,10 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.refresh_state()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Enter in the reason leads out of it; another Enter decides nothing."""
+        """Enter leads out of the reason, or sends the answer; another Enter decides nothing."""
         event.stop()
+        if event.value.strip():
+            self._answer(event.value.strip())
         self.screen.set_focus(self)
 
     def _choose(self, choice: str) -> None:
@@ -468,6 +475,10 @@ class ApprovalPanel(Vertical, can_focus=True):
         reason = self.query_one(f"#{REASON}", Input).value.strip()
         if choice == "modify" and request.state != "not_understood":
             self.post_message(self.ModifyAsked())
+        elif choice.startswith(_MEANT) and request.state == "not_understood":
+            number = int(choice.removeprefix(_MEANT))
+            for answer in (self._trace.choices if self._trace else ())[number - 1 : number]:
+                self._answer(answer)
         elif choice.startswith(_MEANT):
             number = int(choice.removeprefix(_MEANT))
             for asked in request.readings[number - 1 : number]:
@@ -484,6 +495,12 @@ class ApprovalPanel(Vertical, can_focus=True):
                     acknowledged=request.acknowledge,
                 )
             )
+
+    def _answer(self, answer: str) -> None:
+        """Answer what is asked about the order; nothing where a plan waits."""
+        request = self._trace.approval if self._trace else None
+        if request is not None and request.state == "not_understood" and self.armed:
+            self._send(Decision(kind="answer", request_id=request.request_id, asked=answer))
 
     def _send(self, decision: Decision) -> None:
         self._sent = True
