@@ -44,7 +44,7 @@ from pa_console.orchestrator.planning.understanding import (
     retrieve,
     understand,
 )
-from pa_console.orders.references.resolution import chosen
+from pa_console.orders.references.resolution import chosen, names_something
 from pa_console.orders.references.scene import Move
 from pa_console.policy.ordering.moments import moment
 from pa_console.policy.ordering.monitor import Monitor, halts
@@ -153,13 +153,17 @@ class MissionRun:
         return None
 
     def _answered(self, asked: NotUnderstood, answer: str, answers: dict[str, str]) -> None:
-        """Let an answer join the order: for the words that were not clear, or for all of them."""
+        """Let an answer join the order: for the words that were not clear, or for all of them.
+
+        One that names nothing leaves the words as they are: it is asked once more.
+        """
         mission, services = self.mission, self._services
         scene = services.past.scene(services.fleet.world, services.fleet.picture())
         meant = chosen(scene, answer, asked.choices) or services.read(answer)
         words = {"text": meant[:MAX_MISSION_TEXT], "typed": answer[:MAX_MISSION_TEXT]}
         if asked.said:
-            answers[asked.said] = meant
+            if meant in asked.choices or names_something(scene, meant):
+                answers[asked.said] = meant
             words = {"typed": f"{mission.said} ({answer})"[:MAX_MISSION_TEXT]}
         else:
             answers.clear()

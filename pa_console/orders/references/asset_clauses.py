@@ -52,7 +52,7 @@ class AssetClauses:
         self._related = bool(reader.take("that", "which", "who"))
         if self._related and self._sent_before():
             return True
-        if not self._related and reader.word() in SAYING:
+        if not self._related and reader.word() in SAYING | {"does", "do"}:
             return False
         reader.skip(STANDING)
         self._no = bool(reader.take("does not", "do not", "not", "without", "never"))
@@ -202,7 +202,7 @@ class AssetClauses:
 
 def sent(told: Told, place: str = "", *, early: bool) -> None:
     """Take who was sent last, or first, to `place` if given, for who is meant."""
-    told.past = True
+    told.past = told.of_assets = True
     moves = [move for move in told.scene.moved if place in ("", move.target)]
     last = told.scene.last
     meant = [move.agent for move in (moves[:1] if early else moves[-1:])]

@@ -40,6 +40,13 @@ _THEY = ("them", "they", "these two", "those two", "both")
 _HOME = frozenset(("home", "base"))
 _SHORT = 9
 """An order of more words is put in full by itself."""
+_WEATHER = frozenset(
+    (
+        *("raining", "rains", "snowing", "foggy", "windy", "dark", "cold", "hot", "late", "early"),
+        *("wet", "icy", "seems", "looks", "weather", "time"),
+    )
+)
+"""What *it* is that is nobody."""
 _OWN_TASKS = frozenset(("report", "identify", "warn", "block", "look", "hold", "relieve", "swap"))
 _PUTTING = frozenset(("go", "mass", "cover", "home"))
 
@@ -329,7 +336,7 @@ class _Turn:
                 continue
             one, at = found
             meant.append(one)
-        if not meant:
+        if not meant or not (self._places or any(find_verbs(self._text))):
             return None
         text, done = "", 0
         for one in meant:
@@ -355,7 +362,7 @@ class _Turn:
         if reader.take(*_THEM, *_THEY) and reader.word() not in ("of", "robots", "drones"):
             return self._replaced(at, reader.at, listed(self._they()))
         reader.at = at
-        if reader.take(*_IT) and reader.word() not in ("rains", "seems"):
+        if reader.take(*_IT) and not (_WEATHER & {reader.word(), reader.word(1), reader.word(2)}):
             who = self._it()
             return who if isinstance(who, Unclear) else self._replaced(at, reader.at, who[0])
         return None

@@ -220,7 +220,7 @@ class _Parser:
             told.rank(Ranking("near" if reader.take_in(NEAR) else "far"))
             reader.take_in(FAR)
         elif reader.take("freshest"):
-            told.rank(Ranking("full"))
+            told.of_assets = told.rank(Ranking("full"))
         elif reader.take("other", "remaining"):
             self._other()
         elif reader.take_in(BARE):
@@ -245,6 +245,7 @@ class _Parser:
             (SILENT, is_silent),
         ):
             if reader.take_in(words):
+                told.of_assets = True
                 return told.say(trait)
         return False
 
@@ -279,6 +280,8 @@ class _Parser:
     def _gate(self, word: str) -> bool:
         """Read the noun *gate*; *that gate* may be the one to which something is coming."""
         reader, scene = self.reader, self._scene
+        if self._told.of_assets:
+            return False
         reader.at += 1
         self._told.sort = "gate"
         if word == "gates" and self._number == 1:

@@ -213,6 +213,9 @@ def _written(
         words = {t.word for t in tokens if not one.start <= t.start < one.end}
         if not words & (_NO_MOVE | _THERE):
             becomes = f"{means} to {one.place}"
+    before = next((t.word for t in reversed(tokens) if t.end <= one.start), "")
+    if before in ("with", "beside") and one.sort == "asset" and one.place:
+        becomes = f"{means} at {one.place}"
     return Meant(one.start, one.end, one.said, means, becomes)
 
 
@@ -264,6 +267,8 @@ def chosen(scene: Scene, answer: str, choices: Sequence[str]) -> str:
     """
     if answer in choices:
         return answer
+    gates = set(choices) <= set(scene.gates)
+    answer = re.sub(r"\bone\b", "gate", answer) if gates else answer
     tokens = read_tokens(link_names(scene.world, answer))
     found: set[str] = set()
     at = 0
@@ -282,6 +287,15 @@ def chosen(scene: Scene, answer: str, choices: Sequence[str]) -> str:
         for one in find_descriptions(scene, tokens, answer):
             found |= set(fitting(scene, one)) & set(choices)
     return next(iter(found)) if len(found) == 1 else ""
+
+
+def names_something(scene: Scene, answer: str) -> bool:
+    """Whether an answer names or describes a place or an asset at all."""
+    tokens = read_tokens(link_names(scene.world, answer))
+    readers = [Reader(tokens, at) for at in range(len(tokens))]
+    if any(asset_at(scene, each) or place_at(scene, each) for each in readers):
+        return True
+    return any(fitting(scene, one) for one in find_descriptions(scene, tokens, answer))
 
 
 def _number(name: str) -> int:

@@ -24,6 +24,8 @@ class Told:
     """Whether the words say more than a bare noun."""
     past: bool = False
     """Whether it says who was sent before."""
+    of_assets: bool = False
+    """Whether something was said that only an asset can be."""
     bare_location: bool = False
     """Whether a place is named without saying that somebody is there: *everybody at the hub*."""
 
@@ -74,7 +76,7 @@ class Told:
         if reader.take("with", "has", "have", "having"):
             reader.take("the")
             by = "full" if reader.take_in(MOST) else "flat" if reader.take_in(LEAST) else None
-            if by is not None and reader.take_in(CHARGE):
+            if by is not None and self.sort == "asset" and reader.take_in(CHARGE):
                 reader.take("level")
                 reader.take("left", "remaining")
                 if reader.take("among the", "of the", "of all"):
