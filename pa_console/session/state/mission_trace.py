@@ -144,6 +144,10 @@ class MissionTrace:
     approval_state: ApprovalState | None = None
     """What the operator had to know first of the last plan that was put forward."""
     decisions: list[ev.DecisionMade] = field(default_factory=list[ev.DecisionMade])
+    questions: list[ev.QuestionAsked] = field(default_factory=list[ev.QuestionAsked])
+    """What was asked back before anything was planned."""
+    references: tuple[ev.Reference, ...] = ()
+    """What the order points at, and what that is."""
     voided: str = ""
     preempted: str = ""
     commands: dict[str, CommandTrace] = field(default_factory=dict[str, CommandTrace])
@@ -179,6 +183,12 @@ class MissionTrace:
             self.round += 1
 
     @property
+    def choices(self) -> tuple[str, ...]:
+        """What can be answered to the question that waits; none where no question does."""
+        waits = self.approval is not None and self.approval.state == "not_understood"
+        return self.questions[-1].choices if waits and self.questions else ()
+
+    @property
     def standings(self) -> dict[str, ev.WorkflowMoved]:
         """Where the mission stands in the workflow of each track."""
         return {move.track: move for move in self.workflow}
@@ -212,9 +222,23 @@ class MissionTrace:
 
 def apply_to_mission(trace: MissionTrace, data: ev.EventPayload) -> None:
     """Take one event of the mission in; a kind that says nothing of it changes nothing."""
+    _apply_reading(trace, data)
     _apply_planning(trace, data)
     _apply_decision(trace, data)
     _apply_execution(trace, data)
+
+
+def _apply_reading(trace: MissionTrace, data: ev.EventPayload) -> None:
+    """Step 1."""
+    match data:
+        case ev.QuestionAsked():
+            trace.questions.append(data)
+        case ev.OrderRead(text=text, typed=typed, references=references):
+            words = {"text": text, "typed": typed if typed != text else ""}
+            trace.mission = trace.mission.model_copy(update=words)
+            trace.references = references
+        case _:
+            pass
 
 
 def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
