@@ -296,8 +296,6 @@ def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
             attempt.verdict, attempt.judge_error = data.verdict, data.error
             attempt.judge_usage, attempt.judged = data.usage, True
             attempt.judge_confidence = data.confidence
-        case ev.OrderReadAgain(attempt=number):
-            trace.attempt(number).read_again = data
         case ev.RepairRequested(attempt=number, reasons=reasons):
             trace.attempt(number).repair = reasons
         case _:
@@ -305,8 +303,10 @@ def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
 
 
 def _apply_decision(trace: MissionTrace, data: ev.EventPayload) -> None:
-    """The operator's turn, and what takes it away."""
+    """What another model read, the operator's turn, and what takes that away."""
     match data:
+        case ev.OrderReadAgain(attempt=number):
+            trace.attempt(number).read_again = data
         case ev.ApprovalRequested(attempt=number, if_halted=declared):
             trace.stage, trace.approval = "decide", data
             trace.approval_state = data.state
