@@ -1,6 +1,6 @@
 """What the console needs of its surroundings, as protocols, so that every screen stands alone."""
 
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from typing import Protocol
 
 from pa_console.schema.events.event import Event
@@ -115,6 +115,11 @@ class ShownRules(Protocol):
     @property
     def rules(self) -> tuple[Rule, ...]:
         """Every rule, in file order."""
+        ...
+
+    @property
+    def approvals(self) -> Mapping[str, int]:
+        """How many people must approve what, where that is not one."""
         ...
 
 

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from textual.content import Content
 
 from pa_console.llm.roles.grammar import PLANNED
+from pa_console.orchestrator.planning.approval import people_words
+from pa_console.orders.clauses import ASKED
 from pa_console.orders.plain_words import plain_reading
 from pa_console.orders.reading import asked_words
 from pa_console.schema.events.event import UNSURE, ApprovalRequested
@@ -36,7 +38,8 @@ def approval_rows(trace: MissionTrace, preview: PlanPreview | None = None) -> It
     if request.state == "not_understood":
         told = "; ".join(request.blocked_by).removeprefix("not understood: ")
         yield row(("? ", WARN), (told, WARN))
-        yield row("  ", "Nobody moves. Reject this and say it in other words.")
+        told = "Choose or write what is meant" if trace.choices else "Write what is meant"
+        yield row("  ", f"Nobody moves. {told}, or reject this.")
         return
     for text in attempt.unmet if attempt else ():
         yield row(("△ ", WARN), ("Not done: ", f"bold {WARN}"), _because(text))
@@ -44,6 +47,8 @@ def approval_rows(trace: MissionTrace, preview: PlanPreview | None = None) -> It
     yield from _actions(request, preview)
     for reason in request.blocked_by:
         yield row(("✘ ", BAD), ("Blocked  ", f"bold {BAD}"), (reason, BAD))
+    if request.approvals:
+        yield row(("▲ ", WARN), ("People  ", f"bold {WARN}"), people_words(request.approvals))
     for rule_id in request.acknowledge:
         yield row(("▲ ", WARN), (f"{rule_id}  ", f"bold {WARN}"), _message(trace, rule_id))
     yield _judge(attempt, request)
@@ -180,4 +185,5 @@ def looked_at_rows(preview: PlanPreview | None, faults: tuple[str, ...]) -> Iter
 
 def reading_label(number: int, asked: str) -> Content:
     """Return what else the order may mean, after the key that shows it."""
-    return Content.assemble((f"(Alt+{number}) ", "bold"), ("or: ", QUIET), plain_reading(asked))
+    or_ = ("or: ", QUIET) if asked.startswith(ASKED) else ""
+    return Content.assemble((f"(Alt+{number}) ", "bold"), or_, plain_reading(asked))

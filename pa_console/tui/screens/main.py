@@ -189,6 +189,10 @@ class MainScreen(Screen[None]):
             self.query_one(TracePane).show(self.selected(state))
             self._show_approval(state)
 
+    def show_waiting(self, text: str) -> None:
+        """Say what is being waited for, empty for nothing."""
+        self.query_one(MissionPrompt).show_waiting(text)
+
     def _show_approval(self, state: SessionState) -> None:
         """Show or withdraw the open request; focus moves only when nobody is typing."""
         panel, prompt = self.query_one(ApprovalPanel), self.query_one(MissionPrompt)

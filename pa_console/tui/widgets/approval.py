@@ -179,9 +179,9 @@ class ApprovalPanel(Vertical, can_focus=True):
         readings.remove_children()
         readings.mount_all(
             Button(reading_label(number, asked), name=f"meant-{number}", compact=True)
-            for number, asked in enumerate(request.readings, start=1)
+            for number, asked in enumerate(trace.choices or request.readings, start=1)
         )
-        self.set_class(bool(request.readings), "-unclear")
+        self.set_class(bool(trace.choices or request.readings), "-unclear")
         warnings = self.query_one("#approval-warnings", ItemGrid)
         warnings.remove_children()
         warnings.mount_all(
@@ -194,6 +194,8 @@ class ApprovalPanel(Vertical, can_focus=True):
         reason.placeholder = (
             "Why override the judge? (required)"
             if request.needs_override and not request.blocked_by
+            else "Your answer, Enter sends it"
+            if request.state == "not_understood"
             else "Reason (optional)"
         )
         self._body.scroll_home(animate=False)
@@ -353,6 +355,13 @@ class ApprovalPanel(Vertical, can_focus=True):
             return ""
         return next(iter(request.readings[int(number) - 1 : int(number)]), "")
 
+    def _answer_of(self, name: str) -> str:
+        """Return the answer that a button of this name chooses, '' where nothing is asked back."""
+        trace, number = self._trace, name.removeprefix(_MEANT)
+        if trace is None or not name.startswith(_MEANT) or not number.isdigit():
+            return ""
+        return next(iter(trace.choices[int(number) - 1 : int(number)]), "")
+
     def on_descendant_blur(self) -> None:
         """Say no longer what the next key did there; away from here no reading is looked at."""
         if not self.has_focus_within:
@@ -480,8 +489,10 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.refresh_state()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Enter in the reason leads out of it; another Enter decides nothing."""
+        """Enter leads out of the reason, or sends the answer; another Enter decides nothing."""
         event.stop()
+        if event.value.strip():
+            self._answer(event.value.strip())
         self.screen.set_focus(self)
 
     def _choose(self, choice: str) -> None:
@@ -491,6 +502,8 @@ class ApprovalPanel(Vertical, can_focus=True):
         reason = self.query_one(f"#{REASON}", Input).value.strip()
         if choice == "modify" and request.state != "not_understood":
             self.post_message(self.ModifyAsked())
+        elif answer := self._answer_of(choice):
+            self._answer(answer)
         elif asked := self._reading_of(choice):
             self._send(Decision(kind="choose", request_id=request.request_id, asked=asked))
         elif choice == "reject":
@@ -505,6 +518,12 @@ class ApprovalPanel(Vertical, can_focus=True):
                     acknowledged=request.acknowledge,
                 )
             )
+
+    def _answer(self, answer: str) -> None:
+        """Answer what is asked about the order; nothing where a plan waits."""
+        request = self._trace.approval if self._trace else None
+        if request is not None and request.state == "not_understood" and self.armed:
+            self._send(Decision(kind="answer", request_id=request.request_id, asked=answer))
 
     def _send(self, decision: Decision) -> None:
         self._sent = True
