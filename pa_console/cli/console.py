@@ -73,7 +73,7 @@ def console(
     )
     with Runner() as loop:
         with ThreadPoolExecutor(1) as hashing, _stopped_when_left() as going_on:
-            found = hashing.submit(find_model, model, going_on)
+            found = hashing.submit(find_model, model, going_on, settings.values.second_reader)
             from pa_console.cli.live_session import Asked, open_live  # noqa: PLC0415 - meanwhile
 
             engine = Engine(found.result())

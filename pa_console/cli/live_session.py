@@ -7,6 +7,7 @@ from pathlib import Path
 import typer
 
 from pa_console.cli.output import errors
+from pa_console.cli.site_keys import load_authority
 from pa_console.cli.unclosed import choose_session
 from pa_console.llm.engine.engine import Engine
 from pa_console.orchestrator.station.assembly import Site, load_site, open_station
@@ -74,6 +75,7 @@ def open_live(asked: Asked, settings: Settings, engine: Engine) -> LiveSession:
         respond=asked.alarms,
         watch=watch,
         resumed=resumed,
+        authority=load_authority(),
     )
     station.rate = settings.speed
     return LiveSession(site, station, log)

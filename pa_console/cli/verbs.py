@@ -47,6 +47,10 @@ VERBS = {
     "rules": Verb(
         "rules.rules:app", "List, search, check, lint, sign, compare, try and trace rules."
     ),
+    "keys": Verb(
+        "keys:app",
+        "Make, list, enrol, revoke and rotate the keys of a site; put a station in command.",
+    ),
     "models": Verb("models:app", "List and pull language models."),
     "eval": Verb(
         "evaluate:app", "Run mission sets against models and variants of the pipeline; more below."

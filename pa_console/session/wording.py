@@ -194,6 +194,8 @@ def _planned(data: ev.EventPayload) -> str:
             | ev.OutcomeJudged(verdict=verdict, error=error)
         ):
             said = f"{verdict.verdict}: {verdict.feedback}" if verdict is not None else error
+        case ev.OrderReadAgain(model=model, asked=asked, error=error):
+            said = f"{model}: {error or plain_reading(asked)}"
         case ev.RepairRequested(reasons=reasons):
             said = "; ".join(reasons)
         case ev.ApprovalRequested(blocked_by=blocked, plan=plan, readings=readings):

@@ -54,6 +54,13 @@ class Settings(BaseSettings):
         "GGUF file. Empty is the catalogue's default.",
         json_schema_extra=_about("Session"),
     )
+    second_reader: str = Field(
+        default="",
+        title="Second reader",
+        description="The model that reads an order again of which the first is unsure. Empty is "
+        "the one that goes with the model, if it was pulled; off is none.",
+        json_schema_extra=_about("Session"),
+    )
     world: str = Field(
         default="checkpoint",
         min_length=1,

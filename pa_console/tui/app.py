@@ -257,6 +257,10 @@ class ConsoleApp(App[None]):
     def _decided(self, message: ApprovalPanel.Decided) -> None:
         self.controllers.approval.decide(message.decision)
 
+    @on(ApprovalPanel.LookedAt)
+    def _looked_at(self, message: ApprovalPanel.LookedAt) -> None:
+        self.controllers.approval.look_at(message.asked)
+
     @on(ApprovalPanel.ModifyAsked)
     def _modify_asked(self) -> None:
         self.controllers.approval.modify()

@@ -31,7 +31,7 @@ engine = ScriptedEngine([moved if answer == "plan" else None])
 if answer == "never-closed":
     engine.close = asyncio.Event().wait
 for verb in (console, mission_session):
-    verb.find_model = lambda *_: engine.model
+    verb.find_model = lambda *_, **_reader: engine.model
     verb.Engine = lambda _: engine
 main()
 """

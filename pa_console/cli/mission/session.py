@@ -24,6 +24,7 @@ from pa_console.cli.output import (
 )
 from pa_console.cli.session_log import open_log, tell_of_witness, usual_file
 from pa_console.cli.settings_defaults import settings_of
+from pa_console.cli.site_keys import load_authority
 from pa_console.end_signals import EndableRun, end_signals, exit_code_of, leave_terminal
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.models.catalogue import find_model
@@ -79,7 +80,7 @@ def run_session(
     warn_of_altered(rules, site.rulebook.seal)
     played = open_scenario(site.world, site.world_path, scenario) if scenario else None
     signer = load_signer()
-    engine = Engine(find_model(model))
+    engine = Engine(find_model(model, second_reader=settings.values.second_reader))
     station = open_station(
         site,
         engine,
@@ -87,6 +88,7 @@ def run_session(
         seed=seed,
         scenario=played,
         respond=alarms if alarms is not None else played is not None,
+        authority=load_authority(),
     )
     writer = open_log(settings.values, station.session, signer, _cannot_write, log, witness)
     endable = EndableRun()

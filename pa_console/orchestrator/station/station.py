@@ -12,6 +12,7 @@ from pa_console.orchestrator.intake.intake import Intake
 from pa_console.orchestrator.mission.outcome_verdicts import OutcomeVerdicts
 from pa_console.orchestrator.mission.services import Services
 from pa_console.orchestrator.planning.read_ahead import ReadAhead
+from pa_console.orchestrator.planning.reading_rehearsal import rehearse_reading
 from pa_console.orchestrator.station.background import Background
 from pa_console.orchestrator.station.journal import Log
 from pa_console.orchestrator.station.mission_worker import MissionWorker, StationParts
@@ -22,6 +23,7 @@ from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Metrics, Mission
+from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World
 
 READ_ONLY = "this console is read-only: commands are refused"
@@ -141,6 +143,8 @@ class Station:
             self._emit(ev.TelemetryReceived(picture=self._ticking.first))
         else:
             self._go_on(self._resumed)
+        if problem := self._gate.objection(self._services.rulebook):
+            self._emit(ev.Noticed(level="alarm", subject="keys", text=problem))
         self._services.engine.on_state = self.worker_changed
         ahead, serving = self._ahead, self._worker.serve(self._background, self._between)
         for work in (
@@ -215,6 +219,13 @@ class Station:
         if decision.kind == "approve" and (problem := self._journal.commit()):
             raise ValueError(f"nothing is approved while the log cannot be written: {problem}")
         self._worker.decide(decision)
+
+    async def look_at(self, mission: Mission, asked: str) -> RehearsedReading | None:
+        """Rehearse what another reading of a mission would lead to; nothing is decided by that.
+
+        None where the console cannot tell what would serve it.
+        """
+        return await rehearse_reading(self._reload.services, mission, asked)
 
     def cancel(self) -> None:
         """Cancel the mission being worked on; assets under way for it go to a safe state.

@@ -35,6 +35,7 @@ from pa_console.schema.events.planning import (
     UNSURE,
     ApprovalRequested,
     DecisionMade,
+    OrderReadAgain,
     PictureDigested,
     PlanChecked,
     PlanJudged,
@@ -90,6 +91,7 @@ __all__ = (
     "MissionStarted",
     "MissionVerified",
     "Noticed",
+    "OrderReadAgain",
     "OutcomeJudged",
     "Payload",
     "PictureDigested",
@@ -122,8 +124,8 @@ EventPayload = Annotated[
     | AlarmRaised | AlarmAcknowledged | AlarmCleared | QueueChanged | MissionPreempted
     | WorkflowMoved | CommandResent | PlanHalted | MissionReceived | MissionStarted
     | RulesRetrieved | PictureDigested | PromptBuilt
-    | TextStreamed | PlanProposed | PlanRehearsed | PlanChecked | PlanJudged | RepairRequested
-    | ApprovalRequested | DecisionMade | PlanVoided | CommandSent | CommandReplied
+    | TextStreamed | PlanProposed | PlanRehearsed | PlanChecked | PlanJudged | OrderReadAgain
+    | RepairRequested | ApprovalRequested | DecisionMade | PlanVoided | CommandSent | CommandReplied
     | MissionVerified | OutcomeJudged | MissionReported | MissionFinished | AllStopped
     | StopReleased | CommandRefused | RulesReplaced | SessionEnded | SessionResumed | LogSigned
     | LogTroubled,

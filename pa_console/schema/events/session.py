@@ -42,6 +42,10 @@ class SessionStarted(Payload):
     variant: Variant = Field(default_factory=Variant)
     packages: dict[str, str] = {}
     adapters: dict[str, str] = {}
+    second_reader: str = Field(
+        default="", description="the model that reads unclear orders again, with its SHA-256"
+    )
+    second_reader_sha256: str = ""
 
 
 class SessionResumed(Payload):
