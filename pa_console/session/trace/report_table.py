@@ -8,7 +8,7 @@ import re
 from pa_console.session.trace.parts import Column, Span, Table, table
 
 _ACTION = re.compile(r"- (?P<what>\S+ [^:]+)(?:: (?P<told>.*))?")
-_LABEL = re.compile(r"(?P<what>[^:.]{1,48})[:.] (?P<told>.+)")
+_LABEL = re.compile(r"(?P<what>[^:]{1,120}?)(?:: |\. (?=Rationale))(?P<told>.+)")
 _COLUMNS = (Column("what", 24, stress="bold"), Column("told"))
 
 
