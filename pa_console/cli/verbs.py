@@ -33,6 +33,10 @@ VERBS = {
         "replay.replay:replay",
         "Play LOG back in the console, verify it, run it again, or compare it with another one.",
     ),
+    "sessions": Verb(
+        "sessions:sessions",
+        "List the recorded sessions: what each was about, how it ended, whether its log is sound.",
+    ),
     "doctor": Verb(
         "doctor.doctor:doctor",
         "Look for everything that the console needs; exit code 0 when nothing is missing.",
@@ -43,6 +47,10 @@ VERBS = {
     "rules": Verb(
         "rules.rules:app", "List, search, check, lint, sign, compare, try and trace rules."
     ),
+    "keys": Verb(
+        "keys:app",
+        "Make, list, enrol, revoke and rotate the keys of a site; put a station in command.",
+    ),
     "models": Verb("models:app", "List and pull language models."),
     "eval": Verb(
         "evaluate:app", "Run mission sets against models and variants of the pipeline; more below."
@@ -51,6 +59,9 @@ VERBS = {
         "bench.bench:app", "Compare the parts with the plain way and the limit; more benches below."
     ),
     "scenarios": Verb("scenarios:app", "List, show and check the situations of a world."),
+    "site": Verb(
+        "site.site:app", "Run the simulated checkpoint as a service on a message bus; more below."
+    ),
     "world": Verb("world:app", "Generate a checkpoint world, or check one."),
     "train": Verb(
         "train.train:app",

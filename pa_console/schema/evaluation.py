@@ -130,6 +130,9 @@ class Variant(StrictModel):
         description="a plan that does nothing, or for a reading of which the planner was unsure, "
         "gives way to what a judge that objects has read",
     )
+    read_again: bool = Field(
+        default=True, description="a second reader is asked where the models are unsure of an order"
+    )
     readings: int = Field(
         default=5,
         ge=0,

@@ -9,6 +9,9 @@ from pa_console.schema.base import Name, NonNegative, StrictModel
 from pa_console.schema.plan import Plan
 
 MAX_MISSION_TEXT = 2000
+STANDING = "standing instruction"
+"""How whoever decided is named where that was done beforehand, and nobody looked at the plan."""
+
 DecisionKind = Literal["approve", "reject", "modify", "choose", "answer"]
 ApprovalState = Literal[
     "approve",  # understood, and all of it is planned
@@ -59,6 +62,16 @@ class Decision(StrictModel):
         default="",
         description="the offered reading that was meant, for `choose`; the words, for `answer`",
     )
+    signatures: dict[str, str] = Field(
+        default={},
+        exclude_if=lambda signatures: not signatures,
+        description="the signed approval of everybody who approved, by name, where there are keys",
+    )
+
+    @property
+    def standing(self) -> bool:
+        """Whether it was given beforehand."""
+        return self.by.startswith(STANDING)
 
     @property
     def settles(self) -> bool:

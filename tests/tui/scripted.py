@@ -20,6 +20,7 @@ from pa_console.schema.events.event import (
 )
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Metrics, Mission
+from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.controllers.typing import KeyTime
@@ -69,6 +70,7 @@ class ScriptedStation:
         self.withdrawn: list[str] = []
         self.closed = False
         self.refuse = self.offered = ""
+        self.rehearsed: dict[str, RehearsedReading] = {}
         self.accepted = 0
         self.typed = self.reloads = 0
         self.retriever: RuleScorer = WordRetriever()
@@ -172,6 +174,11 @@ class ScriptedStation:
         """Record a withdrawn mission."""
         self._refuse()
         self.withdrawn.append(mission_id)
+
+    async def look_at(self, mission: Mission, asked: str) -> RehearsedReading | None:
+        """Return the rehearsal that the test has for a reading."""
+        assert mission.id == MISSION.id
+        return self.rehearsed.get(asked)
 
     def _refuse(self) -> None:
         if self.refuse:

@@ -110,7 +110,8 @@ async def test_the_typed_words_stand_beside_their_reading(tmp_path: Path) -> Non
         text = said(app.screen.query_one(ApprovalPanel))
         assert "typed Send all asets (read: assets) east." in text
         assert "read send every free asset to EastGate" in text
-        assert f"NOT DONE {LEFT[0]}" in text
+        told = "Not done: all free to EastGate, because Drone_T01 covers NorthGate alone (WF-03)"
+        assert told in text
 
 
 async def test_what_was_not_understood_can_only_be_rejected(tmp_path: Path) -> None:

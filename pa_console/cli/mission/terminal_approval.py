@@ -10,6 +10,7 @@ from rich.prompt import Confirm, Prompt
 
 from pa_console.cli.mission.trace import print_proposal
 from pa_console.cli.output import errors
+from pa_console.orchestrator.planning.approval import people_words
 from pa_console.orders.plain_words import plain_reading
 from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import Decision
@@ -30,6 +31,10 @@ def ask_decision(request: ApprovalRequested, trace: MissionTrace | None) -> Deci
         errors.print(f"blocked: {reason}", style="bold red", markup=False)
     if request.blocked_by and not request.readings:
         return Decision(kind="reject", reason="; ".join(request.blocked_by))
+    if request.approvals:
+        told = f"{people_words(request.approvals)} to approve, and here is one"
+        errors.print(told, style="bold red", markup=False)
+        return Decision(kind="reject", reason=told)
     if request.acknowledge:
         errors.print(f"broken, to be acknowledged: {', '.join(request.acknowledge)}", markup=False)
     reason = ""

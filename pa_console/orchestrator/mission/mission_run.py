@@ -301,7 +301,7 @@ class MissionRun:
     async def _carry_out(self, approved: Approved, task: Mission) -> Executed:
         """Step 7 for one plan: execute, see what comes of it, have the outcome judged."""
         decided, shown = approved.decided, approved.planned.best
-        self._services.gate.grant(decided.request, decided.decision)
+        self._services.gate.grant(decided.request, decided.decision, self._services.rulebook)
         phase = self._progress.phase
         self.moving = True
         try:

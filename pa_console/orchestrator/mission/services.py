@@ -11,7 +11,7 @@ from pa_console.llm.engine.engine import Engine
 from pa_console.llm.roles.dialect import DIALECTS, Dialect
 from pa_console.llm.roles.judge import Judge
 from pa_console.llm.roles.planner import Planner
-from pa_console.orchestrator.execution.command_gate import CommandGate
+from pa_console.orchestrator.execution.command_gate import Authority, CommandGate
 from pa_console.orchestrator.intake.order_language import is_english, question_back
 from pa_console.orchestrator.intake.past_orders import PastOrders
 from pa_console.orchestrator.intake.spelling_correction import respell
@@ -51,6 +51,8 @@ class Services:
     """What every command to a device goes through: `fleet.send` is for the gate alone."""
     sightings: Sightings
     """What was seen where in this session; the station keeps it."""
+    second_reader: Judge | None = None
+    """What reads an order again of which planner or judge is unsure."""
     past: PastOrders = field(default_factory=PastOrders)
     """What was ordered in this session; the station keeps it."""
     top_k: int = 3
@@ -65,13 +67,16 @@ class Services:
         *,
         dialect: Dialect | None = None,
         retriever: Retriever | None = None,
+        authority: Authority | None = None,
     ) -> Self:
         """Begin with nothing seen or decided, and with the core in force whatever the rules say.
 
         Planner and judge are two roles on `engine`, in the `dialect` of its model unless one is
-        given. A `retriever` that has read the rules already saves the time to index them.
+        given. A `retriever` that has read the rules already saves the time to index them. With an
+        `authority`, people and the station sign what is approved and sent.
         """
         dialect, variant = dialect or DIALECTS[engine.model.prompts], variant or Variant()
+        second = engine.second_reader
         if retriever is None:
             retriever = Retriever(rulebook.rules, variant.method or DEFAULT_METHOD)
         journal = Journal()
@@ -85,8 +90,9 @@ class Services:
             dialect=dialect,
             variant=variant,
             journal=journal,
-            gate=CommandGate(fleet, journal),
+            gate=CommandGate(fleet, journal, authority),
             sightings=Sightings(fleet.world),
+            second_reader=Judge(second, max_tokens=dialect.verdict_tokens) if second else None,
         )
 
     def read(self, text: str) -> str:

@@ -38,6 +38,7 @@ from pa_console.schema.events.planning import (
     UNSURE,
     ApprovalRequested,
     DecisionMade,
+    OrderReadAgain,
     PictureDigested,
     PlanChecked,
     PlanJudged,
@@ -59,6 +60,7 @@ from pa_console.schema.events.session import (
     Noticed,
     RulesReplaced,
     SessionEnded,
+    SessionResumed,
     SessionStarted,
     TelemetryReceived,
     WorkerChanged,
@@ -93,6 +95,7 @@ __all__ = (
     "MissionVerified",
     "Noticed",
     "OrderRead",
+    "OrderReadAgain",
     "OutcomeJudged",
     "Payload",
     "PictureDigested",
@@ -111,6 +114,7 @@ __all__ = (
     "RulesReplaced",
     "RulesRetrieved",
     "SessionEnded",
+    "SessionResumed",
     "SessionStarted",
     "StopReleased",
     "TelemetryReceived",
@@ -126,10 +130,11 @@ EventPayload = Annotated[
     | AlarmRaised | AlarmAcknowledged | AlarmCleared | QueueChanged | MissionPreempted
     | WorkflowMoved | CommandResent | PlanHalted | MissionReceived | MissionStarted
     | QuestionAsked | OrderRead | RulesRetrieved | PictureDigested | PromptBuilt
-    | TextStreamed | PlanProposed | PlanRehearsed | PlanChecked | PlanJudged | RepairRequested
-    | ApprovalRequested | DecisionMade | PlanVoided | CommandSent | CommandReplied
+    | TextStreamed | PlanProposed | PlanRehearsed | PlanChecked | PlanJudged | OrderReadAgain
+    | RepairRequested | ApprovalRequested | DecisionMade | PlanVoided | CommandSent | CommandReplied
     | MissionVerified | OutcomeJudged | MissionReported | MissionFinished | AllStopped
-    | StopReleased | CommandRefused | RulesReplaced | SessionEnded | LogSigned | LogTroubled,
+    | StopReleased | CommandRefused | RulesReplaced | SessionEnded | SessionResumed | LogSigned
+    | LogTroubled,
     Field(discriminator="kind"),
 ]  # fmt: skip
 

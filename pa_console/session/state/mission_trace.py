@@ -62,6 +62,7 @@ class Attempt:
     given: bool = False
     """Whether the console gave the commands and the planner chose who has them."""
     as_judged: bool = False
+    as_read_again: bool = False
     """Whether it is for what the judge read in the mission, not the planner."""
     as_chosen: bool = False
     """Whether it is for the reading of the mission that the operator chose."""
@@ -94,6 +95,7 @@ class Attempt:
         """Who else had a part in it, to be told after what it stands beside; '' for nobody."""
         given = ", its commands given by the console" * self.given
         judged = ", as the judge read it" * self.as_judged
+        judged += ", as the second reader read it" * self.as_read_again
         return given + judged + ", as the operator meant it" * self.as_chosen
 
 
@@ -273,7 +275,7 @@ def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
             attempt.error, attempt.usage = data.error, data.usage
             attempt.instead_of, attempt.given = data.instead_of, data.given
             attempt.as_judged, attempt.confidence = data.as_judged, data.confidence
-            attempt.as_chosen = data.as_chosen
+            attempt.as_chosen, attempt.as_read_again = data.as_chosen, data.as_read_again
         case ev.PlanRehearsed(attempt=number, rehearsal=rehearsal, seconds=seconds):
             attempt = trace.attempt(number)
             attempt.rehearsal, attempt.rehearsal_s = rehearsal, seconds

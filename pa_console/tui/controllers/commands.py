@@ -138,7 +138,8 @@ class CommandController:
         """Set the speed of the simulation."""
         session = self._session
         if session.station is not None and not session.readonly:
-            session.station.rate = session.rate = rate
+            session.station.rate = rate
+            session.rate = session.station.rate
         self._feed.changed(frozenset(("status",)))
 
     def change_rate(self, factor: float) -> None:
