@@ -20,6 +20,10 @@ The generator's own, which name every asset of a large team, have up to some 1,5
 Success = Annotated[str, StringConstraints(max_length=MOST_CONDITION)]
 
 
+MOST_WORLDS = 256
+"""A set of generated missions has a world for every four of them."""
+
+
 class GeneratedWorld(StrictModel):
     """A world of the generator; equal numbers give equal worlds."""
 
@@ -87,7 +91,7 @@ class MissionSet(StrictModel):
     source: str = ""
     worlds: dict[Name, NamedWorld] = Field(
         default={},
-        max_length=16,
+        max_length=MOST_WORLDS,
         description="other worlds, by the name that missions give as `world`",
     )
     missions: tuple[MissionCase, ...] = Field(min_length=1)

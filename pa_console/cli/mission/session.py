@@ -135,10 +135,21 @@ def run_session(
         errors.print(f"the session was ended; log: {path}", markup=False, soft_wrap=True)
         raise typer.Exit(exit_code_of(endable.ended_by))
     tell_of_witness(writer)
+    _tell_end(traces, path, unlogged, single=played is None, json=json)
+
+
+def _tell_end(
+    traces: Sequence[MissionTrace],
+    path: Path,
+    unlogged: LogError | None,
+    *,
+    single: bool,
+    json: bool,
+) -> None:
+    """Print what became of the missions; raises Exit with the exit code, or `unlogged`."""
     code = exit_code([trace.status for trace in traces]) if unlogged is None else BAD_INPUT
     if json:
-        single = played is None and len(traces) == 1
-        found = {"mission": traces[0]} if single else {"missions": traces}
+        found = {"mission": traces[0]} if single and len(traces) == 1 else {"missions": traces}
         problem = {} if unlogged is None else {"log_problem": str(unlogged)}
         print_json({"exit_code": code, "log": str(path), **problem, **found})
     if unlogged is not None:

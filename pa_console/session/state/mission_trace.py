@@ -62,8 +62,13 @@ class Attempt:
     given: bool = False
     """Whether the console gave the commands and the planner chose who has them."""
     as_judged: bool = False
-    as_read_again: bool = False
     """Whether it is for what the judge read in the mission, not the planner."""
+    as_read_again: bool = False
+    """Whether it is for what the second reader read in it."""
+    read_again: ev.OrderReadAgain | None = None
+    """What the second reader said of the order, where it was asked."""
+    told: float | None = None
+    """How sure of its reading the operator was told that the console is."""
     as_chosen: bool = False
     """Whether it is for the reading of the mission that the operator chose."""
 
@@ -71,8 +76,11 @@ class Attempt:
     def sure(self) -> float | None:
         """How sure planner and judge were of what was asked: the less sure of them, 0 to 1.
 
-        It is less where the words of the order and their reading do not match.
+        It is less where the words of the order and their reading do not match, and what a second
+        reader says is in it.
         """
+        if self.told is not None:
+            return self.told
         known = [c for c in (self.confidence, self.judge_confidence) if c is not None]
         return ev.told_confidence(min(known, default=None), self.gaps)
 
@@ -295,13 +303,15 @@ def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
 
 
 def _apply_decision(trace: MissionTrace, data: ev.EventPayload) -> None:
-    """The operator's turn, and what takes it away."""
+    """What another model read, the operator's turn, and what takes that away."""
     match data:
+        case ev.OrderReadAgain(attempt=number):
+            trace.attempt(number).read_again = data
         case ev.ApprovalRequested(attempt=number, if_halted=declared):
             trace.stage, trace.approval = "decide", data
             trace.approval_state = data.state
             if (attempt := trace.find(number)) is not None:
-                attempt.if_halted = declared
+                attempt.if_halted, attempt.told = declared, data.confidence
         case ev.DecisionMade(attempt=number, decision=decision, accepted=accepted):
             trace.decisions.append(data)
             if accepted:
