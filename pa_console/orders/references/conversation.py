@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from pa_console.orders.references.outcome import Meant, Unclear, listed
 from pa_console.orders.references.reader import Reader, read_tokens
-from pa_console.orders.references.scene import STILL, Move, Scene
+from pa_console.orders.references.scene import STILL, Move, PastMission, Scene
 from pa_console.orders.references.words import asset_at, place_at
 from pa_console.orders.verb_lexicon import find_verbs
 
@@ -76,19 +76,18 @@ class Retold:
 
 def retell(scene: Scene, text: str) -> Retold | Unclear | None:
     """Return an order that leans on the one before in full; None where it stands by itself."""
-    if scene.last is None or not text.strip():
+    if (scene.last is None and not scene.pointer) or not text.strip():
         return None
     return _Turn(scene, text).retold()
 
 
 class _Turn:
-    """One order of a conversation, after at least one other."""
+    """One order of a conversation, after others, or with something marked on the screen."""
 
     def __init__(self, scene: Scene, text: str) -> None:
-        assert scene.last is not None
         self._scene, self._text, self._tokens = scene, text, read_tokens(text)
-        self._last = scene.last
-        self._moves = [move for move in scene.last.moves if move.verb not in STILL]
+        self._last = scene.last or PastMission("", ())
+        self._moves = [move for move in self._last.moves if move.verb not in STILL]
         self._movers = list(dict.fromkeys(move.agent for move in self._moves))
         self._words = [token.word for token in self._tokens]
         self._low = f" {' '.join(word for word in self._words if word[0].isalnum())} "
@@ -103,7 +102,7 @@ class _Turn:
             self._joined,
             self._brought_back,
         ):
-            found = way()
+            found = way() if self._moves else None
             if found is not None:
                 return found
         return self._pronouns()
@@ -154,8 +153,13 @@ class _Turn:
     @property
     def _there(self) -> str:
         """Where the last mission has sent somebody; '' for several places."""
-        places = dict.fromkeys(self._target(move) for move in self._moves)
-        return next(iter(places)) if len(places) == 1 else ""
+        return self._theres[0] if len(self._theres) == 1 else ""
+
+    @property
+    def _theres(self) -> list[str]:
+        """Every place that *there* may be: where somebody was sent, and what is marked."""
+        marked = [self._scene.pointer] if self._scene.pointer in self._scene.world.frames else []
+        return list(dict.fromkeys((*marked, *map(self._target, self._moves))))
 
     def _target(self, move: Move) -> str:
         return self._scene.world.base if move.verb == "return_to_base" else move.target
@@ -308,13 +312,15 @@ class _Turn:
     def _it(self) -> list[str] | Unclear:
         """Return who was moved last; of several it has to be asked which one is meant."""
         pointer = self._scene.pointer
-        if pointer in self._scene.world.assets:
-            return [pointer]
-        if len(self._movers) == 1:
-            return self._movers
+        marked = [pointer] if pointer in self._scene.world.assets else []
+        if marked and self._has("that one", "this one"):
+            return marked
+        who = list(dict.fromkeys((*marked, *self._movers)))
+        if len(who) < 2:
+            return who
         found = re.search(rf"\b(?:{'|'.join(_IT)})\b", self._text, re.IGNORECASE)
         said = found[0] if found is not None else "it"
-        return Unclear(said, f"Who is meant by “{said}”?", tuple(self._movers))
+        return Unclear(said, f"Who is meant by “{said}”?", tuple(who))
 
     def _they(self) -> list[str]:
         """Return who was moved by the last mission; of one alone, with whom was moved before."""
@@ -353,19 +359,31 @@ class _Turn:
             before = [
                 self._scene.place_of(move.agent) if within else move.before for move in self._moves
             ]
-            return self._replaced(at, reader.at, before[-1], to=True) if before[-1] else None
+            place = before[-1] if before else ""
+            return self._replaced(at, reader.at, place, to=True) if place else None
         if reader.take(*_THERE):
-            place = self._there
-            return None if placed or not place else self._replaced(at, reader.at, place, to=True)
+            return None if placed else self._there_named(at, reader.at)
         if named:
             return None
         if reader.take(*_THEM, *_THEY) and reader.word() not in ("of", "robots", "drones"):
-            return self._replaced(at, reader.at, listed(self._they()))
+            they = self._they()
+            return self._replaced(at, reader.at, listed(they)) if they else None
         reader.at = at
         if reader.take(*_IT) and not (_WEATHER & {reader.word(), reader.word(1), reader.word(2)}):
             who = self._it()
-            return who if isinstance(who, Unclear) else self._replaced(at, reader.at, who[0])
+            if isinstance(who, Unclear):
+                return who
+            return self._replaced(at, reader.at, who[0]) if who else None
         return None
+
+    def _there_named(self, at: int, end: int) -> tuple[Meant, int] | Unclear | None:
+        """Put the name for a word such as *there*; of several places it is asked which one."""
+        if self._there:
+            return self._replaced(at, end, self._there, to=True)
+        if not self._theres:
+            return None
+        said = self._text[self._tokens[at].start : self._tokens[end - 1].end]
+        return Unclear(said, f"Which place is “{said}”?", tuple(self._theres))
 
     def _replaced(self, at: int, end: int, means: str, *, to: bool = False) -> tuple[Meant, int]:
         first, last = self._tokens[at], self._tokens[end - 1]
