@@ -12,6 +12,8 @@ import typer
 
 from pa_console.cli.output import (
     AcceptRulesOption,
+    CertificatesOption,
+    FleetOption,
     ModelOption,
     RulesOption,
     ScenarioOption,
@@ -35,6 +37,8 @@ def console(
     model: ModelOption = None,
     scenario: ScenarioOption = None,
     seed: SeedOption = 0,
+    fleet: FleetOption = "",
+    certificates: CertificatesOption = None,
     alarms: Annotated[
         bool, typer.Option("--alarms/--no-alarms", help="Alarms become missions by themselves.")
     ] = True,
@@ -80,7 +84,17 @@ def console(
         loop.run(engine.start())
         try:
             asked = Asked(
-                world, rules, scenario, seed, alarms, readonly, unsigned, accept_rules, resume
+                world,
+                rules,
+                scenario,
+                seed,
+                alarms,
+                readonly,
+                unsigned,
+                accept_rules,
+                resume,
+                fleet,
+                certificates,
             )
             opened = open_live(asked, settings.values, engine)
             if plain:

@@ -50,6 +50,8 @@ EXAMPLES = {
     "scenarios list": "pa-console scenarios list --world my-world",
     "scenarios show": "pa-console scenarios show situation-2",
     "scenarios check": "pa-console scenarios check my-scenario.yaml",
+    "site": "pa-console site --embedded-broker",
+    "site init": "pa-console site init my-site --host 192.0.2.7",
     "world": "pa-console world generate --gates 6 --out six.yaml",
     "world generate": "pa-console world generate --gates 6 --assets 20 --seed 7 --out six.yaml",
     "world check": "pa-console world check six.yaml",

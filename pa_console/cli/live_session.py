@@ -1,11 +1,12 @@
 """Opens the session of a console, new or going on: its site, its station, where its log is."""
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import typer
 
+from pa_console.cli.fleet import find_fleet
 from pa_console.cli.output import errors
 from pa_console.cli.site_keys import load_authority
 from pa_console.cli.unclosed import choose_session
@@ -33,6 +34,8 @@ class Asked:
     unsigned: bool
     accept_rules: bool
     resume: bool | None
+    fleet: str = ""
+    certificates: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,8 @@ def open_live(asked: Asked, settings: Settings, engine: Engine) -> LiveSession:
     terminal.
     """
     pins, deadline_s = RulesPins(), settings.check_deadline_ms / 1000.0
-    site = _open_site(asked, pins, deadline_s)
+    on_bus = find_fleet(asked.fleet, asked.certificates, asked.world, settings, asked.scenario)
+    site = _open_site(replace(asked, world=on_bus.world), pins, deadline_s)
     watch = None
     if site.rules_path is not None:
         watch = RulesWatch(
@@ -61,21 +65,23 @@ def open_live(asked: Asked, settings: Settings, engine: Engine) -> LiveSession:
     if asked.scenario:
         played = open_scenario(site.world, site.world_path, asked.scenario)
     chosen = None
-    if not asked.readonly:
+    if not asked.readonly and not asked.fleet:
         folder = settings.logs or default_folder()
         chosen = choose_session(folder, site, engine.model.sha256, asked.scenario, asked.resume)
     resumed, log = chosen if chosen is not None else (None, None)
+    authority = load_authority()
     station = open_station(
         site,
         engine,
-        RealTimeClock(),
+        on_bus.clock(RealTimeClock()),
         seed=asked.seed,
         readonly=asked.readonly,
         scenario=played,
         respond=asked.alarms,
         watch=watch,
         resumed=resumed,
-        authority=load_authority(),
+        authority=authority,
+        fleet=on_bus.drive(site, authority),
     )
     station.rate = settings.speed
     return LiveSession(site, station, log)

@@ -3,6 +3,7 @@
 import json
 import os
 import sys
+from pathlib import Path
 from typing import IO, TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -78,6 +79,18 @@ ScenarioOption = Annotated[
     typer.Option("--scenario", help="A situation to play; see 'pa-console scenarios list'."),
 ]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the simulation.")]
+FleetOption = Annotated[
+    str,
+    typer.Option(
+        "--fleet",
+        metavar="URL",
+        help="Drive the robots of a site on a message bus: mqtts://host:8883/site.",
+    ),
+]
+CertificatesOption = Annotated[
+    Path | None,
+    typer.Option("--certificates", help="The folder of 'pa-console site init', to be let in with."),
+]
 WitnessOption = Annotated[
     str,
     typer.Option(

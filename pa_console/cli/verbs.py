@@ -59,6 +59,9 @@ VERBS = {
         "bench.bench:app", "Compare the parts with the plain way and the limit; more benches below."
     ),
     "scenarios": Verb("scenarios:app", "List, show and check the situations of a world."),
+    "site": Verb(
+        "site.site:app", "Run the simulated checkpoint as a service on a message bus; more below."
+    ),
     "world": Verb("world:app", "Generate a checkpoint world, or check one."),
     "train": Verb(
         "train.train:app",

@@ -12,7 +12,7 @@ MAX_MISSION_TEXT = 2000
 STANDING = "standing instruction"
 """How whoever decided is named where that was done beforehand, and nobody looked at the plan."""
 
-DecisionKind = Literal["approve", "reject", "modify", "choose"]
+DecisionKind = Literal["approve", "reject", "modify", "choose", "answer"]
 ApprovalState = Literal[
     "approve",  # understood, and all of it is planned
     "narrowed",  # understood; the plan leaves out a part of the order, and says why
@@ -59,7 +59,8 @@ class Decision(StrictModel):
     acknowledged: tuple[str, ...] = Field(default=(), description="rule ids of warnings accepted")
     plan: Plan | None = Field(default=None, description="the operator's own plan, for `modify`")
     asked: str = Field(
-        default="", description="which of the offered readings was meant, for `choose`"
+        default="",
+        description="the offered reading that was meant, for `choose`; the words, for `answer`",
     )
     signatures: dict[str, str] = Field(
         default={},

@@ -134,6 +134,11 @@ def order_in_words(command: DeviceCommand | Action) -> str:
     return f"{command.verb} {command.target or ''}".strip()
 
 
+def references_in_words(references: Sequence[ev.Reference]) -> str:
+    """Return what an order points at and what that is: *"it" = Drone_T04; "there" = EastGate*."""
+    return "; ".join(f"“{one.said}” = {one.means}" for one in references)
+
+
 def kind_in_words(kind: str) -> str:
     """Return the name of a kind of event as words."""
     return kind.replace("_", " ")
@@ -163,6 +168,10 @@ def event_in_words(data: ev.EventPayload) -> str:
             said = f"{name}: {reason}"
         case ev.MissionReceived(mission=mission):
             said = mission.said
+        case ev.QuestionAsked(question=question, choices=choices):
+            said = f"{question} {' | '.join(choices)}".strip()
+        case ev.OrderRead(text=text, references=references):
+            said = f"{text} | {references_in_words(references)}"
         case ev.MissionPreempted(by=who, reason=reason):
             said = f"{who} goes first: {reason}"
         case ev.WorkflowMoved():

@@ -1,6 +1,8 @@
 """The simulated checkpoint: fixed step, seeded, forkable; knows nothing of LLMs or rules."""
 
 import random
+from collections.abc import Mapping
+from typing import NamedTuple, Self
 
 from pa_console.schema.command import CommandReply, DeviceCommand
 from pa_console.schema.incident import Incident
@@ -15,10 +17,18 @@ from pa_console.sim.picture import integrity, telemetry
 from pa_console.sim.picture import picture as station_side
 from pa_console.sim.radio import link, radio
 from pa_console.sim.sensing import sensing
-from pa_console.sim.state import AssetState, RadioState, Scene
+from pa_console.sim.state import AssetState, Detection, RadioState, Report, Scene
 from pa_console.sim.worlds.terrain import Terrain
 
 LEAD_TICKS = 2
+
+
+class Arrived(NamedTuple):
+    """What reached the station in one step: reports over the radio, detections over wires."""
+
+    reports: tuple[Report, ...] = ()
+    wired: Mapping[str, tuple[Detection, ...]] | None = None
+    """By name of the cameras that have detected something; None between two scans."""
 
 
 class Checkpoint:
@@ -53,6 +63,7 @@ class Checkpoint:
         self._scene.script = scenario_script.begin(self.scenario, seed)
         self._happened: list[Incident] = []
         self._skipped: list[str] = []
+        self.arrived = Arrived()
         self._play()
         self._show(station_side.begin(self._terrain, self._scene))
 
@@ -108,6 +119,7 @@ class Checkpoint:
         """
         terrain, scene = self._terrain, self._scene
         phase = scene.tick % self._period
+        wired: Mapping[str, tuple[Detection, ...]] | None = None
         if scene.ideal:
             if phase == 0:
                 self._show(forecast.report(terrain, scene))
@@ -115,8 +127,10 @@ class Checkpoint:
         if phase == max(0, self._period - LEAD_TICKS) % self._period:
             radio.end_jams(scene)
             devices.listen(terrain, scene)
-            telemetry.send(terrain, scene)
-        station_side.receive(terrain, scene, link.take_reports(scene))
+            wired = telemetry.send(terrain, scene)
+        reports = link.take_reports(scene)
+        self.arrived = Arrived(tuple(reports), wired)
+        station_side.receive(terrain, scene, reports)
         if phase == 0:
             integrity.compare(terrain, scene)
             self._show(station_side.build(terrain, scene, scene.assets))
@@ -136,12 +150,13 @@ class Checkpoint:
     def picture(self) -> Picture:
         """Return telemetry as last reported, every `world.telemetry_period_s`."""
         if self._picture is None:
+            assert self._draft is not None
             self._picture = self._draft.picture()
         return self._picture
 
     def _show(self, draft: station_side.Draft) -> None:
         """Let the picture say this from now on; it is put together when somebody reads it."""
-        self._draft = draft
+        self._draft: station_side.Draft | None = draft
         self._picture: Picture | None = None
 
     def truth(self) -> Picture:
@@ -157,12 +172,18 @@ class Checkpoint:
 
     def forecast(self) -> "Checkpoint":
         """Return a simulation of what the picture shows, built from it and the world alone."""
-        twin = Checkpoint.__new__(Checkpoint)
-        twin.world, twin.seed, twin.scenario = self.world, 0, None
-        twin._happened, twin._skipped = [], []
-        twin._terrain, twin._period, twin._traffic = self._terrain, self._period, None
-        twin._draft, twin._picture = self._draft, self.picture()
-        twin._scene = forecast.scene_of(self._terrain, twin._picture)
+        return self.ahead_of(self._terrain, self.picture())
+
+    @classmethod
+    def ahead_of(cls, terrain: Terrain, picture: Picture) -> Self:
+        """Return a simulation of what `picture` shows on `terrain`, whoever put it together."""
+        twin = cls.__new__(cls)
+        twin.world, twin.seed, twin.scenario = terrain.world, 0, None
+        twin._happened, twin._skipped, twin.arrived = [], [], Arrived()
+        twin._terrain, twin._traffic = terrain, None
+        twin._period = station_side.period_ticks(terrain.world)
+        twin._draft, twin._picture = None, picture
+        twin._scene = forecast.scene_of(terrain, picture)
         return twin
 
     def take_incidents(self) -> list[Incident]:
@@ -189,6 +210,7 @@ class Checkpoint:
         twin = Checkpoint.__new__(Checkpoint)
         twin.world, twin.seed, twin.scenario = self.world, self.seed, self.scenario
         twin._happened, twin._skipped = list(self._happened), list(self._skipped)
+        twin.arrived = self.arrived
         twin._terrain, twin._period, twin._traffic = self._terrain, self._period, None
         twin._scene, twin._draft = self._scene.copy(), self._draft
         twin._picture = self._picture

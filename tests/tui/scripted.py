@@ -28,7 +28,7 @@ from pa_console.tui.protocols import RuleScorer
 from tests.tui.site import WORLD, Rulebook, WordRetriever
 from tests.tui.story import MISSION, START, stamped
 
-LAYOUTS = 3  # what is mounted is laid out, then scrolled to, then drawn
+LAYOUTS = 5  # what is mounted is laid out, fitted, laid out anew, scrolled to, then drawn
 
 
 class FakeClock:
@@ -61,6 +61,7 @@ class ScriptedStation:
         self.rate = 1.0
         self.submitted: list[str] = []
         self.decisions: list[Decision] = []
+        self.pointed = ""
         self.injected: list[Incident] = []
         self.cancelled = self.stopped = self.released = 0
         self.acknowledged: list[str] = []
@@ -115,6 +116,10 @@ class ScriptedStation:
         self._refuse()
         self.accepted += 1
         self.offered = ""
+
+    def point(self, name: str) -> None:
+        """Note what is marked."""
+        self.pointed = name
 
     def typing(self, text: str) -> None:
         """Count the keys that the prompt told of."""

@@ -201,6 +201,26 @@ def not_understood(text: str) -> list[ev.EventPayload]:
     ]
 
 
+def asked_back() -> list[ev.EventPayload]:
+    """An order that two gates fit: which one is meant is asked, with both to choose from."""
+    said = "the uncovered gate"
+    question = f"2 gates fit “{said}”. Which one is meant?"
+    return [
+        *opening(),
+        ev.MissionReceived(
+            mission=MISSION.model_copy(update={"text": f"Ugv_T02 to {said}."}), position=0
+        ),
+        ev.MissionStarted(),
+        ev.QuestionAsked(question=question, said=said, choices=("SouthGate", "WestGate")),
+        request_approval(
+            "M-003.0",
+            0,
+            CheckedPlan(Plan(reason="", actions=())),
+            OrderAsRead(question=question),
+        ),
+    ]
+
+
 def executing() -> list[ev.EventPayload]:
     """The decision and the first replies."""
     sent = [

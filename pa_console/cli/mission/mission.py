@@ -8,6 +8,8 @@ import typer
 
 from pa_console.cli.output import (
     AcceptRulesOption,
+    CertificatesOption,
+    FleetOption,
     JsonOption,
     ModelOption,
     RulesOption,
@@ -61,6 +63,8 @@ def mission(
         ),
     ] = None,
     seed: SeedOption = 0,
+    fleet: FleetOption = "",
+    certificates: CertificatesOption = None,
     log: Annotated[Path | None, typer.Option(help="Where to write the session log.")] = None,
     witness: WitnessOption = "",
     unsigned: UnsignedOption = False,
@@ -82,6 +86,8 @@ def mission(
         scenario=scenario,
         alarms=alarms,
         seed=seed,
+        fleet=fleet,
+        certificates=certificates,
         log=log,
         witness=witness,
         unsigned=unsigned,

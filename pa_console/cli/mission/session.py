@@ -11,6 +11,7 @@ from time import monotonic
 import typer
 from pydantic import TypeAdapter, ValidationError
 
+from pa_console.cli.fleet import find_fleet
 from pa_console.cli.mission.mission import Approve
 from pa_console.cli.mission.steps import step_line
 from pa_console.cli.mission.terminal_approval import ask_decision
@@ -58,6 +59,8 @@ def run_session(
     scenario: str | None,
     alarms: bool | None,
     seed: int,
+    fleet: str,
+    certificates: Path | None,
     log: Path | None,
     witness: str,
     unsigned: bool,
@@ -69,8 +72,9 @@ def run_session(
         raise ValueError("give a mission in plain language, or --scenario NAME, or both")
     incidents = [read_event(number, told) for number, told in enumerate(setup, start=1)]
     settings = settings_of(context)
+    found = find_fleet(fleet, certificates, world, settings.values, scenario)
     site = load_site(
-        world,
+        found.world,
         rules,
         unsigned=unsigned,
         pins=RulesPins(),
@@ -81,14 +85,16 @@ def run_session(
     played = open_scenario(site.world, site.world_path, scenario) if scenario else None
     signer = load_signer()
     engine = Engine(find_model(model, second_reader=settings.values.second_reader))
+    authority = load_authority()
     station = open_station(
         site,
         engine,
-        SteppedClock(),
+        found.clock(SteppedClock()),
         seed=seed,
         scenario=played,
         respond=alarms if alarms is not None else played is not None,
-        authority=load_authority(),
+        authority=authority,
+        fleet=found.drive(site, authority),
     )
     writer = open_log(settings.values, station.session, signer, _cannot_write, log, witness)
     endable = EndableRun()
@@ -129,10 +135,21 @@ def run_session(
         errors.print(f"the session was ended; log: {path}", markup=False, soft_wrap=True)
         raise typer.Exit(exit_code_of(endable.ended_by))
     tell_of_witness(writer)
+    _tell_end(traces, path, unlogged, single=played is None, json=json)
+
+
+def _tell_end(
+    traces: Sequence[MissionTrace],
+    path: Path,
+    unlogged: LogError | None,
+    *,
+    single: bool,
+    json: bool,
+) -> None:
+    """Print what became of the missions; raises Exit with the exit code, or `unlogged`."""
     code = exit_code([trace.status for trace in traces]) if unlogged is None else BAD_INPUT
     if json:
-        single = played is None and len(traces) == 1
-        found = {"mission": traces[0]} if single else {"missions": traces}
+        found = {"mission": traces[0]} if single and len(traces) == 1 else {"missions": traces}
         problem = {} if unlogged is None else {"log_problem": str(unlogged)}
         print_json({"exit_code": code, "log": str(path), **problem, **found})
     if unlogged is not None:

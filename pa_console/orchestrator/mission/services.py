@@ -13,8 +13,11 @@ from pa_console.llm.roles.judge import Judge
 from pa_console.llm.roles.planner import Planner
 from pa_console.orchestrator.execution.command_gate import Authority, CommandGate
 from pa_console.orchestrator.intake.order_language import is_english, question_back
+from pa_console.orchestrator.intake.past_orders import PastOrders
 from pa_console.orchestrator.intake.spelling_correction import respell
 from pa_console.orchestrator.station.journal import Journal
+from pa_console.orders.references.outcome import Unclear
+from pa_console.orders.references.resolution import Answers, Resolved, resolve
 from pa_console.policy.checks.sightings import Sightings
 from pa_console.policy.ordering.monitor import Monitor
 from pa_console.policy.retrieval.retriever import DEFAULT_METHOD, Retriever
@@ -50,6 +53,8 @@ class Services:
     """What was seen where in this session; the station keeps it."""
     second_reader: Judge | None = None
     """What reads an order again of which planner or judge is unsure."""
+    past: PastOrders = field(default_factory=PastOrders)
+    """What was ordered in this session; the station keeps it."""
     top_k: int = 3
 
     @classmethod
@@ -95,9 +100,22 @@ class Services:
         known = self.fleet.world, self.rulebook
         return respell(text, *known) if is_english(text, *known) else text
 
-    def question_back(self, mission: Mission) -> str:
-        """Return what to ask of who gave `mission`, where that is no order; '' where it may be."""
-        return question_back(mission.said, mission.text, self.fleet.world, self.rulebook)
+    def read_now(self, text: str) -> str:
+        """Return the same with names for what the words point at now, if that is clear."""
+        read = self.read(text)
+        found = self.resolve(read, {})
+        return read if isinstance(found, Unclear) else found.text
+
+    def resolve(self, text: str, answers: Answers) -> Resolved | Unclear:
+        """Return an order with names for what it points at now, or what has to be asked first."""
+        return resolve(self.past.scene(self.fleet.world, self.fleet.picture()), text, answers)
+
+    def question_back(self, mission: Mission, read: str) -> str:
+        """Return what to ask of who gave `mission`, where that is no order; '' where it may be.
+
+        It is `read` with names for what it points at.
+        """
+        return question_back(mission.said, read, self.fleet.world, self.rulebook)
 
     def with_rules(self, rulebook: Rulebook) -> Self:
         """Return the same with other rules; what was seen is kept, and what was decided."""

@@ -153,6 +153,8 @@ def inadmissible(
         return "the decision was about another plan, which no longer waits"
     if decision.kind == "reject":
         return ""
+    if decision.kind == "answer":
+        return _not_answerable(request, decision)
     if request.state == "not_understood":
         return f"{'; '.join(request.blocked_by)} Reject it and say it anew"
     if decision.kind == "modify":
@@ -163,6 +165,12 @@ def inadmissible(
         return problem
     lacking = {act: asked for act, asked in (needed or {}).items() if people < asked}
     return f"{people_words(lacking)} to approve, so far there is {people}" if lacking else ""
+
+
+def _not_answerable(request: ApprovalRequested, decision: Decision) -> str:
+    if request.state != "not_understood":
+        return "nothing was asked"
+    return "" if decision.asked.strip() else "the answer is empty"
 
 
 def _not_approvable(request: ApprovalRequested, decision: Decision) -> str:

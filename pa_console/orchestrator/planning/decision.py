@@ -20,6 +20,7 @@ from pa_console.orchestrator.planning.approval import (
 from pa_console.orchestrator.planning.candidate import Candidate
 from pa_console.orchestrator.planning.planning import Planned
 from pa_console.orchestrator.planning.proposal import other_readings
+from pa_console.orchestrator.planning.understanding import NotUnderstood
 from pa_console.orders.distinct_readings import distinct
 from pa_console.orders.mention_check import check_mentions
 from pa_console.orders.order import Task
@@ -148,15 +149,23 @@ async def _answered(
             return Decided(request, decision)
 
 
-async def ask_back(context: MissionContext, question: str, decide: Decide) -> NotApproved:
-    """Ask the operator what was meant by words for which no plan was made, until that is seen."""
+async def ask_back(
+    context: MissionContext, asked: NotUnderstood, number: int, decide: Decide
+) -> str | NotApproved:
+    """Ask the operator what was meant, for the time `number`, and return what is answered.
+
+    No plan was made, and none is approved by an answer.
+    """
+    context.emit(ev.QuestionAsked(question=asked.question, said=asked.said, choices=asked.choices))
     request = request_approval(
-        f"{context.mission.id}.0",
+        f"{context.mission.id}.0.{number}" if number else f"{context.mission.id}.0",
         0,
         CheckedPlan(Plan(reason="", actions=())),
-        OrderAsRead(question=question),
+        OrderAsRead(question=asked.question),
     )
     decided = await _answered(context, request, decide)
+    if decided.decision.kind == "answer":
+        return " ".join(decided.decision.asked.split())
     return NotApproved("held", "; ".join(decided.request.blocked_by))
 
 

@@ -16,9 +16,16 @@ IDLE_S = 0.005
 class Clock(Protocol):
     """Says how many steps to take now."""
 
-    rate: float
     waits: bool
     """Whether the world stands still while the model is asked."""
+
+    @property
+    def rate(self) -> float:
+        """Seconds on the fleet's clock a second."""
+        ...
+
+    @rate.setter
+    def rate(self, rate: float) -> None: ...
 
     async def due(self, dt_s: float, waiting: Callable[[], bool]) -> int:
         """Wait until steps are due and return their number; `waiting`: someone needs a step."""
@@ -44,6 +51,28 @@ class RealTimeClock:
         steps = min(int(self._owed), MAX_STEPS_AT_ONCE)
         self._owed = min(self._owed - steps, 1.0)
         return steps
+
+
+class DevicesClock:
+    """The time of devices that nobody can hurry; `rate` stays what it is."""
+
+    waits = False
+
+    def __init__(self, rate: float = 1.0) -> None:
+        self._clock = RealTimeClock(rate)
+
+    @property
+    def rate(self) -> float:
+        """Seconds on the devices' clock a second."""
+        return self._clock.rate
+
+    @rate.setter
+    def rate(self, rate: float) -> None:
+        """Leave it as it is."""
+
+    async def due(self, dt_s: float, waiting: Callable[[], bool]) -> int:
+        """Sleep about one step; return how many have passed."""
+        return await self._clock.due(dt_s, waiting)
 
 
 class SteppedClock:

@@ -27,7 +27,10 @@ from pa_console.schema.events.intake import (
     MissionPreempted,
     MissionReceived,
     MissionStarted,
+    OrderRead,
+    QuestionAsked,
     QueueChanged,
+    Reference,
     WorkflowMoved,
 )
 from pa_console.schema.events.planning import (
@@ -91,6 +94,7 @@ __all__ = (
     "MissionStarted",
     "MissionVerified",
     "Noticed",
+    "OrderRead",
     "OrderReadAgain",
     "OutcomeJudged",
     "Payload",
@@ -102,7 +106,9 @@ __all__ = (
     "PlanRehearsed",
     "PlanVoided",
     "PromptBuilt",
+    "QuestionAsked",
     "QueueChanged",
+    "Reference",
     "RepairRequested",
     "Role",
     "RulesReplaced",
@@ -123,7 +129,7 @@ EventPayload = Annotated[
     SessionStarted | TelemetryReceived | IncidentHappened | Noticed | WorkerChanged
     | AlarmRaised | AlarmAcknowledged | AlarmCleared | QueueChanged | MissionPreempted
     | WorkflowMoved | CommandResent | PlanHalted | MissionReceived | MissionStarted
-    | RulesRetrieved | PictureDigested | PromptBuilt
+    | QuestionAsked | OrderRead | RulesRetrieved | PictureDigested | PromptBuilt
     | TextStreamed | PlanProposed | PlanRehearsed | PlanChecked | PlanJudged | OrderReadAgain
     | RepairRequested | ApprovalRequested | DecisionMade | PlanVoided | CommandSent | CommandReplied
     | MissionVerified | OutcomeJudged | MissionReported | MissionFinished | AllStopped

@@ -11,7 +11,7 @@ or UAV watches the place; anything but the position (battery, task).
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import lru_cache
 
@@ -60,11 +60,12 @@ def judge(world: World, heard: Heard, report: Report) -> Trust:
     return trust
 
 
-def compare(terrain: Terrain, scene: Scene) -> None:
+def compare(terrain: Terrain, scene: Scene, seen: Mapping[str, Point] | None = None) -> None:
     """Compare what assets that stand at a gate report with what other sensors there see of them.
 
     A working camera, or a UAV that reports from the same gate itself, recognises an asset of the
-    team that stands in its view; called once a telemetry period.
+    team that stands in its view; called once a telemetry period. `seen` is where they recognise
+    each; without it that is where the simulated assets are.
     """
     world, station = terrain.world, scene.station
     fresh = scene.tick - round(2 * world.telemetry_period_s / world.dt_s)
@@ -73,7 +74,8 @@ def compare(terrain: Terrain, scene: Scene) -> None:
         for name in names:
             heard = station.heard[name]
             at, trust = heard.telemetry.like.position, heard.trust
-            there = math.dist(at, scene.assets[name].position) <= SEEN_M
+            place = scene.assets[name].position if seen is None else seen.get(name)
+            there = place is not None and math.dist(at, place) <= SEEN_M
             if there and not trust.suspect and not trust.unseen:
                 continue
             if heard.stamp < fresh or _standing(heard.telemetry.like) is None:

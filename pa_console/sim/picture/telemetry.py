@@ -8,15 +8,16 @@ from pa_console.sim.assets import battery
 from pa_console.sim.incidents import watch_task
 from pa_console.sim.radio import link, radio
 from pa_console.sim.sensing import sensing
-from pa_console.sim.state import AssetState, Report, Said, Scene
+from pa_console.sim.state import AssetState, Detection, Report, Said, Scene
 from pa_console.sim.worlds.terrain import Terrain
 
 
-def send(terrain: Terrain, scene: Scene) -> None:
+def send(terrain: Terrain, scene: Scene) -> dict[str, tuple[Detection, ...]]:
     """Let every sensor scan and every asset report; called once a telemetry period.
 
     What a camera detects is at the station at once, as it is wired; an asset's detections travel
     with its report. Forged reports come from the forger, whatever the asset's own link does.
+    Return what each camera has detected.
     """
     found = sensing.scan(terrain, scene)
     world = terrain.world
@@ -34,9 +35,10 @@ def send(terrain: Terrain, scene: Scene) -> None:
             continue
         if not radio.loses(scene, asset):
             link.send_report(scene, report, world.dt_s)
-    for sensor, detections in found.items():
-        if sensor not in scene.assets:
-            sensing.receive(terrain, scene, sensor, scene.tick, detections)
+    wired = {sensor: seen for sensor, seen in found.items() if sensor not in scene.assets}
+    for sensor, detections in wired.items():
+        sensing.receive(terrain, scene, sensor, scene.tick, detections)
+    return wired
 
 
 def where(terrain: Terrain, asset: AssetState) -> str | None:

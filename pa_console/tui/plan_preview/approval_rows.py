@@ -9,6 +9,7 @@ from textual.content import Content
 
 from pa_console.llm.roles.grammar import PLANNED
 from pa_console.orchestrator.planning.approval import people_words
+from pa_console.orders.clauses import ASKED
 from pa_console.orders.plain_words import plain_reading
 from pa_console.orders.reading import asked_words
 from pa_console.schema.events.event import UNSURE, ApprovalRequested
@@ -37,7 +38,8 @@ def approval_rows(trace: MissionTrace, preview: PlanPreview | None = None) -> It
     if request.state == "not_understood":
         told = "; ".join(request.blocked_by).removeprefix("not understood: ")
         yield row(("? ", WARN), (told, WARN))
-        yield row("  ", "Nobody moves. Reject this and say it in other words.")
+        told = "Choose or write what is meant" if trace.choices else "Write what is meant"
+        yield row("  ", f"Nobody moves. {told}, or reject this.")
         return
     for text in attempt.unmet if attempt else ():
         yield row(("△ ", WARN), ("Not done: ", f"bold {WARN}"), _because(text))
@@ -57,13 +59,12 @@ def approval_rows(trace: MissionTrace, preview: PlanPreview | None = None) -> It
 def _order(trace: MissionTrace, request: ApprovalRequested) -> Iterator[Row]:
     """Yield the words of the order as they were typed, and what they were read as."""
     mission, attempt = trace.mission, trace.find(request.attempt)
-    who = "typed" if mission.source == "operator" else "alarm"
-    first, second = mission.id, f"plan {request.attempt}" if request.attempt else ""
-    width = max(len(first), len(second))
-    yield row([(f"{first:<{width}} ", "bold"), (f"{who}  ", QUIET)], *typed_words(mission))
+    who = "typed  " if mission.source == "operator" else "alarm  "
+    later = [(f"  (plan {request.attempt})", QUIET)] if request.attempt > 1 else []
+    yield row((who, QUIET), *typed_words(mission), *later)
     asked = asked_words(attempt.plan.reason).rstrip("; ") if attempt and attempt.plan else ""
     if asked and not request.readings:
-        yield row([(f"{second:<{width}} ", "bold"), ("read   ", QUIET)], plain_reading(asked))
+        yield row(("read   ", QUIET), plain_reading(asked))
 
 
 def typed_words(mission: Mission) -> Iterator[str | tuple[str, str]]:
@@ -184,4 +185,5 @@ def looked_at_rows(preview: PlanPreview | None, faults: tuple[str, ...]) -> Iter
 
 def reading_label(number: int, asked: str) -> Content:
     """Return what else the order may mean, after the key that shows it."""
-    return Content.assemble((f"(Alt+{number}) ", "bold"), ("or: ", QUIET), plain_reading(asked))
+    or_ = ("or: ", QUIET) if asked.startswith(ASKED) else ""
+    return Content.assemble((f"(Alt+{number}) ", "bold"), or_, plain_reading(asked))

@@ -179,9 +179,9 @@ class ApprovalPanel(Vertical, can_focus=True):
         readings.remove_children()
         readings.mount_all(
             Button(reading_label(number, asked), name=f"meant-{number}", compact=True)
-            for number, asked in enumerate(request.readings, start=1)
+            for number, asked in enumerate(trace.choices or request.readings, start=1)
         )
-        self.set_class(bool(request.readings), "-unclear")
+        self.set_class(bool(trace.choices or request.readings), "-unclear")
         warnings = self.query_one("#approval-warnings", ItemGrid)
         warnings.remove_children()
         warnings.mount_all(
@@ -194,6 +194,8 @@ class ApprovalPanel(Vertical, can_focus=True):
         reason.placeholder = (
             "Why override the judge? (required)"
             if request.needs_override and not request.blocked_by
+            else "Your answer, Enter sends it"
+            if request.state == "not_understood"
             else "Reason (optional)"
         )
         self._body.scroll_home(animate=False)
@@ -250,10 +252,12 @@ class ApprovalPanel(Vertical, can_focus=True):
         """Give the plan the rows that the buttons and what is asked for leave it."""
         compact = self.screen.has_class("-compact")
         room = self.screen.size.height - ROWS_ELSEWHERE
-        most = max(int(room * (COMPACT_SHARE if compact else WIDE_SHARE)), LEAST_ROWS)
         others = [child for child in self.children if child is not self._body and child.display]
         taken = sum(child.outer_size.height + child.styles.margin.height for child in others)
-        rows = max(most - taken - self.gutter.height, LEAST_BODY_ROWS)
+        taken += self.gutter.height
+        share = int(room * (COMPACT_SHARE if compact else WIDE_SHARE))
+        most = max(share, LEAST_ROWS, taken + LEAST_BODY_ROWS)
+        rows = most - taken
         self.styles.max_height = most
         if rows != self._body_rows:
             self._body_rows = self._body.styles.max_height = rows
@@ -324,9 +328,13 @@ class ApprovalPanel(Vertical, can_focus=True):
         return "Space plays it on the map" if self.has_focus_within else ""
 
     def on_descendant_focus(self) -> None:
-        """Show the reading that has the focus, and say what the next key does."""
+        """Look at a reading no more whose button has no focus, and say what the next key does.
+
+        A button that the mouse presses stays where it is: what it leads to is not shown then.
+        """
         focused = self.screen.focused
-        self._look(self._reading_of(focused.name or "") if focused is not None else "")
+        if focused is None or self._reading_of(focused.name or "") != self._looked_at:
+            self._look("")
         self.refresh_state()
 
     @property
@@ -346,6 +354,13 @@ class ApprovalPanel(Vertical, can_focus=True):
         if request is None or not name.startswith(_MEANT) or not number.isdigit():
             return ""
         return next(iter(request.readings[int(number) - 1 : int(number)]), "")
+
+    def _answer_of(self, name: str) -> str:
+        """Return the answer that a button of this name chooses, '' where nothing is asked back."""
+        trace, number = self._trace, name.removeprefix(_MEANT)
+        if trace is None or not name.startswith(_MEANT) or not number.isdigit():
+            return ""
+        return next(iter(trace.choices[int(number) - 1 : int(number)]), "")
 
     def on_descendant_blur(self) -> None:
         """Say no longer what the next key did there; away from here no reading is looked at."""
@@ -391,7 +406,12 @@ class ApprovalPanel(Vertical, can_focus=True):
         outside = -1 if step > 0 else 0
         at = chain.index(self.app.focused) if self.app.focused in chain else outside
         if chain:
-            chain[(at + step) % len(chain)].focus()
+            self._focus_and_look(chain[(at + step) % len(chain)])
+
+    def _focus_and_look(self, widget: Widget) -> None:
+        """Go to a field of the panel; a reading is shown."""
+        self.screen.set_focus(widget)
+        self._look(self._reading_of(widget.name or ""))
 
     def action_go_to(self, button: str) -> None:
         """Go to a button, which Enter presses; to what Approve still needs, where it needs it.
@@ -426,7 +446,7 @@ class ApprovalPanel(Vertical, can_focus=True):
             return
         buttons = list(self.query("#approval-readings Button").results(Button))
         for button in buttons[number - 1 : number]:
-            button.focus()
+            self._focus_and_look(button)
 
     def action_play(self) -> None:
         """Play the rehearsal of what is looked at on the map, or stop it."""
@@ -469,8 +489,10 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.refresh_state()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Enter in the reason leads out of it; another Enter decides nothing."""
+        """Enter leads out of the reason, or sends the answer; another Enter decides nothing."""
         event.stop()
+        if event.value.strip():
+            self._answer(event.value.strip())
         self.screen.set_focus(self)
 
     def _choose(self, choice: str) -> None:
@@ -480,6 +502,8 @@ class ApprovalPanel(Vertical, can_focus=True):
         reason = self.query_one(f"#{REASON}", Input).value.strip()
         if choice == "modify" and request.state != "not_understood":
             self.post_message(self.ModifyAsked())
+        elif answer := self._answer_of(choice):
+            self._answer(answer)
         elif asked := self._reading_of(choice):
             self._send(Decision(kind="choose", request_id=request.request_id, asked=asked))
         elif choice == "reject":
@@ -494,6 +518,12 @@ class ApprovalPanel(Vertical, can_focus=True):
                     acknowledged=request.acknowledge,
                 )
             )
+
+    def _answer(self, answer: str) -> None:
+        """Answer what is asked about the order; nothing where a plan waits."""
+        request = self._trace.approval if self._trace else None
+        if request is not None and request.state == "not_understood" and self.armed:
+            self._send(Decision(kind="answer", request_id=request.request_id, asked=answer))
 
     def _send(self, decision: Decision) -> None:
         self._sent = True

@@ -1,0 +1,112 @@
+"""Finds the fleet that `--fleet` names; what a bus needs is imported only then."""
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pa_console.cli.output import errors
+from pa_console.orchestrator.station.ticking import Clock, DevicesClock, SteppedClock
+from pa_console.schema.document import read_bytes
+from pa_console.session.log.writer import default_folder
+from pa_console.settings.schema import Settings
+from pa_console.sim.worlds.world_file import open_world
+
+if TYPE_CHECKING:
+    from pa_console.fleets.bus.address import BrokerAddress, Credentials
+    from pa_console.fleets.bus.mqtt_fleet import Joined, MqttFleet
+    from pa_console.fleets.station_authority import StationAuthority
+    from pa_console.orchestrator.station.assembly import Site
+
+STATION = "station"
+
+
+@dataclass(frozen=True)
+class FoundFleet:
+    """The world to open, with the robots that joined it on a bus, if one was named."""
+
+    world: str
+    joined: "Joined | None" = None
+    world_sha256: str = ""
+    """That of the file before anybody joined."""
+
+    def drive(self, site: "Site", authority: "StationAuthority | None") -> "MqttFleet | None":
+        """Return the fleet of `site` on the bus, None without one; `authority` signs commands.
+
+        Raises ValueError when the bus has another world.
+        """
+        if self.joined is None:
+            return None
+        from pa_console.fleets.bus.mqtt_fleet import nobody  # noqa: PLC0415
+        from pa_console.fleets.bus.opening import fleet_of  # noqa: PLC0415
+
+        authorize = authority.authorize if authority is not None else nobody
+        return fleet_of(self.joined, site.world, self.world_sha256, authorize)
+
+    def clock(self, own: Clock) -> Clock:
+        """Return the clock of the robots on the bus, `own` without one.
+
+        A site that is paced waits for the mission; nobody can hurry any other.
+        """
+        if self.joined is None:
+            return own
+        site = self.joined.site
+        if site is not None and site.paced:
+            return SteppedClock()
+        return DevicesClock(site.rate if site is not None else 1.0)
+
+
+def find_fleet(
+    url: str, certificates: Path | None, world: str, settings: Settings, scenario: str | None
+) -> FoundFleet:
+    """Join the bus at `url`, or none for ""; raises ValueError, or DocumentError for the world.
+
+    A world that robots have joined is kept beside the folder of logs, where a replay finds it.
+    """
+    if not url:
+        return FoundFleet(world)
+    from pa_console.fleets.bus.address import BrokerAddress  # noqa: PLC0415
+    from pa_console.fleets.bus.mqtt_fleet import join  # noqa: PLC0415
+    from pa_console.fleets.bus.newcomers import with_newcomers  # noqa: PLC0415
+    from pa_console.sim.worlds.world_generator import world_yaml  # noqa: PLC0415
+
+    if scenario:
+        raise ValueError("a site plays its own situation: 'pa-console site --scenario NAME'")
+    address = BrokerAddress.parse(url)
+    loaded, path = open_world(world)
+    joined = join(address, credentials_of(address, certificates, STATION))
+    try:
+        sha256 = hashlib.sha256(read_bytes(path)).hexdigest()
+        larger, told = with_newcomers(loaded, joined)
+        for line in told:
+            errors.print(line, markup=False, soft_wrap=True)
+        if larger is not loaded:
+            world = str(_keep(world_yaml(larger), loaded.name, settings.logs or default_folder()))
+    except BaseException:
+        joined.link.close()
+        raise
+    return FoundFleet(world, joined, sha256)
+
+
+def credentials_of(
+    address: "BrokerAddress", certificates: Path | None, name: str
+) -> "Credentials | None":
+    """Return the certificates of `name`; raises ValueError when they are missing, or in vain."""
+    from pa_console.fleets.bus.address import Credentials  # noqa: PLC0415
+
+    if address.tls and certificates is None:
+        raise ValueError(f"{address} needs --certificates FOLDER, of 'pa-console site init FOLDER'")
+    if certificates is None:
+        return None
+    if not address.tls:
+        raise ValueError(f"{address} is not encrypted, so --certificates are in vain; use mqtts://")
+    return Credentials.of(certificates, name)
+
+
+def _keep(text: str, name: str, logs: Path) -> Path:
+    """Write a world where the replay of a log in `logs` looks for it."""
+    folder = logs.parent / "worlds"
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{name}-{hashlib.sha256(text.encode()).hexdigest()[:12]}.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path

@@ -1,0 +1,450 @@
+"""A fleet on an MQTT broker, each of its robots a VDA 5050 vehicle.
+
+The clock is the station's own. A report is as old as its own time says, and never newer than its
+arrival; one from the future, or of a time before the last, is not believed.
+"""
+
+import math
+import secrets
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from pa_console.fleets.bus.address import BrokerAddress, Credentials
+from pa_console.fleets.bus.client import Sent
+from pa_console.fleets.bus.reported_picture import ReportedPicture
+from pa_console.fleets.bus.robots import Robot
+from pa_console.fleets.bus.station_link import Delivery, StationLink
+from pa_console.fleets.bus.told import Told
+from pa_console.fleets.fleet import Forecast, Received
+from pa_console.fleets.vda5050 import additions, commands, messages
+from pa_console.fleets.vda5050.asset_state import telemetry_of
+from pa_console.fleets.vda5050.factsheet import Factsheet
+from pa_console.fleets.vda5050.numbers import Numbers
+from pa_console.fleets.vda5050.topics import Identity, Topic
+from pa_console.fleets.vda5050.vehicle import EXPIRY_S, STATE_REQUEST
+from pa_console.fleets.vda5050.wire import Header, UnreadableError
+from pa_console.schema.command import CommandReply, DeviceCommand
+from pa_console.schema.events.event import IncidentHappened, Level, Noticed
+from pa_console.schema.telemetry import Picture, Weather
+from pa_console.schema.world import World
+from pa_console.sim.picture import picture as station_side
+
+Authorize = Callable[[DeviceCommand], str | None]
+"""Returns the token that a command travels with, None for one without."""
+
+HEARD = (
+    messages.Connection,
+    messages.State,
+    Factsheet,
+    additions.Detections,
+    additions.SiteDescription,
+    additions.ClockDone,
+    additions.IncidentDone,
+    additions.Told,
+)
+CONNECT_S = 5.0
+RETAINED_S = 0.3
+"""What is retained has come when nothing did for so long."""
+
+AHEAD_S = 2.0
+"""A message that claims to be from so far in the future comes from a wrong clock."""
+
+SUBJECT = "bus"
+_HAPPENED: TypeAdapter[IncidentHappened | Noticed] = TypeAdapter(IncidentHappened | Noticed)
+
+
+def nobody(_command: DeviceCommand) -> str | None:
+    """Sign no command, as on a site that has no keys."""
+    return None
+
+
+@dataclass(frozen=True)
+class Joined:
+    """What was found on a bus before a fleet is made of it."""
+
+    link: StationLink
+    site: additions.SiteDescription | None
+    factsheets: dict[Identity, Factsheet]
+    online: frozenset[Identity]
+    """Whoever is connected."""
+    deliveries: tuple[Delivery, ...]
+
+
+def join(address: BrokerAddress, credentials: Credentials | None = None) -> Joined:
+    """Connect to the broker and hear what is retained there; raises ValueError without a broker."""
+    link = StationLink(address, f"station-{secrets.token_hex(4)}", HEARD, credentials)
+    if not link.wait_connected(CONNECT_S):
+        problem = link.problem
+        link.close()
+        raise ValueError(f"no broker lets us in at {address}: {problem}")
+    deliveries: list[Delivery] = []
+    while link.wait_news(RETAINED_S) and len(deliveries) < 10_000:
+        deliveries += link.take()
+    site: additions.SiteDescription | None = None
+    factsheets: dict[Identity, Factsheet] = {}
+    states: dict[Identity, messages.ConnectionState] = {}
+    for delivery in deliveries:
+        match delivery.message:
+            case additions.SiteDescription() if delivery.topic.identity == additions.SITE:
+                site = delivery.message
+            case Factsheet():
+                factsheets.setdefault(delivery.topic.identity, delivery.message)
+            case messages.Connection():
+                states[delivery.topic.identity] = delivery.message.connection_state
+            case _:
+                pass
+    online = frozenset(identity for identity, state in states.items() if state == "ONLINE")
+    return Joined(link, site, factsheets, online, tuple(deliveries))
+
+
+class MqttFleet:
+    """Drives the robots of one site; `authorize` gives the token that a command travels with."""
+
+    def __init__(self, world: World, joined: Joined, authorize: Authorize = nobody) -> None:
+        self._link, self._authorize = joined.link, authorize
+        self._rate = joined.site.rate if joined.site is not None else 1.0
+        self._known = ReportedPicture(world)
+        self._period = station_side.period_ticks(world)
+        self._robots: dict[str, Robot] = {}
+        self._numbers = Numbers()
+        self._session, self._asked_states = secrets.token_hex(4), 0
+        self._told, self._dropped = Told(), 0
+        self._replies: list[CommandReply] = []
+        self._weather: Weather = joined.site.weather if joined.site is not None else "clear"
+        self._tick, self._connected, self._ready = 0, True, False
+        for delivery in joined.deliveries:
+            self._take(delivery)
+        self._ready = True
+        self._request_states()
+        self._known.show(self._weather)
+
+    @property
+    def world(self) -> World:
+        """The world of the fleet."""
+        return self._known.world
+
+    @property
+    def tick(self) -> int:
+        """Steps taken since the session began."""
+        return self._tick
+
+    @property
+    def time_s(self) -> float:
+        """Seconds on the station's clock since the session began."""
+        return self._known.terrain.seconds(self._tick)
+
+    @property
+    def rate(self) -> float:
+        """Seconds on the robots' clock a second."""
+        return self._rate
+
+    @property
+    def paced(self) -> bool:
+        """Whether the robots stand still until the station steps: simulated ones may."""
+        return False
+
+    def picture(self) -> Picture:
+        """Return the picture as it was made last, every `world.telemetry_period_s`."""
+        return self._known.picture()
+
+    def forecast(self) -> Forecast:
+        """Return a simulation of what the picture shows, built from it and the world alone."""
+        return self._known.forecast()
+
+    def now(self) -> datetime:
+        """Return what time it is on the clock that the robots go by (UTC)."""
+        return datetime.now(UTC)
+
+    def send(self, command: DeviceCommand) -> None:
+        """Send `command` to its robot now; without a connection it is not sent at all.
+
+        What its robot's factsheet does not offer is refused here. To a robot that has never joined
+        nothing can be sent: whoever waits for its answer waits in vain.
+        """
+        robot = self._robots.get(command.agent)
+        if robot is None:
+            self._say("alarm", command.agent, "has not joined: nothing can be sent to it", "absent")
+            return
+        if why := robot.cannot(command):
+            self._reply(command, commands.Answer("refused", why))
+            return
+        robot.ask(command)
+        robot.waiting = None
+        if commands.is_order(command):
+            self._order(robot, command)
+        else:
+            token = None if command.verb == "hold" else self._authorize(command)
+            robot.held = robot.held or command.verb == "hold"
+            self._send(robot, self._at_once(robot, *commands.actions_at_once(command, token)))
+
+    def step(self) -> Received:
+        """Move the clock on by `world.dt_s`; return what came in since the last step."""
+        self._tick += 1
+        self._known.advance(self._tick)
+        self._look_after_link()
+        self._receive()
+        if self._tick % self._period == 0:
+            self._known.show(self._weather)
+        replies, self._replies = tuple(self._replies), []
+        return Received(replies, self._told.take())
+
+    def wait(self, seconds: float) -> bool:
+        """Wait until a message has come, for `seconds` at most; return whether one has."""
+        return self._link.wait_news(seconds)
+
+    def _receive(self) -> None:
+        """Take in what has come."""
+        for delivery in self._link.take():
+            self._take(delivery)
+
+    def close(self) -> None:
+        """Let go of the bus; the robots do what they do without a station."""
+        self._link.close()
+
+    def _order(self, robot: Robot, command: DeviceCommand) -> None:
+        """Send an order, after the end of the pause or of the order before, where that is due."""
+        replaces = robot.factsheet is not None and robot.factsheet.replaces_orders
+        if robot.busy and not replaces and not self._has_order(robot, command):
+            robot.waiting = command
+            self._send(robot, self._at_once(robot, commands.cancel_before(command)))
+            return
+        out: list[Header] = []
+        paused = robot.state is not None and robot.state.paused
+        if robot.held or paused:
+            out.append(self._at_once(robot, commands.resume_for(command)))
+        place = robot.state.mobile_robot_position if robot.state is not None else None
+        nodes, edges = commands.order_of(
+            command,
+            self.world,
+            (place.x, place.y) if place is not None else None,
+            robot.state.last_node_id if robot.state is not None else "",
+            self._authorize(command),
+        )
+        header = self._header(robot.identity, messages.Order.TOPIC)
+        order = messages.Order(
+            **header, order_id=command.command_id, order_update_id=0, nodes=nodes, edges=edges
+        )
+        out.append(order)
+        if self._send(robot, *out):
+            robot.held = False
+
+    @staticmethod
+    def _has_order(robot: Robot, command: DeviceCommand) -> bool:
+        return robot.state is not None and robot.state.order_id == command.command_id
+
+    def _at_once(self, robot: Robot, *actions: messages.Action) -> messages.InstantActions:
+        header = self._header(robot.identity, messages.InstantActions.TOPIC)
+        return messages.InstantActions(**header, actions=actions)
+
+    def _header(self, identity: Identity, topic: str) -> dict[str, Any]:
+        """Return the header of the next message on a topic."""
+        return self._numbers.header(identity, topic, self.now())
+
+    def _send(self, robot: Robot, *out: Header) -> bool:
+        """Send messages to `robot` in order; return whether there was a connection."""
+        sent = [
+            Sent(
+                str(Topic(self._link.address.site, robot.identity, message.TOPIC)),
+                message.write(),
+                qos=1,
+                expiry_s=round(EXPIRY_S),
+            )
+            for message in out
+        ]
+        if self._link.send(*sent):
+            return True
+        why = f"nothing reaches the broker: {self._link.problem}"
+        self._say("alarm", SUBJECT, why, "unsent")
+        return False
+
+    def _reply(self, command: DeviceCommand, answer: commands.Answer) -> None:
+        self._replies.append(
+            CommandReply(
+                command_id=command.command_id,
+                agent=command.agent,
+                status=answer.status,
+                tick=self._tick,
+                detail=answer.detail,
+            )
+        )
+
+    def _say(self, level: Level, subject: str, text: str, kind: str = "") -> None:
+        self._told.say(level, subject, text, self.time_s, kind)
+
+    def _look_after_link(self) -> None:
+        """Tell when the connection breaks or is there again, and what had to be dropped."""
+        problem, dropped = self._link.problem, self._link.dropped
+        if bool(problem) == self._connected:
+            self._connected = not problem
+            if problem:
+                self._say("alarm", SUBJECT, f"no connection to the broker: {problem}", "down")
+            else:
+                self._say("info", SUBJECT, "connected to the broker again", "up")
+                self._request_states()
+        if dropped > self._dropped:
+            text = f"{dropped - self._dropped} messages came too fast and were dropped"
+            self._dropped = dropped
+            self._say("alarm", SUBJECT, text, "flood")
+
+    def _request_states(self) -> None:
+        """Ask every robot for its state, and tell it of the zones again."""
+        for robot in self._robots.values():
+            self._welcome(robot)
+
+    def _welcome(self, robot: Robot) -> None:
+        self._asked_states += 1
+        request = messages.Action(
+            action_id=f"{self._session}.state{self._asked_states}",
+            action_type=STATE_REQUEST,
+            blocking_type="NONE",
+        )
+        zones = zone_set(self.world, self._header(robot.identity, messages.ZoneSet.TOPIC))
+        self._send(robot, zones, self._at_once(robot, request))
+
+    def _take(self, delivery: Delivery) -> None:
+        """Take in one message; what cannot be believed is told, and changes nothing."""
+        topic, message = delivery.topic, delivery.message
+        name = topic.identity.serial_number
+        if isinstance(message, UnreadableError):
+            text = f"its message on {topic.name!r} cannot be read: {message}"
+            self._say("alarm", name, text, f"unreadable {topic.name}")
+            return
+        self._numbers.saw(topic.identity, topic.name, message.header_id)
+        match message:
+            case messages.Connection():
+                self._take_connection(topic.identity, message)
+            case Factsheet():
+                if (robot := self._robot(topic.identity)) is not None:
+                    robot.factsheet = message
+            case messages.State():
+                self._take_state(delivery, message)
+            case additions.Detections():
+                self._take_detections(delivery, message)
+            case additions.SiteDescription() if topic.identity == additions.SITE:
+                self._weather = message.weather
+            case additions.Told() if topic.identity == additions.SITE:
+                self._take_told(message)
+            case _:
+                self._take_more(topic.identity, message)
+
+    def _take_more(self, identity: Identity, message: Header) -> None:
+        """Take in what only a simulated site sends; nobody else is believed to."""
+        self._say("alarm", identity.serial_number, f"sends {message.TOPIC!r}, which is not its own")
+
+    def _take_told(self, message: additions.Told) -> None:
+        try:
+            self._told.add(_HAPPENED.validate_json(message.event))
+        except ValidationError:
+            self._say("alarm", additions.SITE.serial_number, "tells of an event of no known kind")
+
+    def _robot(self, identity: Identity) -> Robot | None:
+        """Return the robot of this identity, None when the world has none of its name."""
+        name = identity.serial_number
+        robot = self._robots.get(name)
+        if robot is not None and robot.identity != identity:
+            text = f"a second robot calls itself so, of {identity.manufacturer}: not believed"
+            self._say("alarm", name, text)
+            return None
+        if robot is None and name in self.world.assets:
+            robot = self._robots[name] = Robot(identity)
+            if self._ready:
+                self._welcome(robot)
+        elif robot is None and name not in self.world.cameras:
+            text = "has joined; it can be commanded from the next session on"
+            self._say("warning", name, text, "stranger")
+        return robot
+
+    def _take_connection(self, identity: Identity, message: messages.Connection) -> None:
+        if identity.serial_number in self.world.cameras or identity == additions.SITE:
+            return
+        robot = self._robot(identity)
+        if robot is None:
+            return
+        before, robot.connection = robot.connection, message.connection_state
+        if robot.connection != "ONLINE":
+            self._known.break_link(robot.name)
+            if before == "ONLINE":
+                word = robot.connection.lower().replace("_", " ")
+                self._say(
+                    "warning",
+                    robot.name,
+                    f"says that it is {word}"
+                    if word != "connection broken"
+                    else "its connection is broken",
+                    word,
+                )
+        elif before != "ONLINE" and self._ready:
+            self._welcome(robot)
+
+    def _take_state(self, delivery: Delivery, state: messages.State) -> None:
+        robot = self._robot(delivery.topic.identity)
+        if robot is None:
+            return
+        stamp = self._stamp(delivery, state, robot.name)
+        if stamp is None:
+            return
+        if robot.latest is not None and state.timestamp < robot.latest:
+            text = "its state is older than the one before: not believed"
+            self._say("warning", robot.name, text, "old")
+            return
+        robot.latest = state.timestamp
+        for command, answer in robot.answers(state):
+            self._reply(command, answer)
+        if robot.waiting is not None and not robot.busy:
+            command, robot.waiting = robot.waiting, None
+            self._order(robot, command)
+        kind = self.world.assets[robot.name].kind
+        terrain = self._known.terrain
+        said = telemetry_of(state, robot.name, kind, terrain, terrain.seconds(max(stamp, 0)))
+        if said is None:
+            self._say("alarm", robot.name, "does not know where it is", "lost")
+        else:
+            self._known.report(robot.name, stamp, said)
+
+    def _take_detections(self, delivery: Delivery, seen: additions.Detections) -> None:
+        name = delivery.topic.identity.serial_number
+        if name not in self.world.cameras:
+            robot = self._robot(delivery.topic.identity)
+            if robot is None:
+                return
+        stamp = self._stamp(delivery, seen, name)
+        if stamp is not None:
+            self._known.detect(name, stamp, seen)
+
+    def _stamp(self, delivery: Delivery, message: Header, name: str) -> int | None:
+        """Return the tick at which a report was sent, None for one that is not believed."""
+        if delivery.retained:
+            text = f"its {message.TOPIC} was kept by the broker: it is none of now"
+            self._say("warning", name, text, f"retained {message.TOPIC}")
+            return None
+        stamp = self._tick_of(message.timestamp, delivery.at)
+        if stamp is None:
+            text = "its clock is ahead of ours: what it reports is not believed"
+            self._say("alarm", name, text, "ahead")
+        return stamp
+
+    def _tick_of(self, sent: datetime, arrived: datetime) -> int | None:
+        """Return the tick on the station's clock of a time; None for one in the future."""
+        if (sent - arrived).total_seconds() > AHEAD_S:
+            return None
+        age_s = (self.now() - sent).total_seconds() * self._rate
+        return self._tick - max(0, math.ceil(age_s / self.world.dt_s))
+
+
+def zone_set(world: World, header: dict[str, Any]) -> messages.ZoneSet:
+    """Return the restricted zones of `world` as a message: no robot may enter them by itself."""
+    zones = tuple(
+        messages.Zone(
+            zone_id=name,
+            zone_type="BLOCKED",
+            vertices=tuple(messages.Vertex(x=x, y=y) for x, y in zone.polygon),
+        )
+        for name, zone in world.zones.items()
+    )
+    return messages.ZoneSet(
+        **header, zone_set=messages.Zones(zone_set_id=f"{world.name}-restricted", zones=zones)
+    )

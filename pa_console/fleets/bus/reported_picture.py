@@ -1,0 +1,187 @@
+"""The picture that the messages of a fleet on a bus add up to; nothing here knows any truth.
+
+It concludes as the station of a simulated fleet does: whether a report is stale, a link lost, a
+position doubtful, and what the detections of all sensors make of a contact.
+"""
+
+import math
+import random
+from collections.abc import Mapping
+
+from pa_console.fleets.vda5050.additions import Detections, SeenContact
+from pa_console.schema.base import Point
+from pa_console.schema.telemetry import AssetTelemetry, Picture, Weather
+from pa_console.schema.world import World
+from pa_console.sim.checkpoint import Checkpoint
+from pa_console.sim.picture import integrity
+from pa_console.sim.picture import picture as station_side
+from pa_console.sim.sensing import sensing
+from pa_console.sim.state import (
+    AssetState,
+    Detection,
+    Heard,
+    Report,
+    Said,
+    Scene,
+    StationState,
+    Trust,
+)
+from pa_console.sim.worlds.terrain import Terrain
+
+SEEN_PERIODS = 2.0
+"""Where a sensor has recognised an asset counts for so many telemetry periods."""
+
+
+class ReportedPicture:
+    """Takes in reports and detections by the tick at which they were sent; gives the picture.
+
+    Ticks are steps of `world.dt_s` on the station's own clock.
+    """
+
+    def __init__(self, world: World) -> None:
+        self.terrain = Terrain(world)
+        self.begin(0)
+
+    @property
+    def world(self) -> World:
+        """The world of the fleet."""
+        return self.terrain.world
+
+    def begin(self, tick: int) -> None:
+        """Forget everything: at `tick` no asset and no camera has ever been heard."""
+        world = self.world
+        scene = self._scene = Scene(rng=random.Random(0), tick=tick)
+        scene.station = StationState(at_gate={gate: {} for gate in world.gates})
+        self._never = tick - math.ceil(max(world.link_lost_s, world.stale_s) / world.dt_s) - 1
+        self._cameras: dict[str, tuple[int, bool]] = {}
+        self._recognised: dict[str, tuple[int, Point]] = {}
+        for index, (name, spec) in enumerate(world.assets.items()):
+            at = world.frames[spec.post].at
+            scene.assets[name] = AssetState(
+                name, spec.kind, index, *at, 0.0, 0.0, None, at, failed=True
+            )
+            unheard = Said.of(_unheard(name, self.terrain))
+            scene.station.heard[name] = Heard(
+                unheard, self._never, marks=station_side.marks_of("ok")
+            )
+        self.show()
+
+    def report(self, name: str, stamp: int, said: AssetTelemetry) -> None:
+        """Take in what asset `name` said of itself at tick `stamp`; older news are left out."""
+        scene = self._scene
+        heard = scene.station.heard[name]
+        if stamp <= heard.stamp:
+            return
+        asset = scene.assets[name]
+        asset.x, asset.y = said.position
+        asset.battery, asset.failed = said.battery_pct, said.status == "failed"
+        if heard.stamp <= self._never:
+            scene.station.heard[name] = Heard(Said.of(said), stamp, station_side.marks_of("ok"))
+            return
+        station_side.receive(self.terrain, scene, (Report(name, stamp, Said.of(said)),))
+
+    def break_link(self, name: str) -> None:
+        """Note that asset `name` has no connection any more, as the broker says."""
+        heard = self._scene.station.heard[name]
+        self._scene.station.heard[name] = heard._replace(stamp=min(heard.stamp, self._lost_stamp()))
+
+    def detect(self, sensor: str, stamp: int, seen: Detections) -> None:
+        """Take in what an asset or a camera detected at tick `stamp`.
+
+        What a suspect asset detects is ignored: it may not be where it says it is.
+        """
+        scene, world = self._scene, self.world
+        if sensor in world.cameras:
+            if stamp < self._cameras.get(sensor, (stamp, True))[0]:
+                return
+            self._cameras[sensor] = (stamp, seen.works)
+            if not seen.works:
+                return
+        elif scene.station.heard[sensor].trust.suspect:
+            return
+        for robot in seen.team:
+            if robot.name in scene.assets and robot.name != sensor:
+                self._recognised[robot.name] = (stamp, (robot.x, robot.y))
+        found = tuple(_detection(contact, stamp, world.dt_s) for contact in seen.contacts)
+        sensing.receive(self.terrain, scene, sensor, stamp, found)
+
+    def carried(self, name: str) -> None:
+        """Note that an asset was carried elsewhere, so that nobody takes it for a forgery."""
+        heard = self._scene.station.heard[name]
+        trust = Trust(stood=heard.trust.stood, carried_tick=self._scene.tick)
+        self._scene.station.heard[name] = heard._replace(trust=trust)
+
+    def advance(self, tick: int) -> None:
+        """Go on to `tick`."""
+        self._scene.tick = tick
+
+    def show(self, weather: Weather = "clear") -> None:
+        """Make the picture anew from what is known now."""
+        scene = self._scene
+        silent_since = scene.tick - round(self.world.stale_s / self.world.dt_s)
+        scene.sensing.weather = weather
+        scene.sensing.broken = tuple(
+            name
+            for name in self.world.cameras
+            if not (known := self._cameras.get(name, (silent_since - 1, False)))[1]
+            or known[0] < silent_since
+        )
+        integrity.compare(self.terrain, scene, self._seen())
+        self._draft = station_side.build(self.terrain, scene, scene.assets)
+        self._picture: Picture | None = None
+
+    def picture(self) -> Picture:
+        """Return the picture as it was made last."""
+        if self._picture is None:
+            self._picture = self._draft.picture()
+        return self._picture
+
+    def forecast(self) -> Checkpoint:
+        """Return a simulation of what the picture shows, built from it and the world alone."""
+        return Checkpoint.ahead_of(self.terrain, self.picture())
+
+    def _lost_stamp(self) -> int:
+        """Return when a report of which the link counts as lost now was sent, at the latest."""
+        return self._scene.tick - math.ceil(self.world.link_lost_s / self.world.dt_s)
+
+    def _seen(self) -> Mapping[str, Point]:
+        """Return where other sensors recognise assets now."""
+        period_s = SEEN_PERIODS * self.world.telemetry_period_s
+        recent = self._scene.tick - round(period_s / self.world.dt_s)
+        return {name: at for name, (stamp, at) in self._recognised.items() if stamp >= recent}
+
+
+def _unheard(name: str, terrain: Terrain) -> AssetTelemetry:
+    """Return what is known of an asset that has never been heard: nothing but its name."""
+    spec = terrain.world.assets[name]
+    return AssetTelemetry(
+        id=name,
+        kind=spec.kind,
+        at=None,
+        post=None,
+        position=terrain.world.frames[spec.post].at,
+        heading_deg=0.0,
+        speed_mps=0.0,
+        status="ok",
+        task="none",
+        battery_pct=spec.battery_pct,
+        low_battery=False,
+        comms="lost",
+        available=False,
+        stale=True,
+        stamp_s=0.0,
+    )
+
+
+def _detection(seen: SeenContact, stamp: int, dt_s: float) -> Detection:
+    warned = None if seen.warned_s is None else stamp - round(seen.warned_s / dt_s)
+    return Detection(
+        contact=seen.signature,
+        kind=seen.kind,
+        position=None if seen.x is None or seen.y is None else (seen.x, seen.y),
+        sigma_m=seen.sigma_m,
+        identity=seen.identity,
+        opinion=seen.opinion,
+        noncombatants=seen.noncombatants,
+        warned_tick=warned,
+    )

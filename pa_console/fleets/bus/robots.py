@@ -1,0 +1,79 @@
+"""What a station knows of each robot on its bus, and what it has asked of it."""
+
+from collections import OrderedDict
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+
+from pa_console.fleets.vda5050.commands import Answer, answer_of
+from pa_console.fleets.vda5050.factsheet import Factsheet
+from pa_console.fleets.vda5050.messages import ConnectionState, State
+from pa_console.fleets.vda5050.topics import Identity
+from pa_console.fleets.vda5050.vehicle import ENDED
+from pa_console.schema.command import FINAL_REPLIES, DeviceCommand
+
+MOST_ASKED = 512
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """A command that was sent, and what its robot said of it last."""
+
+    command: DeviceCommand
+    said: Answer | None = None
+
+
+@dataclass
+class Robot:
+    """One robot of the fleet; `name` is its serial number and its name in the world."""
+
+    identity: Identity
+    factsheet: Factsheet | None = None
+    connection: ConnectionState = "OFFLINE"
+    state: State | None = None
+    latest: datetime | None = None
+    """When the state that was taken in last was sent."""
+    held: bool = False
+    """Whether it was told to hold since it got its last order."""
+    waiting: DeviceCommand | None = None
+    """An order that goes out once its running one is cancelled."""
+    asked: OrderedDict[str, _Asked] = field(default_factory=OrderedDict[str, _Asked])
+
+    @property
+    def name(self) -> str:
+        """The name of the asset that it is."""
+        return self.identity.serial_number
+
+    @property
+    def busy(self) -> bool:
+        """Whether it says that it has an order."""
+        if self.state is None:
+            return False
+        running = any(a.action_status not in ENDED for a in self.state.action_states)
+        return running or bool(self.state.node_states)
+
+    def cannot(self, command: DeviceCommand) -> str:
+        """Return why it cannot carry out `command` by its own factsheet, "" when it can."""
+        if command.verb == "hold" or self.factsheet is None:
+            return ""
+        if self.factsheet.offers(command.verb):
+            return ""
+        return f"its factsheet does not offer {command.verb}"
+
+    def ask(self, command: DeviceCommand) -> None:
+        """Note that `command` was sent, once more perhaps: what it says next is told again."""
+        self.asked[command.command_id] = _Asked(command)
+        self.asked.move_to_end(command.command_id)
+        if len(self.asked) > MOST_ASKED:
+            self.asked.popitem(last=False)
+
+    def answers(self, state: State) -> Iterator[tuple[DeviceCommand, Answer]]:
+        """Take in `state`; yield what is new in it of the commands that were sent."""
+        self.state = state
+        for command_id, asked in list(self.asked.items()):
+            if asked.said is not None and asked.said.status in FINAL_REPLIES:
+                continue
+            said = answer_of(command_id, asked.command.verb, state)
+            if said is not None and said != asked.said:
+                self.asked[command_id] = replace(asked, said=said)
+                yield asked.command, said

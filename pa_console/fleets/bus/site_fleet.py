@@ -1,0 +1,136 @@
+"""The fleet of a simulated site: incidents can be made to happen, and its clock may be ours."""
+
+from collections.abc import Callable
+from datetime import datetime, timedelta
+from time import monotonic
+
+from pa_console.fleets.bus.client import Sent
+from pa_console.fleets.bus.mqtt_fleet import Authorize, Joined, MqttFleet, nobody
+from pa_console.fleets.vda5050 import additions
+from pa_console.fleets.vda5050.topics import Identity, Topic
+from pa_console.fleets.vda5050.wire import Header
+from pa_console.schema.incident import Incident, PlaceAsset, unknown_name
+from pa_console.schema.world import World
+
+ANSWER_S = 3.0
+
+
+class SiteFleet(MqttFleet):
+    """Drives a site that simulates; one that is paced stands still until the station steps."""
+
+    def __init__(
+        self,
+        world: World,
+        joined: Joined,
+        site: additions.SiteDescription,
+        authorize: Authorize = nobody,
+    ) -> None:
+        """Raises ValueError when a paced site does not answer."""
+        self._site, self._site_tick = site, -1
+        self._site_dt_s = world.dt_s
+        self._epoch = site.timestamp - timedelta(seconds=site.tick * world.dt_s)
+        self._began, self._moved = site.tick, False
+        self._after: dict[str, int] = {}
+        self._incidents, self._problems = 0, dict[int, str]()
+        super().__init__(world, joined, authorize)
+        if site.paced:
+            self._move_site(0)
+            self._began = self._site_tick
+            if self._site_tick < 0:
+                self.close()
+                raise ValueError("the site does not answer; is another station driving it?")
+            self._wait(self._all_heard)
+            self._known.show(self._weather)
+
+    @property
+    def paced(self) -> bool:
+        """Whether the site stands still until the station steps."""
+        return self._site.paced
+
+    @property
+    def seed(self) -> int:
+        """Where the site's random draws begin."""
+        return self._site.seed
+
+    def now(self) -> datetime:
+        """Return what time it is on the clock that the robots go by (UTC)."""
+        if not self._site.paced:
+            return super().now()
+        ticks = max(self._site_tick, 0)
+        return self._epoch + timedelta(seconds=ticks * self._site_dt_s)
+
+    def inject(self, incident: Incident) -> None:
+        """Make `incident` happen now at the site.
+
+        Raises ValueError naming what exists for an unknown name, and when the site says that it
+        cannot happen, or says nothing.
+        """
+        _, problem = unknown_name(incident, self.world)
+        if problem:
+            raise ValueError(problem)
+        self._incidents += 1
+        number = self._incidents
+        if self._site.paced and self._site_tick == 0:
+            self._known.begin(0)
+        elif isinstance(incident, PlaceAsset):
+            self._known.carried(incident.asset)
+        header = self._header(additions.SITE, additions.IncidentMessage.TOPIC)
+        self._tell_site(
+            additions.IncidentMessage(**header, number=number, incident=incident.model_dump_json())
+        )
+        self._wait(lambda: number in self._problems and self._numbers.has_seen(self._after))
+        self._known.show(self._weather)
+        problem = self._problems.pop(number, "the site did not answer")
+        if problem:
+            raise ValueError(problem)
+
+    def _receive(self) -> None:
+        if self._site.paced:
+            self._move_site(self._began + self._tick)
+        super()._receive()
+
+    def _move_site(self, tick: int) -> None:
+        """Let the site go on to `tick` and take in everything that it told on the way there."""
+        header = self._header(additions.SITE, additions.ClockMessage.TOPIC)
+        self._moved = False
+        message = additions.ClockMessage(**header, tick=tick, after=self._numbers.fresh())
+        self._tell_site(message)
+        self._wait(lambda: self._moved and self._numbers.has_seen(self._after))
+
+    def _wait(self, done: Callable[[], bool]) -> None:
+        """Take in messages until `done`, or until the site has been silent for too long."""
+        until = monotonic() + ANSWER_S
+        while True:
+            super()._receive()
+            left_s = until - monotonic()
+            if done() or left_s <= 0.0:
+                return
+            self._link.wait_news(left_s)
+
+    def _all_heard(self) -> bool:
+        online = (robot for robot in self._robots.values() if robot.connection == "ONLINE")
+        return all(robot.state is not None for robot in online)
+
+    def _tell_site(self, message: Header) -> None:
+        topic = Topic(self._link.address.site, additions.SITE, message.TOPIC)
+        self._link.send(Sent(str(topic), message.write(), qos=1))
+
+    def _take_more(self, identity: Identity, message: Header) -> None:
+        if identity != additions.SITE:
+            super()._take_more(identity, message)
+            return
+        match message:
+            case additions.ClockDone():
+                self._site_tick, self._moved = message.tick, True
+                self._after = dict(message.after)
+            case additions.IncidentDone():
+                self._problems[message.number] = message.problem
+                self._after = dict(message.after)
+            case _:
+                super()._take_more(identity, message)
+
+    def _tick_of(self, sent: datetime, arrived: datetime) -> int | None:
+        if not self._site.paced:
+            return super()._tick_of(sent, arrived)
+        ticks = round((sent - self._epoch).total_seconds() / self.world.dt_s) - self._began
+        return ticks if ticks <= self._tick else None

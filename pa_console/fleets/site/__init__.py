@@ -1,0 +1,1 @@
+"""A simulated checkpoint as a service on a message bus."""

@@ -1,0 +1,220 @@
+"""The files of a site: an authority, a certificate for everybody, and what Mosquitto is told.
+
+Whoever is on the bus is who its certificate says; a robot may write and read its own topics alone.
+"""
+
+import getpass
+import ipaddress
+import socket
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
+from pa_console.fleets.bus.address import CA_FILE
+from pa_console.fleets.vda5050.additions import SITE
+from pa_console.private_files import make_private_folder, replace_private
+
+CA_KEY, BROKER, STATION = "ca.key", "broker", "station"
+RESERVED = ("ca", BROKER, STATION, SITE.serial_number)
+CONFIGURATION, ACCESS = "mosquitto.conf", "access.txt"
+CA_YEARS, YEARS = 10, 2
+EARLIER = timedelta(days=1)
+"""A machine whose clock is a little late takes a new certificate, too."""
+
+ROBOT_WRITES = ("connection", "state", "factsheet", "detections", "visualization")
+ROBOT_READS = ("order", "instantActions", "zoneSet", "responses")
+SITE_WRITES = ("connection", "site", "clockDone", "incidentDone", "told")
+SITE_READS = ("clock", "incident")
+_CONFIGURATION = """\
+# Mosquitto for the site {site}: start it with  mosquitto -c {folder}/{file}
+listener {port}
+cafile {folder}/{ca}
+certfile {folder}/{broker}.crt
+keyfile {folder}/{broker}.key
+require_certificate true
+use_identity_as_username true
+allow_anonymous false
+acl_file {folder}/{access}
+user {user}
+set_tcp_nodelay true
+persistence false
+max_packet_size 300000
+max_queued_messages 10000
+"""
+
+
+@dataclass(frozen=True)
+class SiteFiles:
+    """What was written into `folder`, for whom; those that were there stay as they are."""
+
+    folder: Path
+    made: tuple[str, ...]
+    kept: tuple[str, ...]
+
+
+def write_site(
+    folder: Path, site: str, names: Sequence[str], hosts: Sequence[str], port: int
+) -> SiteFiles:
+    """Make or complete the files of a site for robots and cameras of these `names`.
+
+    Everything is for its owner alone. Raises OSError when the folder cannot be written.
+    """
+    folder = folder.expanduser().absolute()
+    make_private_folder(folder)
+    authority = _authority(folder, site)
+    made: list[str] = []
+    kept: list[str] = []
+    for name in (BROKER, STATION, SITE.serial_number, *names):
+        if (folder / f"{name}.crt").exists():
+            kept.append(name)
+            continue
+        _issue(folder, authority, name, hosts if name == BROKER else ())
+        made.append(name)
+    _write(folder / ACCESS, access(site))
+    configuration = _CONFIGURATION.format(
+        site=site,
+        folder=folder,
+        file=CONFIGURATION,
+        port=port,
+        ca=CA_FILE,
+        broker=BROKER,
+        access=ACCESS,
+        user=getpass.getuser(),
+    )
+    _write(folder / CONFIGURATION, configuration)
+    return SiteFiles(folder, tuple(made), tuple(kept))
+
+
+def access(site: str) -> str:
+    """Return who may write and read which topics; %u is the name in a certificate."""
+    robot = f"{site}/v3/+/%u"
+    own = f"{site}/v3/{SITE.manufacturer}/{SITE.serial_number}"
+    lines = [
+        "# Everybody writes and reads the topics of the serial number in their certificate.",
+        *(f"pattern write {robot}/{topic}" for topic in ROBOT_WRITES),
+        *(f"pattern read {robot}/{topic}" for topic in ROBOT_READS),
+        "",
+        f"user {SITE.serial_number}",
+        *(f"topic write {own}/{topic}" for topic in SITE_WRITES),
+        *(f"topic read {own}/{topic}" for topic in SITE_READS),
+        "",
+        f"user {STATION}",
+        f"topic read {site}/v3/#",
+        *(f"topic write {site}/v3/+/+/{topic}" for topic in ROBOT_READS),
+        *(f"topic write {own}/{topic}" for topic in SITE_READS),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+@dataclass(frozen=True)
+class _Authority:
+    certificate: x509.Certificate
+    key: ec.EllipticCurvePrivateKey
+
+
+def _authority(folder: Path, site: str) -> _Authority:
+    """Return the authority of the folder, made when there is none."""
+    certificate_file, key_file = folder / CA_FILE, folder / CA_KEY
+    if certificate_file.exists() and key_file.exists():
+        key = serialization.load_pem_private_key(key_file.read_bytes(), None)
+        if not isinstance(key, ec.EllipticCurvePrivateKey):
+            raise ValueError(f"{key_file} is no key of an authority that was made here")
+        return _Authority(x509.load_pem_x509_certificate(certificate_file.read_bytes()), key)
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = _name(f"PA Console site {site}")
+    certificate = (
+        _builder(name, name, key, CA_YEARS)
+        .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+        .add_extension(_usage(signs=True), critical=True)
+        .sign(key, hashes.SHA256())
+    )
+    _keep(folder, CA_FILE.removesuffix(".crt"), certificate, key)
+    return _Authority(certificate, key)
+
+
+def _issue(folder: Path, authority: _Authority, name: str, hosts: Sequence[str]) -> None:
+    """Make a key and a certificate for `name`; for the broker, with the hosts that it is on."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    purpose = ExtendedKeyUsageOID.SERVER_AUTH if hosts else ExtendedKeyUsageOID.CLIENT_AUTH
+    builder = (
+        _builder(_name(name), authority.certificate.subject, key, YEARS)
+        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+        .add_extension(_usage(signs=False), critical=True)
+        .add_extension(x509.ExtendedKeyUsage([purpose]), critical=False)
+        .add_extension(
+            x509.AuthorityKeyIdentifier.from_issuer_public_key(authority.key.public_key()),
+            critical=False,
+        )
+    )
+    if hosts:
+        names = x509.SubjectAlternativeName([_host(host) for host in hosts])
+        builder = builder.add_extension(names, critical=False)
+    _keep(folder, name, builder.sign(authority.key, hashes.SHA256()), key)
+
+
+def default_hosts() -> tuple[str, ...]:
+    """Return the names under which the broker of this machine is reached."""
+    return tuple(dict.fromkeys(("localhost", "127.0.0.1", socket.gethostname())))
+
+
+def _builder(
+    subject: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePrivateKey, years: int
+) -> x509.CertificateBuilder:
+    now = datetime.now(UTC)
+    return (
+        x509.CertificateBuilder()
+        .subject_name(subject)
+        .issuer_name(issuer)
+        .public_key(key.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(now - EARLIER)
+        .not_valid_after(now + timedelta(days=365 * years))
+        .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
+    )
+
+
+def _usage(*, signs: bool) -> x509.KeyUsage:
+    return x509.KeyUsage(
+        digital_signature=not signs,
+        key_cert_sign=signs,
+        crl_sign=signs,
+        content_commitment=False,
+        key_encipherment=False,
+        data_encipherment=False,
+        key_agreement=False,
+        encipher_only=False,
+        decipher_only=False,
+    )
+
+
+def _name(common: str) -> x509.Name:
+    return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common)])
+
+
+def _host(host: str) -> x509.GeneralName:
+    try:
+        return x509.IPAddress(ipaddress.ip_address(host))
+    except ValueError:
+        return x509.DNSName(host)
+
+
+def _keep(
+    folder: Path, name: str, certificate: x509.Certificate, key: ec.EllipticCurvePrivateKey
+) -> None:
+    secret = key.private_bytes(
+        serialization.Encoding.PEM,
+        serialization.PrivateFormat.PKCS8,
+        serialization.NoEncryption(),
+    )
+    replace_private(folder / f"{name}.key", secret)
+    replace_private(folder / f"{name}.crt", certificate.public_bytes(serialization.Encoding.PEM))
+
+
+def _write(path: Path, text: str) -> None:
+    replace_private(path, text.encode())

@@ -1,0 +1,115 @@
+"""What the standard does not have: detections of sensors, and the words between a site and station.
+
+Detections go to `<interface>/v3/<manufacturer>/<name>/detections`, from robots and from cameras. A
+site that simulates says so on `site`, as `pa-console`/`site`, and takes `incident` and `clock`.
+"""
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from pa_console.fleets.vda5050.topics import Identity
+from pa_console.fleets.vda5050.wire import MOST_ITEMS, Count, Finite, Header, Id, Text, Wire
+from pa_console.schema.base import Name
+from pa_console.schema.telemetry import Identity as ContactIdentity
+from pa_console.schema.telemetry import Intent, Weather
+
+MANUFACTURER = "pa-console"
+SITE = Identity(MANUFACTURER, "site")
+Metres = Annotated[float, Field(ge=0.0, le=1e5)]
+
+
+class SeenContact(Wire):
+    """One detection of a vehicle or person that is not ours.
+
+    `signature` tells detections of the same contact apart from others. Without `x` and `y` the
+    sensor only repeats what it has found out before; `sigma_m` is the error of one axis, metres.
+    `warned_s` is how many seconds ago the contact was warned.
+    """
+
+    signature: Id
+    kind: Literal["vehicle", "person"]
+    x: Finite | None = None
+    y: Finite | None = None
+    sigma_m: Metres
+    identity: ContactIdentity = "unknown"
+    opinion: Intent = "unknown"
+    noncombatants: bool = False
+    warned_s: Metres | None = None
+
+
+class SeenRobot(Wire):
+    """A robot of the team that a sensor recognises, where it sees it."""
+
+    name: Name
+    x: Finite
+    y: Finite
+
+
+class Detections(Header):
+    """What one sensor sees now; `works` False is a camera that says it is out of order."""
+
+    TOPIC: ClassVar[str] = "detections"
+    works: bool = True
+    contacts: tuple[SeenContact, ...] = Field(default=(), max_length=MOST_ITEMS)
+    team: tuple[SeenRobot, ...] = Field(default=(), max_length=MOST_ITEMS)
+
+
+class SiteDescription(Header):
+    """What a simulated site is: its world by the hash of its file, and whose clock it goes by.
+
+    With `paced` by the station it stands still until a `clock` message moves it on. `epoch` is when
+    its clock began, and `rate` how many of its seconds pass in one.
+    """
+
+    TOPIC: ClassVar[str] = "site"
+    world: Name
+    world_sha256: Id
+    seed: int
+    scenario: Id = ""
+    paced: bool = False
+    rate: Annotated[float, Field(gt=0.0, le=1000.0)] = 1.0
+    tick: Count = 0
+    weather: Weather = "clear"
+
+
+class ClockMessage(Header):
+    """The station lets a paced site go on to `tick`; `after` names what it has sent before.
+
+    Per robot, `after` is the sum of its messages on the topics that it hears, so that none is
+    overtaken. The site answers likewise on `clockDone`, once it has told everything.
+    """
+
+    TOPIC: ClassVar[str] = "clock"
+    tick: Count
+    after: dict[Id, Count] = {}
+
+
+class ClockDone(ClockMessage):
+    """The site has gone on to `tick`; `after` counts the messages of each robot and camera."""
+
+    TOPIC: ClassVar[str] = "clockDone"
+
+
+class IncidentMessage(Header):
+    """The station lets something happen in a simulated site; `incident` is an Incident as JSON."""
+
+    TOPIC: ClassVar[str] = "incident"
+    number: Count
+    incident: Text
+
+
+class IncidentDone(Header):
+    """What became of an incident; `problem` says why it could not happen, "" if it did."""
+
+    TOPIC: ClassVar[str] = "incidentDone"
+    number: Count
+    problem: Text = ""
+    after: dict[Id, Count] = {}
+
+
+class Told(Header):
+    """What a site's scenario made happen, or could not: an event as JSON for the session log."""
+
+    TOPIC: ClassVar[str] = "told"
+    event: Text

@@ -1,0 +1,171 @@
+"""An asset's report as the state of a robot, and the state of a robot as an asset's report."""
+
+import math
+from collections.abc import Mapping
+from datetime import datetime
+from typing import get_args
+
+from pa_console.fleets.vda5050.messages import (
+    ActionState,
+    ControlPoint,
+    Error,
+    Info,
+    KnownZoneSet,
+    PlannedPath,
+    PowerSupply,
+    RobotPosition,
+    SafetyState,
+    State,
+    Trajectory,
+    Velocity,
+)
+from pa_console.fleets.vda5050.vehicle import ENDED, Vehicle
+from pa_console.schema.base import Point
+from pa_console.schema.telemetry import AssetStatus, AssetTelemetry, Task
+from pa_console.schema.world import AssetKind
+from pa_console.sim.worlds.terrain import Terrain
+
+BROKEN, IMPAIRED, TASK = "BROKEN_DOWN", "IMPAIRED", "task"
+TASKS: Mapping[str, Task] = {task: task for task in get_args(Task)}
+_DOING: Mapping[str, Task] = {
+    "observe": "observing",
+    "identify": "identifying",
+    "warn": "warning",
+    "block": "blocking",
+    "return_to_base": "returning",
+}
+"""The task of a robot that stands, by the action that it is at."""
+
+
+def state_of(
+    said: AssetTelemetry,
+    vehicle: Vehicle,
+    header_id: int,
+    sent: datetime,
+    zone_sets: tuple[KnownZoneSet, ...] = (),
+) -> State:
+    """Return the state of `vehicle`, which has `said` so of itself at `sent` (UTC)."""
+    nodes, edges = vehicle.way_ahead()
+    errors = list(vehicle.errors)
+    if said.status == "failed":
+        errors.append(Error(error_type=BROKEN, error_level="FATAL"))
+    elif said.status == "degraded":
+        errors.append(Error(error_type=IMPAIRED, error_level="URGENT"))
+    path = None
+    if said.route:
+        points = tuple(ControlPoint(x=x, y=y) for x, y in (said.position, *said.route))
+        path = PlannedPath(trajectory=Trajectory(control_points=points))
+    return State(
+        header_id=header_id,
+        timestamp=sent,
+        manufacturer=vehicle.identity.manufacturer,
+        serial_number=vehicle.identity.serial_number,
+        order_id=vehicle.order_id,
+        order_update_id=0,
+        last_node_id=said.post or "",
+        last_node_sequence_id=0,
+        node_states=nodes,
+        edge_states=edges,
+        driving=said.speed_mps > 0.0,
+        paused=vehicle.paused,
+        action_states=vehicle.action_states,
+        instant_action_states=vehicle.instant_action_states,
+        power_supply=PowerSupply(
+            state_of_charge=said.battery_pct, charging=said.task == "charging"
+        ),
+        operating_mode="AUTOMATIC",
+        errors=tuple(errors),
+        safety_state=SafetyState(),
+        planned_path=path,
+        mobile_robot_position=RobotPosition(
+            x=said.position[0],
+            y=said.position[1],
+            theta=math.remainder(math.radians(said.heading_deg), math.tau),
+            localized=True,
+        ),
+        velocity=Velocity(vx=said.speed_mps, vy=0.0),
+        zone_sets=zone_sets,
+        information=(Info(info_type=TASK, info_descriptor=said.task),),
+    )
+
+
+def telemetry_of(
+    state: State, name: str, kind: AssetKind, terrain: Terrain, stamp_s: float
+) -> AssetTelemetry | None:
+    """Return what `state` says of the asset `name`, as of `stamp_s` on the station's clock.
+
+    None when the robot does not know where it is, or is on a map that we do not have.
+    """
+    place = state.mobile_robot_position
+    if place is None or not place.localized:
+        return None
+    low_pct, battery_pct = terrain.world.low_battery_pct, state.power_supply.state_of_charge
+    velocity = state.velocity or Velocity()
+    speed = math.hypot(velocity.vx or 0.0, velocity.vy or 0.0)
+    status = _status(state)
+    at = terrain.frame_at(place.x, place.y)
+    running = next((a for a in reversed(state.action_states) if _runs(a)), None)
+    return AssetTelemetry.of_valid(
+        {
+            "id": name,
+            "kind": kind,
+            "at": at,
+            "post": _post(state, terrain),
+            "position": (place.x, place.y),
+            "heading_deg": round(math.degrees(place.theta), 1),
+            "speed_mps": round(speed, 3),
+            "status": status,
+            "task": "none" if status == "failed" else _task(state, running),
+            "battery_pct": battery_pct,
+            "low_battery": battery_pct < low_pct,
+            "comms": "ok",
+            "available": status != "failed" and battery_pct > 0.0,
+            "stale": False,
+            "integrity": "ok",
+            "route": _route(state),
+            "command_id": running.action_id if running is not None else None,
+            "stamp_s": stamp_s,
+        }
+    )
+
+
+def _status(state: State) -> AssetStatus:
+    levels = {error.error_level for error in state.errors}
+    able = state.operating_mode in ("AUTOMATIC", "SEMIAUTOMATIC")
+    stopped = state.safety_state.active_emergency_stop != "NONE"
+    if not able or stopped or levels & {"CRITICAL", "FATAL"}:
+        return "failed"
+    return "degraded" if "URGENT" in levels else "ok"
+
+
+def _runs(action: ActionState) -> bool:
+    return action.action_status not in ENDED
+
+
+def _post(state: State, terrain: Terrain) -> str | None:
+    """Return the frame that the robot is at, or is going to, None for none of ours."""
+    name = state.node_states[-1].node_id if state.node_states else state.last_node_id
+    return name if name in terrain.world.frames else None
+
+
+def _task(state: State, running: ActionState | None) -> Task:
+    """Return what the robot does: in its own words if it has some, else what its state shows."""
+    for info in state.information:
+        task = TASKS.get(info.info_descriptor or "") if info.info_type == TASK else None
+        if task is not None:
+            return task
+    doing = running.action_type if running is not None else None
+    if state.driving:
+        return "returning" if doing == "return_to_base" else "moving"
+    if state.power_supply.charging:
+        return "charging"
+    return _DOING.get(doing or "", "holding" if state.paused else "idle")
+
+
+def _route(state: State) -> tuple[Point, ...]:
+    """Return the waypoints ahead: the planned path without its beginning, or the nodes ahead."""
+    path = state.planned_path.trajectory if state.planned_path is not None else None
+    if path is not None and path.degree == 1:
+        return tuple((point.x, point.y) for point in path.control_points[1:])
+    places = (node.node_position for node in state.node_states)
+    return tuple((place.x, place.y) for place in places if place is not None)

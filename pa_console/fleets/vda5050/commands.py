@@ -1,0 +1,141 @@
+"""Our commands as orders and instant actions, and what a robot's state answers to them."""
+
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+from pa_console.fleets.vda5050.messages import (
+    Action,
+    ActionParameter,
+    ActionState,
+    Edge,
+    Node,
+    Position,
+    State,
+)
+from pa_console.fleets.vda5050.vehicle import (
+    AUTHORIZATION,
+    CANCEL,
+    ENDED,
+    PAUSE,
+    RESUME,
+    TARGET,
+)
+from pa_console.schema.base import Point
+from pa_console.schema.command import DeviceCommand, ReplyStatus
+from pa_console.schema.world import World
+
+START = "start"
+
+
+class Answer(NamedTuple):
+    """What a robot says of a command."""
+
+    status: ReplyStatus
+    detail: str = ""
+
+
+def is_order(command: DeviceCommand) -> bool:
+    """Return whether a command makes a robot move, so that it goes as an order."""
+    return command.verb not in ("hold", "report")
+
+
+def actions_at_once(command: DeviceCommand, token: str | None) -> tuple[Action, ...]:
+    """Return the instant actions of `hold`, which are two, and of `report`."""
+    if command.verb == "hold":
+        return (
+            _action(command.command_id, PAUSE, "NONE"),
+            _action(f"{command.command_id}.cancel", CANCEL, "NONE"),
+        )
+    return (_action(command.command_id, command.verb, "NONE", _parameters(None, token)),)
+
+
+def cancel_before(command: DeviceCommand) -> Action:
+    """Return what ends a robot's running order, which it does not drop by itself for `command`."""
+    return _action(f"{command.command_id}.before", CANCEL, "NONE")
+
+
+def resume_for(command: DeviceCommand) -> Action:
+    """Return what ends a robot's pause, so that it can carry `command` out."""
+    return _action(f"{command.command_id}.resume", RESUME, "NONE")
+
+
+def order_of(
+    command: DeviceCommand, world: World, at: Point | None, node_id: str, token: str | None
+) -> tuple[tuple[Node, ...], tuple[Edge, ...]]:
+    """Return the nodes and edges of an order: from where the robot is, `at`, to the command's goal.
+
+    `node_id` is the node that it says it was at last. Without a place the goal is the only node.
+    """
+    goal = command.target or world.base
+    action = _action(command.command_id, command.verb, "HARD", _parameters(command.target, token))
+    there = world.frames[goal].at if goal in world.frames else None
+    last = Node(
+        node_id=goal,
+        sequence_id=2 if at is not None else 0,
+        released=True,
+        node_position=_position(there),
+        actions=(action,),
+    )
+    if at is None:
+        return (last,), ()
+    first = Node(
+        node_id=node_id or START, sequence_id=0, released=True, node_position=_position(at)
+    )
+    edge = Edge(edge_id=f"to-{goal}", sequence_id=1, released=True)
+    return (first, last), (edge,)
+
+
+def answer_of(command_id: str, verb: str, state: State) -> Answer | None:
+    """Return what `state` says of a command, None when it does not know of it.
+
+    A hold has ended when the pause has begun and no order is left.
+    """
+    for error in reversed(state.errors):
+        if error.refers_to(command_id) and error.error_level == "WARNING":
+            return Answer("refused", error.error_description or error.error_type)
+    states = (*state.action_states, *state.instant_action_states)
+    found = _find(states, command_id)
+    if found is None:
+        return None
+    detail = found.action_result or ""
+    match found.action_status:
+        case "FAILED":
+            return Answer("failed", detail)
+        case "FINISHED":
+            cancelled = _find(states, f"{command_id}.cancel")
+            if verb == "hold" and cancelled is not None and cancelled.action_status not in ENDED:
+                return Answer("acknowledged", detail)
+            if verb == "hold" and state.node_states:
+                return Answer("acknowledged", "an order is left")
+            return Answer("done", detail)
+        case "RUNNING" | "PAUSED" | "RETRIABLE":
+            return Answer("progress", detail)
+        case "WAITING" | "INITIALIZING":
+            return Answer("acknowledged", detail)
+
+
+def _find(states: Sequence[ActionState], action_id: str) -> ActionState | None:
+    return next((state for state in reversed(states) if state.action_id == action_id), None)
+
+
+def _action(
+    action_id: str,
+    action_type: str,
+    blocking: Literal["NONE", "HARD"],
+    parameters: tuple[ActionParameter, ...] = (),
+) -> Action:
+    return Action(
+        action_id=action_id,
+        action_type=action_type,
+        blocking_type=blocking,
+        action_parameters=parameters,
+    )
+
+
+def _parameters(target: str | None, token: str | None) -> tuple[ActionParameter, ...]:
+    given = ((TARGET, target), (AUTHORIZATION, token))
+    return tuple(ActionParameter(key=key, value=value) for key, value in given if value is not None)
+
+
+def _position(at: Point | None) -> Position | None:
+    return None if at is None else Position(x=at[0], y=at[1])

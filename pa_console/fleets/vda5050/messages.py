@@ -1,0 +1,276 @@
+"""The messages of VDA 5050 3.0.0 that a station and its robots exchange, but the factsheet.
+
+What the standard has beyond these fields (loads, trajectories to follow, requests for zones and
+edges) is neither sent nor read.
+"""
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field, JsonValue
+
+from pa_console.fleets.vda5050.wire import (
+    MOST_ITEMS,
+    Count,
+    Finite,
+    Header,
+    Id,
+    Text,
+    Wire,
+)
+
+Angle = Annotated[float, Field(ge=-3.1415926536, le=3.1415926536)]
+"""Radians; 0 east, a quarter turn north."""
+Charge = Annotated[float, Field(ge=0.0, le=100.0)]
+MAP = "site"
+"""The one map that every position is on."""
+
+ConnectionState = Literal["ONLINE", "OFFLINE", "HIBERNATING", "CONNECTION_BROKEN"]
+
+
+class Connection(Header):
+    """Whether a robot is on the bus; retained, and left as its last will."""
+
+    TOPIC: ClassVar[str] = "connection"
+    connection_state: ConnectionState
+
+
+class ActionParameter(Wire):
+    """One named value of an action."""
+
+    key: Id
+    value: JsonValue
+
+
+class Action(Wire):
+    """Something that a robot is to do: `action_type` says what, `action_id` which one it is."""
+
+    action_id: Id
+    action_type: Id
+    blocking_type: Literal["NONE", "SOFT", "SINGLE", "HARD"]
+    action_parameters: tuple[ActionParameter, ...] = Field(default=(), max_length=32)
+
+    def parameter(self, key: str) -> JsonValue:
+        """Return a parameter's value, None when the action has none of that name."""
+        return next((item.value for item in self.action_parameters if item.key == key), None)
+
+
+class InstantActions(Header):
+    """Actions that a robot is to carry out as soon as they arrive."""
+
+    TOPIC: ClassVar[str] = "instantActions"
+    actions: tuple[Action, ...] = Field(max_length=MOST_ITEMS)
+
+
+class Position(Wire):
+    """A place on the map, metres."""
+
+    x: Finite
+    y: Finite
+    map_id: Id = MAP
+
+
+class Node(Wire):
+    """A place that a robot is to pass, and what it is to do there."""
+
+    node_id: Id
+    sequence_id: Count
+    released: bool
+    node_position: Position | None = None
+    actions: tuple[Action, ...] = Field(default=(), max_length=MOST_ITEMS)
+
+
+class Edge(Wire):
+    """The way from one node to the next."""
+
+    edge_id: Id
+    sequence_id: Count
+    released: bool
+    actions: tuple[Action, ...] = Field(default=(), max_length=MOST_ITEMS)
+
+
+class Order(Header):
+    """The way that a robot is to go; `order_id` makes it the same order when it comes again."""
+
+    TOPIC: ClassVar[str] = "order"
+    order_id: Id
+    order_update_id: Count
+    nodes: tuple[Node, ...] = Field(max_length=MOST_ITEMS)
+    edges: tuple[Edge, ...] = Field(max_length=MOST_ITEMS)
+
+
+ActionStatus = Literal[
+    "WAITING", "INITIALIZING", "RUNNING", "PAUSED", "RETRIABLE", "FINISHED", "FAILED"
+]
+
+
+class ActionState(Wire):
+    """How far a robot is with one action."""
+
+    action_id: Id
+    action_type: Id | None = None
+    action_status: ActionStatus
+    action_result: Text | None = None
+
+
+class NodeState(Wire):
+    """A node that a robot has still to pass."""
+
+    node_id: Id
+    sequence_id: Count
+    released: bool
+    node_position: Position | None = None
+
+
+class EdgeState(Wire):
+    """A way that a robot has still to go."""
+
+    edge_id: Id
+    sequence_id: Count
+    released: bool
+
+
+class ControlPoint(Wire):
+    """A point of a trajectory, metres."""
+
+    x: Finite
+    y: Finite
+
+
+class Trajectory(Wire):
+    """A way: of degree 1, straight from one point to the next."""
+
+    degree: Annotated[int, Field(ge=1, le=100)] = 1
+    control_points: tuple[ControlPoint, ...] = Field(max_length=MOST_ITEMS)
+
+
+class PlannedPath(Wire):
+    """The way that a robot means to go, from where it is."""
+
+    trajectory: Trajectory
+
+
+class RobotPosition(Wire):
+    """Where a robot holds itself to be; not to be relied on unless `localized`."""
+
+    x: Finite
+    y: Finite
+    theta: Angle
+    map_id: Id = MAP
+    localized: bool
+
+
+class Velocity(Wire):
+    """How fast a robot moves, metres a second, forward and to its left."""
+
+    vx: Finite | None = None
+    vy: Finite | None = None
+
+
+class PowerSupply(Wire):
+    """A robot's battery, percent."""
+
+    state_of_charge: Charge
+    charging: bool
+
+
+class Reference(Wire):
+    """What an error or an information is about."""
+
+    reference_key: Id
+    reference_value: Text
+
+
+ErrorLevel = Literal["WARNING", "URGENT", "CRITICAL", "FATAL"]
+
+
+class Error(Wire):
+    """What is wrong with a robot, or why it refused something (then a WARNING, with the id)."""
+
+    error_type: Id
+    error_level: ErrorLevel
+    error_references: tuple[Reference, ...] = Field(default=(), max_length=MOST_ITEMS)
+    error_description: Text | None = None
+
+    def refers_to(self, value: str) -> bool:
+        """Return whether the error is about the order or action of this id."""
+        return any(reference.reference_value == value for reference in self.error_references)
+
+
+class Info(Wire):
+    """Something that a robot tells beside; nothing may depend on it."""
+
+    info_type: Id
+    info_level: Literal["INFO", "DEBUG"] = "INFO"
+    info_descriptor: Text | None = None
+
+
+class SafetyState(Wire):
+    """Whether a robot was stopped by its own safety devices."""
+
+    active_emergency_stop: Literal["MANUAL", "REMOTE", "NONE"] = "NONE"
+    field_violation: bool = False
+
+
+class KnownZoneSet(Wire):
+    """A set of zones that a robot has."""
+
+    zone_set_id: Id
+    map_id: Id
+    zone_set_status: Literal["ENABLED", "DISABLED"]
+
+
+class State(Header):
+    """Everything that a robot tells of itself, when something changes and now and then."""
+
+    TOPIC: ClassVar[str] = "state"
+    order_id: Id
+    order_update_id: Count
+    last_node_id: Id
+    last_node_sequence_id: Count
+    node_states: tuple[NodeState, ...] = Field(max_length=MOST_ITEMS)
+    edge_states: tuple[EdgeState, ...] = Field(max_length=MOST_ITEMS)
+    driving: bool
+    action_states: tuple[ActionState, ...] = Field(max_length=MOST_ITEMS)
+    instant_action_states: tuple[ActionState, ...] = Field(max_length=MOST_ITEMS)
+    power_supply: PowerSupply
+    operating_mode: Literal[
+        "STARTUP", "AUTOMATIC", "SEMIAUTOMATIC", "INTERVENED", "MANUAL", "SERVICE", "TEACH_IN"
+    ]
+    errors: tuple[Error, ...] = Field(max_length=MOST_ITEMS)
+    safety_state: SafetyState
+    paused: bool = False
+    planned_path: PlannedPath | None = None
+    mobile_robot_position: RobotPosition | None = None
+    velocity: Velocity | None = None
+    zone_sets: tuple[KnownZoneSet, ...] | None = Field(default=None, max_length=MOST_ITEMS)
+    information: tuple[Info, ...] = Field(default=(), max_length=MOST_ITEMS)
+
+
+class Vertex(Wire):
+    """A corner of a zone, metres."""
+
+    x: Finite
+    y: Finite
+
+
+class Zone(Wire):
+    """An area with a meaning; BLOCKED: not to be entered."""
+
+    zone_id: Id
+    zone_type: Literal["BLOCKED"]
+    vertices: tuple[Vertex, ...] = Field(min_length=3, max_length=MOST_ITEMS)
+
+
+class Zones(Wire):
+    """The zones of one map."""
+
+    map_id: Id = MAP
+    zone_set_id: Id
+    zones: tuple[Zone, ...] = Field(max_length=MOST_ITEMS)
+
+
+class ZoneSet(Header):
+    """The zones that a robot is to know."""
+
+    TOPIC: ClassVar[str] = "zoneSet"
+    zone_set: Zones

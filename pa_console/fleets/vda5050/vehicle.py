@@ -1,0 +1,364 @@
+"""The robot's side of the protocol: which orders it takes, which it refuses, what it says of them.
+
+It knows no transport and no motors. An order that is taken comes out as a device command, at most
+once whatever is sent again; what the device answers goes in as replies, and both make its state.
+"""
+
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from datetime import datetime
+
+from pydantic import JsonValue
+
+from pa_console.fleets.vda5050.messages import (
+    Action,
+    ActionState,
+    ActionStatus,
+    EdgeState,
+    Error,
+    InstantActions,
+    Node,
+    NodeState,
+    Order,
+    Reference,
+)
+from pa_console.fleets.vda5050.topics import Identity
+from pa_console.fleets.vda5050.wire import Header, in_milliseconds
+from pa_console.schema.command import CommandReply, DeviceCommand, ReplyStatus, Verb
+
+Verify = Callable[[str | None, DeviceCommand], str]
+"""Returns why a command with this token is not carried out, "" when it is."""
+
+AUTHORIZATION, TARGET = "authorization", "target"
+PAUSE, CANCEL, RESUME = "startPause", "cancelOrder", "stopPause"
+STATE_REQUEST, FACTSHEET_REQUEST = "stateRequest", "factsheetRequest"
+EXPIRY_S = 10.0
+"""An order is good for so long after it was sent; the broker drops it then, and so does a robot."""
+
+MOST_KNOWN = 65_536
+"""So many ids of orders are remembered, so that none of them is carried out twice."""
+
+MOST_TOLD = 32
+"""The state names so many actions that have ended."""
+
+MOST_OPEN = 256
+ENDED = ("FINISHED", "FAILED")
+REFUSED_S = 30.0
+_STATUS: dict[ReplyStatus, ActionStatus] = {
+    "acknowledged": "WAITING",
+    "progress": "RUNNING",
+    "done": "FINISHED",
+    "refused": "FAILED",
+    "failed": "FAILED",
+}
+
+
+def anybody(_token: str | None, _command: DeviceCommand) -> str:
+    """Take every command, as a site does that has no keys."""
+    return ""
+
+
+@dataclass(frozen=True)
+class _Known:
+    """An action that was taken; `device_id` is that of the device command that carries it out.
+
+    `command` is that command, for the action that it was made from.
+    """
+
+    state: ActionState
+    device_id: str
+    instant: bool
+    command: DeviceCommand | None
+    answered: bool = False
+
+
+@dataclass(frozen=True)
+class _Refusal:
+    error: Error
+    at: datetime
+
+
+class Vehicle:
+    """One robot; `offers` are the verbs that it can carry out, `now` is its own clock (UTC).
+
+    With `relays` it speaks for a device beyond a radio that loses messages: it says nothing of a
+    command before the device does, and hands one that comes again on until it has ended. Such a
+    device has to take each id once, too.
+    """
+
+    def __init__(
+        self,
+        identity: Identity,
+        offers: frozenset[Verb],
+        now: Callable[[], datetime],
+        verify: Verify = anybody,
+        *,
+        relays: bool = False,
+    ) -> None:
+        self.identity, self.paused, self._relays = identity, False, relays
+        self._offers, self._now, self._verify = offers, now, verify
+        self._began = in_milliseconds(now())
+        self._known: OrderedDict[str, _Known | None] = OrderedDict()
+        """By id of every action ever seen: how far it is; None when it was refused or ended long
+        ago."""
+        self._told: list[str] = []
+        self._refusals: list[_Refusal] = []
+        self._order: Order | None = None
+        self._held_back: DeviceCommand | None = None
+        """An order that was taken while paused."""
+
+    def take_order(self, order: Order) -> Iterator[DeviceCommand]:
+        """Take `order`, or refuse it in the state; yield the command that the device gets."""
+        actions = [action for node in order.nodes for action in node.actions]
+        actions += [action for edge in order.edges for action in edge.actions]
+        ids = [action.action_id for action in actions]
+        if any(action_id in self._known for action_id in ids):
+            yield from self._again(ids)
+            return
+        about = (("orderId", order.order_id), *(("actionId", action_id) for action_id in ids))
+        if why := self._objection(order):
+            self._refuse("INVALID_ORDER", why, about)
+        elif len(actions) != 1 or not ids[0] or not order.nodes or not order.nodes[-1].actions:
+            why = "an order has one action here, at its last node"
+            self._refuse("VALIDATION_FAILURE", why, about)
+        else:
+            command = self._command(actions[0], order.nodes[-1])
+            problem = f"it cannot {actions[0].action_type}" if command is None else ""
+            if command is not None and (why := self._verify(_token(actions[0]), command)):
+                self._refuse("INVALID_ORDER", why, about)
+            elif command is None:
+                self._refuse("INVALID_ORDER_ACTION", problem, about)
+            else:
+                self._end_held_back("superseded")
+                self._order = order
+                self._note(actions[0], "WAITING", command)
+                if self.paused:
+                    self._held_back = command
+                else:
+                    yield command
+
+    def take_actions(self, message: InstantActions) -> Iterator[DeviceCommand]:
+        """Take instant actions, or refuse them in the state; yield what the device gets."""
+        misdirected = self._misdirected(message)
+        stopping = ""
+        for action in message.actions:
+            if action.action_id in self._known:
+                yield from self._again((action.action_id,))
+                continue
+            about = (("actionId", action.action_id),)
+            if misdirected or not action.action_id:
+                self._refuse("INVALID_INSTANT_ACTION", misdirected or "it has no id", about)
+            elif action.action_type in (PAUSE, CANCEL, "hold"):
+                self._end_held_back("cancelled")
+                self.paused = self.paused or action.action_type == PAUSE
+                if not stopping:
+                    stopping = action.action_id
+                    hold = DeviceCommand(
+                        command_id=stopping, agent=self.identity.serial_number, verb="hold"
+                    )
+                    self._note(action, "WAITING", hold)
+                    yield hold
+                else:
+                    self._note(action, "WAITING", stopping)
+            elif why := self._objection(message):
+                self._refuse("INVALID_INSTANT_ACTION", why, about)
+            elif action.action_type in (STATE_REQUEST, FACTSHEET_REQUEST):
+                self._note(action, "FINISHED", action.action_id)
+            elif action.action_type == RESUME:
+                self._note(action, "FINISHED", action.action_id)
+                self.paused = False
+                waiting, self._held_back = self._held_back, None
+                if waiting is not None:
+                    yield waiting
+            elif action.action_type == "report" and "report" in self._offers:
+                command = DeviceCommand(
+                    command_id=action.action_id, agent=self.identity.serial_number, verb="report"
+                )
+                if why := self._verify(_token(action), command):
+                    self._refuse("INVALID_INSTANT_ACTION", why, about)
+                else:
+                    self._note(action, "WAITING", command)
+                    yield command
+            else:
+                why = f"it cannot {action.action_type} at once"
+                self._refuse("INVALID_INSTANT_ACTION", why, about)
+
+    def reject(self, why: str) -> None:
+        """Say in the state that a message could not be read."""
+        self._refuse("VALIDATION_FAILURE", why, ())
+
+    def hear(self, reply: CommandReply) -> None:
+        """Take in what the device answers to a command."""
+        for action_id in self._told:
+            known = self._known.get(action_id)
+            if known is None or known.device_id != reply.command_id:
+                continue
+            update = {
+                "action_status": _STATUS[reply.status],
+                "action_result": reply.detail or known.state.action_result,
+            }
+            state = known.state.model_copy(update=update)
+            self._known[action_id] = replace(known, state=state, answered=True)
+            if reply.status == "refused":
+                about = (("actionId", action_id),)
+                self._refuse("INVALID_ORDER", reply.detail, about, keep=True)
+
+    @property
+    def action_states(self) -> tuple[ActionState, ...]:
+        """How far the actions of orders are, the latest last."""
+        return tuple(known.state for known in self._recent() if not known.instant)
+
+    @property
+    def instant_action_states(self) -> tuple[ActionState, ...]:
+        """How far instant actions are, the latest last."""
+        return tuple(known.state for known in self._recent() if known.instant)
+
+    @property
+    def errors(self) -> tuple[Error, ...]:
+        """Why something was refused lately."""
+        now = self._now()
+        self._refusals = [r for r in self._refusals if (now - r.at).total_seconds() < REFUSED_S]
+        return tuple(refusal.error for refusal in self._refusals)
+
+    @property
+    def order_id(self) -> str:
+        """The id of the order that was taken last, "" for none."""
+        return self._order.order_id if self._order is not None else ""
+
+    @property
+    def active(self) -> bool:
+        """Whether the order that was taken last has not ended."""
+        return any(state.action_status not in ENDED for state in self.action_states)
+
+    def way_ahead(self) -> tuple[tuple[NodeState, ...], tuple[EdgeState, ...]]:
+        """Return the node that the robot is going to and the way there, none when it is idle."""
+        if self._order is None or not self.active:
+            return (), ()
+        last = self._order.nodes[-1]
+        node = NodeState(
+            node_id=last.node_id,
+            sequence_id=last.sequence_id,
+            released=True,
+            node_position=last.node_position,
+        )
+        edges = (
+            EdgeState(edge_id=edge.edge_id, sequence_id=edge.sequence_id, released=True)
+            for edge in self._order.edges[-1:]
+        )
+        return (node,), tuple(edges)
+
+    def _recent(self) -> list[_Known]:
+        found = (self._known.get(action_id) for action_id in self._told)
+        return [k for k in found if k is not None and (k.answered or not self._relays)]
+
+    def _misdirected(self, message: Header) -> str:
+        if (message.manufacturer, message.serial_number) != self.identity:
+            return f"it is for {message.manufacturer}/{message.serial_number}"
+        return ""
+
+    def _objection(self, message: Header) -> str:
+        """Return why a message that may move the robot is not for it or not of now."""
+        age_s = (self._now() - message.timestamp).total_seconds()
+        if why := self._misdirected(message):
+            return why
+        if message.timestamp < self._began:
+            return "it was sent before this robot started"
+        if age_s > EXPIRY_S:
+            return f"it was sent {age_s:.0f} s ago and has expired"
+        if age_s < -EXPIRY_S:
+            return f"it says that it was sent {-age_s:.0f} s from now"
+        return ""
+
+    def _command(self, action: Action, node: Node) -> DeviceCommand | None:
+        """Return the command that `action` stands for, None for one that is not offered."""
+        offered: dict[str, Verb] = {verb: verb for verb in self._offers if verb != "hold"}
+        verb = offered.get(action.action_type)
+        if verb is None:
+            return None
+        target: JsonValue = action.parameter(TARGET)
+        if target is not None and target != node.node_id:
+            return None
+        try:
+            return DeviceCommand(
+                command_id=action.action_id,
+                agent=self.identity.serial_number,
+                verb=verb,
+                target=node.node_id if target is not None else None,
+            )
+        except ValueError:
+            return None
+
+    def _again(self, ids: Iterable[str]) -> Iterator[DeviceCommand]:
+        """Hand a command that comes again on to a device that may not have heard it, unchanged."""
+        for action_id in ids:
+            known = self._known[action_id]
+            if not self._relays or known is None or known.command is None:
+                continue
+            if known.state.action_status not in ENDED and known.command is not self._held_back:
+                yield known.command
+
+    def _note(self, action: Action, status: ActionStatus, carried_by: DeviceCommand | str) -> None:
+        """Note an action that was taken, and the command that carries it out, or its id."""
+        state = ActionState(
+            action_id=action.action_id, action_type=action.action_type, action_status=status
+        )
+        alone = isinstance(carried_by, str)
+        known = _Known(
+            state,
+            carried_by if alone else carried_by.command_id,
+            instant=alone or carried_by.verb in ("hold", "report"),
+            command=None if alone else carried_by,
+            answered=status in ENDED,
+        )
+        self._remember(action.action_id, known)
+        self._told.append(action.action_id)
+        ended = [told for told in self._told if self._has_ended(told)]
+        for told in ended[:-MOST_TOLD]:
+            self._told.remove(told)
+        del self._told[:-MOST_OPEN]
+
+    def _has_ended(self, action_id: str) -> bool:
+        known = self._known.get(action_id)
+        return known is None or known.state.action_status in ENDED
+
+    def _remember(self, action_id: str, known: _Known | None) -> None:
+        self._known[action_id] = known
+        if len(self._known) > MOST_KNOWN:
+            self._known.popitem(last=False)
+
+    def _refuse(
+        self, kind: str, why: str, about: tuple[tuple[str, str], ...], *, keep: bool = False
+    ) -> None:
+        """Say in the state why something is not done; it never is, however often it comes."""
+        if not keep:
+            for key, value in about:
+                if key == "actionId" and value:
+                    self._remember(value, None)
+        references = (Reference(reference_key=key, reference_value=value) for key, value in about)
+        error = Error(
+            error_type=kind,
+            error_level="WARNING",
+            error_references=tuple(references),
+            error_description=why[:500],
+        )
+        self._refusals = [*self._refusals, _Refusal(error, self._now())][-MOST_TOLD:]
+
+    def _end_held_back(self, why: str) -> None:
+        """End an order that waits for the pause to end: it is carried out no more."""
+        if (waiting := self._held_back) is not None:
+            self._held_back = None
+            self.hear(
+                CommandReply(
+                    command_id=waiting.command_id,
+                    agent=waiting.agent,
+                    status="failed",
+                    tick=0,
+                    detail=why,
+                )
+            )
+
+
+def _token(action: Action) -> str | None:
+    token = action.parameter(AUTHORIZATION)
+    return token if isinstance(token, str) else None

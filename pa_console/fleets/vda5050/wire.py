@@ -1,0 +1,105 @@
+"""How a message is written on the bus and read from it: strict, small enough, of this version."""
+
+from datetime import UTC, datetime
+from typing import Annotated, ClassVar, Self
+
+from pydantic import (
+    AfterValidator,
+    AwareDatetime,
+    BaseModel,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    StringConstraints,
+    ValidationError,
+)
+from pydantic.alias_generators import to_camel
+
+VERSION = "3.0.0"
+MOST_BYTES = 256 * 1024
+"""No message that anybody has reason to send is longer."""
+MOST_ITEMS = 1000
+
+
+class UnreadableError(ValueError):
+    """A message that is not what its topic is for; its text says why, in one line."""
+
+
+def in_milliseconds(time: datetime) -> datetime:
+    """Return `time` as it reads once it has been on the bus."""
+    return time.replace(microsecond=time.microsecond // 1000 * 1000)
+
+
+def _written(time: datetime) -> str:
+    return time.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%S.%f")[:-3] + "Z"
+
+
+def _of_this_version(version: str) -> str:
+    if version.split(".", maxsplit=1)[0] != VERSION.split(".", maxsplit=1)[0]:
+        raise ValueError(f"version {version!r} of the protocol, only 3 is understood")
+    return version
+
+
+Stamp = Annotated[AwareDatetime, PlainSerializer(_written, when_used="json")]
+"""When a message was sent, UTC; milliseconds on the bus."""
+
+Text = Annotated[str, StringConstraints(max_length=2000)]
+Token = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.:-]+$", max_length=64)]
+"""A part of a topic: a manufacturer or a serial number."""
+
+Id = Annotated[str, StringConstraints(pattern=r"^[ -~]*$", max_length=128)]
+"""An identifier that somebody else has chosen: printable ASCII, "" for none."""
+
+Count = Annotated[int, Field(ge=0, lt=2**63)]
+Finite = Annotated[float, Field(ge=-1e7, le=1e7)]
+"""A coordinate in metres or a speed; nothing on this planet is farther away."""
+
+
+class Wire(BaseModel):
+    """An immutable part of a message, named in camel case on the bus.
+
+    A field that we do not know is left out: the standard lets a manufacturer add some. A known one
+    of another type, or a number that is none, makes the message unreadable.
+    """
+
+    model_config = ConfigDict(
+        alias_generator=to_camel,
+        validate_by_name=True,
+        validate_by_alias=True,
+        serialize_by_alias=True,
+        extra="ignore",
+        frozen=True,
+        strict=True,
+        allow_inf_nan=False,
+    )
+
+
+class Header(Wire):
+    """What every message begins with; `header_id` counts the messages of one topic."""
+
+    TOPIC: ClassVar[str]
+
+    header_id: Count
+    timestamp: Stamp
+    version: Annotated[str, AfterValidator(_of_this_version)] = VERSION
+    manufacturer: Token
+    serial_number: Token
+
+    @classmethod
+    def read(cls, payload: bytes) -> Self:
+        """Return the message in `payload`; raises UnreadableError saying what is wrong with it."""
+        if len(payload) > MOST_BYTES:
+            raise UnreadableError(f"{len(payload)} bytes, more than {MOST_BYTES} are not read")
+        try:
+            return cls.model_validate_json(payload)
+        except ValidationError as error:
+            first = error.errors(include_url=False, include_input=False, include_context=False)[0]
+            place = ".".join(str(part) for part in first["loc"][:6])
+            at = f"{place[:80]}: " if place else ""
+            raise UnreadableError(f"{at}{first['msg'][:200]}") from None
+        except RecursionError:
+            raise UnreadableError("nested too deep") from None
+
+    def write(self) -> bytes:
+        """Return the message as it goes on the bus; what is not set is left out."""
+        return self.model_dump_json(exclude_none=True).encode()

@@ -1,0 +1,137 @@
+"""The robot of the manual joins a site, is commanded as far as it can, and refuses the rest."""
+
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from pa_console.fleets.bus.address import BrokerAddress
+from pa_console.fleets.bus.mqtt_fleet import Joined, MqttFleet, join
+from pa_console.fleets.bus.newcomers import with_newcomers
+from pa_console.schema.command import CommandReply, DeviceCommand, Verb
+from pa_console.schema.world import World
+from pa_console.sim.worlds.world_file import load_world
+from pa_console.sim.worlds.world_generator import world_yaml
+from tests.fleets.intruder import intruder
+from tests.fleets.schemas import TOPICS, problems
+
+PAGE = Path(__file__).parents[2] / "pa_console" / "manual" / "connect-a-robot.md"
+ROBOT = "Robot_T03"
+LIMIT_S = 60.0
+
+
+def program() -> str:
+    found = re.search(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
+    assert found is not None
+    return found[1]
+
+
+@pytest.fixture
+def robot(address: BrokerAddress, tmp_path: Path) -> Iterator[None]:
+    file = tmp_path / "robot.py"
+    file.write_text(program(), encoding="utf-8")
+    words = [sys.executable, str(file), address.host, str(address.port), address.site, ROBOT]
+    process = subprocess.Popen(words)
+    yield
+    process.kill()
+    process.wait()
+
+
+@pytest.fixture
+def found(robot: None, address: BrokerAddress) -> Iterator[Joined]:
+    until = time.monotonic() + LIMIT_S
+    while time.monotonic() < until:
+        joined = join(address)
+        if joined.online and joined.factsheets:
+            yield joined
+            joined.link.close()
+            return
+        joined.link.close()
+    raise TimeoutError("the robot did not join")
+
+
+class Driven:
+    """Steps a fleet in real time."""
+
+    def __init__(self, fleet: MqttFleet) -> None:
+        self.fleet = fleet
+        self.replies: list[CommandReply] = []
+
+    def until(self, done: Callable[[], bool]) -> None:
+        """Step until `done`; raises TimeoutError when that takes too long."""
+        end = time.monotonic() + LIMIT_S
+        while not done():
+            if time.monotonic() > end:
+                raise TimeoutError(str(self.replies[-3:]))
+            self.replies += self.fleet.step().replies
+            time.sleep(self.fleet.world.dt_s)
+
+    def order(self, number: int, verb: Verb, target: str | None = None) -> str:
+        """Send a command; return its id."""
+        name = f"c{number}"
+        self.fleet.send(DeviceCommand(command_id=name, agent=ROBOT, verb=verb, target=target))
+        return name
+
+    def last(self, command_id: str) -> str:
+        """Return the status of the last reply to a command, "" for none."""
+        said = [reply.status for reply in self.replies if reply.command_id == command_id]
+        return said[-1] if said else ""
+
+    def end(self, command_id: str) -> str:
+        """Step until a command has ended; return how."""
+        self.until(lambda: self.last(command_id) in ("done", "failed", "refused"))
+        return self.last(command_id)
+
+
+def test_it_joins_moves_stops_and_refuses(
+    found: Joined, address: BrokerAddress, world: World, tmp_path: Path
+) -> None:
+    larger, told = with_newcomers(world, found)
+    assert told == ("Robot_T03 of acme joins as a robot",)
+    file = tmp_path / "world.yaml"
+    file.write_text(world_yaml(larger), encoding="utf-8")
+    assert load_world(file) == larger
+    with intruder(address) as ear, closing(MqttFleet(larger, found)) as fleet:
+        driven = Driven(fleet)
+        driven.until(lambda: fleet.picture().assets[ROBOT].available)
+        assert fleet.picture().assets[ROBOT].at == "Base"
+        near = driven.order(1, "move_to", "EastGate")
+        driven.until(lambda: fleet.picture().assets[ROBOT].speed_mps > 0.0)
+        assert driven.end(driven.order(2, "hold")) == "done"
+        driven.until(lambda: fleet.picture().assets[ROBOT].speed_mps == 0.0)
+        assert driven.last(near) == "failed"
+        assert fleet.picture().assets[ROBOT].task == "holding"
+        assert driven.end(driven.order(3, "warn", "EastGate")) == "refused"
+        far = driven.order(4, "move_to", "WestGate")
+        driven.until(lambda: driven.last(far) == "progress")
+        assert driven.end(driven.order(5, "move_to", "EastGate")) == "done"
+        assert driven.last(far) == "failed"
+        driven.until(lambda: fleet.picture().assets[ROBOT].at == "EastGate")
+        assert fleet.picture().assets[ROBOT].post == "EastGate"
+    for topic, payload in ear.all:
+        name = topic.rsplit("/", 1)[1]
+        if name in TOPICS:
+            assert problems(name, payload) == [], topic
+
+
+def test_a_robot_that_the_session_began_without_is_announced(found: Joined, world: World) -> None:
+    with closing(MqttFleet(world, found)) as fleet:
+        driven, lines = Driven(fleet), list[str]()
+
+        def announced() -> bool:
+            lines.extend(getattr(line, "text", "") for line in fleet.step().told)
+            return any("from the next session" in line for line in lines)
+
+        driven.until(announced)
+        assert ROBOT not in fleet.picture().assets
+
+
+def test_it_needs_nothing_of_ours_and_is_short() -> None:
+    lines = [line for line in program().splitlines() if line.strip()]
+    assert not [line for line in lines if "pa_console" in line]
+    assert len(lines) <= 105

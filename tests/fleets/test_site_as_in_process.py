@@ -1,0 +1,98 @@
+"""What a station sees of a site on a bus is what it sees of the same simulation in its process."""
+
+import pytest
+
+from pa_console.fleets.bus.address import BrokerAddress
+from pa_console.fleets.fleet import Fleet, Simulated
+from pa_console.fleets.simulated import SimulatedFleet
+from pa_console.schema.command import DeviceCommand, Verb
+from pa_console.schema.incident import (
+    FailAsset,
+    FalseContact,
+    GpsDrift,
+    Incident,
+    PlaceAsset,
+    SensorFault,
+    SetComms,
+    SetWeather,
+    SpawnTrack,
+)
+from pa_console.schema.world import World
+from tests.fleets.conftest import joined, running
+
+STEPS = 300
+Script = dict[int, DeviceCommand | Incident]
+
+
+def command(number: int, agent: str, verb: Verb, target: str | None = None) -> DeviceCommand:
+    return DeviceCommand(command_id=f"c{number}", agent=agent, verb=verb, target=target)
+
+
+SCRIPTS: dict[str, Script] = {
+    "moves": {
+        0: command(0, "Robot_T01", "move_to", "WestGate"),
+        5: command(1, "Drone_T04", "move_to", "EastGate"),
+        6: command(2, "Ugv_T02", "block", "NorthGate"),
+        7: command(3, "Robot_T02", "report"),
+        40: command(4, "Drone_T04", "hold"),
+        60: command(5, "Drone_T04", "observe", "SouthGate"),
+        80: command(6, "Ugv_T02", "return_to_base"),
+    },
+    "refusals": {
+        5: command(1, "Drone_T04", "move_to", "Nowhere"),
+        6: command(2, "Robot_T01", "hold"),
+        9: FailAsset(asset="Ugv_T01"),
+        20: command(3, "Ugv_T01", "move_to", "NorthGate"),
+    },
+    "encounter": {
+        3: SpawnTrack(gate="WestGate", distance_m=60.0, intent="hostile"),
+        30: command(1, "Robot_T01", "identify", "WestGate"),
+    },
+    "set-up": {
+        0: PlaceAsset(asset="Drone_T04", frame="EastGate"),
+        1: FailAsset(asset="Ugv_T02"),
+        30: command(1, "Drone_T04", "observe", "NorthGate"),
+    },
+    "disturbances": {
+        4: SetWeather(weather="fog"),
+        5: SensorFault(sensor="WestCamera") ,
+        6: GpsDrift(asset="Drone_T01", rate_mps=1.0),
+        7: SetComms(asset="Ugv_T01", comms="lost"),
+        8: FalseContact(gate="NorthGate"),
+        90: command(1, "Ugv_T01", "move_to", "NorthGate"),
+        200: SetComms(asset="Ugv_T01", comms="ok"),
+    },
+}  # fmt: skip
+
+
+def play(fleet: Fleet, script: Script) -> list[tuple[object, ...]]:
+    """Play `script` and return everything that a station is told by `fleet`."""
+    told: list[tuple[object, ...]] = []
+    for tick in range(STEPS):
+        match script.get(tick):
+            case DeviceCommand() as sent:
+                fleet.send(sent)
+            case None:
+                pass
+            case incident:
+                assert isinstance(fleet, Simulated)
+                fleet.inject(incident)
+        replies = fleet.step().replies
+        told.extend((fleet.tick, r.command_id, r.status, r.detail) for r in replies)
+    return told
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_replies_and_picture_are_the_same(name: str, world: World, address: BrokerAddress) -> None:
+    script = {
+        tick: SensorFault(sensor=next(iter(world.cameras)))
+        if isinstance(entry, SensorFault)
+        else entry
+        for tick, entry in SCRIPTS[name].items()
+    }
+    twin = SimulatedFleet.start(world, seed=1)
+    with running(world, address, paced=True), joined(world, address) as fleet:
+        assert isinstance(fleet, Simulated)
+        assert (fleet.seed, fleet.tick) == (1, 0)
+        assert play(fleet, script) == play(twin, script)
+        assert fleet.picture() == twin.picture()
