@@ -347,7 +347,7 @@ def open_station(
     at_once = rate is None and (fleet is None or isinstance(fleet, Simulated))
     inner = assembly.open_station(
         site,
-        engine if engine is not None else Engine(find_model(model)),
+        engine if engine is not None else Engine(find_model(model, second_reader="")),
         SteppedClock() if at_once else RealTimeClock(rate or 1.0),
         seed=seed,
         keep_engine=engine is not None,

@@ -21,6 +21,12 @@ from pa_console.private_files import (
 )
 
 KEY_VARIABLE = "PA_CONSOLE_SIGNING_KEY"
+PASSPHRASE_VARIABLE = "PA_CONSOLE_PASSPHRASE"
+"""The passphrase of a site's keys, where nobody can be asked for it."""
+
+SITE_OWNER = "owner.pub"
+"""The public key of a site's owner, in the folder of its keys: with it a site has keys."""
+
 KEY_FILE = "signing-key.pem"
 KNOWN_FILE = "known-keys"
 LOCK_SECONDS = 10.0
@@ -52,6 +58,11 @@ def key_path() -> Path:
     """Return where this machine's private key is or will be; PA_CONSOLE_SIGNING_KEY overrides."""
     given = os.environ.get(KEY_VARIABLE)
     return Path(given).expanduser() if given else user_config_path("pa-console") / KEY_FILE
+
+
+def site_keys() -> Path:
+    """Return the folder of the keys of this machine's site, beside the signing key."""
+    return key_path().with_name("site-keys")
 
 
 def load_signer() -> Signer:
@@ -120,6 +131,11 @@ def fingerprint(public: str) -> str:
 def is_fingerprint(text: str) -> bool:
     """Whether `text` has the form of a fingerprint."""
     return _FINGERPRINT.fullmatch(text) is not None
+
+
+def is_public_key(text: str) -> bool:
+    """Whether `text` has the form of a public key: 32 bytes in hexadecimal."""
+    return re.fullmatch(r"[0-9a-f]{64}", text) is not None
 
 
 def is_signature(signature: str, message: bytes, public: str) -> bool:

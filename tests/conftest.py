@@ -115,4 +115,5 @@ def _no_settings_of_the_users(tmp_path_factory: pytest.TempPathFactory) -> Itera
         file = tmp_path_factory.mktemp("settings") / "settings.yaml"
         patch.setenv("PA_CONSOLE_SETTINGS", str(file))
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        patch.setenv("XDG_CONFIG_HOME", str(tmp_path_factory.mktemp("config")))
         yield

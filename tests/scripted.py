@@ -46,6 +46,7 @@ class ScriptedEngine:
         self.several: list[Request] = []
         """Those for several answers at once."""
         self.model = LocalModel("scripted", Path("/dev/null"), "0" * 64)
+        self.second_reader: ScriptedEngine | None = None
         self.sampler = "scripted"
         self.on_state: OnState | None = None
         self.busy = False

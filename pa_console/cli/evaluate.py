@@ -217,7 +217,9 @@ def evaluate(
             soft_wrap=True,
         )
     variants = [find_variant(name) for name in variant or ("full",)]
-    models = {local.name: local for local in map(find_model, model or (None,))}
+    reader = settings_of(context).values.second_reader
+    found = (find_model(name, second_reader=reader) for name in model or (None,))
+    models = {local.name: local for local in found}
     folder = output or evaluations_folder() / f"{datetime.now():%Y%m%d-%H%M%S}"
     files = [mission_file(name, site.world_path) for name in missions or ("paper",)]
     wanted = [

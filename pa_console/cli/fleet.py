@@ -15,6 +15,7 @@ from pa_console.sim.worlds.world_file import open_world
 if TYPE_CHECKING:
     from pa_console.fleets.bus.address import BrokerAddress, Credentials
     from pa_console.fleets.bus.mqtt_fleet import Joined, MqttFleet
+    from pa_console.fleets.station_authority import StationAuthority
     from pa_console.orchestrator.station.assembly import Site
 
 STATION = "station"
@@ -29,16 +30,18 @@ class FoundFleet:
     world_sha256: str = ""
     """That of the file before anybody joined."""
 
-    def drive(self, site: "Site") -> "MqttFleet | None":
-        """Return the fleet of `site` on the bus, None without one.
+    def drive(self, site: "Site", authority: "StationAuthority | None") -> "MqttFleet | None":
+        """Return the fleet of `site` on the bus, None without one; `authority` signs commands.
 
         Raises ValueError when the bus has another world.
         """
         if self.joined is None:
             return None
+        from pa_console.fleets.bus.mqtt_fleet import nobody  # noqa: PLC0415
         from pa_console.fleets.bus.opening import fleet_of  # noqa: PLC0415
 
-        return fleet_of(self.joined, site.world, self.world_sha256)
+        authorize = authority.authorize if authority is not None else nobody
+        return fleet_of(self.joined, site.world, self.world_sha256, authorize)
 
     def clock(self, own: Clock) -> Clock:
         """Return the clock of the robots on the bus, `own` without one.

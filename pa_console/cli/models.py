@@ -1,6 +1,7 @@
 """`pa-console models`: list the catalogue, pull a model."""
 
-from typing import Annotated, Any
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
 
 import typer
 from rich.box import SIMPLE_HEAD
@@ -57,6 +58,13 @@ def pull(
     name: Annotated[
         str | None, typer.Argument(help="A model of the catalogue; default: the default one.")
     ] = None,
+    with_reader: Annotated[
+        bool,
+        typer.Option(
+            "--with-second-reader",
+            help="Fetch too the model that reads an order again of which this one is unsure.",
+        ),
+    ] = False,
     json: JsonOption = False,
 ) -> None:
     """Fetch a model into the user's cache: resumable, and kept only if its hash is right.
@@ -65,6 +73,30 @@ def pull(
     """
     catalog = Catalog.load()
     entry = catalog.get(name or catalog.default)
+    if with_reader and not entry.second_reader:
+        raise ValueError(f"{entry.name} has no second reader; leave out --with-second-reader")
+    fetched = [_fetch(entry)]
+    if with_reader:
+        fetched.append(_fetch(catalog.get(entry.second_reader)))
+    if json:
+        print_json(fetched[0].told if len(fetched) == 1 else [one.told for one in fetched])
+        return
+    for one in fetched:
+        out.print(str(one.path), markup=False, soft_wrap=True)
+        if one.note:
+            errors.print(one.note, markup=False)
+
+
+class _Fetched(NamedTuple):
+    """A model that is ready, and what is to be told of it."""
+
+    path: Path
+    note: str
+    told: dict[str, Any]
+
+
+def _fetch(entry: ModelEntry) -> _Fetched:
+    """Fetch and prepare `entry`, with a progress bar."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -85,10 +117,7 @@ def pull(
         path, sha256 = entry.ready_file(fetched, progress)
         size = path.stat().st_size
         bar.update(task, completed=size, total=size, description=f"{entry.name} is ready")
-    if json:
-        pinned = {"source_path": str(fetched), "source_sha256": entry.sha256}
-        print_json({"model": entry.name, "path": str(path), "sha256": sha256, **pinned})
-    else:
-        out.print(f"{path}", markup=False, soft_wrap=True)
-        if hash_note:
-            errors.print(hash_note, markup=False)
+    pinned = {"source_path": str(fetched), "source_sha256": entry.sha256}
+    return _Fetched(
+        path, hash_note, {"model": entry.name, "path": str(path), "sha256": sha256, **pinned}
+    )

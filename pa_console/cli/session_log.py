@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from pathlib import Path
 
+import platformdirs
+
 from pa_console.cli.output import errors
 from pa_console.session.log.witness import URLS, Witness
 from pa_console.session.log.writer import LogError, LogWriter, default_folder, open_session_log
@@ -18,10 +20,13 @@ def open_log(
     on_error: Callable[[LogError], None],
     path: Path | None = None,
     witness: str = "",
+    *,
+    resumed: bool = False,
 ) -> LogWriter:
     """Open a signed log: at `path`, or a new one in the folder of logs, which its index notes.
 
-    Raises ValueError for a `witness` that is none, LogError when the log cannot be opened.
+    The log of a `resumed` session, which is in that folder, goes on where it ended. Raises
+    ValueError for a `witness` that is none, LogError when the log cannot be opened.
     """
     folder = settings.logs or default_folder()
     target = witness_target(witness) if witness else ""
@@ -34,6 +39,7 @@ def open_log(
         folder=folder,
         on_error=on_error,
         witness=Witness(target) if target else None,
+        resumed=resumed,
     )
 
 
@@ -52,6 +58,11 @@ def witness_target(given: str) -> str:
 def warn_of_witness(text: str) -> None:
     """Say on stderr what is wrong with a witness."""
     errors.print(f"warning: {text}", style="yellow", markup=False, soft_wrap=True)
+
+
+def usual_file() -> Path:
+    """Return where the usual times of a mission's steps are kept for this user."""
+    return platformdirs.user_state_path("pa-console") / "usual-times.json"
 
 
 def tell_of_witness(log: LogWriter) -> None:

@@ -33,6 +33,10 @@ VERBS = {
         "replay.replay:replay",
         "Play LOG back in the console, verify it, run it again, or compare it with another one.",
     ),
+    "sessions": Verb(
+        "sessions:sessions",
+        "List the recorded sessions: what each was about, how it ended, whether its log is sound.",
+    ),
     "doctor": Verb(
         "doctor.doctor:doctor",
         "Look for everything that the console needs; exit code 0 when nothing is missing.",
@@ -42,6 +46,10 @@ VERBS = {
     ),
     "rules": Verb(
         "rules.rules:app", "List, search, check, lint, sign, compare, try and trace rules."
+    ),
+    "keys": Verb(
+        "keys:app",
+        "Make, list, enrol, revoke and rotate the keys of a site; put a station in command.",
     ),
     "models": Verb("models:app", "List and pull language models."),
     "eval": Verb(

@@ -1,6 +1,7 @@
 """The fleet of a simulated checkpoint in this process."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Self
 
 from pa_console.fleets.fleet import Forecast, Received
@@ -12,12 +13,21 @@ from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 
+Authorize = Callable[[DeviceCommand], str | None]
+"""Returns the token that a command goes out with, None for none."""
 
-@dataclass(frozen=True)
+Verify = Callable[[str | None, DeviceCommand], str]
+"""Returns, at the vehicle, why a command with that token is refused; '' when it is taken."""
+
+
+@dataclass(eq=False)
 class SimulatedFleet:
     """Drives `checkpoint`; an evaluation asks that for the truth, and nothing else does."""
 
     checkpoint: Checkpoint
+    _authorize: Authorize | None = field(default=None, init=False)
+    _tokens: dict[str, str | None] = field(default_factory=dict[str, str | None], init=False)
+    """By command id: the token that went out with it last, until its device asks for it."""
 
     @classmethod
     def start(cls, world: World, seed: int = 0, scenario: Scenario | None = None) -> Self:
@@ -26,6 +36,14 @@ class SimulatedFleet:
         Raises ValueError if an asset has no place.
         """
         return cls(Checkpoint(world, seed, scenario))
+
+    def use(self, authorize: Authorize, verify: Verify) -> None:
+        """Let commands go out with tokens from now on, which the devices verify."""
+        self._authorize = authorize
+        tokens = self._tokens
+        self.checkpoint.admit = lambda command: verify(
+            tokens.pop(command.command_id, None), command
+        )
 
     @property
     def world(self) -> World:
@@ -53,6 +71,8 @@ class SimulatedFleet:
 
     def send(self, command: DeviceCommand) -> None:
         """Put `command` on the link; its device gets it at the next step and answers."""
+        if self._authorize is not None:
+            self._tokens[command.command_id] = self._authorize(command)
         self.checkpoint.send(command)
 
     def step(self) -> Received:

@@ -59,13 +59,51 @@ class _Link(NamedTuple):
 
 def link_names(world: World, text: str) -> str:
     """Return `text` with the assets and places of `world` under their names."""
-    linker = _Linker(WorldNames.of(world), text)
-    parts, done = list[str](), 0
-    for link in linker.links():
-        start, end = linker.span(link)
-        parts += [text[done:start], link.name]
-        done = end
-    return "".join((*parts, text[done:]))
+    return LinkedText.of(world, text).text
+
+
+class LinkedText(NamedTuple):
+    """A text with names for what is named, and where each stood in the `original`.
+
+    `names` are characters of the original, from where to where, each with the name.
+    """
+
+    original: str
+    names: tuple[tuple[int, int, str], ...]
+
+    @classmethod
+    def of(cls, world: World, text: str) -> "LinkedText":
+        """Link the names of `world` in `text`."""
+        linker = _Linker(WorldNames.of(world), text)
+        return cls(text, tuple((*linker.span(link), link.name) for link in linker.links()))
+
+    @property
+    def text(self) -> str:
+        """The text with the names."""
+        parts, done = list[str](), 0
+        for start, end, name in self.names:
+            parts += [self.original[done:start], name]
+            done = end
+        return "".join((*parts, self.original[done:]))
+
+    def said(self, start: int, end: int) -> str:
+        """Return the original words for the characters from `start` to `end` of the text."""
+        return self.original[self._before(start, last=False) : self._before(end, last=True)]
+
+    def _before(self, at: int, *, last: bool) -> int:
+        """Return where in the original the character `at` of the text stands.
+
+        Within a name it is where that begins, or with `last` where it ends.
+        """
+        shift = 0
+        for start, end, name in self.names:
+            here = start + shift
+            if at <= here:
+                break
+            if at < here + len(name):
+                return end if last else start
+            shift += len(name) - (end - start)
+        return at - shift
 
 
 class _Linker:
@@ -92,8 +130,13 @@ class _Linker:
             at = max(at + 1, self._linked)
 
     def _whole(self, link: _Link) -> bool:
-        """Whether `link` ends where words do: of `gate NorthGate`, `gate North` is no name."""
+        """Whether `link` ends where words do: of `gate NorthGate`, `gate North` is no name.
+
+        Nor is the `s gate` of `its owner's gate` the south gate.
+        """
         start, end = self.span(link)
+        if self._word(link.first) == "s" and self._text[max(start - 1, 0) : start] in ("'", "’"):
+            return False
         around = self._text[max(start - 1, 0) : start] + self._text[end : end + 1]
         return not re.search(r"\w", around)
 

@@ -1,6 +1,6 @@
 """Loads a rule file and compiles its expressions; one that cannot be enforced is refused whole."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -191,6 +191,11 @@ class Rulebook:
     def reads(self) -> Fields:
         """What any guard or check reads; nothing else has to be converted for CEL."""
         return united(part.reads for part in self.parts)
+
+    @property
+    def approvals(self) -> Mapping[str, int]:
+        """How many people must approve what; one, where it is not named."""
+        return self.rule_set.approvals if self.rule_set is not None else {}
 
     def get(self, rule_id: str) -> Rule:
         """Return the rule `rule_id`; raises KeyError when it is not in force."""

@@ -20,6 +20,10 @@ The generator's own, which name every asset of a large team, have up to some 1,5
 Success = Annotated[str, StringConstraints(max_length=MOST_CONDITION)]
 
 
+MOST_WORLDS = 256
+"""A set of generated missions has a world for every four of them."""
+
+
 class GeneratedWorld(StrictModel):
     """A world of the generator; equal numbers give equal worlds."""
 
@@ -46,12 +50,25 @@ NamedWorld = Annotated[
 ]
 
 
+Turn = Annotated[str, StringConstraints(min_length=1, max_length=MAX_MISSION_TEXT)]
+"""Words of the operator in a conversation."""
+
+
 class MissionCase(StrictModel):
-    """One entry of a mission set: a command, its set-up and its success conditions."""
+    """One entry of a mission set: a command, its set-up and its success conditions.
+
+    One with commands `before` it is a conversation; the conditions are about all of it.
+    """
 
     id: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")
     category: str
     command: str = Field(min_length=1, max_length=MAX_MISSION_TEXT)
+    before: tuple[Turn, ...] = Field(
+        default=(), max_length=8, description="commands given before, each when the last is over"
+    )
+    answers: tuple[Turn, ...] = Field(
+        default=(), max_length=8, description="what the operator answers when asked back, in turn"
+    )
     world: str = Field(default="", description="a key of the set's `worlds`; empty: the set's own")
     setup: tuple[Incident, ...] = ()
     success: tuple[Success, ...] = Field(default=(), description="CEL over the finished run")
@@ -61,6 +78,11 @@ class MissionCase(StrictModel):
         default=60.0, description="simulated seconds that are watched from the command on, at least"
     )
 
+    @property
+    def turns(self) -> tuple[str, ...]:
+        """Every command of the conversation in its order; of a single mission, that one."""
+        return (*self.before, self.command)
+
 
 class MissionSet(StrictModel):
     """A file of missions for one world, or for several that it names."""
@@ -69,7 +91,7 @@ class MissionSet(StrictModel):
     source: str = ""
     worlds: dict[Name, NamedWorld] = Field(
         default={},
-        max_length=16,
+        max_length=MOST_WORLDS,
         description="other worlds, by the name that missions give as `world`",
     )
     missions: tuple[MissionCase, ...] = Field(min_length=1)
@@ -111,6 +133,9 @@ class Variant(StrictModel):
         default=True,
         description="a plan that does nothing, or for a reading of which the planner was unsure, "
         "gives way to what a judge that objects has read",
+    )
+    read_again: bool = Field(
+        default=True, description="a second reader is asked where the models are unsure of an order"
     )
     readings: int = Field(
         default=5,

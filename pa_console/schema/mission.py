@@ -9,7 +9,10 @@ from pa_console.schema.base import Name, NonNegative, StrictModel
 from pa_console.schema.plan import Plan
 
 MAX_MISSION_TEXT = 2000
-DecisionKind = Literal["approve", "reject", "modify", "choose"]
+STANDING = "standing instruction"
+"""How whoever decided is named where that was done beforehand, and nobody looked at the plan."""
+
+DecisionKind = Literal["approve", "reject", "modify", "choose", "answer"]
 ApprovalState = Literal[
     "approve",  # understood, and all of it is planned
     "narrowed",  # understood; the plan leaves out a part of the order, and says why
@@ -56,8 +59,19 @@ class Decision(StrictModel):
     acknowledged: tuple[str, ...] = Field(default=(), description="rule ids of warnings accepted")
     plan: Plan | None = Field(default=None, description="the operator's own plan, for `modify`")
     asked: str = Field(
-        default="", description="which of the offered readings was meant, for `choose`"
+        default="",
+        description="the offered reading that was meant, for `choose`; the words, for `answer`",
     )
+    signatures: dict[str, str] = Field(
+        default={},
+        exclude_if=lambda signatures: not signatures,
+        description="the signed approval of everybody who approved, by name, where there are keys",
+    )
+
+    @property
+    def standing(self) -> bool:
+        """Whether it was given beforehand."""
+        return self.by.startswith(STANDING)
 
     @property
     def settles(self) -> bool:

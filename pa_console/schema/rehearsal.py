@@ -4,6 +4,7 @@ from pydantic import Field
 
 from pa_console.schema.base import Name, NonNegative, Percent, StrictModel
 from pa_console.schema.moment import Moment
+from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture
 
 
@@ -50,13 +51,51 @@ class Timeline(StrictModel):
     assets: dict[Name, AssetTimeline] = {}
 
 
+TimedPoint = tuple[NonNegative, float, float]
+"""Seconds from the start of the plan, then metres east and metres north."""
+
+GuardChange = tuple[NonNegative, tuple[Name, ...]]
+"""Seconds from the start of the plan, and who covers a gate from then on."""
+
+
+class Motion(StrictModel):
+    """Where things were during the plan, and who covered which gate.
+
+    All times are in seconds from the start. Between two points of a trajectory the way is straight
+    and the speed even; what has none stood still.
+    """
+
+    trajectories: dict[Name, tuple[TimedPoint, ...]] = Field(
+        default={}, description="asset or track -> its way, to within half a metre"
+    )
+    guards: dict[Name, tuple[GuardChange, ...]] = Field(
+        default={}, description="gate -> its guards at the start and at each change"
+    )
+    arrived_s: dict[Name, NonNegative] = Field(
+        default={}, description="addressed asset -> when it was first where it is sent"
+    )
+    ended_s: dict[Name, NonNegative] = Field(
+        default={}, description="addressed asset -> when its last command ended"
+    )
+
+
 class Rehearsal(StrictModel):
     """`after` is the picture when the rehearsed plan had ended.
 
-    `moments` are the rehearsal's states as ordering rules see them, repeated ones left out.
+    `motion` is empty in the log of an older console, and where nothing was rehearsed. `moments`
+    are the rehearsal's states as ordering rules see them, repeated ones left out.
     """
 
     before: Picture
     after: Picture
     timeline: Timeline
     moments: tuple[Moment, ...] = ()
+    motion: Motion = Motion()
+
+
+class RehearsedReading(StrictModel):
+    """What a reading of an order would lead to: a plan for it and that plan's rehearsal."""
+
+    plan: Plan
+    rehearsal: Rehearsal
+    faults: tuple[str, ...] = Field(default=(), description="why nobody may approve the plan")

@@ -1,12 +1,13 @@
 """Operational policy as data: rules, their checks and examples, and who vouches for a rule set."""
 
 import re
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, StringConstraints, model_validator
 
 from pa_console.schema.base import Hex32, Hex64, Positive, StrictModel
-from pa_console.schema.command import Verb
+from pa_console.schema.command import COMMANDS, Verb
 
 Domain = Literal["ROE", "WF", "CAP"]
 Priority = Literal["critical", "high", "medium"]
@@ -163,12 +164,48 @@ class Workflow(StrictModel):
     phases: tuple[Phase, ...] = Field(min_length=1)
 
 
+_STILL: frozenset[Verb] = frozenset(("hold", "report"))
+ACTS = (
+    *(verb for verb in COMMANDS if verb not in _STILL),
+    "override",
+    "acknowledge",
+    "first_order",
+)
+"""What may need more than one person: a command that moves somebody, overruling the judge,
+acknowledging a broken Medium rule, and the first order to a vehicle that had none before."""
+
+MOST_PEOPLE = 9
+
+
+def _people(approvals: dict[str, int]) -> dict[str, int]:
+    """Refuse what nobody approves, and numbers that no site has; a stop waits for nobody."""
+    for act, people in approvals.items():
+        if act in _STILL:
+            raise ValueError(f"{act!r} moves nobody and waits for no second person; take it out")
+        if act not in ACTS:
+            raise ValueError(f"{act!r} is nothing that people approve; known: {', '.join(ACTS)}")
+        if not 1 <= people <= MOST_PEOPLE:
+            raise ValueError(f"{act}: {people} people; give a number from 1 to {MOST_PEOPLE}")
+    return approvals
+
+
+def approvals_in_words(approvals: Mapping[str, int]) -> str:
+    """Return what more than one person must approve, e.g. `block 2, override 2`; '' for nothing."""
+    return ", ".join(f"{act} {people}" for act, people in approvals.items() if people > 1)
+
+
 class RuleSet(StrictModel):
-    """A rule file: every rule in force, and the workflows that they prescribe."""
+    """A rule file: every rule in force, and the workflows that they prescribe.
+
+    `approvals` says what more than one person must approve, and how many.
+    """
 
     name: str
     version: Version = ""
     source: str = ""
+    approvals: Annotated[dict[str, int], AfterValidator(_people)] = Field(
+        default={}, description="act -> people who must approve it, where that is not one"
+    )
     rules: tuple[Rule, ...] = Field(min_length=1)
     workflows: tuple[Workflow, ...] = ()
 

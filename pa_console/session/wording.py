@@ -1,13 +1,16 @@
 """Says in one short line what an event, an incident, an order or a decision is."""
 
+import re
 from collections.abc import Sequence
 
 from pa_console.orders.plain_words import plain_reading
+from pa_console.schema.alarm import Alarm
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident, Reaction, RevealTrack, SpawnTrack
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
+from pa_console.schema.telemetry import Picture, TrackStatus
 from pa_console.session.status_words import status_of
 
 _TEMPLATES: dict[str, str] = {
@@ -36,6 +39,28 @@ _REACTIONS: dict[Reaction, str] = {
     "stop": "stops when warned",
     "go_on": "goes on when warned",
 }
+
+
+TRACK_PLACES: dict[TrackStatus, str] = {
+    "approaching": "is approaching {gate}",
+    "stopped": "has stopped at {gate}",
+    "inside": "has passed {gate}",
+    "leaving": "is leaving {gate}",
+}
+"""Where a track is with its gate, by its status."""
+
+_PLACE = re.compile(r"\b(?:is approaching|has stopped at|has passed|is leaving) ")
+_DISTANCE = re.compile(r"\d+ m\Z")
+
+
+def alarm_now(alarm: Alarm, picture: Picture | None) -> Alarm:
+    """Return `alarm` with what the picture shows of its track now: where it is, and how far."""
+    track = picture.tracks.get(alarm.subject) if picture is not None else None
+    if track is None or alarm.distance_m is None:
+        return alarm
+    place = TRACK_PLACES[track.status].format(gate="")
+    text = _DISTANCE.sub(f"{track.distance_m:.0f} m", _PLACE.sub(place, alarm.text, count=1))
+    return alarm.model_copy(update={"text": text, "distance_m": track.distance_m})
 
 
 def in_words(incident: Incident) -> str:
@@ -109,6 +134,11 @@ def order_in_words(command: DeviceCommand | Action) -> str:
     return f"{command.verb} {command.target or ''}".strip()
 
 
+def references_in_words(references: Sequence[ev.Reference]) -> str:
+    """Return what an order points at and what that is: *"it" = Drone_T04; "there" = EastGate*."""
+    return "; ".join(f"“{one.said}” = {one.means}" for one in references)
+
+
 def kind_in_words(kind: str) -> str:
     """Return the name of a kind of event as words."""
     return kind.replace("_", " ")
@@ -138,6 +168,10 @@ def event_in_words(data: ev.EventPayload) -> str:
             said = f"{name}: {reason}"
         case ev.MissionReceived(mission=mission):
             said = mission.said
+        case ev.QuestionAsked(question=question, choices=choices):
+            said = f"{question} {' | '.join(choices)}".strip()
+        case ev.OrderRead(text=text, references=references):
+            said = f"{text} | {references_in_words(references)}"
         case ev.MissionPreempted(by=who, reason=reason):
             said = f"{who} goes first: {reason}"
         case ev.WorkflowMoved():
@@ -169,6 +203,8 @@ def _planned(data: ev.EventPayload) -> str:
             | ev.OutcomeJudged(verdict=verdict, error=error)
         ):
             said = f"{verdict.verdict}: {verdict.feedback}" if verdict is not None else error
+        case ev.OrderReadAgain(model=model, asked=asked, error=error):
+            said = f"{model}: {error or plain_reading(asked)}"
         case ev.RepairRequested(reasons=reasons):
             said = "; ".join(reasons)
         case ev.ApprovalRequested(blocked_by=blocked, plan=plan, readings=readings):
@@ -223,6 +259,8 @@ def _done(data: ev.EventPayload) -> str:
             said = f"by {who}"
         case ev.SessionEnded(reason=reason):
             said = reason
+        case ev.SessionResumed(interrupted=interrupted):
+            said = f"ended as held: {', '.join(interrupted)}" if interrupted else ""
         case _:
             pass
     return said

@@ -54,6 +54,13 @@ class Settings(BaseSettings):
         "GGUF file. Empty is the catalogue's default.",
         json_schema_extra=_about("Session"),
     )
+    second_reader: str = Field(
+        default="",
+        title="Second reader",
+        description="The model that reads an order again of which the first is unsure. Empty is "
+        "the one that goes with the model, if it was pulled; off is none.",
+        json_schema_extra=_about("Session"),
+    )
     world: str = Field(
         default="checkpoint",
         min_length=1,
@@ -117,6 +124,26 @@ class Settings(BaseSettings):
         title="Telemetry is stale after",
         description="Seconds without telemetry after which the top line warns.",
         json_schema_extra=_about("Approval and alarms", restart=False),
+    )
+    bell: bool = Field(
+        default=True,
+        title="Bell",
+        description="Whether the terminal's bell rings when a plan or an urgent alarm begins to "
+        "wait for you.",
+        json_schema_extra=_about("Screen", restart=False),
+    )
+    desktop_notices: bool = Field(
+        default=True,
+        title="Desktop notices",
+        description="Whether the terminal is asked for a notice of the desktop then (OSC 9 and "
+        "OSC 777).",
+        json_schema_extra=_about("Screen", restart=False),
+    )
+    window_title: bool = Field(
+        default=True,
+        title="Window title",
+        description="Whether the title of the terminal's window says what waits for you.",
+        json_schema_extra=_about("Screen", restart=False),
     )
     theme: str = Field(
         default="pa-console",

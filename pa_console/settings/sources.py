@@ -13,6 +13,7 @@ from pydantic_settings import EnvSettingsSource, SettingsError
 
 from pa_console.schema.document import Document, DocumentError, FieldPath
 from pa_console.settings.schema import ENV_PREFIX, Settings, describe_settings, value_text
+from pa_console.signing import PASSPHRASE_VARIABLE
 
 FILE_VARIABLE = f"{ENV_PREFIX}SETTINGS"
 PATHS = ("logs", "cache", "signing_key")
@@ -108,7 +109,8 @@ def default_settings() -> Loaded:
 
 def unknown_variables() -> list[str]:
     """Return the PA_CONSOLE_... variables of the environment that mean nothing."""
-    known = {setting.variable for setting in describe_settings().values()} | {FILE_VARIABLE}
+    known = {setting.variable for setting in describe_settings().values()}
+    known |= {FILE_VARIABLE, PASSPHRASE_VARIABLE}
     return sorted(name for name in os.environ if name.startswith(ENV_PREFIX) and name not in known)
 
 

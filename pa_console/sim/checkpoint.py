@@ -34,6 +34,9 @@ class Arrived(NamedTuple):
 class Checkpoint:
     """A world in motion; `step()` advances it by `world.dt_s` and nothing else does."""
 
+    admit: devices.Admit | None = None
+    """What the devices ask before they carry a command out; a fork and a forecast ask nobody."""
+
     def __init__(self, world: World, seed: int = 0, scenario: Scenario | None = None) -> None:
         """Start `world` with every asset on its watch, in `scenario` if one is given.
 
@@ -82,7 +85,7 @@ class Checkpoint:
         for command in link.take_commands(scene):
             if command.agent in scene.assets:
                 devices.note_heard(terrain, scene, scene.assets[command.agent])
-            for reply in devices.accept(terrain, scene, command):
+            for reply in devices.accept(terrain, scene, command, self.admit):
                 link.send_reply(scene, reply, dt_s)
         busy = scene.busy()
         if busy:

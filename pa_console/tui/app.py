@@ -12,6 +12,7 @@ from textual.filter import LineFilter
 
 from pa_console.schema.world import World
 from pa_console.session.replay.player import Player
+from pa_console.session.state.waiting import Waiting
 from pa_console.settings.sources import Loaded, load_settings
 from pa_console.tui.actions.palette import ConsoleCommands
 from pa_console.tui.actions.registry import (
@@ -21,7 +22,9 @@ from pa_console.tui.actions.registry import (
     find_action,
     key_text,
 )
+from pa_console.tui.contrast import readable
 from pa_console.tui.controllers.approval import ApprovalController
+from pa_console.tui.controllers.attention import AttentionController
 from pa_console.tui.controllers.browsing import BrowsingController
 from pa_console.tui.controllers.commands import CommandController
 from pa_console.tui.controllers.console_session import ConsoleSession
@@ -84,13 +87,18 @@ class ConsoleApp(App[None]):
         rules_file: Path | None = None,
         drafts: Path | None = None,
         opening: Opening | None = None,
+        usual: Mapping[str, float] | None = None,
+        to_terminal: Callable[[str], object] | None = None,
     ) -> None:
         """A live console needs `station`, a replay `player`; tests replace `clock` and `key_time`.
 
         Paths and settings that are None are the user's own, in the platform's folders. Rules can be
         edited in the `rules_file` that they are from. `opening` shows other screens than the
-        session. Raises DocumentError for settings of the user's that are wrong.
+        session. `usual` are the seconds that each step of a mission usually takes; codes that call
+        the operator go `to_terminal`, by default to the one that the console runs on.
+        Raises DocumentError for settings of the user's that are wrong.
         """
+        self._readable: dict[str, dict[str, str]] = {}
         super().__init__()
         self.error_console = PlainConsole(stderr=True)
         self._visible_lines = VisibleLines()
@@ -98,14 +106,15 @@ class ConsoleApp(App[None]):
         self.session = session = ConsoleSession(
             self, world, station, player, readonly=readonly, clock=clock
         )
-        self.feed = SessionFeed(session, self._painted)
+        self.feed = SessionFeed(session, self._painted, Waiting(usual))
         user = SettingsController(session, settings or load_settings())
         rules = RulesController(session, rulebook, retriever, rules_file, drafts)
         commands = CommandController(session, self.feed)
         self._log_alarm = LogAlarmController(session)
+        self._attention = AttentionController(session, user, to_terminal or self._to_terminal)
         self._typing = TypingController(session, user, key_time)
         self.controllers = Controllers(
-            browsing=BrowsingController(session, user, evaluations),
+            browsing=BrowsingController(session, user, evaluations, copies),
             copying=CopyController(session, rules, copies),
             replay=ReplayController(session),
             commands=commands,
@@ -125,6 +134,15 @@ class ConsoleApp(App[None]):
     def get_theme_variable_defaults(self) -> dict[str, str]:
         """Return the console's own colour variables for themes without them."""
         return VARIABLES
+
+    def get_css_variables(self) -> dict[str, str]:
+        """Return the theme's colours, those of texts with enough contrast."""
+        theme = self.current_theme
+        key = f"{theme.name} {theme.dark}"
+        if key not in self._readable:
+            given = super().get_css_variables()
+            self._readable[key] = readable(given, dark=theme.dark, ansi=theme.ansi)
+        return self._readable[key]
 
     def get_key_display(self, binding: Binding) -> str:
         """Write keys the same way in the footer and in the help."""
@@ -199,9 +217,18 @@ class ConsoleApp(App[None]):
         self.controllers.leaving.watch_terminal()
         self._log_alarm.watch_screens()
 
+    def _to_terminal(self, codes: str) -> None:
+        if not self.is_headless and self._driver is not None:
+            self._driver.write(codes)
+
     def _painted(self) -> None:
+        self._attention.look()
         self.controllers.approval.close_void_editor()
         self._log_alarm.show()
+
+    def on_unmount(self) -> None:
+        """Give the terminal's window its own title back."""
+        self._attention.leave()
 
     # What arrives
 
@@ -229,6 +256,10 @@ class ConsoleApp(App[None]):
     @on(ApprovalPanel.Decided)
     def _decided(self, message: ApprovalPanel.Decided) -> None:
         self.controllers.approval.decide(message.decision)
+
+    @on(ApprovalPanel.LookedAt)
+    def _looked_at(self, message: ApprovalPanel.LookedAt) -> None:
+        self.controllers.approval.look_at(message.asked)
 
     @on(ApprovalPanel.ModifyAsked)
     def _modify_asked(self) -> None:

@@ -1,11 +1,12 @@
 """What the console needs of its surroundings, as protocols, so that every screen stands alone."""
 
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from typing import Protocol
 
 from pa_console.schema.events.event import Event
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Mission
+from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.rule import Rule, RuleHit, RulesSeal
 
 Clock = Callable[[], float]
@@ -36,12 +37,20 @@ class LiveStation(Protocol):
         """Note that a mission is being typed."""
         ...
 
+    def point(self, name: str) -> None:
+        """Note which asset, gate or track is marked on the screen, "" for none."""
+        ...
+
     def submit(self, text: str) -> Mission:
         """Queue a mission; raises ValueError with a text for the operator when refused."""
         ...
 
     def decide(self, decision: Decision) -> None:
         """Answer the open approval; raises ValueError when none is open."""
+        ...
+
+    async def look_at(self, mission: Mission, asked: str) -> RehearsedReading | None:
+        """Rehearse what another reading of a mission would lead to; None where that is unknown."""
         ...
 
     def cancel(self) -> None:
@@ -110,6 +119,11 @@ class ShownRules(Protocol):
     @property
     def rules(self) -> tuple[Rule, ...]:
         """Every rule, in file order."""
+        ...
+
+    @property
+    def approvals(self) -> Mapping[str, int]:
+        """How many people must approve what, where that is not one."""
         ...
 
 

@@ -13,7 +13,7 @@ _TRACE = frozenset(("trace",))
 _ALARMS = frozenset(("status", "alarms", "events"))
 _COMMAND = frozenset(("status", "trace"))
 _BY_KIND = {
-    "telemetry": _PICTURE,
+    "telemetry": _PICTURE | frozenset(("alarms",)),
     "incident": frozenset(("events",)),
     "noticed": frozenset(("events",)),
     "worker": frozenset(("status", "events")),

@@ -19,7 +19,7 @@ from pa_console.cli.main import main
 from tests.scripted import ScriptedEngine, plan
 
 engine = ScriptedEngine([plan(("Drone_T04", "move_to EastGate"))])
-mission_session.find_model = lambda *_: engine.model
+mission_session.find_model = lambda *_, **_reader: engine.model
 mission_session.Engine = lambda _: engine
 size = int(sys.argv.pop(1))
 resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))

@@ -65,7 +65,7 @@ def models(monkeypatch: pytest.MonkeyPatch) -> Readers:
     """Put models that read as they are told in the place of the real one."""
     readers = Readers([])
 
-    def find_model(_: str | None) -> LocalModel:
+    def find_model(_: str | None, *_progress: object, **_reader: str) -> LocalModel:
         return readers.model
 
     def new_engine(_: LocalModel) -> Readers:

@@ -68,7 +68,7 @@ def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) ->
 def engine(monkeypatch: pytest.MonkeyPatch) -> ScriptedEngine:
     scripted = ScriptedEngine([plan(("Drone_T04", "move_to EastGate"))])
 
-    def find_model(_: str | None, *_progress: object) -> LocalModel:
+    def find_model(_: str | None, *_progress: object, **_reader: str) -> LocalModel:
         return scripted.model
 
     def new_engine(_: LocalModel) -> ScriptedEngine:

@@ -32,7 +32,7 @@ def engine(monkeypatch: pytest.MonkeyPatch) -> ScriptedEngine:
     """Put a scripted LLM in the place of the real one."""
     scripted = ScriptedEngine([FILL])
 
-    def find_model(_: str | None, *_progress: object) -> LocalModel:
+    def find_model(_: str | None, *_progress: object, **_reader: str) -> LocalModel:
         return scripted.model
 
     def new_engine(_: LocalModel) -> ScriptedEngine:

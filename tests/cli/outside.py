@@ -31,7 +31,7 @@ engine = ScriptedEngine([moved if answer == "plan" else None])
 if answer == "never-closed":
     engine.close = asyncio.Event().wait
 for verb in (console, mission_session):
-    verb.find_model = lambda *_: engine.model
+    verb.find_model = lambda *_, **_reader: engine.model
     verb.Engine = lambda _: engine
 main()
 """
@@ -43,11 +43,17 @@ class Outside:
     """One `pa-console`, whose session log is the only one in `logs`.
 
     `answers` is "plan" for a sound plan, "none" for a model that never answers, "never-closed" for
-    one that cannot be closed either. With `terminal`, its streams are a terminal that controls it.
+    one that cannot be closed either. With `terminal`, its streams are a terminal that controls it;
+    with `piped`, lines can be typed into its standard input.
     """
 
     def __init__(
-        self, folder: Path, *words: str, answers: str = "plan", terminal: bool = False
+        self,
+        folder: Path,
+        *words: str,
+        answers: str = "plan",
+        terminal: bool = False,
+        piped: bool = False,
     ) -> None:
         self.logs = folder / "logs"
         self._terminal = self._stop = -1
@@ -62,7 +68,11 @@ class Outside:
         if not terminal:
             pipe = subprocess.PIPE
             self.process = subprocess.Popen(
-                command, env=environment, stdin=subprocess.DEVNULL, stdout=pipe, stderr=pipe
+                command,
+                env=environment,
+                stdin=pipe if piped else subprocess.DEVNULL,
+                stdout=pipe,
+                stderr=pipe,
             )
             return
         self._terminal, its = pty.openpty()
@@ -126,11 +136,20 @@ class Outside:
         """Wait until `text` is on the terminal."""
         self._until(lambda: text in self.shown, lambda: None)
 
+    def until_new(self, log: Path) -> None:
+        """Wait until another log than `log` tells of telemetry."""
+
+        def told() -> bool:
+            others = set(self.logs.glob("*.jsonl")) - {log}
+            return any(b'"kind":"telemetry"' in other.read_bytes() for other in others)
+
+        self._until(told, lambda: None)
+
     def _until(self, done: Callable[[], bool], meanwhile: Callable[[], object]) -> None:
         end = time.monotonic() + WITHIN_S
         while not done():
             assert self.process.poll() is None, self.shown
-            assert time.monotonic() < end, (self.kinds, self.shown)
+            assert time.monotonic() < end, self.shown
             meanwhile()
             time.sleep(0.05)
 

@@ -78,3 +78,18 @@ def test_an_order_to_override_the_rules_is_refused_before_the_model_is_asked(
     assert engine.requests == []
     assert "ROE-05" in mission["reason"]
     assert mission["metrics"]["planning_s"] == 0
+
+
+@pytest.mark.usefixtures("engine")
+def test_the_steps_of_a_mission_are_told_on_stderr_and_the_document_stays_alone_on_stdout(
+    call: Call,
+) -> None:
+    done = call("--set", "standing_confidence=0", "mission", "Fill the gap.", "--approve", "auto",
+                "--json")  # fmt: skip
+    name = done.json["mission"]["mission"]["id"]
+    told = [line.removeprefix(f"{name}  ") for line in done.err.splitlines() if name in line]
+    assert told[0] == "mission: Fill the gap."
+    steps = [line.partition(":")[0] for line in told]
+    assert steps[:5] == ["mission", "rules found", "plan", "safeguards", "judge"]
+    assert "sent: Drone_T04: move_to EastGate" in told
+    assert "finished" in steps

@@ -79,7 +79,7 @@ def test_with_unsigned_the_log_s_first_record_says_so(
 ) -> None:
     engine = ScriptedEngine([])
 
-    def find_model(_: str | None) -> LocalModel:
+    def find_model(_: str | None, *_progress: object, **_reader: str) -> LocalModel:
         return engine.model
 
     def new_engine(_: LocalModel) -> ScriptedEngine:

@@ -47,7 +47,7 @@ def _events(program: Outside) -> list[str]:
     return [kind for kind in program.kinds if kind not in ("log_signed", "telemetry")]
 
 
-def _moving(console: Outside) -> None:
+def set_moving(console: Outside) -> None:
     """Have an asset move."""
     console.until("telemetry")
     console.type(f"{ORDER}\r")
@@ -71,7 +71,7 @@ def test_a_console_that_is_ended_from_outside_brings_its_assets_to_safety_first(
     start: Start, verified: Callable[[Path], int], how: str, code: int, reason: str
 ) -> None:
     console = start(*QUICK, "console", "--no-alarms", terminal=True)
-    _moving(console)
+    set_moving(console)
     if how == "SIGTERM":
         console.process.send_signal(signal.SIGTERM)
     else:

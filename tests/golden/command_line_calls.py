@@ -219,7 +219,7 @@ class Caller:
         self._shapes: dict[str, str] = {}
         self._prepare()
 
-        def find_model(_: str | None, *_progress: object) -> LocalModel:
+        def find_model(_: str | None, *_progress: object, **_more: object) -> LocalModel:
             return ScriptedEngine([FILL]).model
 
         def new_engine(_: LocalModel) -> ScriptedEngine:

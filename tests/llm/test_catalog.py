@@ -11,6 +11,7 @@ from pa_console.schema.document import DocumentError
 
 INSTALLABLE = {
     "pa-135m",
+    "pa-500m",
     "smollm2-135m",
     "qwen2.5-coder-0.5b",
     "qwen2.5-coder-1.5b",

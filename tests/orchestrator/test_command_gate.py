@@ -10,6 +10,7 @@ from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.orchestrator.execution.command_gate import STILL, CommandGate
 from pa_console.orchestrator.planning.rehearsal import device_commands
 from pa_console.orchestrator.station.journal import Journal
+from pa_console.policy.rulebook import Rulebook
 from pa_console.resources import data_folder
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
@@ -19,6 +20,7 @@ from pa_console.sim.worlds.world_file import load_world
 
 WORLD = load_world(data_folder() / "worlds" / "checkpoint" / "world.yaml")
 APPROVE = Decision(kind="approve")
+RULES = Rulebook("none", "", ())
 
 
 @dataclass
@@ -79,7 +81,7 @@ def test_a_plan_that_was_not_approved_is_not_granted(
     link = Link()
     gate = gate_on(link)
     with pytest.raises(ValueError, match=r"\S"):
-        gate.grant(asked, decision)
+        gate.grant(asked, decision, RULES)
     assert isinstance(gate.send(ORDERS[0]), ev.CommandRefused)
     assert not link.sent
 
@@ -87,7 +89,7 @@ def test_a_plan_that_was_not_approved_is_not_granted(
 def test_each_command_of_an_approved_plan_passes_once_and_no_other_does() -> None:
     link = Link()
     gate = gate_on(link)
-    gate.grant(RELIEF, APPROVE)
+    gate.grant(RELIEF, APPROVE, RULES)
     elsewhere = ORDERS[0].model_copy(update={"target": "NorthGate"})
     for command in (elsewhere, HOME):
         refused = gate.send(command)
@@ -101,7 +103,7 @@ def test_each_command_of_an_approved_plan_passes_once_and_no_other_does() -> Non
 def test_a_halted_plan_may_be_brought_to_its_declared_safety_and_nowhere_else() -> None:
     link = Link()
     gate = gate_on(link)
-    gate.grant(RELIEF, APPROVE)
+    gate.grant(RELIEF, APPROVE, RULES)
     gate.send(ORDERS[0])
     gate.halt()
     assert isinstance(gate.send(ORDERS[1]), ev.CommandRefused), "the plan goes on no more"
@@ -120,7 +122,7 @@ def test_a_halted_plan_may_be_brought_to_its_declared_safety_and_nowhere_else() 
 
 def test_nothing_of_a_plan_that_has_ended_passes() -> None:
     gate = gate_on(Link())
-    gate.grant(RELIEF, APPROVE)
+    gate.grant(RELIEF, APPROVE, RULES)
     gate.finish()
     gate.halt()
     for command in (*ORDERS, HOME):
@@ -163,9 +165,9 @@ def test_in_any_order_of_events_only_what_was_decided_passes_and_nothing_moves_w
         match act:
             case int() if latched:
                 with pytest.raises(ValueError, match="stopped"):
-                    gate.grant(REQUESTS[act], APPROVE)
+                    gate.grant(REQUESTS[act], APPROVE, RULES)
             case int():
-                gate.grant(REQUESTS[act], APPROVE)
+                gate.grant(REQUESTS[act], APPROVE, RULES)
                 named = (*REQUESTS[act].plan.actions, *REQUESTS[act].if_halted)
                 granted |= {(a.agent, a.verb, a.target) for a in named}
                 granted |= {(a.agent, "hold", None) for a in REQUESTS[act].if_halted}
@@ -198,7 +200,7 @@ def test_in_any_order_of_events_only_what_was_decided_passes_and_nothing_moves_w
 def test_nothing_of_a_plan_passes_while_the_log_cannot_be_written() -> None:
     link, journal = Link(), Journal()
     gate = gate_on(link, journal)
-    gate.grant(RELIEF, APPROVE)
+    gate.grant(RELIEF, APPROVE, RULES)
     journal.problem = "no space left on device"
     told = gate.send(ORDERS[0])
     assert isinstance(told, ev.CommandRefused)
@@ -211,5 +213,5 @@ def test_nothing_of_a_plan_passes_while_the_log_cannot_be_written() -> None:
 
 def test_a_simulation_takes_what_passes() -> None:
     gate = CommandGate(SimulatedFleet.start(WORLD), Journal())
-    gate.grant(RELIEF, APPROVE)
+    gate.grant(RELIEF, APPROVE, RULES)
     assert isinstance(gate.send(ORDERS[0]), ev.CommandSent)

@@ -92,7 +92,7 @@ def test_the_last_gate_lets_no_movement_pass_for_it_whoever_asks(site: Site, kin
     request = ev.ApprovalRequested(attempt=1, plan=MOVES, state="not_understood")
     decision = Decision.model_validate({"kind": kind, "plan": MOVES, "asked": "x"})
     with pytest.raises(ValueError, match="say it anew"):
-        gate.grant(request, decision)
+        gate.grant(request, decision, site.rulebook)
     for command in device_commands(MOVES, "M1.1"):
         assert command.verb not in STILL
         assert isinstance(gate.send(command), ev.CommandRefused)

@@ -14,6 +14,7 @@ from pa_console.session.state.fold import SessionState
 from pa_console.session.wording import in_words
 from tests.schema.strategies import PAYLOADS, models, values
 from tests.session.story import PLAN, START, at, session_started
+from tests.tui import living, site
 
 
 def mission(name: str = "M1", **fields: object) -> Mission:
@@ -236,3 +237,16 @@ def test_no_sequence_of_events_of_known_missions_breaks_the_fold(data: st.DataOb
             assert trace.phase is not None
             rounds = [attempt.round for attempt in trace.attempts]
             assert rounds == sorted(rounds)
+
+
+def test_an_alarm_says_where_its_track_is_now() -> None:
+    text = "Track_01: an unknown vehicle is approaching NorthGate, 90 m"
+    alarm = living.UNKNOWN.model_copy(update={"text": text, "distance_m": 90.0})
+    state = SessionState()
+    track = site.track("Track_01", status="stopped", distance_m=15.2)
+    for data in (ev.AlarmRaised(alarm=alarm),
+                 ev.TelemetryReceived(picture=site.picture(tracks=(track,)))):  # fmt: skip
+        state.apply(ev.Event(t=START, tick=1, data=data))
+    (shown,) = state.alarms
+    assert shown.alarm.text == "Track_01: an unknown vehicle has stopped at NorthGate, 15 m"
+    assert shown.alarm.distance_m == 15.2

@@ -9,10 +9,12 @@ from hypothesis import strategies as st
 from pa_console.schema.events import event as ev
 from pa_console.session.log.writer import LogError
 from pa_console.session.replay.player import Player
+from pa_console.session.replay.recording import Recording
 from pa_console.session.replay.timeline import MARK_KINDS, MarkKind
 from tests.schema.strategies import events
 from tests.session.logs import folded, kept, write_log
 from tests.session.story import START, at, story, telemetry
+from tests.tui import living
 
 ALL = frozenset(MARK_KINDS)
 MOVES = ["step", "back", "second", "second_back", "next", "last"]
@@ -199,3 +201,11 @@ def test_an_hour_of_telemetry_is_stepped_back_through_without_reading_it_all(
     assert player.state.picture.time_s == 149.0
     assert player.state.tick == 1490
     assert player.recording[0].t == START
+
+
+def test_an_alarm_that_turns_into_another_kind_is_marked_again() -> None:
+    unknown = living.UNKNOWN
+    other = unknown.model_copy(update={"kind": "unauthorized_track"})
+    told = [ev.AlarmRaised(alarm=alarm) for alarm in (unknown, unknown, other)]
+    happened = [ev.Event(t=START, tick=1, data=data) for data in told]
+    assert list(Recording(happened).timeline.marks) == [0, 2]

@@ -20,6 +20,7 @@ from pa_console.schema.events.event import (
 )
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Metrics, Mission
+from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.controllers.typing import KeyTime
@@ -27,7 +28,7 @@ from pa_console.tui.protocols import RuleScorer
 from tests.tui.site import WORLD, Rulebook, WordRetriever
 from tests.tui.story import MISSION, START, stamped
 
-LAYOUTS = 3  # what is mounted is laid out, then scrolled to, then drawn
+LAYOUTS = 5  # what is mounted is laid out, fitted, laid out anew, scrolled to, then drawn
 
 
 class FakeClock:
@@ -60,6 +61,7 @@ class ScriptedStation:
         self.rate = 1.0
         self.submitted: list[str] = []
         self.decisions: list[Decision] = []
+        self.pointed = ""
         self.injected: list[Incident] = []
         self.cancelled = self.stopped = self.released = 0
         self.acknowledged: list[str] = []
@@ -68,6 +70,7 @@ class ScriptedStation:
         self.withdrawn: list[str] = []
         self.closed = False
         self.refuse = self.offered = ""
+        self.rehearsed: dict[str, RehearsedReading] = {}
         self.accepted = 0
         self.typed = self.reloads = 0
         self.retriever: RuleScorer = WordRetriever()
@@ -113,6 +116,10 @@ class ScriptedStation:
         self._refuse()
         self.accepted += 1
         self.offered = ""
+
+    def point(self, name: str) -> None:
+        """Note what is marked."""
+        self.pointed = name
 
     def typing(self, text: str) -> None:
         """Count the keys that the prompt told of."""
@@ -167,6 +174,11 @@ class ScriptedStation:
         """Record a withdrawn mission."""
         self._refuse()
         self.withdrawn.append(mission_id)
+
+    async def look_at(self, mission: Mission, asked: str) -> RehearsedReading | None:
+        """Return the rehearsal that the test has for a reading."""
+        assert mission.id == MISSION.id
+        return self.rehearsed.get(asked)
 
     def _refuse(self) -> None:
         if self.refuse:

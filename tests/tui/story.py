@@ -14,7 +14,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Finding, RuleOpinion, Usage, Verdict
 from pa_console.schema.mission import ActionOutcome, Decision, Metrics, Mission, Verification
 from pa_console.schema.plan import Action, Plan
-from pa_console.schema.rehearsal import AssetTimeline, GateTimeline, Rehearsal, Timeline
+from pa_console.schema.rehearsal import AssetTimeline, GateTimeline, Motion, Rehearsal, Timeline
 from pa_console.schema.rule import RuleHit
 from pa_console.schema.telemetry import Picture
 from tests.tui.site import DIGEST, RULES, WORLD, picture, track
@@ -82,7 +82,34 @@ def rehearsal() -> Rehearsal:
         "Robot_T01": AssetTimeline(finished=True, least_battery_pct=84.0, travelled_m=44.0),
     }
     timeline = Timeline(duration_s=38.0, gates=gates, assets=assets)
-    return Rehearsal(before=PICTURE, after=PICTURE, timeline=timeline)
+    there = {"at": "NorthGate", "post": "NorthGate"}
+    after = picture(
+        time_s=338.0,
+        tracks=(track(),),
+        changes={
+            "Drone_T04": {**there, "position": (3.0, 34.0), "battery_pct": 20.0},
+            "Robot_T01": {**there, "position": (0.0, 36.0), "battery_pct": 84.0},
+        },
+    )
+    return Rehearsal(before=PICTURE, after=after, timeline=timeline, motion=MOTION)
+
+
+MOTION = Motion(
+    trajectories={
+        "Drone_T04": ((0.0, 2.0, 3.0), (6.0, 3.0, 34.0)),
+        "Robot_T01": ((0.0, 1.0, -1.0), (4.0, 9.0, 4.0), (31.0, 0.0, 36.0)),
+    },
+    guards={
+        "NorthGate": (
+            (0.0, ("Drone_T02",)),
+            (6.0, ("Drone_T02", "Drone_T04")),
+            (31.0, ("Drone_T02", "Drone_T04", "Robot_T01")),
+        )
+    },
+    arrived_s={"Drone_T04": 6.0, "Robot_T01": 31.0},
+    ended_s={"Drone_T04": 7.0, "Robot_T01": 36.0},
+)
+"""Both come up the north road: the drone straight, the robot round a wall."""
 
 
 def planning(attempt: int = 1) -> list[ev.EventPayload]:
@@ -165,6 +192,26 @@ def not_understood(text: str) -> list[ev.EventPayload]:
         *opening(),
         ev.MissionReceived(mission=mission, position=0),
         ev.MissionStarted(),
+        request_approval(
+            "M-003.0",
+            0,
+            CheckedPlan(Plan(reason="", actions=())),
+            OrderAsRead(question=question),
+        ),
+    ]
+
+
+def asked_back() -> list[ev.EventPayload]:
+    """An order that two gates fit: which one is meant is asked, with both to choose from."""
+    said = "the uncovered gate"
+    question = f"2 gates fit “{said}”. Which one is meant?"
+    return [
+        *opening(),
+        ev.MissionReceived(
+            mission=MISSION.model_copy(update={"text": f"Ugv_T02 to {said}."}), position=0
+        ),
+        ev.MissionStarted(),
+        ev.QuestionAsked(question=question, said=said, choices=("SouthGate", "WestGate")),
         request_approval(
             "M-003.0",
             0,

@@ -3,11 +3,11 @@
 from pathlib import Path
 
 import pytest
-from textual.widgets import Button
+from textual.widgets import Button, Input
 
 from pa_console.schema.events import event as ev
 from pa_console.schema.plan import Action, Plan
-from pa_console.tui.widgets.approval import ARM_DELAY_S, ApprovalPanel
+from pa_console.tui.widgets.approval import ARM_DELAY_S, REASON, ApprovalPanel
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, settle
@@ -110,7 +110,8 @@ async def test_the_typed_words_stand_beside_their_reading(tmp_path: Path) -> Non
         text = said(app.screen.query_one(ApprovalPanel))
         assert "typed Send all asets (read: assets) east." in text
         assert "read send every free asset to EastGate" in text
-        assert f"NOT DONE {LEFT[0]}" in text
+        told = "Not done: all free to EastGate, because Drone_T01 covers NorthGate alone (WF-03)"
+        assert told in text
 
 
 async def test_what_was_not_understood_can_only_be_rejected(tmp_path: Path) -> None:
@@ -126,3 +127,24 @@ async def test_what_was_not_understood_can_only_be_rejected(tmp_path: Path) -> N
         await pilot.press("r", "enter")
         await settle(pilot, station)
         assert [decision.kind for decision in station.decisions] == ["reject"]
+
+
+@pytest.mark.parametrize(
+    ("keys", "answer"),
+    [(["alt+2"], "WestGate"), ([*"west", "enter"], "west")],
+)
+async def test_a_question_is_answered_by_a_key_or_in_words(
+    tmp_path: Path, keys: list[str], answer: str
+) -> None:
+    station, clock = ScriptedStation(story.asked_back()), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SMALL) as pilot:
+        await settle(pilot, station)
+        panel = app.screen.query_one(ApprovalPanel)
+        assert "Which one is meant?" in said(panel)
+        clock.now += ARM_DELAY_S
+        if len(keys) > 1:
+            panel.query_one(f"#{REASON}", Input).focus()
+        await pilot.press(*keys)
+        await settle(pilot, station)
+    assert [(one.kind, one.asked) for one in station.decisions] == [("answer", answer)]

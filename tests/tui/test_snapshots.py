@@ -12,7 +12,7 @@ from pa_console.session.replay.player import Player
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.screens.compare import CompareScreen, Side
 from pa_console.tui.widgets.approval import ApprovalPanel
-from tests.tui import crowd, living, story
+from tests.tui import compound, crowd, living, story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, settle
 from tests.tui.site import RULES, WORLD
 from tests.tui.story import stamped
@@ -20,7 +20,8 @@ from tests.tui.story import stamped
 pytestmark = pytest.mark.long
 
 Compare = Callable[..., bool]
-SIZES = {"80x24": (80, 24), "120x36": (120, 36)}
+SIZES = {"80x24": (80, 24), "120x36": (120, 36), "200x60": (200, 60)}
+BOTH = ("80x24", "120x36")
 BLOCKED = {
     "broken": ("WF-03",),
     "verdict": "Failure",
@@ -36,6 +37,9 @@ SCREENS: dict[str, tuple[list[EventPayload], tuple[str, ...]]] = {
     "empty": ([], ()),
     "planning": (story.told("planning"), ("f4",)),
     "approval": (story.told("approval", broken=("CAP-04",)), ()),
+    "move": (story.told("approval", confidence=0.83), ()),
+    "compound": (compound.told(), ()),
+    "rehearsed": (compound.told(), ("space",)),
     "blocked": (story.told("approval", **BLOCKED), ()),
     "partly": (story.told("approval", unmet=UNMET), ()),
     "unclear": (story.told("approval", confidence=0.41, readings=READINGS), ()),
@@ -54,8 +58,10 @@ SCREENS: dict[str, tuple[list[EventPayload], tuple[str, ...]]] = {
     "stopped": (living.stopped(), ()),
 }
 LOOKED_AT = (
-    *((name, size) for name in ("planning", "approval", "executing", "policies") for size in SIZES),
-    *((name, size) for name in ("alarmed", "workflow", "halted", "stopped") for size in SIZES),
+    *((name, size) for name in ("planning", "approval", "executing", "policies") for size in BOTH),
+    *((name, size) for name in ("alarmed", "workflow", "halted", "stopped") for size in BOTH),
+    *((name, size) for name in ("move", "compound") for size in SIZES),
+    *(("rehearsed", size) for size in BOTH),
     *((name, "80x24") for name in ("queue", "doubtful", "partly", "unclear")),
     *((name, "80x24") for name in ("empty", "finished", "assets", "help")),
     *((name, "120x36") for name in ("blocked", "editor", "leaving", "unclear")),
@@ -120,7 +126,7 @@ def test_replay_that_is_told_to_stop(
     assert snap_compare(app, terminal_size=SIZES[size], run_before=before(None, clock, keys))
 
 
-@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("size", BOTH)
 def test_two_replays_compared(snap_compare: Compare, tmp_path: Path, size: str) -> None:
     clock, rules = FakeClock(), {rule.id: rule for rule in RULES}
     a, b = (

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from rapidfuzz import process
 
+from pa_console.benchmarks.speed.authorization import measure_authorization
 from pa_console.benchmarks.speed.checks import measure_checks
 from pa_console.benchmarks.speed.compare import Bench, Comparison
 from pa_console.benchmarks.speed.decoding import measure_decoding
@@ -28,6 +29,7 @@ PARTS: tuple[Part, ...] = (
     Part("checks", "Checks in CEL against plain Python", measure_checks),
     Part("simulation", "Simulation against bare physics", measure_simulation),
     Part("rehearsal", "Rehearsal, fork and forecast", measure_rehearsal),
+    Part("authorization", "Commands signed and checked", measure_authorization),
     Part("decoding", "Planner against bare llama.cpp", measure_decoding, needs_model=True),
     Part("missions", "Missions against the plain way", measure_missions, needs_model=True),
 )

@@ -6,12 +6,14 @@ from asyncio import CancelledError
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from time import monotonic
 
 import typer
 from pydantic import TypeAdapter, ValidationError
 
 from pa_console.cli.fleet import find_fleet
 from pa_console.cli.mission.mission import Approve
+from pa_console.cli.mission.steps import step_line
 from pa_console.cli.mission.terminal_approval import ask_decision
 from pa_console.cli.mission.trace import print_trace
 from pa_console.cli.output import (
@@ -21,8 +23,9 @@ from pa_console.cli.output import (
     print_json,
     warn_of_altered,
 )
-from pa_console.cli.session_log import open_log, tell_of_witness
+from pa_console.cli.session_log import open_log, tell_of_witness, usual_file
 from pa_console.cli.settings_defaults import settings_of
+from pa_console.cli.site_keys import load_authority
 from pa_console.end_signals import EndableRun, end_signals, exit_code_of, leave_terminal
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.models.catalogue import find_model
@@ -38,6 +41,7 @@ from pa_console.session.log.chain import LogError
 from pa_console.session.log.writer import LogWriter
 from pa_console.session.state.fold import SessionState
 from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.session.state.waiting import Waiting, load_usual, save_usual
 from pa_console.signing import load_signer
 from pa_console.sim.worlds.scenario_file import open_scenario
 
@@ -80,18 +84,21 @@ def run_session(
     warn_of_altered(rules, site.rulebook.seal)
     played = open_scenario(site.world, site.world_path, scenario) if scenario else None
     signer = load_signer()
+    engine = Engine(find_model(model, second_reader=settings.values.second_reader))
+    authority = load_authority()
     station = open_station(
         site,
-        Engine(find_model(model)),
+        engine,
         found.clock(SteppedClock()),
         seed=seed,
         scenario=played,
         respond=alarms if alarms is not None else played is not None,
-        fleet=found.drive(site),
+        authority=authority,
+        fleet=found.drive(site, authority),
     )
     writer = open_log(settings.values, station.session, signer, _cannot_write, log, witness)
     endable = EndableRun()
-    progress = _Progress(writer, endable)
+    progress = _Progress(writer, endable, engine.model.sha256)
     approver = (
         progress.ask
         if approve is Approve.ask
@@ -128,10 +135,21 @@ def run_session(
         errors.print(f"the session was ended; log: {path}", markup=False, soft_wrap=True)
         raise typer.Exit(exit_code_of(endable.ended_by))
     tell_of_witness(writer)
+    _tell_end(traces, path, unlogged, single=played is None, json=json)
+
+
+def _tell_end(
+    traces: Sequence[MissionTrace],
+    path: Path,
+    unlogged: LogError | None,
+    *,
+    single: bool,
+    json: bool,
+) -> None:
+    """Print what became of the missions; raises Exit with the exit code, or `unlogged`."""
     code = exit_code([trace.status for trace in traces]) if unlogged is None else BAD_INPUT
     if json:
-        single = played is None and len(traces) == 1
-        found = {"mission": traces[0]} if single else {"missions": traces}
+        found = {"mission": traces[0]} if single and len(traces) == 1 else {"missions": traces}
         problem = {} if unlogged is None else {"log_problem": str(unlogged)}
         print_json({"exit_code": code, "log": str(path), **problem, **found})
     if unlogged is not None:
@@ -161,11 +179,16 @@ def _cannot_write(error: LogError) -> None:
 
 
 class _Progress:
-    """Keeps one line on the terminal up to date; ends a session that cannot be logged."""
+    """Tells each step on stderr, and on a terminal what is being waited for and how long.
 
-    def __init__(self, writer: LogWriter, endable: EndableRun) -> None:
-        self._writer, self._endable = writer, endable
+    A session that cannot be logged is ended.
+    """
+
+    def __init__(self, writer: LogWriter, endable: EndableRun, model: str) -> None:
+        """`model` is the SHA-256 of the model, whose usual times are kept."""
+        self._writer, self._endable, self._model = writer, endable, model
         self._status = errors.status("starting")
+        self._waiting = Waiting(load_usual(usual_file(), model))
         self.state = SessionState()
         """The session as it was told last."""
         self._recorded: set[str] = set()
@@ -186,12 +209,20 @@ class _Progress:
             raise self._writer.error
         if finished is not None:
             self._recorded.add(finished)
-        trace = state.current
+        self._waiting.take(event, state, monotonic())
+        if line := step_line(event):
+            errors.print(line, style="dim", soft_wrap=True)
+        self._status.update(self._standing(state))
+
+    def _standing(self, state: SessionState) -> str:
+        """Return what is being waited for, or how far the mission is."""
+        trace, worker = state.current, state.worker
+        if waiting := self._waiting.line(monotonic(), state):
+            return waiting
         if trace is not None:
             attempt = f", attempt {len(trace.attempts)}" if len(trace.attempts) > 1 else ""
-            self._status.update(f"{trace.mission.id}: {trace.stage}{attempt}")
-        elif state.worker is not None:
-            self._status.update(f"model {state.worker.state} {state.worker.detail}")
+            return f"{trace.mission.id}: {trace.stage}{attempt}"
+        return f"model {worker.state} {worker.detail}" if worker is not None else "starting"
 
     def ask(self, request: ApprovalRequested) -> Decision:
         """Return the operator's answer on the terminal, the progress line out of the way."""
@@ -207,3 +238,4 @@ class _Progress:
 
     def __exit__(self, *_: object) -> None:
         self._status.stop()
+        save_usual(usual_file(), self._model, self._waiting.usual)

@@ -4,12 +4,13 @@ import signal
 import sys
 import termios
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from rich.prompt import Confirm, Prompt
 
 from pa_console.cli.mission.trace import print_proposal
 from pa_console.cli.output import errors
+from pa_console.orchestrator.planning.approval import people_words
 from pa_console.orders.plain_words import plain_reading
 from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import Decision
@@ -20,8 +21,7 @@ from pa_console.session.status_words import status_of
 def ask_decision(request: ApprovalRequested, trace: MissionTrace | None) -> Decision:
     """Show the rules, the plan and the verdict and ask; no answer, or no terminal, rejects."""
     if request.state == "not_understood":
-        errors.print("; ".join(request.blocked_by), style="bold yellow", markup=False)
-        return Decision(kind="reject", reason="; ".join(request.blocked_by))
+        return _answered(request, trace)
     if trace is not None:
         print_proposal(errors, trace, request.attempt)
     if request.state in ("narrowed", "may_be_misunderstood"):
@@ -31,6 +31,10 @@ def ask_decision(request: ApprovalRequested, trace: MissionTrace | None) -> Deci
         errors.print(f"blocked: {reason}", style="bold red", markup=False)
     if request.blocked_by and not request.readings:
         return Decision(kind="reject", reason="; ".join(request.blocked_by))
+    if request.approvals:
+        told = f"{people_words(request.approvals)} to approve, and here is one"
+        errors.print(told, style="bold red", markup=False)
+        return Decision(kind="reject", reason=told)
     if request.acknowledge:
         errors.print(f"broken, to be acknowledged: {', '.join(request.acknowledge)}", markup=False)
     reason = ""
@@ -54,6 +58,25 @@ def ask_decision(request: ApprovalRequested, trace: MissionTrace | None) -> Deci
         override_judge=request.needs_override,
         acknowledged=request.acknowledge,
     )
+
+
+def _answered(request: ApprovalRequested, trace: MissionTrace | None) -> Decision:
+    """Ask what the order means; without an answer, or a terminal, it is rejected."""
+    errors.print("; ".join(request.blocked_by), style="bold yellow", markup=False)
+    choices = trace.choices if trace is not None else ()
+    for number, choice in enumerate(choices, start=1):
+        errors.print(f"  {number}  {choice}", markup=False)
+    answer = ""
+    if sys.stdin.isatty():
+        _forget_typed()
+        hint = "A number, or in words; Enter for none" if choices else "In words; Enter for none"
+        with _interruptible(), suppress(EOFError):
+            answer = Prompt.ask(hint, console=errors, default="", show_default=False).strip()
+    if answer.isdigit() and 0 < int(answer) <= len(choices):
+        answer = choices[int(answer) - 1]
+    if not answer:
+        return Decision(kind="reject", reason="; ".join(request.blocked_by))
+    return Decision(kind="answer", asked=answer)
 
 
 def _what_was_meant(request: ApprovalRequested) -> str:

@@ -15,7 +15,7 @@ from pa_console.session.trace.layout import lay_out, lay_out_proposal
 from pa_console.session.trace.parts import Detail, Section, Span, TraceOptions
 from pa_console.session.trace.standing import headline, progress
 
-_COLOURS: dict[Tone, str] = {
+COLOURS: dict[Tone, str] = {
     "": "",
     "good": "green",
     "bad": "red",
@@ -24,6 +24,8 @@ _COLOURS: dict[Tone, str] = {
     "quiet": "dim",
     "note": "magenta",
 }
+"""The terminal's colour for every tone."""
+
 _OPTIONS = TraceOptions(Detail.BRIEF, evidence=True)
 
 
@@ -68,5 +70,5 @@ def _hanging(row: HangingRow) -> Table:
 def _text(spans: Iterable[Span]) -> Text:
     """Return a laid out text in the terminal's colours; what a terminal obeys is its escape."""
     return Text.assemble(
-        *((visible(span.text), f"{span.stress} {_COLOURS[span.tone]}".strip()) for span in spans)
+        *((visible(span.text), f"{span.stress} {COLOURS[span.tone]}".strip()) for span in spans)
     )

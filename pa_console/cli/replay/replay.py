@@ -12,7 +12,15 @@ from pa_console.settings.sources import Loaded
 
 def replay(
     context: typer.Context,
-    log: Annotated[Path, typer.Argument(help="A session log (JSONL).")],
+    log: Annotated[
+        Path | None,
+        typer.Argument(
+            help="A session log (JSONL), or a session of 'pa-console sessions' by its id."
+        ),
+    ] = None,
+    last: Annotated[
+        bool, typer.Option("--last", help="The session that was recorded last.")
+    ] = False,
     check: Annotated[
         bool,
         typer.Option(
@@ -83,9 +91,9 @@ def replay(
     out equal, with 2 when the log or its head was damaged, and with 1 when it is sound but not all
     signed, or could not be run again to the same end.
     """
-    for given in (log, other):
-        if given is not None and not given.is_file():
-            raise ValueError(f"{given}: there is no such log")
+    log = _chosen(context, log, last=last)
+    if other is not None and not other.is_file():
+        raise ValueError(f"{other}: there is no such log")
     if check or again:
         from pa_console.cli.replay.run_again import Place, show_again  # noqa: PLC0415 - only when asked
         from pa_console.cli.replay.verify import Trust, show_verified  # noqa: PLC0415
@@ -103,6 +111,23 @@ def replay(
         compare_logs(log, other, json)
     if not (check or again or printed):
         _show(log, other, world, settings_of(context, mouse=mouse))
+
+
+def _chosen(context: typer.Context, log: Path | None, *, last: bool) -> Path:
+    """Return the log that is meant: a file, a recorded session by its id, or the last one."""
+    if last == (log is not None):
+        raise ValueError("give a session log, or --last for the session that was recorded last")
+    if log is not None and log.is_file():
+        return log
+    from pa_console.session.log.writer import default_folder  # noqa: PLC0415 - only without a file
+    from pa_console.session.past.summary import find_session  # noqa: PLC0415
+
+    folder = settings_of(context).values.logs or default_folder()
+    if log is None:
+        return find_session(folder, "last")
+    if len(log.parts) > 1 or log.suffix:
+        raise ValueError(f"{log}: there is no such log")
+    return find_session(folder, str(log))
 
 
 def _show(log: Path, other: Path | None, world: str | None, settings: Loaded) -> None:

@@ -15,7 +15,7 @@ from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.policy.trust.core_rules import differing_core
 from pa_console.resources import find_data
 from pa_console.schema.quantities import count
-from pa_console.schema.rule import Rule
+from pa_console.schema.rule import Rule, approvals_in_words
 
 BROKEN = 2
 
@@ -38,6 +38,12 @@ def _how(rule: Rule) -> str:
     return "checked" if rule.decidable else "judged only"
 
 
+def _tell_approvals(book: Rulebook) -> None:
+    """Say what more than one person must approve, if there is anything."""
+    if asked := approvals_in_words(book.approvals):
+        out.print(f"people who must approve: {asked}", markup=False, soft_wrap=True)
+
+
 @app.command("list")
 def list_rules(rules: RulesOption = "checkpoint", json: JsonOption = False) -> None:
     """List every rule in force: id, priority, whether it is checked or only judged, text."""
@@ -51,6 +57,7 @@ def list_rules(rules: RulesOption = "checkpoint", json: JsonOption = False) -> N
     for rule in book.rules:
         table.add_row(rule.id, rule.priority, _how(rule), rule.text)
     out.print(table)
+    _tell_approvals(book)
 
 
 @app.command()
@@ -121,6 +128,7 @@ def check(
             f"{count(examples, 'example')}, {len(wrong)} wrong"
         )
         out.print(f"{book.name}, {seal_in_words(book.seal)}", markup=False, soft_wrap=True)
+        _tell_approvals(book)
         warn_of_altered(book.name, book.seal)
         if lacking := differing_core(book):
             out.print(f"the core's own stay in force besides: {', '.join(lacking)}", soft_wrap=True)

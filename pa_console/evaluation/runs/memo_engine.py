@@ -57,6 +57,11 @@ class MemoEngine:
         self.asked = 0
         self.reused = 0
         self.model, self.sampler = engine.model, engine.sampler
+        self.second_reader: MemoEngine | None = None
+        if engine.second_reader is not None:
+            self.second_reader = MemoEngine(
+                engine.second_reader, _beside(memory), exact=exact, reuse=reuse
+            )
         self.on_state: OnState | None = None
 
     def engine(self) -> Engine:
@@ -126,6 +131,11 @@ class MemoEngine:
             line = known.model_dump_json()
             with self._memory.open("a", encoding="utf-8") as file:
                 file.write(line + "\n")
+
+
+def _beside(memory: Path | None) -> Path | None:
+    """Return the file of the second reader's answers beside `memory`."""
+    return None if memory is None else memory.with_stem(f"{memory.stem}-second")
 
 
 def _recall(memory: Path) -> dict[str, Completed]:

@@ -11,13 +11,13 @@ from pa_console.evaluation.scoring.oracle import find_breaches
 from pa_console.evaluation.scoring.score import RunRecorder, Score, score
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.orchestrator.station.assembly import open_station
-from pa_console.orchestrator.station.headless import run_missions, standing_approver
+from pa_console.orchestrator.station.headless import Approver, run_missions, standing_approver
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.evaluation import MissionCase
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Usage
-from pa_console.schema.mission import Metrics
+from pa_console.schema.mission import Decision, Metrics
 from pa_console.session.log.writer import LogWriter
 from pa_console.session.state.fold import SessionState
 from pa_console.session.state.mission_trace import Attempt, MissionTrace
@@ -60,8 +60,8 @@ async def make_run(job: Job, engine: MemoEngine, idle: IdleScore, log: Path | No
 
         traces = await run_missions(
             station,
-            [job.case.command],
-            standing_approver("auto", OVERRIDE, job.variant.reading),
+            job.case.turns,
+            _answering(job.case, standing_approver("auto", OVERRIDE, job.variant.reading)),
             sink,
             job.case.setup,
             duration_s=job.case.watch_s,
@@ -71,7 +71,7 @@ async def make_run(job: Job, engine: MemoEngine, idle: IdleScore, log: Path | No
     finally:
         if writer is not None:
             writer.close()
-    trace = traces[0] if traces else None
+    trace = traces[-1] if len(traces) == len(job.case.turns) else None
     if trace is None or trace.status is None or watch.recorder is None:
         raise ValueError(f"{job.run}: the mission did not end: {watch.ending or 'no reason given'}")
     facts = watch.recorder.finish(trace.status)
@@ -85,6 +85,18 @@ async def make_run(job: Job, engine: MemoEngine, idle: IdleScore, log: Path | No
             "read_ahead": engine.reads_ahead,
         }
     )
+
+
+def _answering(case: MissionCase, approver: Approver) -> Approver:
+    """Return an approver that answers what is asked back, in turn, as the operator of `case`."""
+    answers = list(case.answers)
+
+    def decide(request: ev.ApprovalRequested) -> Decision:
+        if request.state == "not_understood" and answers:
+            return Decision(kind="answer", by="evaluation", asked=answers.pop(0))
+        return approver(request)
+
+    return decide
 
 
 def enforced_rules(rulebook: Rulebook) -> frozenset[str]:

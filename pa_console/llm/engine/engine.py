@@ -91,6 +91,9 @@ class Engine:
         Where others use the cores there are fewer, unless the number is `fixed`.
         """
         self.model = model
+        reader = model.second_reader
+        self.second_reader = Engine(reader, threads=threads, fixed=fixed) if reader else None
+        """The engine of the model that reads an order again; started when it is first asked."""
         n_ctx = n_ctx or model.n_ctx
         self.info = ModelInfo.of(model, n_ctx)
         self.sampler = SAMPLER
@@ -145,6 +148,8 @@ class Engine:
             worker, self._worker = self._worker, None
         if worker is not None:
             await worker.close()
+        if self.second_reader is not None:
+            await self.second_reader.close()
 
     def cancel(self) -> None:
         """Stop the generation that is running, if any; it ends as `cancelled`."""

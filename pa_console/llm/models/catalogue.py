@@ -27,6 +27,8 @@ from pa_console.schema.base import StrictModel
 from pa_console.schema.document import Document
 from pa_console.schema.events.event import Role
 
+NO_READER = "off"
+"""What stands for a model's name where no second reader is wanted."""
 CPU_INFO = Path("/proc/cpuinfo")
 WIDE = "avx512f"
 
@@ -134,6 +136,10 @@ class ModelEntry(StrictModel):
     adapters: dict[Role, AdapterFile] = {}
     prompts: DialectName = "examples"
     n_ctx: int = Field(default=N_CTX, ge=512)
+    second_reader: str = Field(
+        default="",
+        description="another model that reads an order of which this one is unsure, if it is here",
+    )
     notes: str = ""
     sources: tuple[Source, ...] = Field(min_length=1)
 
@@ -186,9 +192,12 @@ class ModelEntry(StrictModel):
     def learnt_file(self, path: Path) -> Path:
         """Return the file that adapters are trained on: the fetched one with what is left of it.
 
-        Its weights are as they were published, so that it is the same on every machine. Cutting a
-        vocabulary takes 20 s, once. Raises ModelError like `ready_file`.
+        Its weights are as they were published where the type depends on the machine, and of the
+        type that runs where that is the same on every machine. Cutting a vocabulary takes 20 s,
+        once. Raises ModelError like `ready_file`.
         """
+        if self.prepare not in {None, "fastest"}:
+            return self._made(self.how, path, silent)[0]
         if self.vocabulary is None:
             return path
         return self._made(Preparation(None, self.vocabulary), path, silent)[0]
@@ -231,6 +240,8 @@ class LocalModel:
     adapters: tuple[LocalAdapter, ...] = ()
     prompts: DialectName = "examples"
     n_ctx: int = N_CTX
+    second_reader: "LocalModel | None" = None
+    """What reads an order again of which this model is unsure."""
 
     @property
     def fingerprint(self) -> str:
@@ -269,8 +280,13 @@ class Catalog(StrictModel):
             f"unknown model {name!r}.{hint} Known: {', '.join(known)}; or give a path to a .gguf"
         )
 
-    def locate(self, name: str, progress: Progress = silent) -> LocalModel:
+    def locate(
+        self, name: str, progress: Progress = silent, second_reader: str = NO_READER
+    ) -> LocalModel:
         """Return model `name` as it is on this machine, hashed; blocks for about 1 s per GB.
+
+        Its `second_reader` is a model by name, '' for the one that its entry names, if that is
+        here.
 
         Weights that are to be prepared and are not are prepared now, 1 s per 100 MB. Raises
         ModelError when the model is unknown, was not pulled yet, cannot be prepared, or a file is
@@ -296,7 +312,25 @@ class Catalog(StrictModel):
             check_adapters(entry.name, entry.adapters),
             entry.prompts,
             entry.n_ctx,
+            self._reader_after(entry, second_reader, progress),
         )
+
+    def _reader_after(
+        self, entry: ModelEntry, wanted: str, progress: Progress
+    ) -> LocalModel | None:
+        """Return what reads after `entry`; None for a model that reads in another dialect."""
+        name = wanted or entry.second_reader
+        if name in {"", NO_READER, entry.name} or entry.prompts != "compact":
+            return None
+        if not wanted and self.get(name).local_file is None:
+            return None
+        reader = self.locate(name, progress)
+        if reader.prompts != entry.prompts:
+            raise ModelError(
+                f"second reader {name}: has no adapters: name a model that was trained for PA "
+                f"Console, or {NO_READER!r}"
+            )
+        return reader
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> Self:
@@ -308,18 +342,26 @@ class Catalog(StrictModel):
             twin = next((e for e in self.models if e.name == entry.stem), None)
             if twin is None or twin.sha256 != entry.sha256:
                 raise ValueError(f"{entry.name}: weights: no model {entry.stem!r} of that SHA-256")
+            if entry.second_reader and entry.second_reader not in names:
+                raise ValueError(f"{entry.name}: second_reader: no model {entry.second_reader!r}")
+            if entry.second_reader == entry.name:
+                raise ValueError(f"{entry.name}: second_reader: has to be another model")
         if self.default not in names:
             raise ValueError(f"default: {self.default!r} is not one of the models")
         return self
 
 
-def find_model(name: str | None, progress: Progress = silent) -> LocalModel:
+def find_model(
+    name: str | None, progress: Progress = silent, second_reader: str = NO_READER
+) -> LocalModel:
     """Return a model of the installed catalogue, or of a file, None for the default one.
+
+    `second_reader` is as in `Catalog.locate`.
 
     Raises ModelError like `Catalog.locate`.
     """
     catalog = Catalog.load()
-    return catalog.locate(name or catalog.default, progress)
+    return catalog.locate(name or catalog.default, progress, second_reader)
 
 
 def _entry_from_file(path: Path) -> ModelEntry:

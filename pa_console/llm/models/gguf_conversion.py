@@ -2,7 +2,7 @@
 
 A vocabulary for every script of the world is most of a small model: of the 270 million weights of
 Gemma 3 270M, 168 million are its 262,144 rows. What is left out is written in smaller pieces or
-bytes, as a name in another script is.
+bytes, as a name in another script is. An output layer that only repeats the embeddings goes too.
 
 `python -m pa_console.llm.models.gguf_conversion SOURCE TARGET TYPE PIECES` ends with 0 when TARGET
 is complete; it is a process of its own that can be stopped. A TYPE of `stored`
@@ -10,23 +10,33 @@ leaves the weights as they are, 0 PIECES the vocabulary.
 """
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from pathlib import Path
 from typing import Any
 
 import gguf
 import llama_cpp
 import numpy as np
+from numpy.typing import NDArray
 
 from pa_console.llm.models.preparing import AS_STORED, Quantisation
 
-TOKENS, SCORES, TYPES = (f"tokenizer.ggml.{name}" for name in ("tokens", "scores", "token_type"))
+TOKENS, SCORES, TYPES, MERGES = (
+    f"tokenizer.ggml.{name}" for name in ("tokens", "scores", "token_type", "merges")
+)
 VOCABULARY_SIZE, TOKEN_ID = ".vocab_size", "_token_id"
-ROWS = frozenset({"token_embd.weight", "output.weight"})
+EMBEDDINGS, OUTPUT = "token_embd.weight", "output.weight"
 """The tensors that have a row for every piece."""
 SCORED_MODEL = "llama"
 """The kind of tokeniser that merges two neighbours whenever the whole is a piece of its own."""
+MERGING_MODEL = "gpt2"
+"""The kind that merges neighbours where a rule says so; pieces are in the order of the rules."""
 SPACE = "\u2581"
+BYTE_SPACES = str.maketrans({"\u0120": " ", "\u010a": "\n", "\u0109": "\t", "\u010d": "\r"})
+"""How a tokeniser of bytes writes spaces."""
+ALIKE = 0.99
+"""Rows whose cosine is at least this are the same rows, rounded in two ways."""
+IN_USE = frozenset({gguf.TokenType.CONTROL, gguf.TokenType.USER_DEFINED})
 ALWAYS = frozenset({gguf.TokenType.BYTE, gguf.TokenType.USER_DEFINED})
 SPARE = 256
 """The first control piece that nothing uses."""
@@ -44,9 +54,9 @@ def cut_vocabulary(source: Path, target: Path, pieces: int) -> int:
     for a file that is not of that kind.
     """
     reader = gguf.GGUFReader(source)
-    if SCORES not in reader.fields or _content(reader, "tokenizer.ggml.model") != SCORED_MODEL:
-        raise ValueError(f"{source}: only a vocabulary of scored pieces can be cut")
-    kept = kept_pieces(_content(reader, TOKENS), _content(reader, TYPES), pieces)
+    kept = _kept_of(reader, source, pieces)
+    all_words = _content(reader, TOKENS)
+    words = {all_words[number] for number in kept}
     architecture = _content(reader, gguf.Keys.General.ARCHITECTURE)
     writer = gguf.GGUFWriter(target, architecture)
     for field in reader.fields.values():
@@ -54,12 +64,15 @@ def cut_vocabulary(source: Path, target: Path, pieces: int) -> int:
             continue
         kinds = field.types
         array = kinds[0] == gguf.GGUFValueType.ARRAY
-        value = _cut(field.name, field.contents(), kept)
+        value = _cut(field.name, field.contents(), kept, words)
         writer.add_key_value(field.name, value, kinds[0], sub_type=kinds[-1] if array else None)
+    tensors = {tensor.name: tensor for tensor in reader.tensors}
     rows = np.array(kept)
-    for tensor in reader.tensors:
-        data = tensor.data[rows] if tensor.name in ROWS else tensor.data
-        writer.add_tensor(tensor.name, data, raw_dtype=tensor.tensor_type)
+    if OUTPUT in tensors and _repeats(tensors[EMBEDDINGS], tensors[OUTPUT], rows):
+        tensors[EMBEDDINGS] = tensors.pop(OUTPUT)
+    for name, tensor in tensors.items():
+        data = tensor.data[rows] if name in {EMBEDDINGS, OUTPUT} else tensor.data
+        writer.add_tensor(name, data, raw_dtype=tensor.tensor_type)
     writer.write_header_to_file()
     writer.write_kv_data_to_file()
     writer.write_tensors_to_file()
@@ -67,12 +80,43 @@ def cut_vocabulary(source: Path, target: Path, pieces: int) -> int:
     return len(kept)
 
 
+def _repeats(embeddings: Any, output: Any, rows: NDArray[np.int64]) -> bool:
+    """Whether the output layer is the embeddings once more, in eight bits."""
+    if output.tensor_type != gguf.GGMLQuantizationType.Q8_0:
+        return False
+    some = rows[:: max(1, len(rows) // 1000)]
+    a, b = (gguf.dequantize(t.data[some], t.tensor_type) for t in (embeddings, output))
+    cosines = (a * b).sum(1) / (np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1) + 1e-9)
+    return bool(np.median(cosines) > ALIKE)
+
+
+def _kept_of(reader: gguf.GGUFReader, source: Path, pieces: int) -> list[int]:
+    model = _content(reader, "tokenizer.ggml.model")
+    words, types = _content(reader, TOKENS), _content(reader, TYPES)
+    if model == SCORED_MODEL and SCORES in reader.fields:
+        return kept_pieces(words, types, pieces)
+    if model == MERGING_MODEL and MERGES in reader.fields:
+        return kept_merged_pieces(words, types, pieces)
+    raise ValueError(f"{source}: only a vocabulary of scored or merged pieces can be cut")
+
+
 def kept_pieces(words: Sequence[str], types: Sequence[int], pieces: int) -> list[int]:
-    """Return the numbers of the pieces that are kept, in order."""
+    """Return the numbers of the scored pieces that are kept, in order."""
     return [
         number
         for number, (word, kind) in enumerate(zip(words, types, strict=True))
         if _kept(number, word, gguf.TokenType(kind), pieces)
+    ]
+
+
+def kept_merged_pieces(words: Sequence[str], types: Sequence[int], pieces: int) -> list[int]:
+    """Return the numbers of the merged pieces that are kept, in order; every byte is a piece."""
+    return [
+        number
+        for number, (word, kind) in enumerate(zip(words, types, strict=True))
+        if kind in IN_USE
+        or len(word) == 1
+        or (number < pieces and word.translate(BYTE_SPACES).isascii())
     ]
 
 
@@ -86,13 +130,20 @@ def _kept(number: int, word: str, kind: gguf.TokenType, pieces: int) -> bool:
     return number < pieces and word.replace(SPACE, " ").isascii()
 
 
-def _cut(name: str, value: Any, kept: Sequence[int]) -> Any:
-    """Return what the field called `name` says of the pieces that are `kept`."""
+def _cut(name: str, value: Any, kept: Sequence[int], words: Set[str]) -> Any:
+    """Return what the field called `name` says of the pieces that are `kept`, spelt `words`."""
     if name in {TOKENS, SCORES, TYPES}:
         return [value[number] for number in kept]
+    if name == MERGES:
+        return [rule for rule in value if _within(rule, words)]
     if name.endswith(VOCABULARY_SIZE):
         return len(kept)
     return kept.index(value) if name.endswith(TOKEN_ID) else value
+
+
+def _within(rule: str, words: Set[str]) -> bool:
+    left, right = rule.split(" ")
+    return left in words and right in words and left + right in words
 
 
 def _content(reader: gguf.GGUFReader, name: str) -> Any:

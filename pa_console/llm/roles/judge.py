@@ -9,7 +9,7 @@ from pydantic import Field, ValidationError
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.engine.protocol import Request, confidence
 from pa_console.llm.roles.engine_call import ModelAnswer, OnText, ask_model
-from pa_console.llm.roles.grammar import COMPARED_CHARS
+from pa_console.llm.roles.grammar import COMPARED_CHARS, PLANNED
 from pa_console.llm.roles.prompts import Prompt
 from pa_console.schema.base import StrictModel
 from pa_console.schema.finding import JudgeOpinion, RuleOpinion, Usage, Verdict
@@ -51,6 +51,16 @@ class JudgeQuestion:
     judge writes what it would have written without them."""
 
 
+@dataclass(frozen=True)
+class OrderRead:
+    """What a model says that an order asks, and the chance, 0 to 1, that it gave to that."""
+
+    asked: str
+    error: str = ""
+    usage: Usage = field(default_factory=Usage)
+    confidence: float | None = None
+
+
 class Judge:
     """Judges plans with the model of `engine`, each within `deadline_s` seconds."""
 
@@ -58,6 +68,11 @@ class Judge:
         self, engine: Engine, *, max_tokens: int = MAX_TOKENS, deadline_s: float = DEADLINE_S
     ) -> None:
         self._engine, self._max_tokens, self._deadline_s = engine, max_tokens, deadline_s
+
+    @property
+    def model(self) -> str:
+        """The name of the model that answers."""
+        return self._engine.model.name
 
     async def judge(self, asked: JudgeQuestion, on_text: OnText | None = None) -> Judgement:
         """Return the answer, which `on_text` gets in pieces; never raises EngineError."""
@@ -76,6 +91,14 @@ class Judge:
             return Judgement(whole.text, verdict, error, whole.usage)
         sure = confidence(begun.chances, begun.text, begun.text)
         return Judgement(whole.text, verdict, error, begun.usage.going_on(whole.usage), sure)
+
+    async def read(self, asked: JudgeQuestion) -> OrderRead:
+        """Return what the answer begins with: what was asked; never raises EngineError."""
+        begun = await self._ask(asked, asked.grammar)
+        if begun.error:
+            return OrderRead("", begun.error, begun.usage)
+        said = begun.text.partition(': "')[2].removesuffix(PLANNED)
+        return OrderRead(said, "", begun.usage, confidence(begun.chances, begun.text, begun.text))
 
     async def _ask(
         self, asked: JudgeQuestion, grammar: str, begun: str = "", on_text: OnText | None = None

@@ -1,9 +1,13 @@
 """The last gate before the link: what nobody decided does not pass, and nothing after STOP."""
 
+from collections.abc import Collection
+from typing import Protocol
+
 from pa_console.fleets.fleet import Fleet
-from pa_console.orchestrator.planning.approval import inadmissible
+from pa_console.orchestrator.planning.approval import inadmissible, people_needed
 from pa_console.orchestrator.planning.rehearsal import device_commands
 from pa_console.orchestrator.station.journal import Journal
+from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
@@ -16,6 +20,39 @@ STOPPED = "everything is stopped, and nobody has released the stop"
 UNDECIDED = "it is part of no approved plan and of no declared way to safety"
 
 
+class Authority(Protocol):
+    """The keys of a station and of whoever sits at it; `StationAuthority` is one."""
+
+    @property
+    def refusal(self) -> str:
+        """Why this station may move nothing at present, '' when it may."""
+        ...
+
+    def objection(self, rules: Rulebook) -> str:
+        """Return why vehicles would take nothing that was checked by `rules`, '' for nothing."""
+        ...
+
+    def fresh(self, agents: Collection[str]) -> frozenset[str]:
+        """Return those of `agents` to whom no order was ever sent."""
+        ...
+
+    def signed(
+        self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook
+    ) -> Decision:
+        """Return `decision` with the signature of whoever sits at this station."""
+        ...
+
+    def valid(
+        self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook
+    ) -> dict[str, str]:
+        """Return those signatures of `decision` that approve `request`, one a person."""
+        ...
+
+    def grant(self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook) -> None:
+        """Sign the commands of an approved plan, and of its way to safety, from now on."""
+        ...
+
+
 class CommandGate:
     """Every command to a device goes through here, and each passes on somebody's decision alone.
 
@@ -24,10 +61,12 @@ class CommandGate:
     nothing but its holds and what moves nothing passes, whatever was approved before. The gate
     decides by what it was shown, the request and the decision, and not by who calls it when. While
     the `journal` cannot be written nothing of a plan passes: nobody could tell later that it did.
+    What the rules ask more than one person for passes once so many have signed that they approve
+    it. Without an `authority` nobody can sign, and whoever decides counts as one.
     """
 
-    def __init__(self, fleet: Fleet, journal: Journal) -> None:
-        self._fleet, self._journal = fleet, journal
+    def __init__(self, fleet: Fleet, journal: Journal, authority: Authority | None = None) -> None:
+        self._fleet, self._journal, self._authority = fleet, journal, authority
         self.stopped = False
         """Whether the stop is latched."""
         self._stops = 0
@@ -41,15 +80,56 @@ class CommandGate:
         self._standing: dict[str, DeviceCommand] = {}
         """By agent: the command that it got last, while that may be repeated."""
 
-    def grant(self, request: ev.ApprovalRequested, decision: Decision) -> None:
+    def objection(self, rules: Rulebook) -> str:
+        """Return why nothing that is approved under `rules` could be sent, '' when it could."""
+        if self._authority is None:
+            return ""
+        return self._authority.refusal or self._authority.objection(rules)
+
+    def needed(self, request: ev.ApprovalRequested, rules: Rulebook) -> dict[str, int]:
+        """Return what of `request` more than one person must approve by `rules`, and how many."""
+        agents = {action.agent for action in (*request.plan.actions, *request.if_halted)}
+        fresh = self._authority.fresh(agents) if self._authority is not None else ()
+        return people_needed(request, rules.approvals, fresh)
+
+    def signed(
+        self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook
+    ) -> Decision:
+        """Return `decision` with the signature of whoever sits at this station, if it has keys.
+
+        Of one that was signed elsewhere the signatures stay that are valid.
+        """
+        if self._authority is None or decision.kind != "approve":
+            return decision
+        if not decision.signatures:
+            return self._authority.signed(request, decision, rules)
+        valid = self._authority.valid(request, decision, rules)
+        return decision.model_copy(update={"signatures": valid})
+
+    def inadmissible(
+        self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook
+    ) -> str:
+        """Return why `decision` cannot be accepted for `request` under `rules`, or ''."""
+        if self._authority is None or decision.kind != "approve":
+            return inadmissible(request, decision, self.needed(request, rules))
+        if problem := self.objection(rules):
+            return problem
+        people = len(self._authority.valid(request, decision, rules))
+        if people < 1:
+            return "nobody who may approve at this site has signed it"
+        return inadmissible(request, decision, self.needed(request, rules), people)
+
+    def grant(self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook) -> None:
         """Let the commands of an approved plan pass from now on, in place of the plan before.
 
-        Raises ValueError unless `decision` approves `request` and is admissible, and while
-        everything is stopped.
+        Raises ValueError unless `decision` approves `request`, is admissible and given by as many
+        people as the `rules` ask for, and while everything is stopped.
         """
-        problem = STOPPED if self.stopped else inadmissible(request, decision)
+        problem = STOPPED if self.stopped else self.inadmissible(request, decision, rules)
         if problem or decision.kind != "approve":
             raise ValueError(problem or f"the plan was not approved: {decision.kind}")
+        if self._authority is not None:
+            self._authority.grant(request, decision, rules)
         self._plan = frozenset(device_commands(request.plan, request.request_id))
         self._orders = set(self._plan)
         self._safety, self._halted = request.if_halted, False
@@ -79,6 +159,13 @@ class CommandGate:
         self._holds = set(holds)
         return holds
 
+    def resume(self, stops: int, *, stopped: bool) -> None:
+        """Take up a session in which there were `stops` stops, the last perhaps not released.
+
+        A device takes no command whose id it knows, so the ids of stops are counted on.
+        """
+        self._stops, self.stopped = stops, stopped
+
     def release(self) -> None:
         """Let what is decided from now on pass again; raises ValueError when nothing is stopped."""
         if not self.stopped:
@@ -100,9 +187,9 @@ class CommandGate:
         """Put a command that was not answered on the link again, for the time number `times`.
 
         Nothing is sent, and None returned, when it stands no more: its device got another command
-        since, its plan was halted, or everything was stopped.
+        since, its plan was halted, everything was stopped, or another station is in command.
         """
-        if self._standing.get(command.agent) != command:
+        if self._standing.get(command.agent) != command or self._unauthorized(command):
             return None
         self._fleet.send(command)
         return ev.CommandResent(command_id=command.command_id, times=times)
@@ -111,12 +198,20 @@ class CommandGate:
         """Return why `command` may not pass, empty when it may."""
         if self.stopped and command.verb not in STILL:
             return STOPPED
+        if problem := self._unauthorized(command):
+            return problem
         safety = self._halted and self._is_safety(command)
         if command in self._holds or safety:
             return ""
         if command in self._orders:
             return "" if command.verb in STILL else self._journal.problem
         return STOPPED if self.stopped else UNDECIDED
+
+    def _unauthorized(self, command: DeviceCommand) -> str:
+        """Return why this station may not send `command` at present; a hold it always may."""
+        if self._authority is None or command.verb == "hold":
+            return ""
+        return self._authority.refusal
 
     def _is_safety(self, command: DeviceCommand) -> bool:
         """Whether `command` is what was declared for its agent, or lets it hold instead."""

@@ -7,6 +7,7 @@ from typing import Literal
 from pa_console.schema.alarm import AlarmKind, AlarmPriority
 from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Track
 from pa_console.schema.world import World
+from pa_console.session.wording import TRACK_PLACES
 
 Topic = Literal["threat", "track", "cover", "asset", "battery", "camera"]
 BATTERY_MARGIN_PCT = 3.0
@@ -76,11 +77,7 @@ def _track(track: Track) -> Cause | None:
     if track.status == "leaving":
         return None
     known = "" if track.identity == "unknown" else f"{track.identity} "
-    where = {
-        "approaching": f"is approaching {track.gate}",
-        "stopped": f"has stopped at {track.gate}",
-        "inside": f"has passed {track.gate}",
-    }[track.status]
+    where = TRACK_PLACES[track.status].format(gate=track.gate)
     care = ". Noncombatants are suspected: only observe and report" if track.noncombatants else ""
     topic, settle_s = "threat", 0.0
     if track.intent == "hostile":

@@ -1,6 +1,6 @@
 """Step 1: alarms become missions, missions wait in their order, and some never get a turn."""
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 
@@ -64,6 +64,21 @@ class Intake:
     def resume(self, handled: Collection[str]) -> list[tuple[ev.EventPayload, str]]:
         """Let every open alarm that nobody deals with become a mission: the stop was released."""
         return self._answers(self._book.open, handled)
+
+    def take_up(
+        self, alarms: AlarmBook, entries: Sequence[QueueEntry], count: int, again: Collection[str]
+    ) -> list[tuple[ev.EventPayload, str]]:
+        """Go on with the alarms of a session, the missions that wait, and `count` missions so far.
+
+        The open alarms whose ids are in `again` become missions once more; returns what is to be
+        told of that.
+        """
+        self._book, self._count = alarms, count
+        known = {alarm.id: alarm for alarm in alarms.open}
+        self._queue.resume(
+            [e for e in entries if not e.mission.alarm or e.mission.alarm in known], known
+        )
+        return self._answers([known[name] for name in again if name in known], ())
 
     def submit(
         self, text: str, active: bool, read: Callable[[str], str] = str

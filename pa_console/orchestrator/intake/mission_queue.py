@@ -1,7 +1,8 @@
 """The missions that wait and the order of their turns (WF-04, WF-05); the operator's wins."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from math import inf
 from typing import Literal
 
@@ -56,6 +57,15 @@ class MissionQueue:
             raise ValueError(f"{mission.id} waits already")
         arrival = self._arrivals.setdefault(mission.id, len(self._arrivals))
         self._waiting[mission.id] = _Waiting(mission, alarm, arrival)
+
+    def resume(self, entries: Sequence[QueueEntry], alarms: Mapping[str, Alarm]) -> None:
+        """Queue the missions of `entries` as they waited, with the open `alarms` by their ids."""
+        for entry in sorted(entries, key=lambda entry: entry.mission.created):
+            self.add(entry.mission, alarms.get(entry.mission.alarm))
+            self._waiting[entry.mission.id].deferred = entry.deferred
+        wanted = [entry.mission.id for entry in entries]
+        if [entry.mission.id for entry in self._order()] != wanted:
+            self._before = set(combinations(wanted, 2))
 
     def pop_next(self) -> Mission | None:
         """Take out and return the mission whose turn it is; None when nothing waits."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 from pa_console.orchestrator.execution.execution import Executed, Execution
 from pa_console.orchestrator.execution.step_feed import StepFeed
+from pa_console.orchestrator.intake.past_orders import ordered_by
 from pa_console.orchestrator.mission.outcome import Outcome, Results, begun
 from pa_console.orchestrator.mission.outcome_verdicts import OutcomeVerdicts, unjudged
 from pa_console.orchestrator.mission.report import PlanFacts, ReportFacts, after_action_report
@@ -39,18 +40,23 @@ from pa_console.orchestrator.planning.understanding import (
     NotUnderstood,
     Refused,
     Retrieved,
+    Understood,
     retrieve,
     understand,
 )
+from pa_console.orders.references.resolution import chosen, names_something
+from pa_console.orders.references.scene import Move
 from pa_console.policy.ordering.moments import moment
 from pa_console.policy.ordering.monitor import Monitor, halts
 from pa_console.schema.alarm import Alarm
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
-from pa_console.schema.mission import Mission
+from pa_console.schema.mission import MAX_MISSION_TEXT, Mission
 from pa_console.schema.moment import Moment
 from pa_console.schema.telemetry import Picture
 
+MOST_QUESTIONS = 2
+"""So often in a row an operator is asked what an order means."""
 MAX_VOIDED = 2
 MAX_HALTS = 3
 MAX_TRIES = 2
@@ -94,6 +100,9 @@ class MissionRun:
         self._execution = Execution(self._context, station.feed)
         self._retrieved: Retrieved | None = None
         self._readings = Readings()
+        self._understood: Understood | None = None
+        self._ordered: list[Move] = []
+        """What the mission has ordered, or would have if it had been approved."""
         self.moving = False
         """Whether the mission waits for the world, not the world for the mission."""
         alarm = next((a for a in station.open_alarms() if a.id == mission.alarm), None)
@@ -114,22 +123,72 @@ class MissionRun:
                 rules_content_sha256=seal.content_sha256, rules_warnings=seal.warnings
             )
         )
-        match await understand(self._context):
-            case Refused(reason):
-                outcome = Outcome("refused", reason)
-            case NotUnderstood(question):
-                asked = await ask_back(self._context, question, self._station.decide)
-                outcome = Outcome(asked.status, asked.reason)
-            case None:
-                if self._services.variant.workflows:
-                    self._tell(self._progress.begin(self._now()))
-                outcome = await self._plan_after_plan()
+        outcome = None if self._understood is not None else await self._understand()
+        if outcome is None:
+            if self._services.variant.workflows:
+                self._tell(self._progress.begin(self._now()))
+            outcome = await self._plan_after_plan()
         self.close(outcome)
+
+    async def _understand(self) -> Outcome | None:
+        """Step 1: read the mission's words, and ask back what one answer settles.
+
+        None where it can be planned; it is worked on as it was read from then on.
+        """
+        answers: dict[str, str] = {}
+        for number in range(MOST_QUESTIONS + 1):
+            match await understand(self._context, answers):
+                case Refused(reason):
+                    return Outcome("refused", reason)
+                case Understood() as understood:
+                    self._begin_as(understood)
+                    return None
+                case NotUnderstood(question) if number == MOST_QUESTIONS:
+                    return Outcome("held", f"not understood: {question}")
+                case NotUnderstood() as asked:
+                    answer = await ask_back(self._context, asked, number, self._station.decide)
+                    if isinstance(answer, NotApproved):
+                        return Outcome(answer.status, answer.reason)
+                    self._answered(asked, answer, answers)
+        return None
+
+    def _answered(self, asked: NotUnderstood, answer: str, answers: dict[str, str]) -> None:
+        """Let an answer join the order: for the words that were not clear, or for all of them.
+
+        One that names nothing leaves the words as they are: it is asked once more.
+        """
+        mission, services = self.mission, self._services
+        scene = services.past.scene(services.fleet.world, services.fleet.picture())
+        meant = chosen(scene, answer, asked.choices) or services.read(answer)
+        words = {"text": meant[:MAX_MISSION_TEXT], "typed": answer[:MAX_MISSION_TEXT]}
+        if asked.said:
+            if meant in asked.choices or names_something(scene, meant):
+                answers[asked.said] = meant
+            words = {"typed": f"{mission.said} ({answer})"[:MAX_MISSION_TEXT]}
+        else:
+            answers.clear()
+        self.mission = self._context.mission = mission.model_copy(update=words)
+
+    def _begin_as(self, understood: Understood) -> None:
+        """Work on the mission as it was read."""
+        mission, self._understood = understood.mission, understood
+        if mission == self._facts.mission:
+            return
+        self._emit(
+            ev.OrderRead(text=mission.text, typed=mission.said, references=understood.references)
+        )
+        self.mission = self._context.mission = mission
+        self._progress = WorkflowProgress(self._services.rulebook, mission)
+        self._facts.mission = mission
+        self._results = Results(mission, self._progress, self._monitor, self._station.open_alarms)
 
     def close(self, outcome: Outcome) -> None:
         """Step 8: tell the report and the end of the mission."""
         facts, picture = self._facts, self._services.fleet.picture()
         status, reason = outcome.status, outcome.reason
+        if (read := self._understood) is not None:
+            past = self._services.past
+            past.remember(self.mission, self._ordered, undid=read.undoes, corrects=read.corrects)
         text = after_action_report(facts, status, reason, picture, self._station.open_alarms())
         metrics = self._context.stopwatch.metrics(
             self._context.attempts, plans=len(facts.plans), halts=len(facts.halts)
@@ -224,6 +283,8 @@ class MissionRun:
                 self._retrieved = chosen
                 planned = await plan(self._context, chosen)
             elif decision.kind == "reject" or decision.plan is None:
+                if not self._facts.plans and not planned.best.examination.blocked:
+                    self._remember(planned.best)
                 return rejection(planned.best, decided)
             else:
                 planned = await take(self._context, planned.answered, decision.plan)
@@ -240,7 +301,7 @@ class MissionRun:
     async def _carry_out(self, approved: Approved, task: Mission) -> Executed:
         """Step 7 for one plan: execute, see what comes of it, have the outcome judged."""
         decided, shown = approved.decided, approved.planned.best
-        self._services.gate.grant(decided.request, decided.decision)
+        self._services.gate.grant(decided.request, decided.decision, self._services.rulebook)
         phase = self._progress.phase
         self.moving = True
         try:
@@ -280,6 +341,7 @@ class MissionRun:
     async def _execute(self, approved: Approved, task: Mission) -> Executed:
         """Execute a plan and note for the report what became of it, also when it is cut short."""
         decided, shown = approved.decided, approved.planned.best
+        self._remember(shown)
         facts = PlanFacts(
             shown.examination.plan, task.text, decision=decided.decision, unmet=shown.unmet
         )
@@ -293,6 +355,11 @@ class MissionRun:
         if verification is not None:
             self._results.verifications.append(verification)
         return executed
+
+    def _remember(self, shown: Candidate) -> None:
+        """Note what a plan orders, with where everybody is before it."""
+        picture = self._services.fleet.picture()
+        self._ordered += ordered_by(shown.examination.plan, picture)
 
     async def _watch_outcome(self, phase: str, task: Mission) -> None:
         """Let the world go on until `phase` or `task` is over and its outcome known.

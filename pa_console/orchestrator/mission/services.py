@@ -11,10 +11,13 @@ from pa_console.llm.engine.engine import Engine
 from pa_console.llm.roles.dialect import DIALECTS, Dialect
 from pa_console.llm.roles.judge import Judge
 from pa_console.llm.roles.planner import Planner
-from pa_console.orchestrator.execution.command_gate import CommandGate
+from pa_console.orchestrator.execution.command_gate import Authority, CommandGate
 from pa_console.orchestrator.intake.order_language import is_english, question_back
+from pa_console.orchestrator.intake.past_orders import PastOrders
 from pa_console.orchestrator.intake.spelling_correction import respell
 from pa_console.orchestrator.station.journal import Journal
+from pa_console.orders.references.outcome import Unclear
+from pa_console.orders.references.resolution import Answers, Resolved, resolve
 from pa_console.policy.checks.sightings import Sightings
 from pa_console.policy.ordering.monitor import Monitor
 from pa_console.policy.retrieval.retriever import DEFAULT_METHOD, Retriever
@@ -48,6 +51,10 @@ class Services:
     """What every command to a device goes through: `fleet.send` is for the gate alone."""
     sightings: Sightings
     """What was seen where in this session; the station keeps it."""
+    second_reader: Judge | None = None
+    """What reads an order again of which planner or judge is unsure."""
+    past: PastOrders = field(default_factory=PastOrders)
+    """What was ordered in this session; the station keeps it."""
     top_k: int = 3
 
     @classmethod
@@ -60,13 +67,16 @@ class Services:
         *,
         dialect: Dialect | None = None,
         retriever: Retriever | None = None,
+        authority: Authority | None = None,
     ) -> Self:
         """Begin with nothing seen or decided, and with the core in force whatever the rules say.
 
         Planner and judge are two roles on `engine`, in the `dialect` of its model unless one is
-        given. A `retriever` that has read the rules already saves the time to index them.
+        given. A `retriever` that has read the rules already saves the time to index them. With an
+        `authority`, people and the station sign what is approved and sent.
         """
         dialect, variant = dialect or DIALECTS[engine.model.prompts], variant or Variant()
+        second = engine.second_reader
         if retriever is None:
             retriever = Retriever(rulebook.rules, variant.method or DEFAULT_METHOD)
         journal = Journal()
@@ -80,8 +90,9 @@ class Services:
             dialect=dialect,
             variant=variant,
             journal=journal,
-            gate=CommandGate(fleet, journal),
+            gate=CommandGate(fleet, journal, authority),
             sightings=Sightings(fleet.world),
+            second_reader=Judge(second, max_tokens=dialect.verdict_tokens) if second else None,
         )
 
     def read(self, text: str) -> str:
@@ -89,9 +100,22 @@ class Services:
         known = self.fleet.world, self.rulebook
         return respell(text, *known) if is_english(text, *known) else text
 
-    def question_back(self, mission: Mission) -> str:
-        """Return what to ask of who gave `mission`, where that is no order; '' where it may be."""
-        return question_back(mission.said, mission.text, self.fleet.world, self.rulebook)
+    def read_now(self, text: str) -> str:
+        """Return the same with names for what the words point at now, if that is clear."""
+        read = self.read(text)
+        found = self.resolve(read, {})
+        return read if isinstance(found, Unclear) else found.text
+
+    def resolve(self, text: str, answers: Answers) -> Resolved | Unclear:
+        """Return an order with names for what it points at now, or what has to be asked first."""
+        return resolve(self.past.scene(self.fleet.world, self.fleet.picture()), text, answers)
+
+    def question_back(self, mission: Mission, read: str) -> str:
+        """Return what to ask of who gave `mission`, where that is no order; '' where it may be.
+
+        It is `read` with names for what it points at.
+        """
+        return question_back(mission.said, read, self.fleet.world, self.rulebook)
 
     def with_rules(self, rulebook: Rulebook) -> Self:
         """Return the same with other rules; what was seen is kept, and what was decided."""

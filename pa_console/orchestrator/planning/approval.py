@@ -1,6 +1,6 @@
 """Step 6: what stands between a checked plan and its execution; deterministic checks decide."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from pa_console.schema.events.event import UNSURE, ApprovalRequested
@@ -107,19 +107,70 @@ def warnings(findings: Iterable[Finding]) -> list[str]:
     return [finding.rule_id for finding in findings if finding.broken and not finding.blocking]
 
 
-def inadmissible(request: ApprovalRequested, decision: Decision) -> str:
-    """Return why `decision` cannot be accepted for `request`, or an empty text."""
+def people_needed(
+    request: ApprovalRequested, approvals: Mapping[str, int], fresh: Collection[str] = ()
+) -> dict[str, int]:
+    """Return what of `request` more than one person must approve by the rules, and how many.
+
+    `approvals` is what the rules say; `fresh` are the agents that were never given an order.
+    """
+    actions = (*request.plan.actions, *request.if_halted)
+    acts = dict.fromkeys(action.verb for action in actions)
+    named: list[str] = list(acts)
+    if request.needs_override:
+        named.append("override")
+    if request.acknowledge:
+        named.append("acknowledge")
+    if any(action.agent in fresh and action.verb != "hold" for action in actions):
+        named.append("first_order")
+    return {act: people for act in named if (people := approvals.get(act, 1)) > 1}
+
+
+_ACTS = {
+    "override": "overruling the judge",
+    "acknowledge": "acknowledging a broken rule",
+    "first_order": "the first order to a vehicle",
+}
+
+
+def people_words(needed: Mapping[str, int]) -> str:
+    """Return in words what more than one person must approve."""
+    said = (f"{_ACTS.get(act, act)} needs {people} people" for act, people in needed.items())
+    return ", ".join(said)
+
+
+def inadmissible(
+    request: ApprovalRequested,
+    decision: Decision,
+    needed: Mapping[str, int] | None = None,
+    people: int = 1,
+) -> str:
+    """Return why `decision` cannot be accepted for `request`, or an empty text.
+
+    So many `people` have approved; `needed` is what more than one must approve.
+    """
     if decision.request_id not in ("", request.request_id):
         return "the decision was about another plan, which no longer waits"
     if decision.kind == "reject":
         return ""
+    if decision.kind == "answer":
+        return _not_answerable(request, decision)
     if request.state == "not_understood":
         return f"{'; '.join(request.blocked_by)} Reject it and say it anew"
     if decision.kind == "modify":
         return "" if decision.plan is not None else "a modified plan is missing"
     if decision.kind == "choose":
         return "" if decision.asked in request.readings else "no such reading was offered"
-    return _not_approvable(request, decision)
+    if problem := _not_approvable(request, decision):
+        return problem
+    lacking = {act: asked for act, asked in (needed or {}).items() if people < asked}
+    return f"{people_words(lacking)} to approve, so far there is {people}" if lacking else ""
+
+
+def _not_answerable(request: ApprovalRequested, decision: Decision) -> str:
+    if request.state != "not_understood":
+        return "nothing was asked"
+    return "" if decision.asked.strip() else "the answer is empty"
 
 
 def _not_approvable(request: ApprovalRequested, decision: Decision) -> str:

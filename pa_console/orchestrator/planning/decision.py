@@ -4,8 +4,8 @@ Which of several readings is right cannot be told from the models' own chances (
 the operator knows what was meant.
 """
 
-from collections.abc import Awaitable, Callable, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
 from itertools import islice
 
 from pa_console.llm.roles.grammar import PLANNED
@@ -20,8 +20,10 @@ from pa_console.orchestrator.planning.approval import (
 from pa_console.orchestrator.planning.candidate import Candidate
 from pa_console.orchestrator.planning.planning import Planned
 from pa_console.orchestrator.planning.proposal import other_readings
+from pa_console.orchestrator.planning.understanding import NotUnderstood
+from pa_console.orders.distinct_readings import distinct
 from pa_console.orders.mention_check import check_mentions
-from pa_console.orders.order import Ask, Reading, Task
+from pa_console.orders.order import Task
 from pa_console.orders.reading import asked_words, read_asked
 from pa_console.schema.events import event as ev
 from pa_console.schema.events.event import MOST_READINGS, UNSURE
@@ -83,7 +85,7 @@ async def reconsider(context: MissionContext, planned: Planned, before: Readings
     own = said_by_planner(shown) or said
     known = [before.own, *before.offered] if before.offered else []
     if not planned.answered.retrieved.chosen:
-        known = [said_by_judge(shown), said]
+        known = [said_by_judge(shown), said, shown.read_again.asked if shown.read_again else ""]
         if shown.sure is not None and shown.sure < UNSURE:
             known += await other_readings(context, planned.answered, looked_at)
     founded = (said for said in distinct(own, known) if not _baseless(context, planned, said))
@@ -119,12 +121,25 @@ async def ask_operator(
 async def _answered(
     context: MissionContext, request: ev.ApprovalRequested, decide: Decide
 ) -> Decided:
-    """Tell of `request` and wait for an admissible decision on it."""
+    """Tell of `request` and wait for an admissible decision on it, of as many as it takes.
+
+    What somebody has approved who is not enough alone stands until the request is answered. A plan
+    that this station could not send is blocked.
+    """
+    gate, rules = context.services.gate, context.services.rulebook
+    request = request.model_copy(update={"approvals": gate.needed(request, rules)})
+    if (problem := gate.objection(rules)) and request.state != "not_understood":
+        blocked = (*request.blocked_by, problem)
+        request = request.model_copy(update={"blocked_by": blocked, "state": "blocked"})
     context.emit(request)
+    signatures: dict[str, str] = {}
     while True:
         with context.stopwatch.time("decision_s"):
-            decision = await decide()
-        problem = inadmissible(request, decision)
+            decision = gate.signed(request, await decide(), rules)
+        if decision.kind == "approve" and not inadmissible(request, decision):
+            signatures.update(decision.signatures)
+            decision = decision.model_copy(update={"signatures": signatures.copy()})
+        problem = gate.inadmissible(request, decision, rules)
         context.emit(
             ev.DecisionMade(
                 attempt=request.attempt, decision=decision, accepted=not problem, detail=problem
@@ -134,15 +149,23 @@ async def _answered(
             return Decided(request, decision)
 
 
-async def ask_back(context: MissionContext, question: str, decide: Decide) -> NotApproved:
-    """Ask the operator what was meant by words for which no plan was made, until that is seen."""
+async def ask_back(
+    context: MissionContext, asked: NotUnderstood, number: int, decide: Decide
+) -> str | NotApproved:
+    """Ask the operator what was meant, for the time `number`, and return what is answered.
+
+    No plan was made, and none is approved by an answer.
+    """
+    context.emit(ev.QuestionAsked(question=asked.question, said=asked.said, choices=asked.choices))
     request = request_approval(
-        f"{context.mission.id}.0",
+        f"{context.mission.id}.0.{number}" if number else f"{context.mission.id}.0",
         0,
         CheckedPlan(Plan(reason="", actions=())),
-        OrderAsRead(question=question),
+        OrderAsRead(question=asked.question),
     )
     decided = await _answered(context, request, decide)
+    if decided.decision.kind == "answer":
+        return " ".join(decided.decision.asked.split())
     return NotApproved("held", "; ".join(decided.request.blocked_by))
 
 
@@ -194,45 +217,11 @@ def said_by_judge(shown: Candidate) -> str:
 
 
 def read_apart(shown: Candidate) -> bool:
-    """Whether the judge says that something else was asked than the plan on show is for."""
+    """Whether another reader says that something else was asked than the plan on show is for.
+
+    That is the second reader where it was asked, else the judge.
+    """
+    if shown.read_again is not None:
+        return not shown.read_again.same
     judged = said_by_judge(shown)
     return bool(judged) and bool(distinct(said_by_planner(shown), (judged,)))
-
-
-def distinct(own: str, others: Iterable[str]) -> tuple[str, ...]:
-    """Return those of `others` that can be read and ask now for something else than `own`.
-
-    Of those that ask for the same, the first.
-    """
-    known, kept = [_asks(own)], list[str]()
-    for said in others:
-        asks = _asks(said)
-        if asks is not None and asks not in known:
-            known.append(asks)
-            kept.append(said)
-    return tuple(kept)
-
-
-def _asks(said: str) -> Reading | None:
-    """Return what is asked for now, however it was put; None where nothing is gained by asking.
-
-    So it is where that cannot be read, or is all what no order may have, and where somebody is sent
-    to where he comes from.
-    """
-    reading = read_asked(said)
-    if reading is None or not reading.readable:
-        return None
-    if reading.asks and all(ask.task == "refused" for ask in reading.asks):
-        return None
-    if any(ask.who.origin and ask.who.origin == ask.place for ask in reading.asks):
-        return None
-    return reading._replace(asks=tuple(map(_without_words, reading.asks)))
-
-
-def _without_words(ask: Ask) -> Ask:
-    """Return `ask` however it was put: whoever a gate has lost, it is the gate that is covered.
-
-    A track is known by its place, and what no order may have is refused whatever it is.
-    """
-    leaving = "" if ask.task == "cover" else ask.leaving
-    return replace(ask, words="", leaving=leaving, track="", track_id="", wrong=None)

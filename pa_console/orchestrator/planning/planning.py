@@ -9,12 +9,14 @@ from pa_console.orchestrator.planning.judging import PlanCase, judge_plan
 from pa_console.orchestrator.planning.proposal import (
     Answered,
     Attempt,
+    Instead,
     ask_for_others,
     ask_planner,
     ask_who,
     commands_for,
 )
 from pa_console.orchestrator.planning.safeguards import Examination, examine
+from pa_console.orchestrator.planning.second_reader import likelier, read_again
 from pa_console.orchestrator.planning.understanding import Retrieved
 from pa_console.orders.mention_check import NOTHING_SAID, MentionCheck, check_mentions
 from pa_console.orders.order import Reading
@@ -22,6 +24,7 @@ from pa_console.orders.reading import asked_words, read_asked, read_reason
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan
+from pa_console.schema.rehearsal import Rehearsal
 
 MOST_SERVED = 6
 """Plans of which the console gives the commands, at most, where the ones before are blocked."""
@@ -105,14 +108,37 @@ async def judge(context: MissionContext, planned: Planned) -> Planned:
     answered = planned.answered
     first = await _judged(context, answered, planned.best)
     asked = first.second_reading
-    if not asked or not context.services.variant.second_reading:
-        return replace(planned, best=first)
+    if asked and context.services.variant.second_reading:
+        other = await _with_commands_given(
+            context, answered, asked, read_asked(asked), first, instead="judged"
+        )
+        if other is not first:
+            other = await _judged(context, answered, other)
+        first = first if other.objected else other
+    return replace(planned, best=await _as_read_again(context, answered, first))
+
+
+async def _as_read_again(
+    context: MissionContext, answered: Answered, shown: Candidate
+) -> Candidate:
+    """Let another model read an order that is in doubt; where it is surer, its reading is served.
+
+    The judge is then told what was asked: it judges the plan for that.
+    """
+    if answered.retrieved.chosen or shown.examination.rehearsal is None:
+        return shown
+    shown = await read_again(context, _case(answered, shown, shown.examination.rehearsal), shown)
+    second = shown.read_again
+    if second is None or not likelier(shown):
+        return shown
+    reading = read_asked(second.asked)
     other = await _with_commands_given(
-        context, answered, asked, read_asked(asked), first, as_judged=True
+        context, answered, second.asked, reading, shown, instead="read_again"
     )
-    if other is not first:
-        other = await _judged(context, answered, other)
-    return replace(planned, best=first if other.objected else other)
+    if other is shown or other.examination.blocked:
+        return shown
+    other = await _judged(context, answered, other, second.asked)
+    return shown if other.objected else replace(other, read_again=replace(second, same=True))
 
 
 async def reexamine(context: MissionContext, task: Mission, approved: Plan) -> Examination | None:
@@ -146,7 +172,7 @@ async def _with_commands_given(
     reading: Reading | None,
     best: Candidate,
     *,
-    as_judged: bool = False,
+    instead: Instead = "",
 ) -> Candidate:
     """Examine plans for what was `asked` of which the console gives the commands.
 
@@ -155,7 +181,7 @@ async def _with_commands_given(
     """
     retrieved = answered.retrieved
     for slots in await commands_for(context, retrieved, asked, MOST_SERVED):
-        attempt = await ask_who(context, answered, asked, slots, as_judged=as_judged)
+        attempt = await ask_who(context, answered, asked, slots, instead)
         if attempt is None:
             continue
         candidate = await _examined(context, retrieved, attempt, reading)
@@ -165,20 +191,28 @@ async def _with_commands_given(
     return best
 
 
-async def _judged(context: MissionContext, answered: Answered, candidate: Candidate) -> Candidate:
-    found, question = candidate.examination, answered.question
+async def _judged(
+    context: MissionContext, answered: Answered, candidate: Candidate, asked: str = ""
+) -> Candidate:
+    """Return `candidate` with its verdict; the judge reads the order unless it is told `asked`."""
+    found = candidate.examination
     if found.blocked or found.rehearsal is None or not context.services.variant.judging:
         return candidate
-    case = PlanCase(
+    case = _case(answered, candidate, found.rehearsal)
+    return await judge_plan(context, replace(case, asked=asked or case.asked), candidate)
+
+
+def _case(answered: Answered, candidate: Candidate, rehearsal: Rehearsal) -> PlanCase:
+    found, question = candidate.examination, answered.question
+    return PlanCase(
         answered.retrieved.task,
         answered.retrieved.hits,
         question.digest,
         found.plan,
         found.findings,
-        found.rehearsal,
+        rehearsal,
         question.asked,
     )
-    return await judge_plan(context, case, candidate)
 
 
 def _read(answered: Answered, proposed: Plan) -> Reading | None:
@@ -226,6 +260,7 @@ async def _examined(
         fits.narrowed,
         mentions,
         attempt.confidence,
+        own=own,
     )
 
 

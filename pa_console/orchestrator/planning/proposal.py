@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from time import perf_counter
+from typing import Literal
 
 from pa_console.llm.roles.grammar import ANY_TEXT, CommandSlot, plan_grammar, slot_grammar
 from pa_console.llm.roles.planner import Proposal
@@ -20,6 +21,9 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Usage
 from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Digest, Selection
+
+Instead = Literal["", "judged", "read_again"]
+"""Who read what a plan is for: the planner itself, the judge, or the second reader."""
 
 
 @dataclass(frozen=True)
@@ -204,13 +208,12 @@ async def ask_who(
     answered: Answered,
     asked: str,
     slots: Sequence[CommandSlot],
-    *,
-    as_judged: bool = False,
+    instead: Instead = "",
 ) -> Attempt | None:
     """Step 5 once more, with the commands of `slots` given: who of those open to it has each.
 
-    The plan says that this was `asked`; with `as_judged` that is what the judge read in the
-    mission. None when there is no plan in the answer.
+    The plan says that this was `asked`; `instead` says who read that in the mission, if not the
+    planner. None when there is no plan in the answer.
     """
     services, question = context.services, answered.question
     task = answered.retrieved.task
@@ -219,10 +222,12 @@ async def ask_who(
     with context.stopwatch.time("planning_s"):
         proposal = await services.planner.plan(question.prompt, slot_grammar(slots, reasons))
         number = context.next_attempt()
-        sure = None if as_judged else answered.proposal.confidence
+        sure = None if instead else answered.proposal.confidence
         given = replace(proposal, confidence=sure)
         told = _proposed(answered, given, number, instead_of=first, given=True)
-        context.emit(told.model_copy(update={"as_judged": as_judged}))
+        if instead:
+            told = told.model_copy(update={f"as_{instead}": True})
+        context.emit(told)
     return Attempt(number, given.plan, sure) if given.plan is not None else None
 
 

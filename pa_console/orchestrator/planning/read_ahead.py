@@ -65,7 +65,7 @@ class ReadAhead:
 
     async def _read_words(self, words: str) -> None:
         async with self._turn:
-            read = self._services.read(words)
+            read = self._services.read_now(words)
             for role in TYPING_ROLES:
                 await self._warm(role, read)
 

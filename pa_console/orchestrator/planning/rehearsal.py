@@ -9,6 +9,7 @@ import shapely
 from shapely import LineString, Polygon
 
 from pa_console.fleets.fleet import Outlook
+from pa_console.orchestrator.planning.motion_record import MotionRecord
 from pa_console.policy.ordering.moments import distinct, moment
 from pa_console.schema.base import Point
 from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand
@@ -73,7 +74,7 @@ async def rehearse(outlook: Outlook, plan: Plan) -> Rehearsal:
     every = max(1, round(forecast.world.telemetry_period_s / forecast.world.dt_s))
     for step in range(1, round(HORIZON_S / forecast.world.dt_s) + 1):
         for reply in forecast.step():
-            recorder.reply(reply)
+            recorder.reply(reply, forecast.time_s - start)
             if reply.status in FINAL_REPLIES:
                 pending.discard(reply.command_id)
         if not pending and end is None:
@@ -115,6 +116,7 @@ class _Recorder:
         self._plan = plan
         self._moments = [moment(before, world, (), plan.agents)]
         self._agents = {action.agent: _AssetLog() for action in plan.actions}
+        self._motion = MotionRecord(world, before, plan)
         self._movers = {a.agent for a in plan.actions if a.verb not in ("hold", "report")}
         self._tracks: dict[str, _TrackLog] = {name: _TrackLog() for name in before.tracks}
         self._gap = dict.fromkeys(world.gates, 0.0)
@@ -129,10 +131,11 @@ class _Recorder:
         for track in before.tracks.values():
             self._look_at(track, before, 0.0)
 
-    def reply(self, reply: CommandReply) -> None:
+    def reply(self, reply: CommandReply, time_s: float) -> None:
         log = self._agents.get(reply.agent)
         if log is not None and reply.status in FINAL_REPLIES:
             log.finished, log.detail = reply.status == "done", reply.detail
+            self._motion.end(reply.agent, time_s)
 
     def sample(self, picture: Picture, time_s: float) -> None:
         for gate, cover in picture.gates.items():
@@ -142,6 +145,7 @@ class _Recorder:
             self._follow(log, self._last.assets[name], picture.assets[name])
         for track in picture.tracks.values():
             self._look_at(track, picture, time_s)
+        self._motion.sample(picture, time_s)
         self._last, self._time = picture, time_s
         done = {name for name, log in self._agents.items() if log.finished}
         if done != self._done:
@@ -183,6 +187,7 @@ class _Recorder:
             before=self._before,
             after=after,
             moments=distinct(self._moments),
+            motion=self._motion.result(),
             timeline=Timeline(
                 duration_s=duration_s,
                 gates={

@@ -5,10 +5,12 @@ from dataclasses import dataclass
 from time import perf_counter
 
 from pa_console.orchestrator.mission.services import MissionContext
+from pa_console.orders.references.outcome import Unclear
+from pa_console.orders.references.resolution import Answers
 from pa_console.policy.checks.rule_checks import check_mission
 from pa_console.schema.command import Verb
 from pa_console.schema.events import event as ev
-from pa_console.schema.mission import Mission
+from pa_console.schema.mission import MAX_MISSION_TEXT, Mission
 from pa_console.schema.rule import RuleHit
 
 
@@ -21,9 +23,26 @@ class Refused:
 
 @dataclass(frozen=True)
 class NotUnderstood:
-    """A mission whose words are no order that the console can read; `question` asks back."""
+    """A mission whose words are no order that the console can read; `question` asks back.
+
+    Where only the words that were `said` are not clear, what they can mean is in `choices`.
+    """
 
     question: str
+    said: str = ""
+    choices: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Understood:
+    """A mission that can be planned, with names for what it points at."""
+
+    mission: Mission
+    references: tuple[ev.Reference, ...] = ()
+    undoes: bool = False
+    """Whether it takes back what was ordered last."""
+    corrects: bool = False
+    """Whether it takes the place of what was ordered last."""
 
 
 @dataclass(frozen=True)
@@ -46,28 +65,46 @@ class Retrieved:
         return tuple(hit.rule_id for hit in self.hits)
 
 
-async def understand(context: MissionContext) -> Refused | NotUnderstood | None:
-    """Step 1: decide what the mission's words alone rule out; None where they rule out nothing.
+async def understand(
+    context: MissionContext, answers: Answers
+) -> Refused | NotUnderstood | Understood:
+    """Step 1: decide what the mission's words alone rule out, and find what they point at.
 
-    That is what the rules on words refuse, and what is no order. No model has been asked so far.
+    Ruled out is what the rules on words refuse, and what is no order. No model has been asked so
+    far. `answers` are those to questions on its words.
     """
-    return await _refused(context) or await asyncio.to_thread(_not_understood, context)
+    refused = await _refused(context, context.mission)
+    if refused is not None or context.mission.source != "operator":
+        return refused or Understood(context.mission)
+    read = await asyncio.to_thread(_read, context, answers)
+    if isinstance(read, Understood) and read.mission is not context.mission:
+        return await _refused(context, read.mission) or read
+    return read
 
 
-def _not_understood(context: MissionContext) -> NotUnderstood | None:
-    """Return what to ask back of an operator's words; what an alarm says is the console's own."""
-    mission = context.mission
-    question = context.services.question_back(mission) if mission.source == "operator" else ""
-    return NotUnderstood(question) if question else None
+def _read(context: MissionContext, answers: Answers) -> NotUnderstood | Understood:
+    """Return an operator's words with names for what they point at, or what to ask back."""
+    services, mission = context.services, context.mission
+    found = services.resolve(mission.text, answers)
+    text = mission.text if isinstance(found, Unclear) else found.text
+    if question := services.question_back(mission, text):
+        return NotUnderstood(question)
+    if isinstance(found, Unclear):
+        return NotUnderstood(found.question, found.said, found.choices)
+    if found.text == mission.text or len(found.text) > MAX_MISSION_TEXT:
+        return Understood(mission)
+    references = tuple(ev.Reference(said=said, means=means) for said, means in found.meant)
+    read = mission.model_copy(update={"text": found.text, "typed": mission.said})
+    return Understood(read, references, found.undoes, found.corrects)
 
 
-async def _refused(context: MissionContext) -> Refused | None:
+async def _refused(context: MissionContext, mission: Mission) -> Refused | None:
     services = context.services
     if not services.variant.checks:
         return None
     started = perf_counter()
     findings = await asyncio.to_thread(
-        check_mission, services.rulebook, context.mission, services.fleet.world
+        check_mission, services.rulebook, mission, services.fleet.world
     )
     seconds = perf_counter() - started
     context.stopwatch.add("checks_s", seconds)

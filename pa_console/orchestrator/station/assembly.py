@@ -2,11 +2,14 @@
 
 import hashlib
 import secrets
-from dataclasses import dataclass
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pa_console import __version__
 from pa_console.fleets.fleet import Fleet, Simulated
@@ -14,6 +17,7 @@ from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.roles.grammar import plan_grammar
 from pa_console.orchestrator.mission.services import Services
+from pa_console.orchestrator.station.resumed_session import ResumedSession
 from pa_console.orchestrator.station.rules_in_force import RulesWatch
 from pa_console.orchestrator.station.station import Station
 from pa_console.orchestrator.station.ticking import Clock
@@ -31,6 +35,9 @@ from pa_console.schema.plan import MAX_ACTIONS
 from pa_console.schema.world import World
 from pa_console.sim.worlds.scenario_file import LoadedScenario
 from pa_console.sim.worlds.world_file import open_world
+
+if TYPE_CHECKING:
+    from pa_console.fleets.station_authority import StationAuthority
 
 PINNED_PACKAGES = ("llama-cpp-python", "llguidance", "pymunk", "common-expression-language")
 
@@ -121,6 +128,8 @@ def open_station(
     fleet: Fleet | None = None,
     watch: RulesWatch | None = None,
     read_unasked: bool = True,
+    resumed: ResumedSession | None = None,
+    authority: "StationAuthority | None" = None,
 ) -> Station:
     """Return a station on `site` whose planner and judge are two roles on `engine`.
 
@@ -128,38 +137,60 @@ def open_station(
     missions by themselves. Without a `fleet` of the caller's, the station gets a simulated one of
     its own, that begins with `seed` and in `scenario`. An evaluation may give a `variant` of the
     pipeline. A console may `watch` its rule file. Without `read_unasked`, the model reads nothing
-    before it is asked for, as where the picture is about to change. Raises ValueError for a
-    `scenario` in a fleet that is not simulated.
+    before it is asked for, as where the picture is about to change. A `resumed` session goes on
+    with its own fleet, seed and scenario. With an `authority`, what is approved and sent is signed;
+    vehicles that are simulated here check it, a `fleet` of the caller's gets its tokens from it.
+    Raises ValueError for a `scenario` in a fleet that is not simulated.
     """
+    now = time.time
+    if resumed is not None:
+        fleet, scenario = resumed.fleet, None
+        if authority is not None:
+            now = _use_keys(resumed.fleet, authority)
     if fleet is None:
         played = scenario.scenario if scenario is not None else None
         fleet = SimulatedFleet.start(site.world, seed, played)
+        if authority is not None:
+            now = _use_keys(fleet, authority)
     elif scenario is not None and not isinstance(fleet, Simulated):
         raise ValueError(f"scenario {scenario.scenario.name} is for a simulated fleet only")
     variant = variant or Variant()
     retriever = site.retriever_by(variant.method or DEFAULT_METHOD)
-    services = Services.open(fleet, site.rulebook, engine, variant, retriever=retriever)
-    grammar = plan_grammar(site.world, fleet.picture(), tuple(site.world.assets)[:MAX_ACTIONS])
-    started = SessionStarted(
-        session=new_session_id(),
-        version=__version__,
-        world=site.world.name,
-        world_sha256=site.world_sha256,
-        rules=site.rulebook.name,
-        rules_sha256=site.rulebook.sha256,
-        rules_seal=site.rulebook.seal,
-        model=engine.model.name,
-        model_sha256=engine.model.sha256,
-        seed=fleet.seed if isinstance(fleet, Simulated) else seed,
-        scenario=scenario.scenario.name if scenario is not None else "",
-        scenario_sha256=scenario.sha256 if scenario is not None else "",
-        sampler=engine.sampler,
-        grammar_sha256=hashlib.sha256(grammar.encode()).hexdigest(),
-        variant=variant,
-        readonly=readonly,
-        packages={name: version(name) for name in PINNED_PACKAGES},
-        adapters={adapter.path.name: adapter.sha256 for adapter in engine.model.adapters},
+    services = Services.open(
+        fleet, site.rulebook, engine, variant, retriever=retriever, authority=authority
     )
+    if resumed is not None:
+        services = replace(services, sightings=resumed.sightings)
+    grammar = plan_grammar(site.world, fleet.picture(), tuple(site.world.assets)[:MAX_ACTIONS])
+    reader = engine.model.second_reader
+    started = (
+        resumed.started
+        if resumed is not None
+        else SessionStarted(
+            session=new_session_id(),
+            version=__version__,
+            world=site.world.name,
+            world_sha256=site.world_sha256,
+            rules=site.rulebook.name,
+            rules_sha256=site.rulebook.sha256,
+            rules_seal=site.rulebook.seal,
+            model=engine.model.name,
+            model_sha256=engine.model.sha256,
+            seed=fleet.seed if isinstance(fleet, Simulated) else seed,
+            scenario=scenario.scenario.name if scenario is not None else "",
+            scenario_sha256=scenario.sha256 if scenario is not None else "",
+            sampler=engine.sampler,
+            grammar_sha256=hashlib.sha256(grammar.encode()).hexdigest(),
+            variant=variant,
+            readonly=readonly,
+            packages={name: version(name) for name in PINNED_PACKAGES},
+            adapters={adapter.path.name: adapter.sha256 for adapter in engine.model.adapters},
+            second_reader=reader.name if reader is not None else "",
+            second_reader_sha256=reader.fingerprint if reader is not None else "",
+        )
+    )
+    if authority is not None:
+        authority.begin(started.session, lambda: services.journal.head, now)
     return Station(
         services,
         clock,
@@ -169,4 +200,23 @@ def open_station(
         respond=respond,
         watch=watch,
         read_unasked=read_unasked,
+        resumed=resumed,
     )
+
+
+def _use_keys(fleet: SimulatedFleet, authority: "StationAuthority") -> Callable[[], float]:
+    """Let simulated vehicles check what they are sent; return their clock, and the station's.
+
+    It goes with the simulation: a token is good for as long, however fast that is.
+    """
+    from pa_console.fleets.station_authority import Vehicles  # noqa: PLC0415 - only with keys
+
+    begun = time.time()
+
+    def now() -> float:
+        return begun + fleet.time_s
+
+    keys = authority.keys
+    vehicles = Vehicles(fleet.world.assets, keys.owner, keys.messages, now)
+    fleet.use(authority.authorize, vehicles.verify)
+    return now

@@ -5,10 +5,11 @@ from collections.abc import Callable, Sequence
 from contextlib import aclosing
 from typing import Literal
 
+from pa_console.orchestrator.planning.approval import people_words
 from pa_console.orchestrator.station.station import Station
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident
-from pa_console.schema.mission import Decision, MissionStatus
+from pa_console.schema.mission import STANDING, Decision, MissionStatus
 from pa_console.session.state.fold import MissionTrace, SessionState
 from pa_console.session.status_words import status_of
 
@@ -45,7 +46,7 @@ def standing_approver(
     chosen: list[str] = []
 
     def decide(request: ev.ApprovalRequested) -> Decision:
-        by = f"standing instruction: {given or f'--approve {mode}'}"
+        by = f"{STANDING}: {given or f'--approve {mode}'}"
         others = request.readings[reading - 1 : reading] if reading and not chosen else ()
         for asked in others:
             chosen.append(asked)
@@ -54,6 +55,9 @@ def standing_approver(
             return Decision(kind="reject", by=by, reason="plans are never approved in this run")
         if request.blocked_by:
             return Decision(kind="reject", by=by, reason="; ".join(request.blocked_by))
+        if request.approvals:
+            reason = f"{people_words(request.approvals)} to approve, and nobody looked at it"
+            return Decision(kind="reject", by=by, reason=reason)
         if least is not None and (why := doubt(request, least)):
             return Decision(kind="reject", by=by, reason=why)
         if request.needs_override and not override_reason.strip():
@@ -114,14 +118,8 @@ async def run_missions(  # noqa: PLR0917
     waiting, all_given = list(texts), asyncio.Event()
     mine: str | None = None
     ending: asyncio.Task[None] | None = None
-    request: ev.ApprovalRequested | None = None
+    answers = _Answers(station, approver)
     begun = False
-
-    def answer(asked: ev.ApprovalRequested) -> None:
-        """Decide about `asked` and no other plan, unless none waits any more."""
-        if station.awaits_decision:
-            named = {"request_id": asked.request_id}
-            station.decide(approver(asked).model_copy(update=named))
 
     async def submit() -> str | None:
         """Give the next mission, if there is one more."""
@@ -149,10 +147,9 @@ async def run_missions(  # noqa: PLR0917
                         mine = await submit()
                         ending = asyncio.create_task(_end(station, duration_s, all_given, decided))
                     case ev.ApprovalRequested():
-                        request = event.data
-                        answer(request)
-                    case ev.DecisionMade(accepted=False) if request is not None:
-                        answer(request)
+                        answers.decide(event.data)
+                    case ev.DecisionMade(accepted=False, detail=problem):
+                        answers.decide_again(problem)
                     case ev.AllStopped():
                         waiting.clear()
                         all_given.set()
@@ -165,6 +162,42 @@ async def run_missions(  # noqa: PLR0917
             ending.cancel()
             await asyncio.gather(ending, return_exceptions=True)
     return list(state.missions.values())
+
+
+class _Answers:
+    """Gives the approver's decision on each plan that waits."""
+
+    def __init__(self, station: Station, approver: Approver) -> None:
+        self._station, self._approver = station, approver
+        self._asked: ev.ApprovalRequested | None = None
+        self._given: Decision | None = None
+
+    def decide(self, asked: ev.ApprovalRequested) -> None:
+        """Decide about `asked` and no other plan, unless none waits any more."""
+        self._asked = asked
+        if self._station.awaits_decision:
+            self._give(self._decision(asked))
+
+    def decide_again(self, problem: str) -> None:
+        """Decide anew, for the last decision was not accepted.
+
+        The same once more would go on for ever: the plan is rejected instead.
+        """
+        if self._asked is None or not self._station.awaits_decision:
+            return
+        decision = self._decision(self._asked)
+        if decision == self._given:
+            decision = Decision(
+                kind="reject", request_id=decision.request_id, by=decision.by, reason=problem
+            )
+        self._give(decision)
+
+    def _decision(self, asked: ev.ApprovalRequested) -> Decision:
+        return self._approver(asked).model_copy(update={"request_id": asked.request_id})
+
+    def _give(self, decision: Decision) -> None:
+        self._given = decision
+        self._station.decide(decision)
 
 
 async def _end(

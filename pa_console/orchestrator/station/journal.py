@@ -16,6 +16,11 @@ class Log(Protocol):
         ...
 
     @property
+    def head(self) -> str:
+        """The hash of the last record."""
+        ...
+
+    @property
     def owes(self) -> bool:
         """Whether `commit` has something to do."""
         ...
@@ -54,6 +59,11 @@ class Journal:
         `tell` is given every new `problem`, and what becomes of the log's witness.
         """
         self._log, self._tell = log, tell
+
+    @property
+    def head(self) -> str:
+        """The hash of the log's last record, which vouches for all before it; '' without a log."""
+        return self._log.head if self._log is not None else ""
 
     def append(self, event: ev.Event) -> None:
         """Log one event; what may not wait is signed very soon."""

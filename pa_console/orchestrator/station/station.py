@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import AsyncGenerator, Callable
 from datetime import UTC, datetime
 
+from pa_console import __version__
 from pa_console.fleets.fleet import Simulated
 from pa_console.orchestrator.execution.emergency_stop import EmergencyStop
 from pa_console.orchestrator.execution.step_feed import StepFeed
@@ -11,19 +12,23 @@ from pa_console.orchestrator.intake.intake import Intake
 from pa_console.orchestrator.mission.outcome_verdicts import OutcomeVerdicts
 from pa_console.orchestrator.mission.services import Services
 from pa_console.orchestrator.planning.read_ahead import ReadAhead
+from pa_console.orchestrator.planning.reading_rehearsal import rehearse_reading
 from pa_console.orchestrator.station.background import Background
 from pa_console.orchestrator.station.journal import Log
 from pa_console.orchestrator.station.mission_worker import MissionWorker, StationParts
+from pa_console.orchestrator.station.resumed_session import ResumedSession
 from pa_console.orchestrator.station.rules_in_force import RulesReload, RulesWatch
 from pa_console.orchestrator.station.ticking import Clock, Ticking
 from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident
-from pa_console.schema.mission import Decision, Mission
+from pa_console.schema.mission import Decision, Metrics, Mission
+from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World
 
 READ_ONLY = "this console is read-only: commands are refused"
 NOT_SIMULATED = "incidents can only be made to happen in a simulated fleet"
+INTERRUPTED = "the console ended while it was under way; give it again if it is still wanted"
 IS_STOPPED = "everything is stopped: no mission is taken until the stop is released"
 
 
@@ -41,12 +46,14 @@ class Station:
         respond: bool = False,
         watch: RulesWatch | None = None,
         read_unasked: bool = True,
+        resumed: ResumedSession | None = None,
     ) -> None:
         """`started` is the session's first event; `clock` says when the world moves on.
 
         The engine is closed with the session unless `keep_engine`. With `respond`, alarms become
         missions by themselves. With `watch`, a changed rule file is taken as soon as it is there.
-        Without `read_unasked`, the model reads ahead only while somebody types.
+        Without `read_unasked`, the model reads ahead only while somebody types. A `resumed` session
+        goes on where it ended; `services` have its fleet and what was seen in it.
         """
         self._services, self._clock, self._started = services, clock, started
         self.readonly, self._keep_engine = readonly, keep_engine
@@ -70,7 +77,14 @@ class Station:
         self._ahead = ReadAhead(services, unasked=read_unasked)
         self._reload = RulesReload(services, watch, self._emit, self._worker, self._ahead)
         self._ticking = Ticking(parts, clock, self._worker)
-        self._closed = False
+        self._closed, self._resumed = False, resumed
+        self._again: list[tuple[ev.EventPayload, str]] = []
+        """The missions that open alarms become once more."""
+        if resumed is not None:
+            self._gate.resume(resumed.stops, stopped=resumed.stopped)
+            self._again = self._intake.take_up(
+                resumed.alarms, resumed.waiting, resumed.missions, resumed.unanswered
+            )
         self._ending: asyncio.Task[None] | None = None
 
     @property
@@ -124,8 +138,13 @@ class Station:
 
         However it stops, the log ends with the end of the session.
         """
-        self._emit(self._started)
-        self._emit(ev.TelemetryReceived(picture=self._ticking.first))
+        if self._resumed is None:
+            self._emit(self._started)
+            self._emit(ev.TelemetryReceived(picture=self._ticking.first))
+        else:
+            self._go_on(self._resumed)
+        if problem := self._gate.objection(self._services.rulebook):
+            self._emit(ev.Noticed(level="alarm", subject="keys", text=problem))
         self._services.engine.on_state = self.worker_changed
         ahead, serving = self._ahead, self._worker.serve(self._background, self._between)
         for work in (
@@ -145,6 +164,17 @@ class Station:
             if not self._keep_engine:
                 await self._services.engine.close()
 
+    def _go_on(self, resumed: ResumedSession) -> None:
+        """Tell that the session goes on, and take up what waited; nothing is dispatched."""
+        self._emit(ev.SessionResumed(version=__version__, interrupted=resumed.interrupted))
+        self._emit(ev.TelemetryReceived(picture=self._ticking.first))
+        for name in resumed.interrupted:
+            held = ev.MissionFinished(status="held", reason=INTERRUPTED, metrics=Metrics())
+            self._emit(held, name)
+        for payload, mission in self._again:
+            self._emit(payload, mission)
+        self._worker.queue_changed()
+
     async def reload_rules(self) -> None:
         """Take the rules as their file has them now; why they cannot be taken is told."""
         await self._reload.now()
@@ -162,6 +192,10 @@ class Station:
     def typing(self, text: str) -> None:
         """Note that the operator types a mission, `text` so far; the model reads meanwhile."""
         self._ahead.typing(text)
+
+    def point(self, name: str) -> None:
+        """Note what the operator has marked on the screen, "" for nothing: *this one* means it."""
+        self._services.past.pointer = name
 
     async def read_ahead(self, text: str) -> None:
         """Wait until the model has read the present picture and all but the last word of `text`.
@@ -189,6 +223,13 @@ class Station:
         if decision.kind == "approve" and (problem := self._journal.commit()):
             raise ValueError(f"nothing is approved while the log cannot be written: {problem}")
         self._worker.decide(decision)
+
+    async def look_at(self, mission: Mission, asked: str) -> RehearsedReading | None:
+        """Rehearse what another reading of a mission would lead to; nothing is decided by that.
+
+        None where the console cannot tell what would serve it.
+        """
+        return await rehearse_reading(self._reload.services, mission, asked)
 
     def cancel(self) -> None:
         """Cancel the mission being worked on; assets under way for it go to a safe state.

@@ -27,7 +27,10 @@ from pa_console.schema.events.intake import (
     MissionPreempted,
     MissionReceived,
     MissionStarted,
+    OrderRead,
+    QuestionAsked,
     QueueChanged,
+    Reference,
     WorkflowMoved,
 )
 from pa_console.schema.events.planning import (
@@ -35,6 +38,7 @@ from pa_console.schema.events.planning import (
     UNSURE,
     ApprovalRequested,
     DecisionMade,
+    OrderReadAgain,
     PictureDigested,
     PlanChecked,
     PlanJudged,
@@ -56,6 +60,7 @@ from pa_console.schema.events.session import (
     Noticed,
     RulesReplaced,
     SessionEnded,
+    SessionResumed,
     SessionStarted,
     TelemetryReceived,
     WorkerChanged,
@@ -89,6 +94,8 @@ __all__ = (
     "MissionStarted",
     "MissionVerified",
     "Noticed",
+    "OrderRead",
+    "OrderReadAgain",
     "OutcomeJudged",
     "Payload",
     "PictureDigested",
@@ -99,12 +106,15 @@ __all__ = (
     "PlanRehearsed",
     "PlanVoided",
     "PromptBuilt",
+    "QuestionAsked",
     "QueueChanged",
+    "Reference",
     "RepairRequested",
     "Role",
     "RulesReplaced",
     "RulesRetrieved",
     "SessionEnded",
+    "SessionResumed",
     "SessionStarted",
     "StopReleased",
     "TelemetryReceived",
@@ -119,11 +129,12 @@ EventPayload = Annotated[
     SessionStarted | TelemetryReceived | IncidentHappened | Noticed | WorkerChanged
     | AlarmRaised | AlarmAcknowledged | AlarmCleared | QueueChanged | MissionPreempted
     | WorkflowMoved | CommandResent | PlanHalted | MissionReceived | MissionStarted
-    | RulesRetrieved | PictureDigested | PromptBuilt
-    | TextStreamed | PlanProposed | PlanRehearsed | PlanChecked | PlanJudged | RepairRequested
-    | ApprovalRequested | DecisionMade | PlanVoided | CommandSent | CommandReplied
+    | QuestionAsked | OrderRead | RulesRetrieved | PictureDigested | PromptBuilt
+    | TextStreamed | PlanProposed | PlanRehearsed | PlanChecked | PlanJudged | OrderReadAgain
+    | RepairRequested | ApprovalRequested | DecisionMade | PlanVoided | CommandSent | CommandReplied
     | MissionVerified | OutcomeJudged | MissionReported | MissionFinished | AllStopped
-    | StopReleased | CommandRefused | RulesReplaced | SessionEnded | LogSigned | LogTroubled,
+    | StopReleased | CommandRefused | RulesReplaced | SessionEnded | SessionResumed | LogSigned
+    | LogTroubled,
     Field(discriminator="kind"),
 ]  # fmt: skip
 

@@ -5,6 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from pa_console.schema.alarm import Alarm, QueueEntry
+from pa_console.schema.base import StrictModel
 from pa_console.schema.events.base import Payload
 from pa_console.schema.mission import Mission
 
@@ -80,3 +81,28 @@ class MissionStarted(Payload):
     rules_warnings: tuple[str, ...] = Field(
         default=(), description="what must be said of it: accepted although, nothing critical"
     )
+
+
+class Reference(StrictModel):
+    """Words of an order that point at something, and what they mean here and now."""
+
+    said: str
+    means: str
+
+
+class QuestionAsked(Payload):
+    """Step 1: one answer settles what is meant; an `answer` decides, and joins the order."""
+
+    kind: Literal["question_asked"] = "question_asked"
+    question: str
+    said: str = Field(default="", description="the words that are not clear; '' for all of them")
+    choices: tuple[str, ...] = Field(default=(), description="what may be meant; any else too")
+
+
+class OrderRead(Payload):
+    """Step 1: how an order is read that points at the picture or at what was ordered before."""
+
+    kind: Literal["order_read"] = "order_read"
+    text: str = Field(description="the order with names for what it points at; this is planned")
+    typed: str = Field(description="what was typed, answers to questions included")
+    references: tuple[Reference, ...] = ()

@@ -90,6 +90,9 @@ class PlanProposed(Payload):
     as_judged: bool = Field(
         default=False, description="it is for what the judge read in the mission"
     )
+    as_read_again: bool = Field(
+        default=False, description="it is for what the second reader read in the mission"
+    )
     as_chosen: bool = Field(
         default=False, description="it is for the reading of the mission that the operator chose"
     )
@@ -133,6 +136,20 @@ class PlanJudged(Payload):
     )
 
 
+class OrderReadAgain(Payload):
+    """Step 6: what another model read in an order of which planner or judge was unsure."""
+
+    kind: Literal["order_read_again"] = "order_read_again"
+    attempt: int
+    model: str
+    asked: str
+    error: str = ""
+    usage: Usage = Usage()
+    confidence: Share | None = Field(
+        default=None, description="the chance that it gave to what it says was asked"
+    )
+
+
 class RepairRequested(Payload):
     """Step 6: the findings go back to the planner for another attempt."""
 
@@ -159,6 +176,11 @@ class ApprovalRequested(Payload):
     asked: str = Field(
         default="",
         description="what the plan is for, in canonical words; empty where nothing else is offered",
+    )
+    approvals: dict[str, int] = Field(
+        default={},
+        exclude_if=lambda approvals: not approvals,
+        description="what of it more than one person must approve, and how many",
     )
     readings: tuple[str, ...] = Field(
         default=(),

@@ -42,6 +42,22 @@ class SessionStarted(Payload):
     variant: Variant = Field(default_factory=Variant)
     packages: dict[str, str] = {}
     adapters: dict[str, str] = {}
+    second_reader: str = Field(
+        default="", description="the model that reads unclear orders again, with its SHA-256"
+    )
+    second_reader_sha256: str = ""
+
+
+class SessionResumed(Payload):
+    """The session goes on in its own log, after its console had ended without closing it.
+
+    Nothing is dispatched by that. `interrupted` are the missions that were under way: they end as
+    held. What had not begun waits again, open alarms are open, a stop stays latched.
+    """
+
+    kind: Literal["session_resumed"] = "session_resumed"
+    version: str
+    interrupted: tuple[str, ...] = ()
 
 
 class RulesReplaced(Payload):

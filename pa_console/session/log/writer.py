@@ -44,9 +44,9 @@ SIGN_RECORDS = 100
 SIGN_SECONDS = 5.0
 DURABLE_KINDS = frozenset(
     (
-        "session_started", "incident", "mission_received", "decision_made", "plan_voided",
-        "command_sent", "command_refused", "mission_finished", "all_stopped", "stop_released",
-        "session_ended",
+        "session_started", "session_resumed", "incident", "mission_received", "decision_made",
+        "plan_voided", "command_sent", "command_refused", "mission_finished", "all_stopped",
+        "stop_released", "session_ended",
     )
 )  # fmt: skip
 """Events that are on the disk before `append` returns: what an operator answers for."""
@@ -320,16 +320,18 @@ def open_session_log(
     folder: Path,
     on_error: Callable[[LogError], None],
     witness: Witness | None = None,
+    resumed: bool = False,
 ) -> LogWriter:
     """Open the signed log of a session: at `path`, or a new one in `folder`, whose index notes it.
 
-    Raises LogError when it cannot be opened.
+    The index notes a `resumed` session too, whose log is at `path` in the folder. Raises LogError
+    when it cannot be opened.
     """
     return LogWriter(
         path or new_log_path(folder, session),
         session,
         signer=signer,
-        index=SessionIndex(folder, signer) if path is None else None,
+        index=SessionIndex(folder, signer) if path is None or resumed else None,
         witness=witness,
         on_error=on_error,
     )

@@ -34,7 +34,7 @@ def mark_of(event: ev.Event, before: SessionState) -> MarkKind | None:
         found = "finding"
     elif isinstance(event.data, ev.MissionReceived):
         found = "mission"
-    elif isinstance(event.data, ev.AlarmRaised) and before.is_worse(event.data.alarm):
+    elif isinstance(event.data, ev.AlarmRaised) and before.is_news(event.data.alarm):
         found = "alarm"
     return found
 

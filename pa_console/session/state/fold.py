@@ -9,7 +9,7 @@ from pa_console.schema.alarm import ALARM_PRIORITIES, Alarm, QueueEntry
 from pa_console.schema.events import event as ev
 from pa_console.schema.telemetry import Picture
 from pa_console.session.state.mission_trace import CommandTrace, MissionTrace, apply_to_mission
-from pa_console.session.wording import in_words, order_in_words, overriding
+from pa_console.session.wording import alarm_now, in_words, order_in_words, overriding
 
 NOTICES_KEPT = 500
 _LEVELS: dict[str, ev.Level] = {"emergency": "alarm", "high": "alarm", "medium": "warning"}
@@ -98,13 +98,25 @@ class SessionState:
 
     @property
     def alarms(self) -> tuple[OpenAlarm, ...]:
-        """The open alarms: worst priority first, then the nearest, then the oldest."""
-        return tuple(sorted(self.open_alarms.values(), key=_urgency))
+        """The open alarms: worst priority first, then the nearest, then the oldest.
+
+        What an alarm says of a track is what the picture shows of it now.
+        """
+        now = (
+            OpenAlarm(alarm_now(item.alarm, self.picture), item.acknowledged_by)
+            for item in self.open_alarms.values()
+        )
+        return tuple(sorted(now, key=_urgency))
 
     def is_worse(self, alarm: Alarm) -> bool:
         """Whether `alarm` is new, or of a worse priority than it was."""
         known = self.open_alarms.get(alarm.id)
         return known is None or _rank(alarm) < _rank(known.alarm)
+
+    def is_news(self, alarm: Alarm) -> bool:
+        """Whether `alarm` is new, of a worse priority, or of another kind than it was."""
+        known = self.open_alarms.get(alarm.id)
+        return self.is_worse(alarm) or (known is not None and known.alarm.kind != alarm.kind)
 
     def apply(self, event: ev.Event) -> None:
         """Take one event in; an event of an unknown mission changes no mission."""
@@ -154,6 +166,10 @@ class SessionState:
                 self._notice(event, "alarm" if problem else "info", "session log", text)
             case ev.SessionEnded(reason=reason):
                 self.ended = reason
+            case ev.SessionResumed():
+                self.ended, self.worker = "", None
+                text = "goes on after its console ended without closing it"
+                self._notice(event, "warning", "session", text)
             case _:
                 pass
 

@@ -63,6 +63,12 @@ class Attempt:
     """Whether the console gave the commands and the planner chose who has them."""
     as_judged: bool = False
     """Whether it is for what the judge read in the mission, not the planner."""
+    as_read_again: bool = False
+    """Whether it is for what the second reader read in it."""
+    read_again: ev.OrderReadAgain | None = None
+    """What the second reader said of the order, where it was asked."""
+    told: float | None = None
+    """How sure of its reading the operator was told that the console is."""
     as_chosen: bool = False
     """Whether it is for the reading of the mission that the operator chose."""
 
@@ -70,8 +76,11 @@ class Attempt:
     def sure(self) -> float | None:
         """How sure planner and judge were of what was asked: the less sure of them, 0 to 1.
 
-        It is less where the words of the order and their reading do not match.
+        It is less where the words of the order and their reading do not match, and what a second
+        reader says is in it.
         """
+        if self.told is not None:
+            return self.told
         known = [c for c in (self.confidence, self.judge_confidence) if c is not None]
         return ev.told_confidence(min(known, default=None), self.gaps)
 
@@ -94,6 +103,7 @@ class Attempt:
         """Who else had a part in it, to be told after what it stands beside; '' for nobody."""
         given = ", its commands given by the console" * self.given
         judged = ", as the judge read it" * self.as_judged
+        judged += ", as the second reader read it" * self.as_read_again
         return given + judged + ", as the operator meant it" * self.as_chosen
 
 
@@ -142,6 +152,10 @@ class MissionTrace:
     approval_state: ApprovalState | None = None
     """What the operator had to know first of the last plan that was put forward."""
     decisions: list[ev.DecisionMade] = field(default_factory=list[ev.DecisionMade])
+    questions: list[ev.QuestionAsked] = field(default_factory=list[ev.QuestionAsked])
+    """What was asked back before anything was planned."""
+    references: tuple[ev.Reference, ...] = ()
+    """What the order points at, and what that is."""
     voided: str = ""
     preempted: str = ""
     commands: dict[str, CommandTrace] = field(default_factory=dict[str, CommandTrace])
@@ -177,6 +191,12 @@ class MissionTrace:
             self.round += 1
 
     @property
+    def choices(self) -> tuple[str, ...]:
+        """What can be answered to the question that waits; none where no question does."""
+        waits = self.approval is not None and self.approval.state == "not_understood"
+        return self.questions[-1].choices if waits and self.questions else ()
+
+    @property
     def standings(self) -> dict[str, ev.WorkflowMoved]:
         """Where the mission stands in the workflow of each track."""
         return {move.track: move for move in self.workflow}
@@ -210,9 +230,23 @@ class MissionTrace:
 
 def apply_to_mission(trace: MissionTrace, data: ev.EventPayload) -> None:
     """Take one event of the mission in; a kind that says nothing of it changes nothing."""
+    _apply_reading(trace, data)
     _apply_planning(trace, data)
     _apply_decision(trace, data)
     _apply_execution(trace, data)
+
+
+def _apply_reading(trace: MissionTrace, data: ev.EventPayload) -> None:
+    """Step 1."""
+    match data:
+        case ev.QuestionAsked():
+            trace.questions.append(data)
+        case ev.OrderRead(text=text, typed=typed, references=references):
+            words = {"text": text, "typed": typed if typed != text else ""}
+            trace.mission = trace.mission.model_copy(update=words)
+            trace.references = references
+        case _:
+            pass
 
 
 def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
@@ -249,7 +283,7 @@ def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
             attempt.error, attempt.usage = data.error, data.usage
             attempt.instead_of, attempt.given = data.instead_of, data.given
             attempt.as_judged, attempt.confidence = data.as_judged, data.confidence
-            attempt.as_chosen = data.as_chosen
+            attempt.as_chosen, attempt.as_read_again = data.as_chosen, data.as_read_again
         case ev.PlanRehearsed(attempt=number, rehearsal=rehearsal, seconds=seconds):
             attempt = trace.attempt(number)
             attempt.rehearsal, attempt.rehearsal_s = rehearsal, seconds
@@ -269,13 +303,15 @@ def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
 
 
 def _apply_decision(trace: MissionTrace, data: ev.EventPayload) -> None:
-    """The operator's turn, and what takes it away."""
+    """What another model read, the operator's turn, and what takes that away."""
     match data:
+        case ev.OrderReadAgain(attempt=number):
+            trace.attempt(number).read_again = data
         case ev.ApprovalRequested(attempt=number, if_halted=declared):
             trace.stage, trace.approval = "decide", data
             trace.approval_state = data.state
             if (attempt := trace.find(number)) is not None:
-                attempt.if_halted = declared
+                attempt.if_halted, attempt.told = declared, data.confidence
         case ev.DecisionMade(attempt=number, decision=decision, accepted=accepted):
             trace.decisions.append(data)
             if accepted:

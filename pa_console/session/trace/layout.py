@@ -182,6 +182,8 @@ def _attempt(
         parts.append(safeguards.evidence(attempt, decided_by))
     if attempt.judged or attempt.judge_text:
         parts.append(safeguards.verdict(attempt))
+    if attempt.read_again is not None:
+        parts.append(safeguards.second_reading(attempt, attempt.read_again))
     if record and attempt.judged and attempt.judge_text:
         key, usage = f"judge-answer-{number}", attempt.judge_usage
         parts.append(planning.answer(key, "The judge's answer", attempt.judge_text, usage, step=6))

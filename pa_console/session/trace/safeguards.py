@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from pa_console.orders.plain_words import plain_reading
-from pa_console.schema.events.event import ApprovalRequested
+from pa_console.schema.events.event import ApprovalRequested, OrderReadAgain
 from pa_console.schema.finding import Finding, Verdict
 from pa_console.schema.quantities import count, duration_text
 from pa_console.schema.rehearsal import (
@@ -191,6 +191,19 @@ def verdict(attempt: Attempt) -> Section:
     mark = status_of("verdict", given.verdict)
     took = duration_text(attempt.judge_usage.seconds)
     return Section(key, "Judge", opinions(given), step=6, mark=mark, note=took)
+
+
+def second_reading(attempt: Attempt, read: OrderReadAgain) -> Section:
+    """What another model read in the order, which planner or judge was unsure of."""
+    key, blocks = f"read-again-{attempt.number}", [labelled("by", read.model)]
+    if read.error:
+        blocks.append(said(read.error, "warn"))
+    else:
+        blocks.append(labelled("read as", plain_reading(read.asked)))
+    if read.confidence is not None:
+        blocks.append(labelled("confidence", f"{read.confidence:.0%}"))
+    took = duration_text(read.usage.seconds)
+    return Section(key, "Second reader", tuple(blocks), step=6, note=took)
 
 
 def opinions(given: Verdict) -> tuple[Block, ...]:

@@ -17,6 +17,7 @@ from pa_console.session.trace.parts import (
     labelled,
     table,
 )
+from pa_console.session.wording import references_in_words
 
 STEPS = (
     "queued", "retrieve", "picture", "prompt", "plan", "safeguards", "judge", "decide",
@@ -31,6 +32,8 @@ def headline(trace: MissionTrace) -> tuple[Spans, ...]:
     origin = (Span(" by alarm", "warn"),) if mission.source == "alarm" else ()
     head = (Span(mission.id, "note", "bold"), *origin, Span(f" {mission.said}"))
     read = ((Span(f"read as: {mission.text}", "quiet"),),) if mission.typed else ()
+    meant = references_in_words(trace.references)
+    read += ((Span(f"where {meant}", "quiet"),),) if meant else ()
     return (head, *read, *(standing(moves) for moves in by_track(trace).values()))
 
 

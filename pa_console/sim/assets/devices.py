@@ -1,7 +1,7 @@
 """What a device does with a command, and what it does when it hears nothing any more (CAP-05)."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from pa_console.schema.command import COMMANDS, CommandReply, DeviceCommand, ReplyStatus
 from pa_console.schema.telemetry import Task
@@ -54,8 +54,14 @@ _TASKS: dict[str, Task] = {
 }
 
 
-def accept(terrain: Terrain, scene: Scene, command: DeviceCommand) -> Iterator[CommandReply]:
-    """Take a command in as the device does; yield its answers.
+Admit = Callable[[DeviceCommand], str]
+"""Says why a device may not carry a command out, '' when it may; asked once for a command id."""
+
+
+def accept(
+    terrain: Terrain, scene: Scene, command: DeviceCommand, admit: Admit | None = None
+) -> Iterator[CommandReply]:
+    """Take a command in as the device does, if it does `admit` it; yield its answers.
 
     A command id is carried out once: when it comes again, the last answer to it is repeated.
     """
@@ -68,7 +74,8 @@ def accept(terrain: Terrain, scene: Scene, command: DeviceCommand) -> Iterator[C
     if known_reply is not None:
         yield known_reply
         return
-    problem = _objection(terrain, asset, command)
+    problem = admit(command) if admit is not None else ""
+    problem = problem or _objection(terrain, asset, command)
     if problem:
         yield _remember(asset, _answer(scene, command, "refused", problem))
         return

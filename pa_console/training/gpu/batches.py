@@ -6,9 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from pa_console.training.gpu.corpus import Branch, Pack
+from pa_console.training.gpu.flash import Segments
 
 WINDOW = 64
 """Batches that are filled together: packs of like lengths come into the same one."""
@@ -45,7 +47,7 @@ class Batch:
     """A batch on the device: `rows` predict `targets`, of which `learnt` count (positions)."""
 
     tokens: Tensor
-    grid: Grid
+    layout: Grid | Segments
     rows: Tensor
     targets: Tensor
     learnt: Tensor
@@ -59,14 +61,19 @@ class Batch:
 
 
 def in_batches(
-    packs: Sequence[Pack], most_tokens: int, rng: random.Random
+    packs: Sequence[Pack], most_tokens: int, rng: random.Random, padded: bool = True
 ) -> Iterator[tuple[Pack, ...]]:
-    """Yield every pack once, in batches of at most `most_tokens` where there are several."""
-    order = [part for pack in packs for part in alike(pack)]
+    """Yield every pack once, in batches of at most `most_tokens` where there are several.
+
+    Where batches are `padded`, packs of like lengths come together.
+    """
+    order = [part for pack in packs for part in alike(pack)] if padded else list(packs)
     rng.shuffle(order)
     each = max(1, round(most_tokens / max(1.0, sum(p.size for p in order) / len(order))))
     for start in range(0, len(order), WINDOW * each):
-        part = sorted(order[start : start + WINDOW * each], key=_likeness)
+        part = order[start : start + WINDOW * each]
+        if padded:
+            part.sort(key=_likeness)
         made: list[tuple[Pack, ...]] = []
         together: list[Pack] = []
         size = 0
@@ -102,32 +109,27 @@ def _even(length: int) -> int:
     return -(-length // EVEN) * EVEN
 
 
-def make_batch(packs: Sequence[Pack], window: int, device: str | torch.device) -> Batch:
-    """Lay `packs` out and bring them to `device`; local layers see `window` positions, 0 all."""
-    most_prefix = _even(max(len(pack.prefix) for pack in packs))
-    most_branches = max(len(pack.branches) for pack in packs)
-    longest = _even(max(pack.longest for pack in packs))
-    total = sum(pack.size for pack in packs)
-    prefix = np.full((len(packs), most_prefix), total, np.int64)
-    branches = np.full((len(packs), most_branches, longest), total, np.int64)
-    tokens: list[np.ndarray] = []
-    positions: list[np.ndarray] = []
-    rows: list[np.ndarray] = []
-    at = 0
-    for g, pack in enumerate(packs):
-        begin = len(pack.prefix)
-        prefix[g, :begin] = np.arange(at, at + begin)
-        tokens.append(pack.prefix)
-        positions.append(np.arange(begin))
-        at += begin
-        for b, branch in enumerate(pack.branches):
-            length = len(branch.tokens)
-            branches[g, b, :length] = np.arange(at, at + length)
-            tokens.append(branch.tokens)
-            positions.append(np.arange(begin, begin + length))
-            at += length
-            rows.append(np.arange(at - len(branch.targets), at))
+def make_batch(
+    packs: Sequence[Pack], window: int, device: str | torch.device, flash: bool = False
+) -> Batch:
+    """Lay `packs` out and bring them to `device`, all prefixes first, for one way of attention.
+
+    Local layers see `window` positions, 0 all.
+    """
     every = [branch for pack in packs for branch in pack.branches]
+    prefixes = np.array([len(pack.prefix) for pack in packs])
+    counts = np.array([len(pack.branches) for pack in packs])
+    lengths = np.array([len(branch.tokens) for branch in every])
+    ends = prefixes.sum() + np.cumsum(lengths)
+    tokens = np.concatenate(
+        [pack.prefix for pack in packs] + [branch.tokens for branch in every]
+    ).astype(np.int64)
+    begins = np.concatenate((np.zeros_like(prefixes), np.repeat(prefixes, counts)))
+    sizes = np.concatenate((prefixes, lengths))
+    positions = np.concatenate([np.arange(a, a + n) for a, n in zip(begins, sizes, strict=True)])
+    rows = [
+        np.arange(end - len(branch.targets), end) for end, branch in zip(ends, every, strict=True)
+    ]
 
     def sent(array: np.ndarray) -> Tensor:
         host = torch.from_numpy(array)
@@ -135,14 +137,39 @@ def make_batch(packs: Sequence[Pack], window: int, device: str | torch.device) -
             return host.pin_memory().to(device, non_blocking=True)
         return host
 
+    layout: Grid | Segments
+    if flash:
+        layout = Segments.of(sent(positions).float(), prefixes, lengths, counts)
+    else:
+        prefix, branches = _placed(packs, prefixes, ends, len(tokens))
+        layout = _grid(sent(positions), sent(prefix), sent(branches), window)
     return Batch(
-        tokens=sent(np.concatenate(tokens).astype(np.int64)),
-        grid=_grid(sent(np.concatenate(positions)), sent(prefix), sent(branches), window),
+        tokens=sent(tokens),
+        layout=layout,
         rows=sent(np.concatenate(rows)),
         targets=sent(np.concatenate([branch.targets for branch in every]).astype(np.int64)),
         learnt=sent(np.concatenate([branch.learnt for branch in every])),
         lengths=tuple(len(branch.targets) for branch in every),
     )
+
+
+def _placed(
+    packs: Sequence[Pack], prefixes: NDArray[np.int64], ends: NDArray[np.int64], total: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the rows of prefixes (G, P) and of branches (G, B, T); `total` is nobody's row."""
+    most_branches = max(len(pack.branches) for pack in packs)
+    longest = _even(max(pack.longest for pack in packs))
+    prefix = np.full((len(packs), _even(int(prefixes.max()))), total, np.int64)
+    branches = np.full((len(packs), most_branches, longest), total, np.int64)
+    begins = np.cumsum(prefixes) - prefixes
+    number = 0
+    for g, pack in enumerate(packs):
+        prefix[g, : prefixes[g]] = np.arange(begins[g], begins[g] + prefixes[g])
+        for b, branch in enumerate(pack.branches):
+            length = len(branch.tokens)
+            branches[g, b, :length] = np.arange(ends[number] - length, ends[number])
+            number += 1
+    return prefix, branches
 
 
 def _grid(positions: Tensor, prefix: Tensor, branches: Tensor, window: int) -> Grid:

@@ -15,8 +15,8 @@ import numpy as np
 
 from pa_console.llm.models.catalogue import Catalog
 from pa_console.training.gpu.corpus import Branch, Pack, write_corpus
-from pa_console.training.lora.material import Pack as LoraPack
 from pa_console.training.lora.material import Tokeniser, make_packs
+from pa_console.training.lora.packs import Pack as LoraPack
 from pa_console.training.samples.sample import Sample, read_samples
 
 MOST_TOKENS = 4096
@@ -32,13 +32,14 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--tasks", default="", help="only these, e.g. planner,judge")
+    parser.add_argument("--kind", default="", help="only samples whose kind ends so: spoken")
     parser.add_argument("--drop", type=float, default=0.0, help="share of the groups left out")
     parser.add_argument("samples", type=Path, nargs="+")
     args = parser.parse_args()
     tasks = set(filter(None, args.tasks.split(",")))
     kept = [
         group
-        for group in groups(args.samples, tasks)
+        for group in groups(args.samples, tasks, args.kind)
         if random.Random(f"drop/{group[0].group}").random() >= args.drop
     ]
     parts = [kept[start : start + TOGETHER] for start in range(0, len(kept), TOGETHER)]
@@ -56,12 +57,15 @@ def main() -> None:
     )
 
 
-def groups(files: Sequence[Path], tasks: set[str]) -> Iterator[Group]:
-    """Yield the samples of `files` that share a prompt's beginning, shortest first."""
+def groups(files: Sequence[Path], tasks: set[str], kind: str = "") -> Iterator[Group]:
+    """Yield the samples of `files` that share a prompt's beginning, shortest first.
+
+    Only of these `tasks`, where there are any, and of kinds that end with `kind`.
+    """
     for file in files:
         found: dict[tuple[str, str, str], Group] = {}
         for sample in read_samples(file):
-            if not tasks or sample.task in tasks:
+            if (not tasks or sample.task in tasks) and sample.kind.endswith(kind):
                 key = sample.group, sample.system, sample.picture
                 found.setdefault(key, []).append(sample)
         for group in found.values():

@@ -13,7 +13,7 @@ import queue
 import random
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -21,7 +21,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from pa_console.training.gpu.attention import attend
+from pa_console.training.gpu import attention, flash
 from pa_console.training.gpu.batches import Batch, in_batches, make_batch
 from pa_console.training.gpu.corpus import Pack, read_corpus
 from pa_console.training.lora.adapter import Adapter, Pair
@@ -70,6 +70,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--device", default="cuda")
     parser.add_argument("--dtype", default="bfloat16")
+    parser.add_argument("--attention", choices=("flash", "grid"), default="flash")
     parser.add_argument("--resume", action="store_true")
     parser.add_argument("--profile", action="store_true", help="where the time goes, 5 steps")
     for name, value in asdict(Config()).items():
@@ -79,7 +80,8 @@ def main() -> None:
     corpora = [_corpus(text) for text in args.corpus]
     valid = {name: read_corpus(Path(file)) for name, _, file in map(_parted, args.valid)}
     base = read_base(args.base, args.device, getattr(torch, args.dtype))
-    run = Run(config, base, corpora, valid, args.out, args.resume)
+    with_flash = args.attention == "flash" and not base.shape.window
+    run = Run(config, base, corpora, valid, args.out, with_flash, args.resume)
     if args.profile:
         run.profile()
     run.go()
@@ -105,8 +107,11 @@ class Run:
         corpora: Sequence[Corpus],
         valid: dict[str, list[Pack]],
         out: Path,
+        with_flash: bool,
         resume: bool,
     ) -> None:
+        self._flash = with_flash
+        self._attend: Callable[..., Tensor] = flash.attend if with_flash else attention.attend
         self._config, self._base, self._corpora, self._out = config, base, corpora, out
         self._device = base.embedding.device
         self._window = base.shape.window
@@ -116,7 +121,7 @@ class Run:
             self.adapter.masters, lr=0.0, betas=BETAS, weight_decay=0.0, foreach=True
         )
         self._valid = {name: self._batches_of(packs) for name, packs in valid.items()}
-        self.step, self._before, self._tokens = 0, 0.0, 0
+        self.step, self._before, self._tokens, self._best = 0, 0.0, 0, 0.0
         if resume and (out / "state.pt").exists():
             self._load()
         self._queue: queue.Queue[Batch] = queue.Queue(AHEAD)
@@ -215,12 +220,14 @@ class Run:
         return loss.detach()
 
     def _states(self, pairs: Sequence[Pair], batch: Batch) -> Tensor:
-        states = hidden(self._base, pairs, batch.tokens, batch.grid, attend)
+        states = hidden(self._base, pairs, batch.tokens, batch.layout, self._attend)
         return states.index_select(0, batch.rows)
 
     @torch.no_grad()
     def _validate(self) -> None:
+        """Tell how much is right of what is not learnt, and keep the adapter that had most."""
         pairs = self.adapter.working(self._base.embedding.dtype)
+        shares = 0.0
         for name, batches in self._valid.items():
             right = samples = count = 0
             total = 0.0
@@ -233,6 +240,7 @@ class Run:
                 parts = torch.split((hits | ~batch.learnt).cpu(), list(batch.lengths))
                 right += sum(bool(part.all()) for part in parts)
                 samples += len(parts)
+            shares += right / samples
             self._say(
                 step=self.step,
                 valid=name,
@@ -241,12 +249,15 @@ class Run:
                 share=round(right / samples, 4),
                 loss=round(total / count, 4),
             )
+        if shares > self._best:
+            self._best = shares
+            self._write(self._out / "best")
 
     def _batches_of(self, packs: Sequence[Pack]) -> list[Batch]:
         rng = random.Random(0)
         return [
-            make_batch(some, self._window, self._device)
-            for some in in_batches(packs, self._config.tokens, rng)
+            make_batch(some, self._window, self._device, self._flash)
+            for some in in_batches(packs, self._config.tokens, rng, not self._flash)
         ]
 
     def _fill(self) -> None:
@@ -260,34 +271,40 @@ class Run:
             chosen = owed.index(min(owed))
             packs = next(endless[chosen])
             given[chosen] += sum(pack.size for pack in packs)
-            self._queue.put(make_batch(packs, self._window, self._device))
+            self._queue.put(make_batch(packs, self._window, self._device, self._flash))
 
     def _endless(self, corpus: Corpus, rng: random.Random) -> Iterator[tuple[Pack, ...]]:
         epoch = 0
         while True:
-            yield from in_batches(corpus.packs, self._config.tokens, rng)
+            yield from in_batches(corpus.packs, self._config.tokens, rng, not self._flash)
             epoch += 1
             self._say(corpus=corpus.name, epochs=epoch, step=self.step)
 
     def save(self) -> None:
-        """Write the adapter, in files that are small enough to travel, and the whole state."""
+        """Write the adapter and the whole state."""
         state = {
             "masters": [master.detach() for master in self.adapter.masters],
             "optimiser": self._optimiser.state_dict(),
             "step": self.step,
             "seconds": self._seconds,
             "tokens": self._tokens,
+            "best": self._best,
         }
         torch.save(state, self._out / "state.partial")
         os.replace(self._out / "state.partial", self._out / "state.pt")
+        self._write(self._out)
+
+    def _write(self, folder: Path) -> None:
+        """Write the adapter as it is, in files that are small enough to travel."""
+        folder.mkdir(exist_ok=True)
         flat = torch.cat([master.detach().flatten() for master in self.adapter.masters])
         whole = flat.to(torch.float16).cpu().numpy()
         each = MOST_FILE // 2
         for number, start in enumerate(range(0, len(whole), each)):
-            np.save(self._out / f"masters-{number}.npy", whole[start : start + each])
+            np.save(folder / f"masters-{number}.npy", whole[start : start + each])
         facts = {"step": self.step, "seconds": self._seconds, "tokens_learnt": self._tokens}
         facts |= asdict(self._config)
-        (self._out / "facts.json").write_text(json.dumps(facts), encoding="utf-8")
+        (folder / "facts.json").write_text(json.dumps(facts), encoding="utf-8")
 
     def _load(self) -> None:
         state = torch.load(self._out / "state.pt", map_location=self._device, weights_only=True)
@@ -296,7 +313,7 @@ class Run:
                 master.copy_(saved)
         self._optimiser.load_state_dict(state["optimiser"])
         self.step, self._before = state["step"], state["seconds"]
-        self._tokens = state["tokens"]
+        self._tokens, self._best = state["tokens"], state["best"]
 
     def _say(self, **facts: object) -> None:
         line = json.dumps(facts)

@@ -9,8 +9,8 @@ import torch
 from pa_console.training.lora.adapter import Adapter
 from pa_console.training.lora.base import Base
 from pa_console.training.lora.frozen import EightBits, Frozen, Measured
-from pa_console.training.lora.material import Pack
 from pa_console.training.lora.model import Batch, hidden
+from pa_console.training.lora.packs import Pack
 
 PACKS = 6
 """That are looked at, from all over the data."""

@@ -21,8 +21,9 @@ from pa_console.training.lora.checkpoint import RunFolder, State, first_weights
 from pa_console.training.lora.config import TrainConfig, find_base
 from pa_console.training.lora.eight_bits import in_eight_bits
 from pa_console.training.lora.frozen import FORMATS, fastest_precision
-from pa_console.training.lora.material import Pack, Tokeniser, packs_held_out, packs_to_learn
+from pa_console.training.lora.material import Tokeniser, packs_held_out, packs_to_learn
 from pa_console.training.lora.model import Score, gradients, score
+from pa_console.training.lora.packs import Pack
 from pa_console.training.lora.workers import Workers
 
 

@@ -11,7 +11,6 @@ decoding under a grammar comes to: llguidance forces a token only where no other
 
 import random
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
 from types import MappingProxyType
@@ -27,6 +26,7 @@ from pa_console.llm.worker.runtime import Runtime
 from pa_console.llm.worker.threads import FreeCores
 from pa_console.orders.reading import asked_words
 from pa_console.training.lora.config import TrainConfig
+from pa_console.training.lora.packs import Branch, Pack
 from pa_console.training.samples.sample import Sample, read_samples
 
 OTHERS = "others"
@@ -99,41 +99,6 @@ def _begun(sample: Sample, answer: str) -> Sample:
     return sample.model_copy(
         update={"rest": _MISSION.lstrip() + mission, "answer": answer, "goes_on": True}
     )
-
-
-Tokens = NDArray[np.int32]
-
-
-@dataclass(frozen=True)
-class Branch:
-    """One sample behind the shared prefix.
-
-    `tokens` are the rest of the prompt, then the answer without its last token; `targets` is the
-    answer: what the last `len(targets)` of `tokens` are to predict, each with its weight. A
-    weight of zero is that of a token which the grammar writes.
-    """
-
-    tokens: Tokens
-    targets: Tokens
-    weights: NDArray[np.float32]
-
-
-@dataclass(frozen=True)
-class Pack:
-    """A prefix and the samples that continue it."""
-
-    prefix: Tokens
-    branches: tuple[Branch, ...]
-
-    @property
-    def size(self) -> int:
-        """Tokens that are computed."""
-        return len(self.prefix) + sum(len(branch.tokens) for branch in self.branches)
-
-    @property
-    def loss_weight(self) -> float:
-        """Sum of the weights of all tokens that are to be predicted."""
-        return float(sum(branch.weights.sum() for branch in self.branches))
 
 
 class Tokeniser:

@@ -18,7 +18,7 @@ from pa_console.training.lora.attention import Layout, Rotation, attend
 from pa_console.training.lora.base import Base
 from pa_console.training.lora.frozen import Frozen
 from pa_console.training.lora.kernels import adapted, answer_loss, gated, normed, score_answers
-from pa_console.training.lora.material import Pack
+from pa_console.training.lora.packs import Pack
 from pa_console.training.lora.shape import Shape
 
 

@@ -25,6 +25,8 @@ from pa_console.training.situations.worlds import (
 )
 
 PER_WORLD = 4
+MOST_FRUITLESS = 8
+"""So many worlds in a row may give no mission; in more there is something wrong with the rules."""
 SIMULATION_SEEDS = (0, 1, 2)
 """Seeds for which the plan has to be right: evaluations begin with them."""
 
@@ -54,7 +56,7 @@ def generated_missions(
     DocumentError for a broken rule file, and ValueError when no missions can be made.
     """
     forbidden = generated_numbers(shipped_missions())
-    made = number = 0
+    made = number = fruitless = 0
     while made < wanted:
         groups, before = -(-(wanted - made) // PER_WORLD), made
         tasks = [
@@ -68,8 +70,9 @@ def generated_missions(
                 made += len(kept)
                 if kept:
                     yield Found(found.world, kept, found.dropped)
-        if made == before:
-            raise ValueError(f"{rules}: {groups} worlds gave no mission that could be proven")
+        fruitless = fruitless + groups if made == before else 0
+        if fruitless >= MOST_FRUITLESS:
+            raise ValueError(f"{rules}: {fruitless} worlds gave no mission that could be proven")
 
 
 def write_mission_set(file: Path, name: str, source: str, found: Sequence[Found]) -> MissionSet:

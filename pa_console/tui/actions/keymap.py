@@ -7,11 +7,12 @@ from typing import Protocol
 from textual.binding import Binding, InvalidBinding
 from textual.keys import REPLACED_KEYS, Keys, key_to_character
 
+from pa_console.orders.references.resolution import MOST_CHOICES
 from pa_console.schema.events.event import MOST_READINGS
 from pa_console.tui.actions.registry import ACTIONS, ConsoleAction, action_of, key_text
 
-READING_KEYS = tuple(f"alt+{number}" for number in range(1, MOST_READINGS + 1))
-"""The keys of the other readings of an order, at the approval panel."""
+READING_KEYS = tuple(f"alt+{number}" for number in range(1, max(MOST_READINGS, MOST_CHOICES) + 1))
+"""The keys of the other readings of an order, or of answers, at the approval panel."""
 
 _PANEL = {"a": "Approve", "r": "Reject", "m": "Modify"}
 """The keys of the approval panel, which a recording does not have."""

@@ -138,6 +138,10 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("evaluation", "e", "Evaluation",
                   "Look at an evaluation: runs, failures, tables, traces", "View",
                   lambda to: to.browsing.show_evaluation()),
+    ConsoleAction("sessions", "L", "Sessions",
+                  "Look at the recorded sessions: open, compare, export, run again", "View",
+                  lambda to: to.browsing.show_sessions(),
+                  words="export save replay recording history log"),
     ConsoleAction(
         "approval", "f7,g", "To approval", "Go to the plan that waits for a decision",
         "Mission",

@@ -2,12 +2,14 @@
 
 from textual.screen import Screen
 
+from pa_console.orders.plain_words import plain_reading
 from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Plan
 from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.tui.controllers.commands import CommandController
 from pa_console.tui.controllers.console_session import ConsoleSession
+from pa_console.tui.plan_preview.preview import PlanPreview
 from pa_console.tui.widgets.approval import ApprovalPanel
 
 BACK_TO_PROPOSED = "back to the plan as it was proposed"
@@ -40,6 +42,31 @@ class ApprovalController:
             and main
         ):
             main.query_one(ApprovalPanel).refused()
+
+    def look_at(self, asked: str) -> None:
+        """Show what another reading of the order would lead to; with '' the plan that waits."""
+        self._session.app.run_worker(
+            self._look_at(asked), group="reading", exclusive=True, exit_on_error=False
+        )
+
+    async def _look_at(self, asked: str) -> None:
+        """Rehearse a reading once and show it, unless the plan has changed meanwhile."""
+        session, trace = self._session, self._session.state.current
+        main, station = session.main, session.station
+        request = trace.approval if trace is not None else None
+        if main is None or station is None or trace is None or request is None or not asked:
+            if main is not None:
+                main.look_at("", None)
+            return
+        found = await station.look_at(trace.mission, asked)
+        if trace.approval is not request:
+            return
+        if found is None:
+            main.look_at(asked, None)
+            return
+        words = plain_reading(asked)
+        plan = PlanPreview(session.world, found.plan, found.rehearsal, words)
+        main.look_at(asked, plan, found.faults)
 
     def modify(self) -> None:
         """Open the editor on the waiting plan, or on the draft that was left."""

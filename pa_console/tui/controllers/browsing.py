@@ -18,9 +18,17 @@ class BrowsingController:
     """Carries out what changes nothing outside the screen; it is legal everywhere."""
 
     def __init__(
-        self, session: ConsoleSession, settings: SettingsController, evaluations: Path | None
+        self,
+        session: ConsoleSession,
+        settings: SettingsController,
+        evaluations: Path | None,
+        copies: Path | None = None,
     ) -> None:
-        """`evaluations` is the folder of all evaluations, None the user's own."""
+        """`evaluations` is the folder of all evaluations, `copies` that of exports.
+
+        None is the user's own.
+        """
+        self._copies = copies
         self._session, self._app = session, session.app
         self._settings, self._evaluations = settings, evaluations
 
@@ -131,6 +139,15 @@ class BrowsingController:
 
         if not self._session.is_open(ManualScreen):
             self._app.push_screen(ManualScreen(load_manual()))
+
+    def show_sessions(self) -> None:
+        """Show the recorded sessions."""
+        from pa_console.session.log.writer import default_folder  # noqa: PLC0415
+        from pa_console.tui.screens.sessions import SessionsScreen  # noqa: PLC0415
+
+        if not self._session.is_open(SessionsScreen):
+            folder = self._settings.loaded.values.logs or default_folder()
+            self._app.push_screen(SessionsScreen(folder, self._session.clock, self._copies))
 
     def show_evaluation(self) -> None:
         """Show the newest evaluation, or ask for the folder of one."""

@@ -1,5 +1,6 @@
 """Knows which rules are in force: the policy browser, what it needs to edit them, changes."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -23,6 +24,7 @@ class InForce(NamedTuple):
     name: str
     seal: RulesSeal
     rules: tuple[Rule, ...]
+    approvals: Mapping[str, int]
 
 
 class RulesController:
@@ -81,7 +83,7 @@ class RulesController:
         match event.data:
             case ev.RulesReplaced(rules=name, rules_seal=seal, rule_set=rule_set):
                 self.texts.update({rule.id: rule for rule in rule_set.rules})
-                self._use(InForce(name, seal, rule_set.rules))
+                self._use(InForce(name, seal, rule_set.rules, rule_set.approvals))
             case ev.Noticed(subject="rules", level=level, text=text):
                 self._session.tell(text, "Rules", bad=level == "alarm")
             case _:

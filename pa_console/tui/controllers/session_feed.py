@@ -6,6 +6,7 @@ from collections.abc import Callable
 from textual.message import Message
 
 from pa_console.schema.events.event import Event
+from pa_console.session.state.waiting import Waiting
 from pa_console.tui.actions.registry import ActionContext
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.protocols import LiveStation
@@ -32,8 +33,11 @@ class SessionFeed:
             super().__init__()
             self.problem = problem
 
-    def __init__(self, session: ConsoleSession, painted: Callable[[], None]) -> None:
-        """`painted` is called after each frame."""
+    def __init__(
+        self, session: ConsoleSession, painted: Callable[[], None], waiting: Waiting
+    ) -> None:
+        """`painted` is called after each frame; `waiting` knows what takes its time."""
+        self.waiting = waiting
         self._session, self._app, self._painted = session, session.app, painted
         self._dirty: frozenset[str] = frozenset()
         self._flush_due = False
@@ -46,7 +50,7 @@ class SessionFeed:
         station = self._session.station
         if station is not None and self._session.player is None:
             self._app.run_worker(self._listen(station), group="session", exit_on_error=False)
-            self._app.set_interval(LOOK_S, self._look_for_silence)
+            self._app.set_interval(LOOK_S, self._look)
         self.changed(ALL_VIEWS)
 
     async def _listen(self, station: LiveStation) -> None:
@@ -63,6 +67,7 @@ class SessionFeed:
     def take(self, event: Event) -> None:
         """Fold one event, and note which panes it concerns."""
         self._session.folded.apply(event)
+        self.waiting.take(event, self._session.folded, self._session.clock())
         if event.data.kind == "telemetry":
             self._last_telemetry = self._session.clock()
         self.changed(views_of(event.data.kind))
@@ -104,6 +109,7 @@ class SessionFeed:
         if views and main is not None and main.is_mounted and session.player is None:
             silent = session.clock() - self._last_telemetry
             main.refresh_views(session.state, views, session.rate, silent)
+            self._show_waiting()
         self._tell_what_waits()
         if session.situation != self._situation:
             self._situation = session.situation
@@ -120,6 +126,14 @@ class SessionFeed:
             self._app.notify(text, title="Approval")
         self._waited = waits
 
-    def _look_for_silence(self) -> None:
+    def _show_waiting(self) -> None:
+        """Say on the main screen what is being waited for."""
+        main = self._session.main
+        if main is not None and main.is_mounted:
+            main.show_waiting(self.waiting.line(self._session.clock(), self._session.folded))
+
+    def _look(self) -> None:
+        """Look how long the session has been silent, and how long a step takes."""
+        self._show_waiting()
         if self._session.clock() - self._last_telemetry > 4 * LOOK_S:
             self.changed(frozenset(("status",)))

@@ -18,7 +18,6 @@ from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.settings import SettingsController
 from pa_console.tui.typed_text import TypedText
 from pa_console.tui.widgets.approval import DECISION_KEYS, REASON, ApprovalPanel
-from pa_console.tui.widgets.fields import CheckBox
 from pa_console.tui.widgets.key_line import KeyLine
 
 CHOSEN_S = 5.0
@@ -114,7 +113,7 @@ class TypingController:
         if self._typed.is_text:
             panel.write_reason(self._typed.keys)
             return True
-        if isinstance(self._app.focused, CheckBox) and character == " ":
+        if character == " ":  # ticks a box, or plays the rehearsal
             self._typed.forget()
             return False
         if character.isalpha() and character not in DECISION_KEYS:

@@ -1,6 +1,6 @@
 """Draws gates, posts and the base with their names, and makes way for markers."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from math import inf
 
 from pa_console.schema.telemetry import Picture
@@ -22,9 +22,17 @@ class Frames:
     A marker on a frame goes before the frame's sign, which then stands beside it.
     """
 
-    def __init__(self, canvas: Canvas, labels: Labels, view: Projection, picture: Picture) -> None:
+    def __init__(
+        self,
+        canvas: Canvas,
+        labels: Labels,
+        view: Projection,
+        picture: Picture,
+        involved: Collection[str] | None = None,
+    ) -> None:
+        """Covered gates that are not among those `involved` are dimmed, None dims nothing."""
         self._canvas, self._labels, self._view = canvas, labels, view
-        self._covers = picture.gates
+        self._covers, self._involved = picture.gates, involved
         self._displaced: list[tuple[Frame, Run]] = []
 
     def draw(self, frames: Mapping[str, Frame], places: Mapping[str, Cell]) -> None:
@@ -64,6 +72,8 @@ class Frames:
         if name not in self._covers:
             return FRAME_GLYPHS[frame.kind], "frame"
         state = cover_state(self._covers[name])
+        if state == "covered" and self._involved is not None and name not in self._involved:
+            return term("gate", state).glyph, "dimmed"
         return term("gate", state).glyph, f"gate-{state}"
 
     def _place(self, frame: Frame, line: list[Run], most: float = inf) -> list[Cell]:

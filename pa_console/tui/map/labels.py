@@ -22,7 +22,7 @@ _TURNS = {
 }  # fmt: skip
 _HIDING = {
     "": 0.0, "lane": 0.2, "zone": 0.2, "asset-field": 0.1, "camera-field": 0.1, "trail": 0.1,
-    "route": 0.4, "camera": 3.0,
+    "route": 0.4, "ghost": 0.4, "camera": 3.0,
 }  # fmt: skip
 _HIDING_ANYTHING_ELSE = 4.0
 _TOUCHING = 0.8

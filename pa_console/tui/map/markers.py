@@ -19,6 +19,9 @@ MOST_NAMES = 9
 DETAIL_FROM_COLUMNS = 60
 """A narrower map has no room for batteries that are not low."""
 
+NAMES_FROM_ROWS = 12
+"""A lower map has no room for the names of what is dimmed."""
+
 _BESIDE = 0.1
 """The cost of a place right of a marker that hides nothing."""
 
@@ -55,7 +58,10 @@ class Markers:
         cells: dict[Cell, list[Marker]] = defaultdict(list)
         for marker in markers:
             column, row = floor(marker.spot[0]), floor(marker.spot[1])
-            cells[min(max(column, 0), self._right), min(max(row, 0), self._bottom)].append(marker)
+            if not (0 <= column <= self._right and 0 <= row <= self._bottom):
+                column = min(max(column, 0), self._right)
+                row = min(max(row, 0), self._bottom)
+            cells[column, row].append(marker)
         self._cells = cells
         self._symbols = {at: self._symbol(at, here) for at, here in cells.items()}
         canvas.marks = {at: tuple([m.id for m in here]) for at, here in cells.items()}
@@ -84,9 +90,12 @@ class Markers:
         In a crowded view only what matters is written.
         """
         details: list[tuple[list[Cell], str]] = []
+        low = canvas.height < NAMES_FROM_ROWS
         for at in sorted(self._cells, key=lambda at: (at not in first, self._rank(at))):
             here = self._cells[at]
             pointed = any(marker.id == self._pointed_at for marker in here)
+            if low and not pointed and self._symbols[at].role == "dimmed":
+                continue
             if len(here) == 1 and (pointed or not crowded or here[0].is_track):
                 names = self._name_one(labels, at, here[0])
                 if names and self._detailed and here[0].symbol.detail:
@@ -106,7 +115,7 @@ class Markers:
 
     def _rank(self, at: Cell) -> int:
         here = self._cells[at]
-        if any(marker.id == self._pointed_at for marker in here):
+        if self._pointed_at and any(marker.id == self._pointed_at for marker in here):
             return 0
         if any(marker.is_track for marker in here):
             return 1

@@ -24,7 +24,8 @@ LANES_FROM_ROWS = 12
 class Projection:
     """Fits the site, and its lanes as far as useful, into `width` x `height` cells.
 
-    With `zoom` above 1 only that part of it is shown, around `centre` (the middle if None).
+    With `zoom` above 1 only that part of it is shown, around `centre` (the middle if None). The
+    scale is that of a view of the size `fit`, if one is given: a smaller view then shows less.
     """
 
     world: World
@@ -32,6 +33,11 @@ class Projection:
     height: int
     zoom: float = 1.0
     centre_on: Point | None = None
+    fit: tuple[int, int] | None = None
+
+    @property
+    def _fitted(self) -> tuple[int, int]:
+        return self.fit or (self.width, self.height)
 
     @cached_property
     def _view(self) -> tuple[float, float, float, float]:
@@ -58,7 +64,7 @@ class Projection:
         west, east = min(p[0] for p in site), max(p[0] for p in site)
         south, north = min(p[1] for p in site), max(p[1] for p in site)
         reach_x = LANE_SHARE * (east - west)
-        reach_y = LANE_SHARE * (north - south) if self.height >= LANES_FROM_ROWS else 0.0
+        reach_y = LANE_SHARE * (north - south) if self._fitted[1] >= LANES_FROM_ROWS else 0.0
         far = [point for lane in world.lanes.values() for point in lane.points]
         return (
             max(west - reach_x, min([west, *(p[0] for p in far)])),
@@ -76,12 +82,19 @@ class Projection:
     def _scale(self) -> tuple[float, float]:
         """Cells per metre, across and down."""
         west, south, east, north = self._view
-        across = max(self.width - 3, 1) / max(east - west, 1.0)
-        down = max(self.height - 1, 1) / max(north - south, 1.0)
+        width, height = self._fitted
+        across = max(width - 3, 1) / max(east - west, 1.0)
+        down = max(height - 1, 1) / max(north - south, 1.0)
         return (
             min(across, down * CELL_ASPECT * MOST_STRETCH),
             min(down, across / CELL_ASPECT * 1.2),
         )
+
+    @cached_property
+    def _centre(self) -> Spot:
+        """The middle of the canvas; that of a smaller one is whole cells off that of `fit`."""
+        width, height = self._fitted
+        return width / 2 - (width - self.width) // 2, height / 2 - (height - self.height) // 2
 
     @property
     def columns_per_metre(self) -> float:
@@ -90,8 +103,8 @@ class Projection:
 
     def spot(self, point: Point) -> Spot:
         """Return where on the canvas a point in metres is; it may lie outside."""
-        (x, y), (across, down) = self._middle, self._scale
-        return self.width / 2 + (point[0] - x) * across, self.height / 2 - (point[1] - y) * down
+        (x, y), (across, down), (column, row) = self._middle, self._scale, self._centre
+        return column + (point[0] - x) * across, row - (point[1] - y) * down
 
     def cell(self, point: Point) -> Cell:
         """Return the cell of a point in metres; it may lie outside the canvas."""
@@ -109,5 +122,5 @@ class Projection:
 
     def point(self, spot: Spot) -> Point:
         """Return the point in metres that a spot on the canvas stands for."""
-        (x, y), (across, down) = self._middle, self._scale
-        return x + (spot[0] - self.width / 2) / across, y - (spot[1] - self.height / 2) / down
+        (x, y), (across, down), (column, row) = self._middle, self._scale, self._centre
+        return x + (spot[0] - column) / across, y - (spot[1] - row) / down

@@ -11,6 +11,7 @@ from pa_console.tui.map.frames import Frames
 from pa_console.tui.map.ground import Ground, draw_ground
 from pa_console.tui.map.labels import Labels
 from pa_console.tui.map.markers import Marker, Markers
+from pa_console.tui.map.plan_layer import PlanLayer, dimmed
 from pa_console.tui.map.projection import Projection
 from pa_console.tui.map.sensor_fields import Sensors, asset_fields, camera_fields
 from pa_console.tui.map.strokes import Strokes
@@ -24,7 +25,7 @@ ROLES = (
     "camera-field", "trail", "route", "uav", "ugv", "robot", "down", "stale", "suspect", "crowd",
     "crowd-down", "crowd-stale", "camera", "camera-failed", "camera-unknown", "track-unknown",
     "track-authorized", "track-unauthorized", "track-hostile", "track-stale", "warning", "detail",
-    "legend",
+    "legend", "ghost", "arrival", "gate-gains", "gate-loses", "dimmed",
 )  # fmt: skip
 
 CELLS_PER_NAME = 48
@@ -54,8 +55,10 @@ class MapScene:
         self.short = short_names(world.assets)
         self._ground = lru_cache(maxsize=4)(self._draw_ground)
 
-    def _draw_ground(self, width: int, height: int, window: Window) -> Ground:
-        return draw_ground(self.world, Projection(self.world, width, height, *window))
+    def _draw_ground(
+        self, width: int, height: int, window: Window, fit: tuple[int, int] | None
+    ) -> Ground:
+        return draw_ground(self.world, Projection(self.world, width, height, *window, fit))
 
     def draw(
         self,
@@ -67,13 +70,16 @@ class MapScene:
         *,
         trails: Iterable[Sequence[Point]] = (),
         sensors: Sensors = "",
+        plan: PlanLayer | None = None,
+        fit: tuple[int, int] | None = None,
     ) -> Canvas:
         """Return the map of `width` x `height` cells; without a picture only the ground.
 
         `marked` is the asset or track that gets a pointer, `trails` are ways behind assets and
-        tracks, in metres; `sensors` says of which sensors the fields of view are shown.
+        tracks, in metres; `sensors` says of which sensors the fields of view are shown, and `plan`
+        is drawn over it before it runs. The scale is that of a map of the size `fit`.
         """
-        ground = self._ground(width, height, window)
+        ground = self._ground(width, height, window, fit)
         canvas, view = ground.canvas.copy(), ground.view
         if picture is None:
             for name, at in ground.names.items():
@@ -92,20 +98,19 @@ class MapScene:
             routes = [(asset.position, *asset.route) for asset in seen if asset.route]
             _lines(view, trails, 2, 1).draw(canvas, "trail", over=_FREE)
             _lines(view, routes, 3, 2).draw(canvas, "route", over=_FREE)
-        markers = Markers(
-            canvas,
-            self._markers(picture, view, seen, look, whole=whole, health=not crowded),
-            marked,
-        )
+        if plan is not None:
+            plan.draw_routes(canvas, view)
+        shown = self._markers(picture, view, seen, look, plan, whole=whole, health=not crowded)
+        markers = Markers(canvas, shown, marked)
         self._draw_cameras(canvas, view, picture, look, crowded=crowded)
         markers.draw(canvas)
-        named = self._named(canvas, ground, picture, look, markers, crowded=crowded)
+        named = self._named(canvas, ground, picture, look, markers, plan=plan, crowded=crowded)
         first: tuple[Cell, ...] = ()
         for _ in range(0 if crowded else MOST_RETRIES):
             if left_out := markers.unnamed(named):
                 first = (*left_out, *first)
                 again = self._named(
-                    canvas, ground, picture, look, markers, first=first, crowded=False
+                    canvas, ground, picture, look, markers, first=first, plan=plan, crowded=False
                 )
                 named = min(named, again, key=lambda tried: len(markers.unnamed(tried)))
         return named
@@ -119,6 +124,7 @@ class MapScene:
         markers: Markers,
         *,
         first: Sequence[Cell] = (),
+        plan: PlanLayer | None = None,
         crowded: bool,
     ) -> Canvas:
         """Return a copy of the canvas with all names for which there is room.
@@ -128,8 +134,11 @@ class MapScene:
         canvas = canvas.copy()
         labels = Labels(canvas, ground.barriers)
         self._keep_cameras(labels, ground.view, picture, look)
-        frames = Frames(canvas, labels, ground.view, picture)
+        involved = plan.preview.involved if plan is not None else None
+        frames = Frames(canvas, labels, ground.view, picture, involved)
         frames.draw(self.world.frames, ground.names)
+        if plan is not None:
+            plan.write(labels, ground, self.world)
         markers.name(canvas, labels, first, crowded=crowded)
         self._name_cameras(canvas, labels, ground.view, picture, look)
         if not crowded:
@@ -142,6 +151,7 @@ class MapScene:
         view: Projection,
         seen: Iterable[AssetTelemetry],
         look: Reliance,
+        plan: PlanLayer | None,
         *,
         whole: bool,
         health: bool,
@@ -150,9 +160,13 @@ class MapScene:
         for track in picture.tracks.values():
             if whole or view.shows(track.position):
                 symbol = track_symbol(track, numbers[track.id], look)
+                if plan is not None and plan.dims(track.id):
+                    symbol = dimmed(symbol)
                 yield Marker(track.id, view.spot(track.position), symbol, is_track=True)
         for asset in seen:
             symbol = asset_symbol(asset, self.short, look, health=health)
+            if plan is not None and plan.dims(asset.id):
+                symbol = dimmed(symbol)
             yield Marker(asset.id, view.spot(asset.position), symbol)
 
     def _draw_cameras(

@@ -96,7 +96,7 @@ def crowd_symbol(roles: Sequence[str]) -> Symbol:
     glyph = count_glyph(len(roles))
     number = str(len(roles)) if len(roles) > MOST_DIGIT else ""
     if not down:
-        return Symbol(glyph, number, "crowd")
+        return Symbol(glyph, number, "dimmed" if {*roles} == {"dimmed"} else "crowd")
     failed = "down" in down
     sign = term("asset", "failed").glyph if failed else "?"
     return Symbol(glyph, f"{number}{sign}{len(down)}", "crowd-down" if failed else "crowd-stale")

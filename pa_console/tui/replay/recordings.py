@@ -15,6 +15,7 @@ from pa_console.schema.events.event import SessionStarted
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
 from pa_console.session.log.chain import LogError
+from pa_console.session.log.reader import read_log
 from pa_console.session.replay.log_index import Progress
 from pa_console.session.replay.player import Player
 from pa_console.session.replay.recording import Recording
@@ -125,6 +126,15 @@ def _open(log: Path, progress: Progress | None) -> tuple[Player, SessionStarted]
     if not isinstance(started, SessionStarted):
         raise LogError(str(log), 1, "the log does not begin with the start of a session")
     return player, started
+
+
+def started_of(log: Path) -> SessionStarted:
+    """Return how the session of `log` was started; raises LogError when it does not say so."""
+    for event in read_log(log):
+        if isinstance(event.data, SessionStarted):
+            return event.data
+        break
+    raise LogError(str(log), 1, "the log does not begin with the start of a session")
 
 
 def _rules(player: Player, started: SessionStarted) -> tuple[dict[str, Rule], list[str]]:

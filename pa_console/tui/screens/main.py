@@ -8,13 +8,17 @@ from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
 from textual.screen import Screen
+from textual.timer import Timer
 from textual.widgets import Button, Input, Static
 
+from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
 from pa_console.session.state.fold import MissionTrace, SessionState
 from pa_console.tui.actions.keymap import READING_KEYS, KeysHost, first_own_key
 from pa_console.tui.kept_input import History
+from pa_console.tui.plan_preview.playback import Playback
+from pa_console.tui.plan_preview.preview import PlanPreview, waiting_plan
 from pa_console.tui.protocols import Clock
 from pa_console.tui.widgets.alarms import AlarmBar, AlarmPane
 from pa_console.tui.widgets.approval import DECISION_KEYS, ApprovalPanel
@@ -23,7 +27,11 @@ from pa_console.tui.widgets.bars import VIEWS, KeyFooter, StatusBar, ViewBar
 from pa_console.tui.widgets.event_list import EventList
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
+from pa_console.tui.widgets.plan_schedule import PlanSchedule
 from pa_console.tui.widgets.trace_pane import NO_MISSION, TracePane
+
+PLAY_FRAME_S = 0.1
+"""How often another moment of a rehearsal is shown."""
 
 LEAST_SIZE = (60, 18)
 WIDE_SIZE = (100, 30)
@@ -56,6 +64,10 @@ class MainScreen(Screen[None]):
         self._closed_why, self.mode, self._clock = closed, mode, clock
         self._view = "map"
         self._selected: str | None = None
+        self._waits: tuple[ApprovalRequested, PlanPreview | None] | None = None
+        self._plan: PlanPreview | None = None
+        self._playback: Playback | None = None
+        self._play_timer: Timer | None = None
 
     def compose(self) -> ComposeResult:
         """Yield all panes; the style sheet decides which are seen."""
@@ -66,12 +78,13 @@ class MainScreen(Screen[None]):
             with Vertical(id="left"):
                 yield MapView(self._world, id="map")
                 with Vertical(id="lower"):
+                    yield PlanSchedule(id="schedule")
                     yield AlarmPane(id="alarms")
                     yield AssetPane(self._world, id="assets")
                     yield EventList(all_known=self.mode == "REPLAY", id="events")
             with Vertical(id="right"):
                 yield TracePane(self._rules, self._before_missions, id="trace")
-                yield ApprovalPanel(self._clock)
+                yield ApprovalPanel(self._clock, decides=not self._closed_why)
         yield from self.replay_line()
         yield MissionPrompt(self._history, self._closed_why)
         yield KeyFooter()
@@ -101,6 +114,7 @@ class MainScreen(Screen[None]):
         if small:
             text = TOO_SMALL.format(width=width, height=height)
             self.query_one("#too-small", Static).update(text)
+        self.call_after_refresh(self.query_one(ApprovalPanel).fit)
 
     def use_delays(self, approval_s: float, stale_s: float) -> None:
         """Take the user's hold delay, and after how long telemetry is called stale; in seconds."""
@@ -173,14 +187,22 @@ class MainScreen(Screen[None]):
             self.query_one(EventList).show(state.notices)
         if "trace" in views:
             self.query_one(TracePane).show(self.selected(state))
-            if self.mode == "LIVE":
-                self._show_approval(state)
+            self._show_approval(state)
+
+    def show_waiting(self, text: str) -> None:
+        """Say what is being waited for, empty for nothing."""
+        self.query_one(MissionPrompt).show_waiting(text)
 
     def _show_approval(self, state: SessionState) -> None:
         """Show or withdraw the open request; focus moves only when nobody is typing."""
         panel, prompt = self.query_one(ApprovalPanel), self.query_one(MissionPrompt)
         had_keys, in_reason = panel.has_focus_within, isinstance(self.focused, Input)
-        appeared = panel.show(state.current)
+        plan = self._plan_that_waits(state)
+        appeared = panel.show(state.current, plan)
+        if appeared or not panel.display:
+            self.show_plan(plan)
+        if self._closed_why:
+            return
         if appeared:
             self._selected = None
             self.query_one(TracePane).show(state.current)
@@ -196,6 +218,55 @@ class MainScreen(Screen[None]):
                 self.focus_view(self._view)
             else:
                 prompt.take_cursor()
+
+    def _plan_that_waits(self, state: SessionState) -> PlanPreview | None:
+        """Return the plan that waits, the same one as long as it does."""
+        trace = state.current
+        request = trace.approval if trace is not None else None
+        if trace is None or request is None:
+            self._waits = None
+        elif self._waits is None or self._waits[0] is not request:
+            self._waits = request, waiting_plan(self._world, trace)
+        return self._waits[1] if self._waits is not None else None
+
+    def show_plan(self, plan: PlanPreview | None) -> None:
+        """Show a plan that has not run on the map and as a schedule; nothing is played then."""
+        self._plan, self._playback = plan, None
+        self._show_moment()
+
+    def look_at(self, asked: str, plan: PlanPreview | None, faults: tuple[str, ...] = ()) -> None:
+        """Show what another reading would lead to; without `asked` the plan that waits again."""
+        waits = self._waits[1] if self._waits is not None else None
+        self.query_one(ApprovalPanel).show_reading(asked, plan, faults)
+        self.show_plan(plan if asked else waits)
+
+    def on_approval_panel_play_asked(self) -> None:
+        """Play the rehearsal of the plan that is shown, or stop it."""
+        if self._playback is not None or self._plan is None:
+            self._playback = None
+        else:
+            self._playback = Playback(self._plan, self._clock, self._clock())
+            if self.compact and self._view != "map":
+                self.go_to("map")
+        self._show_moment()
+
+    def _play_on(self) -> None:
+        if self._playback is not None and self._playback.is_over:
+            self._playback = None
+        self._show_moment()
+
+    def _show_moment(self) -> None:
+        playback = self._playback
+        moment_s = playback.time_s if playback is not None else None
+        if playback is not None and self._play_timer is None:
+            self._play_timer = self.set_interval(PLAY_FRAME_S, self._play_on)
+        elif playback is None and self._play_timer is not None:
+            self._play_timer.stop()
+            self._play_timer = None
+        self.set_class(self._plan is not None, "-planned")
+        self.query_one(MapView).show_plan(self._plan, moment_s)
+        self.query_one("#schedule", PlanSchedule).show(self._plan, moment_s)
+        self.query_one(ApprovalPanel).show_moment(self._plan, moment_s)
 
     def action_where_to_decide(self) -> None:
         """Say where the key of a decision decides something."""
@@ -218,7 +289,8 @@ class MainScreen(Screen[None]):
     def leave_field(self) -> None:
         """Leave the prompt or a field of the approval panel; nothing typed is lost."""
         panel = self.query_one(ApprovalPanel)
-        if panel.display and not isinstance(self.focused, Button):
+        reading = panel.looks_at_reading
+        if panel.display and (reading or not isinstance(self.focused, Button)):
             panel.take_focus()
         else:
             self.focus_view(self._view)

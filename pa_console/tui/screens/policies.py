@@ -16,14 +16,14 @@ from textual.widgets.option_list import Option
 from pa_console.policy.authoring import rule_save
 from pa_console.policy.authoring.rule_save import OpenRule, RulesChangedError
 from pa_console.schema.document import DocumentError
-from pa_console.schema.rule import PRIORITIES, Rule, RuleHit
+from pa_console.schema.rule import PRIORITIES, Rule, RuleHit, approvals_in_words
 from pa_console.session.state.rule_trail import uses_of
 from pa_console.tui.protocols import RuleScorer, ShownRules
 from pa_console.tui.rules_view.rows import rule_line, rule_rows, standing_style, use_rows
 from pa_console.tui.rules_view.workbench import Workbench
 from pa_console.tui.screens.questions import Confirm
 from pa_console.tui.screens.rule_editor import RuleEditor
-from pa_console.tui.status_words import QUIET
+from pa_console.tui.status_words import NOTE, QUIET
 from pa_console.tui.trace.rows import row
 from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.fields import LineField
@@ -54,6 +54,7 @@ class PolicyScreen(Screen[str]):
     def __init__(self, rulebook: ShownRules, retriever: RuleScorer, bench: Workbench) -> None:
         super().__init__()
         self._rules, self._set, self._seal = rulebook.rules, rulebook.name, rulebook.seal
+        self._asked = approvals_in_words(rulebook.approvals)
         self._retriever, self._bench = retriever, bench
         self._saved = ""
         self._hits: dict[str, RuleHit] = {}
@@ -91,6 +92,7 @@ class PolicyScreen(Screen[str]):
     def use(self, rulebook: ShownRules, retriever: RuleScorer) -> None:
         """Show another set, which is in force now; the pointer stays on its rule."""
         self._rules, self._set, self._seal = rulebook.rules, rulebook.name, rulebook.seal
+        self._asked = approvals_in_words(rulebook.approvals)
         self._retriever = retriever
         text = self.query_one("#policy-search", Input).value.strip()
         self._hits = {hit.rule_id: hit for hit in retriever.score_all(text)} if text else {}
@@ -155,6 +157,7 @@ class PolicyScreen(Screen[str]):
                 f"{self._set} {self._seal.title} ",
                 (self._seal.words, standing_style(self._seal)),
                 *((f"  ▲ {warning}", "bold $text-error") for warning in self._seal.warnings),
+                *((f"  people: {asked}", NOTE) for asked in (self._asked,) if asked),
                 (f"  {len(rules)} of {len(self._rules)}, {count} checked by code", QUIET),
             )
         )

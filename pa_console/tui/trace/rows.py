@@ -1,7 +1,7 @@
 """Rows with a hanging indent: what a trace is made of, laid out for a width or as plain text."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import cast
 
 from textual.content import Content
@@ -15,10 +15,14 @@ LEAST_BODY = 12
 
 @dataclass(frozen=True)
 class Row:
-    """A fixed `lead` and a `body` that wraps beside it."""
+    """A fixed `lead` and a `body` that wraps beside it.
+
+    A body of `phrases`, two cells apart, goes on a new line rather than break one of them.
+    """
 
     lead: Content
     body: Content
+    phrases: tuple[Content, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -38,6 +42,16 @@ def row(lead: Sequence[Part] | Part = "", *body: Part) -> Row:
     """
     leads = lead if isinstance(lead, list) else [cast(Part, lead)]
     return Row(Content.assemble(*map(_seen, leads)), Content.assemble(*map(_seen, body)))
+
+
+GAP = "  "
+"""What stands between two phrases."""
+
+
+def phrased(lead: Sequence[Part] | Part, phrases: Iterable[Part]) -> Row:
+    """Build a row of phrases that are not broken where they fit on a line."""
+    parts = tuple(Content.assemble(_seen(part)) for part in phrases)
+    return replace(row(lead, Content(GAP).join(parts)), phrases=parts)
 
 
 def _seen(part: Part) -> Part:
@@ -65,10 +79,24 @@ def layout(rows: Sequence[Row], width: int) -> list[Content]:
         if beside < LEAST_BODY and body:
             lines += lead.wrap(max(1, width))
             lead, beside = Content("  "), max(1, width - 2)
-        pieces = body.wrap(max(1, beside)) if body else [Content()]
+        if item.phrases:
+            pieces = _filled(item.phrases, max(1, beside))
+        else:
+            pieces = body.wrap(max(1, beside)) if body else [Content()]
         lines.append(lead + pieces[0])
         hang = Content(" " * lead.cell_length)
         lines += [hang + piece for piece in pieces[1:]]
+    return lines
+
+
+def _filled(phrases: Sequence[Content], width: int) -> list[Content]:
+    """Return the lines of phrases at `width` cells."""
+    lines: list[Content] = []
+    for phrase in phrases:
+        if lines and lines[-1].cell_length + len(GAP) + phrase.cell_length <= width:
+            lines[-1] = lines[-1] + GAP + phrase
+        else:
+            lines += phrase.wrap(width)
     return lines
 
 

@@ -1,144 +1,32 @@
 """The operator's decision on a plan: says what will happen, and cannot be hit by a stray key."""
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 from textual import events, on
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Horizontal, ItemGrid, Vertical, VerticalScroll
-from textual.content import Content
 from textual.message import Message
 from textual.widget import Widget
 from textual.widgets import Button, Input
 
-from pa_console.orders.plain_words import plain_reading
-from pa_console.orders.reading import asked_words
 from pa_console.schema.events.event import ApprovalRequested
-from pa_console.schema.mission import Decision, Mission
+from pa_console.schema.mission import Decision
 from pa_console.session.state.mission_trace import MissionTrace
-from pa_console.session.wording import safety_in_words
 from pa_console.tui.actions.keymap import READING_KEYS
+from pa_console.tui.plan_preview.approval_rows import (
+    approval_rows,
+    looked_at_rows,
+    reading_label,
+    reading_rows,
+)
+from pa_console.tui.plan_preview.preview import PlanPreview
 from pa_console.tui.protocols import Clock
-from pa_console.tui.status_words import BAD, GOOD, NOTE, QUIET, WARN, term
-from pa_console.tui.trace.rows import Row, row
+from pa_console.tui.status_words import term
 from pa_console.tui.widgets.fields import CheckBox, LineField
+from pa_console.tui.widgets.plan_schedule import PlanSchedule
 from pa_console.tui.widgets.row_views import TextRows
-from pa_console.tui.words import action_sentence
-
-
-def approval_rows(trace: MissionTrace) -> Iterator[Row]:
-    """Yield the order and its reading, what of it will not happen, what will, and the judge.
-
-    Whether the order may have been misread comes before what will happen.
-    """
-    request = trace.approval
-    if request is None:
-        return
-    attempt = trace.find(request.attempt)
-    refused = trace.decisions[-1] if trace.decisions and not trace.decisions[-1].accepted else None
-    if refused is not None:
-        yield row("✘ ", (f"not accepted: {refused.detail}", BAD))
-    yield from _order(trace, request)
-    if request.state == "not_understood":
-        told = "; ".join(request.blocked_by).removeprefix("not understood: ")
-        yield row(("? ", WARN), (told, WARN))
-        yield row("  ", "Nobody moves. Reject this and say it in other words.")
-        return
-    for text in attempt.unmet if attempt else ():
-        yield row(("△ ", WARN), ("NOT DONE  ", f"bold {WARN}"), text)
-    if attempt is not None and attempt.doubt and not request.readings:
-        yield _unsure(attempt.doubt)
-    elif attempt is not None and attempt.gaps:
-        yield _unsure("; ".join(attempt.gaps))
-    yield row(
-        "",
-        (f"{trace.mission.id} plan {request.attempt}", "bold"),
-        (f" {attempt.phase}" if attempt and attempt.phase else "", NOTE),
-        (": if you approve,", QUIET),
-    )
-    picture = attempt.rehearsal.before if attempt and attempt.rehearsal else None
-    for number, action in enumerate(request.plan.actions, start=1):
-        yield row((f" {number} ", "bold"), action_sentence(action, picture, trace.digest))
-    if not request.plan.actions:
-        yield row("   ", "nothing moves: the plan has no action")
-    if request.if_halted and not request.blocked_by:
-        yield row("   ", ("if halted: ", NOTE), safety_in_words(request.if_halted))
-    for reason in request.blocked_by:
-        yield row(("✘ ", BAD), ("BLOCKED  ", f"bold {BAD}"), (reason, BAD))
-    for rule_id in request.acknowledge:
-        yield row(("▲ ", WARN), (f"{rule_id}  ", f"bold {WARN}"), _message(trace, rule_id))
-    yield _judge(trace, request)
-
-
-def _order(trace: MissionTrace, request: ApprovalRequested) -> Iterator[Row]:
-    """Yield the words of the order as they were typed, and what they were read as."""
-    mission, attempt = trace.mission, trace.find(request.attempt)
-    who = "typed  " if mission.source == "operator" else "alarm  "
-    yield row((who, QUIET), *typed_words(mission))
-    asked = asked_words(attempt.plan.reason).rstrip("; ") if attempt and attempt.plan else ""
-    if asked and not request.readings:
-        yield row(("read   ", QUIET), plain_reading(asked))
-
-
-def typed_words(mission: Mission) -> Iterator[str | tuple[str, str]]:
-    """Yield an order as it was typed; after each word that is read otherwise, how."""
-    typed, read = mission.said.split(), mission.text.split()
-    if len(typed) != len(read):
-        yield mission.said
-        if typed != read:
-            yield (f" (read: {mission.text})", WARN)
-        return
-    for number, (one, other) in enumerate(zip(typed, read, strict=True)):
-        yield f"{' ' * bool(number)}{one}"
-        if one != other:
-            yield (f" (read: {other})", WARN)
-
-
-def _unsure(doubt: str) -> Row:
-    return row(("△ ", WARN), ("UNSURE  ", f"bold {WARN}"), doubt)
-
-
-def _judge(trace: MissionTrace, request: ApprovalRequested) -> Row:
-    attempt = trace.find(request.attempt)
-    if attempt is None or not attempt.judged:
-        return row(("? ", WARN), ("Judge: not asked", f"bold {WARN}"))
-    given = attempt.verdict
-    mark = term("verdict", given.verdict if given else "none")
-    if given is not None and given.verdict == "Success":
-        style = GOOD if request.state == "approve" else QUIET
-        return row(
-            (f"{mark.glyph} " if style == GOOD else "· ", style),
-            ("Judge, on the rules: no objection", style),
-        )
-    return row(
-        (f"{mark.glyph} ", mark.style),
-        (f"Judge: {mark.word}  ", f"bold {mark.style}"),
-        (given.feedback if given else attempt.judge_error, mark.style),
-    )
-
-
-def _message(trace: MissionTrace, rule_id: str) -> str:
-    findings = (f for attempt in reversed(trace.attempts) for f in attempt.findings)
-    return next((f.message for f in findings if f.rule_id == rule_id), "")
-
-
-def reading_rows(trace: MissionTrace) -> Iterator[Row]:
-    """Yield what the order was read as, where it may mean something else."""
-    request = trace.approval
-    if request is None or not request.readings:
-        return
-    attempt, asked = trace.find(request.attempt), plain_reading(request.asked)
-    if attempt is not None and attempt.as_chosen:
-        yield row(("✎ ", NOTE), "read as you meant it: ", asked)
-        return
-    sure = f" with {attempt.sure:.0%} confidence" if attempt and attempt.sure is not None else ""
-    yield _unsure(f"read{sure} as: {asked}")
-
-
-def reading_label(number: int, asked: str) -> Content:
-    """Return what else the order may mean, after the key that chooses it."""
-    return Content.assemble((f"(Alt+{number}) ", "bold"), ("or: ", QUIET), plain_reading(asked))
 
 
 def blocked_reason(request: ApprovalRequested, left: Sequence[str], reason: str) -> str:
@@ -162,6 +50,14 @@ The user may choose another delay."""
 DECISION_KEYS = {"r": "reject", "m": "modify", "a": "approve"}
 """The button that each of the panel's letters goes to; Enter presses it."""
 
+ROWS_ELSEWHERE = 6
+"""The lines of the terminal that are neither map nor panel, about."""
+
+WIDE_SHARE, COMPACT_SHARE = 0.7, 0.62
+"""How much of the other lines the panel may take, beside the map and below it."""
+
+LEAST_ROWS, LEAST_BODY_ROWS = 13, 4
+
 REASON = "approval-reason"
 _MEANT = "meant-"
 _FREE_KEYS = ("tab", "shift+tab", "escape", "pageup", "pagedown")
@@ -171,7 +67,8 @@ class ApprovalPanel(Vertical, can_focus=True):
     """Reject, Modify or Approve, or another reading of the order.
 
     Decisions leave as messages, the panel itself changes nothing. It has the focus itself where no
-    key may decide: Enter does nothing there, letters do what they do at its buttons.
+    key may decide: Enter does nothing there, letters do what they do at its buttons. Where nothing
+    is decided, in a recording or a console that only reads, it shows the plan without buttons.
     """
 
     BINDINGS = [
@@ -180,9 +77,10 @@ class ApprovalPanel(Vertical, can_focus=True):
             for key, button in DECISION_KEYS.items()
         ),
         *(
-            Binding(key, f"read_as({n})", "Read it so", show=False, priority=True)
+            Binding(key, f"look_at({n})", "Look at that reading", show=False, priority=True)
             for n, key in enumerate(READING_KEYS, start=1)
         ),
+        Binding("space", "play", "Play the rehearsal", show=False),
         Binding("pagedown", "scroll_plan(1)", "Rest of the plan", show=False),
         Binding("pageup", "scroll_plan(-1)", "Back in the plan", show=False),
         Binding("tab", "cycle(1)", "Next field", show=False),
@@ -199,9 +97,20 @@ class ApprovalPanel(Vertical, can_focus=True):
     class ModifyAsked(Message):
         """The operator wants to change the plan."""
 
-    def __init__(self, clock: Clock = time.monotonic) -> None:
-        super().__init__(id="approval")
-        self._clock = clock
+    class PlayAsked(Message):
+        """The operator wants to see the rehearsal on the map, or no more of it."""
+
+    class LookedAt(Message):
+        """The operator looks at another reading of the order, or with '' at the plan again."""
+
+        def __init__(self, asked: str) -> None:
+            super().__init__()
+            self.asked = asked
+
+    def __init__(self, clock: Clock = time.monotonic, *, decides: bool = True) -> None:
+        super().__init__(id="approval", classes="" if decides else "-closed")
+        self._clock, self._decides = clock, decides
+        self.can_focus = decides
         self.arm_delay_s = ARM_DELAY_S
         self._trace: MissionTrace | None = None
         self._shown: tuple[str, int, int] | None = None
@@ -209,14 +118,20 @@ class ApprovalPanel(Vertical, can_focus=True):
         self._sent = False
         self._seen = 0.0
         """So many lines of the plan have been on screen, from the first on."""
+        self._seen_before_play = 0.0
+        self._width = self._body_rows = 0
+        self._looked_at = ""
+        self._playing = False
 
     def compose(self) -> ComposeResult:
         """Yield the consequences, what must be given, and the buttons."""
         with VerticalScroll(id="approval-body", can_focus=False):
             yield TextRows(id="approval-text")
+            yield PlanSchedule(id="approval-schedule")
         with VerticalScroll(id="approval-given", can_focus=False):
             yield TextRows(id="approval-reading")
             yield Vertical(id="approval-readings")
+            yield TextRows(id="approval-looked-at")
             yield ItemGrid(id="approval-warnings", min_column_width=18)
         yield LineField(compact=True, id=REASON, select_on_focus=False)
         with Horizontal(id="approval-buttons"):
@@ -231,8 +146,11 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.watch(self._body, "virtual_size", self._saw, init=False)
         self.display = False
 
-    def show(self, trace: MissionTrace | None) -> bool:
-        """Show the open request of `trace`, or hide; returns whether a new one has appeared."""
+    def show(self, trace: MissionTrace | None, preview: PlanPreview | None = None) -> bool:
+        """Show the open request of `trace`, or hide; returns whether a new one has appeared.
+
+        `preview` is its plan as the rehearsal has shown it.
+        """
         request = trace.approval if trace else None
         if trace is None or request is None:
             self._trace, self._shown = None, None
@@ -241,25 +159,29 @@ class ApprovalPanel(Vertical, can_focus=True):
         key = (trace.mission.id, request.attempt, len(trace.decisions))
         self._trace = trace
         if key == self._shown:
+            self._tell(trace, preview)
             return False
         self._shown, self._sent = key, False
         self.display = True
-        self._fill(trace)
+        self._fill(trace, preview)
         self._disarm()
         return True
 
-    def _fill(self, trace: MissionTrace) -> None:
+    def _fill(self, trace: MissionTrace, preview: PlanPreview | None) -> None:
         request = trace.approval
         assert request is not None
-        self.query_one("#approval-text", TextRows).show(tuple(approval_rows(trace)))
+        self._looked_at = ""
+        self._tell(trace, preview)
+        self.query_one("#approval-looked-at", TextRows).show(())
+        self._schedule.show(preview)
         self.query_one("#approval-reading", TextRows).show(tuple(reading_rows(trace)))
         readings = self.query_one("#approval-readings", Vertical)
         readings.remove_children()
         readings.mount_all(
             Button(reading_label(number, asked), name=f"meant-{number}", compact=True)
-            for number, asked in enumerate(request.readings, start=1)
+            for number, asked in enumerate(trace.choices or request.readings, start=1)
         )
-        self.set_class(bool(request.readings), "-unclear")
+        self.set_class(bool(trace.choices or request.readings), "-unclear")
         warnings = self.query_one("#approval-warnings", ItemGrid)
         warnings.remove_children()
         warnings.mount_all(
@@ -272,20 +194,76 @@ class ApprovalPanel(Vertical, can_focus=True):
         reason.placeholder = (
             "Why override the judge? (required)"
             if request.needs_override and not request.blocked_by
+            else "Your answer, Enter sends it"
+            if request.state == "not_understood"
             else "Reason (optional)"
         )
         self._body.scroll_home(animate=False)
         self._seen = 0.0
+        self.call_after_refresh(self.fit)
         self.call_after_refresh(self._saw)
+
+    def _tell(self, trace: MissionTrace, preview: PlanPreview | None) -> None:
+        """Say what is to be known; meanwhile a workflow may have moved on."""
+        self.query_one("#approval-text", TextRows).show(tuple(approval_rows(trace, preview)))
+
+    def show_moment(self, preview: PlanPreview | None, now_s: float | None) -> None:
+        """Show the schedule of the plan that is looked at; `now_s` while it is played."""
+        self._schedule.show(preview, now_s)
+        if self._playing != (now_s is not None):
+            self._playing = now_s is not None
+            self.set_class(self._playing, "-playing")
+            self.call_after_refresh(self.fit)
+            if self._playing:
+                self._seen_before_play = self._seen
+            else:
+                self.call_after_refresh(self._recall)
+        self.refresh_state()
+
+    def _recall(self) -> None:
+        """What was on screen before a rehearsal was played counts after it."""
+        self._seen = max(self._seen, self._seen_before_play)
+        self.refresh_state()
+
+    def show_reading(
+        self, asked: str, preview: PlanPreview | None, faults: tuple[str, ...] = ()
+    ) -> None:
+        """Show what the reading that was `asked` for would lead to; None: that is not known."""
+        rows = looked_at_rows(preview, faults) if asked else ()
+        self.query_one("#approval-looked-at", TextRows).show(tuple(rows))
+        self.call_after_refresh(self.fit)
 
     @property
     def _body(self) -> VerticalScroll:
         return self.query_one("#approval-body", VerticalScroll)
 
-    def on_resize(self) -> None:
-        """Begin anew to tell what was on screen: the lines are others."""
-        self._seen = 0.0
+    @property
+    def _schedule(self) -> PlanSchedule:
+        return self.query_one("#approval-schedule", PlanSchedule)
+
+    def on_resize(self, event: events.Resize) -> None:
+        """Begin anew to tell what was on screen where another width has made other lines."""
+        if event.size.width != self._width:
+            self._width, self._seen = event.size.width, 0.0
+        self.call_after_refresh(self.fit)
         self.call_after_refresh(self._saw)
+
+    def fit(self) -> None:
+        """Give the plan the rows that the buttons and what is asked for leave it."""
+        compact = self.screen.has_class("-compact")
+        room = self.screen.size.height - ROWS_ELSEWHERE
+        others = [child for child in self.children if child is not self._body and child.display]
+        taken = sum(child.outer_size.height + child.styles.margin.height for child in others)
+        taken += self.gutter.height
+        share = int(room * (COMPACT_SHARE if compact else WIDE_SHARE))
+        most = max(share, LEAST_ROWS, taken + LEAST_BODY_ROWS)
+        rows = most - taken
+        self.styles.max_height = most
+        if rows != self._body_rows:
+            self._body_rows = self._body.styles.max_height = rows
+            if self._body.scroll_offset.y == 0:  # nothing has been read on yet
+                self._seen = 0.0
+            self.call_after_refresh(self._saw)
 
     def _saw(self) -> None:
         """Note which lines of the plan are on screen, as far as none before them was left out."""
@@ -298,7 +276,8 @@ class ApprovalPanel(Vertical, can_focus=True):
     @property
     def _unseen(self) -> bool:
         """Whether a plan that needs to be read first has not been on screen as a whole."""
-        request, height = self._trace.approval if self._trace else None, self._body.virtual_size[1]
+        request = self._trace.approval if self._trace else None
+        height = self.query_one("#approval-text").size.height
         sure = request is not None and request.state == "approve"
         return not sure and not 0 < height <= self._seen
 
@@ -326,26 +305,67 @@ class ApprovalPanel(Vertical, can_focus=True):
         """Say why Approve is not possible, and enable it when it is."""
         if self._trace is None:
             return
+        if not self._decides:
+            self.border_subtitle = "nothing is decided here"
+            self._tell_state()
+            return
         why = self._why_not()
         self.query_one("#approve", Button).disabled = bool(why)
         waiting = "" if self.armed else "one moment: keys are ignored until you have seen this"
         line = "decision sent" if self._sent else why or waiting or self._next_key()
-        self.border_subtitle = line
+        self.border_subtitle = "Space stops the rehearsal" if self._playing else line
         self._tell_state()
 
     def _next_key(self) -> str:
         """Return what the next key does, where the focus alone does not say it."""
         if self.has_focus:
             return "r, m or a goes to a button"
+        if self._looked_at:
+            return "Enter reads the order so, Esc goes back to the plan"
         approve = self.query_one("#approve", Button)
-        return "Enter approves, r goes back to Reject" if approve.has_focus else ""
+        if approve.has_focus:
+            return "Enter approves, r goes back to Reject"
+        return "Space plays it on the map" if self.has_focus_within else ""
 
     def on_descendant_focus(self) -> None:
-        """Say what the next key does."""
+        """Look at a reading no more whose button has no focus, and say what the next key does.
+
+        A button that the mouse presses stays where it is: what it leads to is not shown then.
+        """
+        focused = self.screen.focused
+        if focused is None or self._reading_of(focused.name or "") != self._looked_at:
+            self._look("")
         self.refresh_state()
 
+    @property
+    def looks_at_reading(self) -> bool:
+        """Whether another reading than that of the plan is shown."""
+        return bool(self._looked_at)
+
+    def _look(self, asked: str) -> None:
+        if asked != self._looked_at:
+            self._looked_at = asked
+            self.post_message(self.LookedAt(asked))
+
+    def _reading_of(self, name: str) -> str:
+        """Return the reading that a button of this name chooses, '' for none."""
+        request = self._trace.approval if self._trace else None
+        number = name.removeprefix(_MEANT)
+        if request is None or not name.startswith(_MEANT) or not number.isdigit():
+            return ""
+        return next(iter(request.readings[int(number) - 1 : int(number)]), "")
+
+    def _answer_of(self, name: str) -> str:
+        """Return the answer that a button of this name chooses, '' where nothing is asked back."""
+        trace, number = self._trace, name.removeprefix(_MEANT)
+        if trace is None or not name.startswith(_MEANT) or not number.isdigit():
+            return ""
+        return next(iter(trace.choices[int(number) - 1 : int(number)]), "")
+
     def on_descendant_blur(self) -> None:
-        """Say no longer what the next key did there."""
+        """Say no longer what the next key did there; away from here no reading is looked at."""
+        if not self.has_focus_within:
+            self._look("")
         self.refresh_state()
 
     def on_focus(self) -> None:
@@ -386,7 +406,12 @@ class ApprovalPanel(Vertical, can_focus=True):
         outside = -1 if step > 0 else 0
         at = chain.index(self.app.focused) if self.app.focused in chain else outside
         if chain:
-            chain[(at + step) % len(chain)].focus()
+            self._focus_and_look(chain[(at + step) % len(chain)])
+
+    def _focus_and_look(self, widget: Widget) -> None:
+        """Go to a field of the panel; a reading is shown."""
+        self.screen.set_focus(widget)
+        self._look(self._reading_of(widget.name or ""))
 
     def action_go_to(self, button: str) -> None:
         """Go to a button, which Enter presses; to what Approve still needs, where it needs it.
@@ -414,12 +439,19 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.action_scroll_plan(1)
         return self
 
-    def action_read_as(self, number: int) -> None:
-        """Ask for a plan for another reading of the order."""
+    def action_look_at(self, number: int) -> None:
+        """Go to another reading of the order and show it; Enter chooses it there."""
         if not self.armed:
             self.type_ahead()
-        else:
-            self._choose(f"{_MEANT}{number}")
+            return
+        buttons = list(self.query("#approval-readings Button").results(Button))
+        for button in buttons[number - 1 : number]:
+            self._focus_and_look(button)
+
+    def action_play(self) -> None:
+        """Play the rehearsal of what is looked at on the map, or stop it."""
+        if self.armed:
+            self.post_message(self.PlayAsked())
 
     def type_ahead(self) -> None:
         """Drop a key that came too early; the panel waits anew."""
@@ -457,8 +489,10 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.refresh_state()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Enter in the reason leads out of it; another Enter decides nothing."""
+        """Enter leads out of the reason, or sends the answer; another Enter decides nothing."""
         event.stop()
+        if event.value.strip():
+            self._answer(event.value.strip())
         self.screen.set_focus(self)
 
     def _choose(self, choice: str) -> None:
@@ -468,10 +502,10 @@ class ApprovalPanel(Vertical, can_focus=True):
         reason = self.query_one(f"#{REASON}", Input).value.strip()
         if choice == "modify" and request.state != "not_understood":
             self.post_message(self.ModifyAsked())
-        elif choice.startswith(_MEANT):
-            number = int(choice.removeprefix(_MEANT))
-            for asked in request.readings[number - 1 : number]:
-                self._send(Decision(kind="choose", request_id=request.request_id, asked=asked))
+        elif answer := self._answer_of(choice):
+            self._answer(answer)
+        elif asked := self._reading_of(choice):
+            self._send(Decision(kind="choose", request_id=request.request_id, asked=asked))
         elif choice == "reject":
             self._send(Decision(kind="reject", request_id=request.request_id, reason=reason))
         elif choice == "approve" and not self._why_not():
@@ -484,6 +518,12 @@ class ApprovalPanel(Vertical, can_focus=True):
                     acknowledged=request.acknowledge,
                 )
             )
+
+    def _answer(self, answer: str) -> None:
+        """Answer what is asked about the order; nothing where a plan waits."""
+        request = self._trace.approval if self._trace else None
+        if request is not None and request.state == "not_understood" and self.armed:
+            self._send(Decision(kind="answer", request_id=request.request_id, asked=answer))
 
     def _send(self, decision: Decision) -> None:
         self._sent = True

@@ -8,15 +8,14 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import ScrollableContainer
 from textual.content import Content
-from textual.message import Message
 from textual.widgets import Static
 
 from pa_console.evaluation.reporting.table import Table
 from pa_console.evaluation.runs.run_record import Opinion, RunRecord
 from pa_console.tui.evaluation_view.tables import tables_text
-from pa_console.tui.status_words import NOTE, QUIET, WARN, term
+from pa_console.tui.status_words import QUIET, WARN, term
 from pa_console.tui.widgets.assets import Cells, Layout
-from pa_console.tui.widgets.row_views import VirtualRows
+from pa_console.tui.widgets.pointed_rows import PointedRows
 
 LEAST_WIDTH = 40
 
@@ -48,9 +47,6 @@ class ReportTables(ScrollableContainer):
         if width:
             self.query_one(Static).update(tables_text(self._tables, max(LEAST_WIDTH, width - 2)))
 
-
-MARK = 2
-"""Cells of the pointer in front of a row."""
 
 _LEAST = Layout(
     "mission",
@@ -100,19 +96,10 @@ def _verdict(given: Opinion | None, strict: bool) -> tuple[str, str]:
     return f"{mark.glyph} {mark.word}{'≠' * wrong}", WARN if wrong else mark.style
 
 
-class RunRows(VirtualRows):
-    """The list of runs; the pointer stays on its run when others come or the filter changes."""
+class RunRows(PointedRows):
+    """The list of runs."""
 
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("enter", "choose", "Trace"),
-        Binding("pageup", "page(-1)", "Page up", show=False),
-        Binding("pagedown", "page(1)", "Page down", show=False),
-        Binding("home", "end(0)", "First", show=False),
-        Binding("end", "end(-1)", "Last", show=False),
-    ]
-
-    class Pointed(Message):
-        """The pointer was moved to a run."""
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("enter", "choose", "Trace")]
 
     def __init__(self, **kwargs: str) -> None:
         super().__init__(**kwargs)
@@ -128,37 +115,10 @@ class RunRows(VirtualRows):
         self._records = {record.run: record for record in records}
         self.set_keys(list(self._records))
 
-    def row(self, index: int, width: int) -> Content:
-        """Return the row of a run with the pointer in front."""
-        key = self.keys[index]
-        mark = ("▸ ", f"bold {NOTE}") if key == self.cursor else "  "
-        line = run_layout(width - MARK).line(run_cells(self._records[key]), width - MARK)
-        return Content.assemble(mark, line)
+    def layout_of(self, width: int) -> Layout:
+        """Return the columns that fit."""
+        return run_layout(width)
 
-    def heading(self) -> Content:
-        """Return the names of the columns at the list's own width."""
-        width = max(20, self.scrollable_content_region.width or self.size.width) - MARK
-        return Content.assemble("  ", run_layout(width).heading(width))
-
-    def point_at(self, key: str) -> None:
-        """Put the pointer on a run and say so."""
-        super().point_at(key)
-        self.post_message(self.Pointed())
-
-    def action_page(self, by: int) -> None:
-        """Move the pointer by what fits into the view."""
-        self.action_cursor(by * max(1, self.size.height - 1))
-
-    def action_end(self, index: int) -> None:
-        """Move the pointer to the first or the last run."""
-        if self.keys:
-            self.point_at(self.keys[index])
-
-    def on_click(self, event: events.Click) -> None:
-        """Point at a run with one click, choose it with two."""
-        event.prevent_default()
-        index = event.y + self.scroll_offset.y
-        if index < len(self.keys):
-            self.point_at(self.keys[index])
-            if event.chain > 1:
-                self.action_choose()
+    def cells(self, key: str) -> Cells:
+        """Return the cells of a run."""
+        return run_cells(self._records[key])

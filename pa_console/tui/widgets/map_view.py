@@ -11,13 +11,17 @@ from pa_console.schema.base import Point
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.tui.map.canvas import Run
+from pa_console.tui.map.plan_layer import PlanLayer
 from pa_console.tui.map.projection import Projection
 from pa_console.tui.map.scene import ROLES, MapScene, Window
 from pa_console.tui.map.sensor_fields import Sensors
 from pa_console.tui.map.trails import Trails
+from pa_console.tui.plan_preview.preview import PlanPreview
 from pa_console.tui.refresh import retitle
 
 LEGEND = (
+    ("⠤", "planned way", "ghost"), ("◎", "arrives", "arrival"), ("1→2", "guards", "gate-gains"),
+    ("1→0", "guards", "gate-loses"),
     ("⠒", "camera's view", "camera-field"), ("⠂", "asset's view", "asset-field"),
     ("◇", "UNCOVERED", "gate-uncovered"), ("?", "cover unknown", "gate-unknown"),
     ("‼", "hostile", "track-hostile"), ("!", "unauthorized", "track-unauthorized"),
@@ -62,6 +66,11 @@ class MapView(Widget):
         self._centre: Point | None = None
         self._trails = Trails()
         self._sensors: Sensors = ""
+        self._plan: PlanPreview | None = None
+        self._moment_s: float | None = None
+        self._fit = (0, 0)
+        self._fit_for = (0, 0)
+        self._fits: dict[tuple[tuple[int, int], int, int], bool] = {}
         self.followed = ""
         self.border_title = "Map"
 
@@ -73,6 +82,20 @@ class MapView(Widget):
         self._picture = picture
         self._trails.add(picture if live else None)
         if self.is_on_screen and self.content_size.height > 1:
+            self._draw()
+
+    def show_plan(self, plan: PlanPreview | None, moment_s: float | None = None) -> None:
+        """Draw over the picture a plan that has not run; everything else is dimmed.
+
+        With `moment_s` the picture is what the rehearsal has shown at that moment, not the last
+        one.
+        """
+        if (plan, moment_s) == (self._plan, self._moment_s):
+            return
+        self._plan, self._moment_s = plan, moment_s
+        self.set_class(plan is not None, "-plan")
+        self.set_class(moment_s is not None, "-rehearsal")
+        if self.is_on_screen:
             self._draw()
 
     def zoom_by(self, factor: float) -> None:
@@ -134,12 +157,31 @@ class MapView(Widget):
                 self._centre = place
         return self._zoom, self._centre
 
+    def _fit_of(self, width: int, height: int) -> tuple[int, int]:
+        """Return the size that the scale is for: the largest since the terminal has this size.
+
+        So a pane that opens takes away what lies around the site, and the scale stays, unless a
+        frame would be out of sight.
+        """
+        if self._fit_for != self.app.size:
+            self._fit, self._fit_for = (width, height), self.app.size
+        self._fit = max(self._fit[0], width), max(self._fit[1], height)
+        shown = self._fit, width, height
+        if shown not in self._fits:
+            view = Projection(self._world, width, height, fit=self._fit)
+            self._fits[shown] = all(view.shows(each.at) for each in self._world.frames.values())
+        return self._fit if self._fits[shown] else (width, height)
+
     def _label(self) -> None:
         title = "Map"
         if self._zoom > 1.0:
             title += f" ×{self._zoom:g}"
         if self.followed:
             title += f" following {self.followed}"
+        if plan := self._plan:
+            title += f": {plan.reading}" if plan.reading else ": the plan that waits"
+        if plan and self._moment_s is not None:
+            title += f" · REHEARSAL {self._moment_s:.0f} s of {plan.duration_s:.0f} s"
         retitle(self, title)
 
     def on_show(self) -> None:
@@ -161,14 +203,19 @@ class MapView(Widget):
         if width < 2 or height < 2:
             return
         room = height - 1 if height >= LEGEND_FROM_ROWS else height
-        window = self._window()
+        window, fit = self._window(), self._fit_of(width, room)
+        picture, layer, trails = self._picture, None, self._trails
+        if self._plan is not None:
+            layer = PlanLayer(self._plan, self._scene.short, self._moment_s or 0.0)
+        if self._plan is not None and self._moment_s is not None:
+            picture, trails = self._plan.picture_at(self._moment_s), ()
         canvas = self._scene.draw(
-            self._picture, width, room, window, self.followed,
-            trails=self._trails, sensors=self._sensors,
+            picture, width, room, window, self.followed,
+            trails=trails, sensors=self._sensors, plan=layer, fit=fit,
         )  # fmt: skip
         rows = [canvas.runs(row) for row in range(room)]
         if room < height:
-            scale = Projection(self._world, width, room, *window).columns_per_metre
+            scale = Projection(self._world, width, room, *window, fit).columns_per_metre
             rows.append(legend(width, {role for row in rows for _, role in row}, scale))
         if len(rows) != len(self._rows):
             self._rows = rows

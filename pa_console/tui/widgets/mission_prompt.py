@@ -8,6 +8,7 @@ from textual.message import Message
 from textual.widgets import Static, TextArea
 
 from pa_console.tui.kept_input import History
+from pa_console.tui.refresh import retitle
 from pa_console.tui.widgets.fields import TextField
 
 ELSEWHERE = "Say in plain words what is to be done; / brings you here"
@@ -29,6 +30,8 @@ class MissionInput(TextField):
     class Sent(Message):
         """Enter was pressed."""
 
+    _instead = ""
+
     def __init__(self, history: History) -> None:
         super().__init__(
             compact=True,
@@ -43,7 +46,17 @@ class MissionInput(TextField):
     def watch_has_focus(self, focus: bool) -> None:
         """Say the key that leads here only while keys go elsewhere."""
         self._watch_has_focus(focus)
-        self.placeholder = _HERE if focus else ELSEWHERE
+        self._say()
+
+    def say_instead(self, text: str) -> None:
+        """Say `text` in the empty field; with an empty text, what the field is for."""
+        self._instead = text
+        self._say()
+
+    def _say(self) -> None:
+        said = self._instead or (_HERE if self.has_focus else ELSEWHERE)
+        if self.placeholder != said:
+            self.placeholder = said
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Leave the function keys, by which a text area selects, to the console."""
@@ -124,6 +137,17 @@ class MissionPrompt(Horizontal):
         """Clear the field after `text` was accepted, and remember it."""
         self._history.add(text)
         self.query_one(MissionInput).text = ""
+
+    def show_waiting(self, text: str) -> None:
+        """Say what is being waited for: in the line above, or in the field where there is none.
+
+        A text that is being typed is never covered.
+        """
+        shown = f"◔ {text}" if text else ""
+        above = bool(self.styles.border_top[0])
+        retitle(self, shown if above else "")
+        for field in self.query(MissionInput):
+            field.say_instead("" if above else shown)
 
     @property
     def draft(self) -> str:

@@ -4,6 +4,7 @@ from datetime import UTC, datetime
 
 import pytest
 
+from pa_console.benchmarks.speed.authorization import measure_authorization
 from pa_console.benchmarks.speed.checks import (
     TWINS,
     RehearsedPlan,
@@ -102,6 +103,14 @@ def test_simulation_and_rehearsal_tell_what_they_do(site: Site) -> None:
     assert all(line.runs == 1 for line in found)
     assert all("real time" in line.note for line in found if line.part == "simulation")
     assert "fork" in told
+
+
+def test_every_command_of_the_authorization_is_taken(site: Site) -> None:
+    told: list[str] = []
+    found = measure_authorization(bench(site, told))
+    assert {line.part for line in found} == {"authorization"}
+    assert [line.name for line in found if line.other is not None] == ["sign and check a command"]
+    assert told
 
 
 @pytest.mark.parametrize("seed", range(2))

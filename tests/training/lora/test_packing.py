@@ -13,8 +13,9 @@ from pa_console.training.lora.attention import Layout, Rotation, attend
 from pa_console.training.lora.base import read_base
 from pa_console.training.lora.frozen import Exact
 from pa_console.training.lora.kernels import adapted, answer_loss, gated, normed
-from pa_console.training.lora.material import Pack, Tokeniser, make_packs
+from pa_console.training.lora.material import Tokeniser, make_packs
 from pa_console.training.lora.model import gradients, score
+from pa_console.training.lora.packs import Pack
 from pa_console.training.lora.shape import Shape
 from pa_console.training.samples.sample import read_samples
 

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 import torch
 
-from pa_console.training.gpu.attention import attend
+from pa_console.training.gpu import attention, flash
 from pa_console.training.gpu.batches import in_batches, make_batch
 from pa_console.training.gpu.corpus import Branch, Pack, read_corpus, write_corpus
-from pa_console.training.lora import material as lora_tokens
+from pa_console.training.lora import packs as lora_packs
 from pa_console.training.lora.base import Base, read_base
 from pa_console.training.lora.kernels import answer_loss
 from pa_console.training.lora.model import gradients, hidden
+from tests.training.lora.gpu import plain_flash
 from tests.training.lora.test_parity import busy_adapter
 from tests.training.lora.tiny import write_tiny
 
@@ -41,12 +42,12 @@ def random_packs(count: int, seed: int) -> list[Pack]:
     return packs
 
 
-def plain(pack: Pack) -> lora_tokens.Pack:
+def plain(pack: Pack) -> lora_packs.Pack:
     """Return `pack` as the trainer for a CPU has it."""
-    return lora_tokens.Pack(
+    return lora_packs.Pack(
         pack.prefix,
         tuple(
-            lora_tokens.Branch(b.tokens, b.targets, b.learnt.astype(np.float32))
+            lora_packs.Branch(b.tokens, b.targets, b.learnt.astype(np.float32))
             for b in pack.branches
         ),
     )
@@ -57,12 +58,23 @@ def base(request: pytest.FixtureRequest, tmp_path: Path) -> Base:
     return read_base(write_tiny(tmp_path / "base.gguf", request.param))
 
 
-def test_a_batch_of_packs_has_the_loss_and_the_gradients_of_its_packs(base: Base) -> None:
+@pytest.mark.parametrize("way", ["grid", "flash"])
+def test_a_batch_of_packs_has_the_loss_and_the_gradients_of_its_packs(
+    base: Base, way: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with_flash = way == "flash"
+    if with_flash and base.shape.window:
+        with pytest.raises(ValueError, match="window"):
+            flash.attend(*[None] * 3, base.shape, base.shape.window)  # type: ignore[arg-type]
+        return
+    monkeypatch.setattr(flash, "ahead", plain_flash.ahead)
+    monkeypatch.setattr(flash, "back", plain_flash.back)
+    attend = flash.attend if with_flash else attention.attend
     packs = random_packs(5, seed=3)
     pairs = busy_adapter(base.path, 0.3).working(torch.float32)
     weight = sum(plain(pack).loss_weight for pack in packs)
-    batch = make_batch(packs, base.shape.window, "cpu")
-    states = hidden(base, pairs, batch.tokens, batch.grid, attend).index_select(0, batch.rows)
+    batch = make_batch(packs, base.shape.window, "cpu", with_flash)
+    states = hidden(base, pairs, batch.tokens, batch.layout, attend).index_select(0, batch.rows)
     loss = answer_loss(states, base.head, batch.targets, batch.learnt.float() / weight)
     found = torch.autograd.grad(loss, [x for pair in pairs for x in (pair.a, pair.b)])
     each = [gradients(base, pairs, plain(pack), weight) for pack in packs]
@@ -88,9 +100,10 @@ def test_what_is_no_corpus_is_named(tmp_path: Path) -> None:
         read_corpus(tmp_path / "broken")
 
 
-def test_batches_hold_every_branch_once_behind_its_prefix() -> None:
+@pytest.mark.parametrize("padded", [True, False])
+def test_batches_hold_every_branch_once_behind_its_prefix(padded: bool) -> None:
     packs = random_packs(40, seed=2)
-    batches = list(in_batches(packs, 300, random.Random(0)))
+    batches = list(in_batches(packs, 300, random.Random(0), padded))
     told = sorted((id(p.prefix), id(b.tokens)) for p in packs for b in p.branches)
     found = sorted(
         (id(p.prefix), id(b.tokens)) for batch in batches for p in batch for b in p.branches
@@ -120,3 +133,10 @@ def test_a_run_goes_on_where_it_was_stopped_and_learns(tmp_path: Path) -> None:
     assert losses[-1] < losses[0]
     masters = np.load(tmp_path / "run" / "masters-0.npy")
     assert np.isfinite(masters).all()
+
+
+def test_the_machine_with_the_gpu_needs_nothing_of_the_console() -> None:
+    names = ["pydantic", "llama_cpp", "yaml", "rapidfuzz", "textual", "pymunk"]
+    blocked = "; ".join(f"sys.modules[{name!r}] = None" for name in names)
+    script = f"import sys; {blocked}; import pa_console.training.gpu.train"
+    subprocess.run([sys.executable, "-c", script], check=True)

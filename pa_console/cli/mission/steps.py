@@ -1,0 +1,31 @@
+"""Says each step of a mission in one line, as it happens."""
+
+from pa_console.schema.events import event as ev
+from pa_console.session.wording import event_in_words
+
+_TOLD: dict[str, str] = {
+    "mission_received": "mission",
+    "rules_retrieved": "rules found",
+    "plan_proposed": "plan",
+    "plan_checked": "safeguards",
+    "plan_judged": "judge",
+    "repair_requested": "planned again",
+    "plan_voided": "plan void",
+    "command_sent": "sent",
+    "command_refused": "refused",
+    "plan_halted": "plan halted",
+    "mission_verified": "telemetry",
+    "outcome_judged": "judge on the outcome",
+    "mission_preempted": "waits again",
+    "mission_finished": "finished",
+}
+"""The steps that are told, and their names."""
+
+
+def step_line(event: ev.Event) -> str:
+    """Return what `event` means to whoever follows a mission; empty for what is no step of it."""
+    name = _TOLD.get(event.data.kind)
+    if name is None or event.mission is None:
+        return ""
+    said = event_in_words(event.data)
+    return f"{event.mission}  {name}: {said}" if said else f"{event.mission}  {name}"

@@ -1,0 +1,1 @@
+"""`pa-console console --plain`: the console as lines and questions."""

@@ -1,0 +1,117 @@
+"""Reads what an operator types at a plan that waits, and makes a decision of it."""
+
+import re
+from dataclasses import dataclass
+
+from pydantic import ValidationError
+
+from pa_console.schema.events.event import ApprovalRequested
+from pa_console.schema.mission import Decision
+from pa_console.schema.plan import Plan
+
+HOW = "approve, reject, modify, show, stop; with an objection of the judge: approve because REASON"
+_WORDS = re.compile(r"(?is)\s*(approve|reject|modify|reading|reason|show)\b[\s:,]*(.*)")
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What was typed: a decision, a question to be confirmed by `yes` first, or what is wrong."""
+
+    decision: Decision | None = None
+    confirm: str = ""
+    problem: str = ""
+    show: bool = False
+
+
+def read_answer(line: str, request: ApprovalRequested, reason: str = "") -> Answer | None:
+    """Return what `line` says to `request`; None when it is no answer at all.
+
+    `reason` was given before, by itself.
+    """
+    found = _WORDS.fullmatch(line)
+    if found is None or not is_answer(line):
+        return None
+    word, rest = found[1].casefold(), found[2].strip()
+    match word:
+        case "approve":
+            why = re.sub(r"(?i)^because\b[\s:,]*", "", rest) or reason
+            return _approve(request, why)
+        case "reject":
+            why = re.sub(r"(?i)^because\b[\s:,]*", "", rest) or reason or "rejected by the operator"
+            return Answer(_named(request, Decision(kind="reject", reason=why)))
+        case "reading":
+            return _choose(request, rest)
+        case "modify":
+            return _modify(request, rest, reason)
+        case "show":
+            return Answer(show=True)
+        case _:
+            return Answer(problem="type the reason too: reason TEXT")
+
+
+def is_answer(line: str) -> bool:
+    """Return whether `line` would be the answer to a plan, if one waited."""
+    found = _WORDS.fullmatch(line)
+    return found is not None and (found[1].casefold() != "show" or not found[2].strip())
+
+
+def reason_of(line: str) -> str:
+    """Return the reason that `line` gives by itself, empty when it gives none."""
+    found = _WORDS.fullmatch(line)
+    return found[2].strip() if found is not None and found[1].casefold() == "reason" else ""
+
+
+def _named(request: ApprovalRequested, decision: Decision) -> Decision:
+    return decision.model_copy(update={"request_id": request.request_id})
+
+
+def _approve(request: ApprovalRequested, reason: str) -> Answer:
+    if request.blocked_by:
+        return Answer(problem=f"it cannot be approved: {'; '.join(request.blocked_by)}")
+    if request.needs_override and not reason:
+        return Answer(problem="the judge objects: type approve because REASON, or reject")
+    decision = Decision(
+        kind="approve",
+        reason=reason,
+        override_judge=request.needs_override,
+        acknowledged=request.acknowledge,
+    )
+    doubts = [f"it breaks {', '.join(request.acknowledge)}"] if request.acknowledge else []
+    if request.needs_override:
+        doubts.append("the judge objects")
+    if request.state == "narrowed":
+        doubts.append("it does less than was asked")
+    if request.state == "may_be_misunderstood":
+        doubts.append("the order may have been misread")
+    confirm = f"{' and '.join(doubts)}. Approve it all the same? Type yes" if doubts else ""
+    return Answer(_named(request, decision), confirm[:1].upper() + confirm[1:])
+
+
+def _choose(request: ApprovalRequested, number: str) -> Answer:
+    if not number.isdecimal() or not 0 < int(number) <= len(request.readings):
+        known = f"1 to {len(request.readings)}" if request.readings else "none"
+        return Answer(problem=f"there is no reading {number!r}; there are: {known}")
+    asked = request.readings[int(number) - 1]
+    return Answer(_named(request, Decision(kind="choose", asked=asked)))
+
+
+def _modify(request: ApprovalRequested, text: str, reason: str) -> Answer:
+    if not text:
+        now = "; ".join(f"{action.agent} {action.command}" for action in request.plan.actions)
+        example = now or "ASSET hold"
+        return Answer(problem=f"type the whole plan anew, for example: modify {example}")
+    actions: list[dict[str, str]] = []
+    for part in filter(None, (part.strip() for part in text.split(";"))):
+        agent, _, command = part.partition(" ")
+        actions.append({"agent": agent, "command": command.strip()})
+    try:
+        plan = Plan.model_validate(
+            {"reason": reason or "changed by the operator", "actions": tuple(actions)}
+        )
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = [str(part) for part in first["loc"] if isinstance(part, int)]
+        which = f"action {int(place[0]) + 1}: " if place else ""
+        problem = first["msg"].removeprefix("Value error, ")
+        return Answer(problem=f"{which}{problem}; nothing was changed")
+    return Answer(_named(request, Decision(kind="modify", plan=plan, reason=reason)))

@@ -1,0 +1,108 @@
+"""The session of `pa-console console --plain`: a station, its log, and lines in and out."""
+
+import asyncio
+import signal
+import sys
+from asyncio import CancelledError, Runner
+from collections.abc import Callable
+from contextlib import suppress
+
+from pa_console.cli.live_session import LiveSession
+from pa_console.cli.mission.trace import print_proposal, print_trace
+from pa_console.cli.output import errors, out
+from pa_console.cli.plain.input_lines import InputLines
+from pa_console.cli.plain.line_console import LineConsole
+from pa_console.cli.session_log import open_log, tell_of_witness, usual_file
+from pa_console.end_signals import end_signals
+from pa_console.llm.engine.engine import Engine
+from pa_console.session.log.chain import LogError
+from pa_console.session.state.waiting import Waiting, load_usual, save_usual
+from pa_console.settings.sources import Loaded
+from pa_console.signing import load_signer
+
+
+def run_plain(
+    opened: LiveSession, engine: Engine, settings: Loaded, witness: str
+) -> Callable[[Runner], int]:
+    """Open the log; return what runs the lines and returns the signal that ended them, 0 for none.
+
+    Raises LogError when the log cannot be opened.
+    """
+    station, model, values = opened.station, engine.model.sha256, settings.values
+
+    def cannot_write(error: LogError) -> None:
+        errors.print(f"warning: {error}", style="bold red", soft_wrap=True)
+
+    signer = load_signer()
+    writer = open_log(
+        values,
+        station.session,
+        signer,
+        cannot_write,
+        opened.log,
+        witness,
+        resumed=opened.log is not None,
+    )
+
+    def call() -> None:
+        if values.bell and sys.stdout.isatty():
+            sys.stdout.write("\a")
+            sys.stdout.flush()
+
+    console = LineConsole(
+        station,
+        _say,
+        lambda trace, number: print_proposal(out, trace, number),
+        lambda trace: print_trace(out, trace),
+        Waiting(load_usual(usual_file(), model)),
+        hold_s=values.approval_delay_s,
+        called=call,
+    )
+
+    def run(loop: Runner) -> int:
+        ending = _Ending()
+        with end_signals(ending.end), writer:
+            station.write_to(writer)
+            with suppress(CancelledError):
+                loop.run(_run(console, ending))
+            save_usual(usual_file(), model, console.waiting.usual)
+        tell_of_witness(writer)
+        if not ending.ended_by:
+            _say(f"session log: {writer.path}")
+        return ending.ended_by
+
+    return run
+
+
+class _Ending:
+    """Ends the session because of a signal; any thread may call `end`."""
+
+    def __init__(self) -> None:
+        self.ended_by = 0
+        self.cancel: Callable[[], object] = lambda: None
+
+    def end(self, number: int) -> None:
+        self.ended_by = number
+        self.cancel()
+
+
+async def _run(console: LineConsole, ending: _Ending) -> None:
+    loop, task = asyncio.get_running_loop(), asyncio.current_task()
+    assert task is not None
+    ending.cancel = lambda: loop.call_soon_threadsafe(task.cancel)
+    if ending.ended_by:
+        task.cancel()
+    lines = InputLines(loop)
+    loop.add_signal_handler(signal.SIGINT, console.interrupted)
+    lines.start()
+    try:
+        await console.run(lines.queue, lines.forget_typed)
+    finally:
+        ending.cancel = lambda: None
+        loop.remove_signal_handler(signal.SIGINT)
+        lines.close()
+
+
+def _say(text: str) -> None:
+    out.print(text, soft_wrap=True)
+    sys.stdout.flush()

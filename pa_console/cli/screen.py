@@ -1,0 +1,61 @@
+"""The session of a console on its screen."""
+
+from asyncio import Runner
+from collections.abc import Callable
+
+from pa_console.cli.live_session import LiveSession
+from pa_console.cli.output import out
+from pa_console.cli.session_log import open_log, tell_of_witness, usual_file
+from pa_console.end_signals import end_signals
+from pa_console.llm.engine.engine import Engine
+from pa_console.session.log.chain import LogError
+from pa_console.session.state.waiting import load_usual, save_usual
+from pa_console.settings.sources import Loaded
+from pa_console.signing import load_signer
+from pa_console.tui.app import ConsoleApp
+
+
+def run_screen(
+    opened: LiveSession, engine: Engine, settings: Loaded, witness: str
+) -> Callable[[Runner], int]:
+    """Open the log; return what runs the screen and returns the signal that ended it, 0 for none.
+
+    Raises LogError when the log cannot be opened.
+    """
+    site, station, model = opened.site, opened.station, engine.model.sha256
+
+    def cannot_write(error: LogError) -> None:
+        app.notify(str(error), title="Session log", severity="error", timeout=30, markup=False)
+
+    signer = load_signer()
+    writer = open_log(
+        settings.values,
+        station.session,
+        signer,
+        cannot_write,
+        opened.log,
+        witness,
+        resumed=opened.log is not None,
+    )
+    app = ConsoleApp(
+        site.world,
+        station,
+        site.rulebook,
+        station.retriever,
+        readonly=station.readonly,
+        settings=settings,
+        rules_file=site.rules_path,
+        usual=load_usual(usual_file(), model),
+    )
+
+    def run(loop: Runner) -> int:
+        leaving = app.controllers.leaving
+        with end_signals(leaving.end), writer:
+            station.write_to(writer)
+            loop.run(app.run_async(mouse=settings.values.mouse))
+            save_usual(usual_file(), model, app.feed.waiting.usual)
+        tell_of_witness(writer)
+        out.print(f"session log: {writer.path}", markup=False, soft_wrap=True)
+        return leaving.ended_by
+
+    return run

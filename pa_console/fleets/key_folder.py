@@ -1,0 +1,421 @@
+"""The keys of a site on this machine: its owner's, stations' and people's, and what was signed.
+
+They lie in the folder `site-keys` beside this machine's signing key, for their owner alone. Other
+machines have no owner's key; they get the signed messages from the site.
+"""
+
+import re
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from cryptography.exceptions import UnsupportedAlgorithm
+from cryptography.hazmat.primitives import serialization as form
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from filelock import FileLock, Timeout
+
+from pa_console.fleets.authorization import (
+    EnrolledRules,
+    Person,
+    Role,
+    Roster,
+    Takeover,
+    Trust,
+    public_of,
+    sign_revocation,
+    sign_roster,
+    sign_takeover,
+)
+from pa_console.fleets.station_authority import Keys
+from pa_console.private_files import (
+    FILE_MODE,
+    NotPrivateError,
+    make_private_folder,
+    read_private,
+    replace_private,
+)
+from pa_console.signing import LOCK_SECONDS, SITE_OWNER, SigningError, site_keys
+
+OWNER = "owner"
+MESSAGES = ("roster", "revocation", "takeover")
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
+
+Ask = Callable[[str], str]
+"""Returns the passphrase of the key of that name."""
+
+
+@dataclass(frozen=True)
+class ListedKey:
+    """One key of the site; `here` tells whether it is on this machine.
+
+    `state` is `in force`, `in command` or `revoked`.
+    """
+
+    kind: str
+    name: str
+    role: str
+    key: str
+    state: str
+    here: bool
+
+
+class KeyFolder:
+    """Makes, reads and changes the keys of one site; raises SigningError with path and remedy."""
+
+    def __init__(self, path: Path | None = None, ask: Ask | None = None) -> None:
+        """`path` is by default beside the signing key; `ask` gives passphrases where keys have one.
+
+        Nothing is read or made yet.
+        """
+        self.path = path if path is not None else site_keys()
+        self._ask = ask
+
+    @property
+    def made(self) -> bool:
+        """Whether there are keys of a site."""
+        return self._file(SITE_OWNER).exists()
+
+    @property
+    def owner(self) -> str:
+        """The public key of the site's owner, 32 bytes in hexadecimal."""
+        return self._read(SITE_OWNER).decode("ascii", "replace").strip()
+
+    @property
+    def messages(self) -> tuple[str, ...]:
+        """The newest signed roster, revocation and takeover that are here."""
+        return tuple(message for name in MESSAGES if (message := self._message(name)))
+
+    def trust(self) -> Trust:
+        """Return what the signed messages come to.
+
+        A takeover that does not hold any more puts nobody in command.
+        """
+        self._require_site()
+        try:
+            trust = Trust(self.owner)
+        except ValueError as error:
+            raise SigningError(f"{self.path}/{SITE_OWNER}: no public key: {error}") from error
+        for name in MESSAGES:
+            message = self._message(name)
+            if message and (why := trust.take(message)) and name != "takeover":
+                raise SigningError(f"{self.path}/{name}.jwt: it does not hold: {why}")
+        return trust
+
+    def keys(self) -> Keys:
+        """Return what the station of this machine, and whoever sits at it, sign with.
+
+        That is the first station and the first person in the roster whose keys are here.
+        """
+        roster = self.trust().roster
+        station = self._first("station", roster.stations)
+        person = self._first("person", roster.people)
+        return Keys(
+            self._load("station", station),
+            person,
+            self._load("person", person),
+            self.owner,
+            self.messages,
+        )
+
+    def make_site(
+        self, person: str, station: str, rules: Mapping[str, EnrolledRules], passphrase: str = ""
+    ) -> None:
+        """Make the keys of a new site: its owner's, a station's, and those of a commander.
+
+        The passphrase protects the owner's key and the person's. The station has no passphrase and
+        is put in command. Raises ValueError when there are keys already.
+        """
+        with self._locked():
+            if self.made:
+                raise ValueError(f"{self.path}: there are keys already; see pa-console keys list")
+            owner = self._make("owner", OWNER, passphrase)
+            people = {
+                person: Person(public_of(self._make("person", person, passphrase)), "commander")
+            }
+            stations = {station: public_of(self._make("station", station))}
+            self._sign(owner, Roster(1, people, stations, dict(rules)))
+            commander = self._load("person", person)
+            self._keep("takeover", sign_takeover(commander, person, 1, stations[station]))
+            replace_private(self._file(SITE_OWNER), public_of(owner).encode())
+
+    def join(self, person: str, station: str, owner: str, passphrase: str = "") -> tuple[str, str]:
+        """Make the keys of one more station and person for the site of `owner`.
+
+        Return the public keys of both, which its owner has to enrol. Raises ValueError when there
+        are keys already, and for an `owner` that is no public key.
+        """
+        Trust(owner)
+        with self._locked():
+            if self.made:
+                raise ValueError(f"{self.path}: there are keys already; see pa-console keys list")
+            own = public_of(self._make("person", person, passphrase))
+            its = public_of(self._make("station", station))
+            replace_private(self._file(SITE_OWNER), owner.encode())
+            return own, its
+
+    def make_person(self, name: str, role: Role, passphrase: str = "") -> None:
+        """Make the key of one more person of the site, and enrol it."""
+        with self._locked():
+            owner, roster = self._owner(), self.trust().roster
+            _free(name, roster.people)
+            made = Person(public_of(self._make("person", name, passphrase)), role)
+            self._sign(owner, replace(roster, people={**roster.people, name: made}))
+
+    def enrol_person(self, name: str, key: str, role: Role) -> None:
+        """Take the person with that public `key` into the roster, or give another `role`."""
+        _named(name)
+        with self._locked():
+            owner, roster = self._owner(), self.trust().roster
+            if name in roster.people and roster.people[name].key != key:
+                raise ValueError(f"{name} has another key in the roster; revoke that one first")
+            people = {**roster.people, name: Person(key, role)}
+            self._sign(owner, replace(roster, people=people))
+
+    def enrol_station(self, name: str, key: str) -> None:
+        """Take the station with that public `key` into the roster."""
+        _named(name)
+        with self._locked():
+            owner, roster = self._owner(), self.trust().roster
+            if roster.stations.get(name, key) != key:
+                raise ValueError(f"{name} has another key in the roster; revoke that one first")
+            self._sign(owner, replace(roster, stations={**roster.stations, name: key}))
+
+    def enrol_rules(self, content_sha256: str, rules: EnrolledRules) -> None:
+        """Let vehicles take plans that were checked by a rule set, with what it asks approvals for.
+
+        Another set of the same name is no longer enrolled.
+        """
+        with self._locked():
+            owner, roster = self._owner(), self.trust().roster
+            kept = {sha: its for sha, its in roster.rules.items() if its.name != rules.name}
+            self._sign(owner, replace(roster, rules={**kept, content_sha256: rules}))
+
+    def revoke(self, name: str) -> None:
+        """Revoke the key of a person or station for ever, and take it out of the roster.
+
+        A station that a revoked commander had put in command is put so again by another one.
+        """
+        with self._locked():
+            owner, trust = self._owner(), self.trust()
+            roster = trust.roster
+            key = _key_of(name, roster)
+            people = {each: its for each, its in roster.people.items() if its.key != key}
+            stations = {each: its for each, its in roster.stations.items() if its != key}
+            self._sign(owner, replace(roster, people=people, stations=stations))
+            self._revoke(owner, trust, key)
+            if trust.takeover.person == name and trust.takeover.station in stations.values():
+                self._take_over(roster.station_of(trust.takeover.station))
+
+    def rotate(self, name: str, passphrase: str = "") -> None:
+        """Make a new key for a person or station of this machine, and revoke the one before.
+
+        The station that was in command stays so, if a commander's key is here to sign that.
+        """
+        with self._locked():
+            owner, trust = self._owner(), self.trust()
+            roster, before = trust.roster, _key_of(name, trust.roster)
+            commanding = roster.station_of(trust.takeover.station)
+            again = name in (commanding, trust.takeover.person)
+            if name in roster.people:
+                self._load("person", name)
+                made = Person(
+                    public_of(self._make("person", name, passphrase)), roster.people[name].role
+                )
+                roster = replace(roster, people={**roster.people, name: made})
+            else:
+                self._load("station", name)
+                key = public_of(self._make("station", name))
+                roster = replace(roster, stations={**roster.stations, name: key})
+            self._sign(owner, roster)
+            self._revoke(owner, trust, before)
+            if again and commanding:
+                self._take_over(commanding)
+
+    def take_over(self, station: str) -> Takeover:
+        """Put `station` in command, with the key of a commander that is here."""
+        with self._locked():
+            return self._take_over(station)
+
+    def take(self, message: str) -> str:
+        """Keep a signed message that came from the site; return why not, '' when it is taken."""
+        with self._locked():
+            trust = self.trust()
+            before = trust.roster.serial, trust.revocation, trust.takeover.epoch
+            if why := trust.take(message):
+                return why
+            after = trust.roster.serial, trust.revocation, trust.takeover.epoch
+            for name, one, other in zip(MESSAGES, before, after, strict=True):
+                if one != other:
+                    self._keep(name, message)
+            return ""
+
+    def listed(self) -> list[ListedKey]:
+        """Return every key of the site."""
+        trust = self.trust()
+        roster = trust.roster
+        rows = [("owner", OWNER, "", self.owner)]
+        rows += [("station", name, "", key) for name, key in roster.stations.items()]
+        rows += [("person", name, its.role, its.key) for name, its in roster.people.items()]
+        rows += [("revoked", "", "", key) for key in sorted(trust.revoked)]
+        return [
+            ListedKey(
+                kind,
+                name,
+                role,
+                key,
+                "revoked" if key in trust.revoked
+                else "in command" if key == trust.takeover.station
+                else "in force",
+                bool(name) and self._file(_pem(kind, name)).exists(),
+            )
+            for kind, name, role, key in rows
+        ]  # fmt: skip
+
+    def _take_over(self, station: str) -> Takeover:
+        trust = self.trust()
+        key = trust.roster.stations.get(station)
+        if key is None:
+            known = ", ".join(trust.roster.stations)
+            raise ValueError(f"there is no station {station!r}; known: {known}")
+        people = {n: p for n, p in trust.roster.people.items() if p.role == "commander"}
+        person = self._first("person", people)
+        commander = self._load("person", person)
+        epoch = max(trust.takeover.epoch, trust.roster.epoch) + 1
+        message = sign_takeover(commander, person, epoch, key)
+        if why := trust.take(message):
+            raise ValueError(f"{station} cannot take over: {why}")
+        self._keep("takeover", message)
+        return trust.takeover
+
+    def _sign(self, owner: Ed25519PrivateKey, roster: Roster) -> None:
+        """Sign `roster` as the next one; no epoch before the present one holds under it."""
+        serial, epoch = 1, 1
+        if self.made:
+            trust = self.trust()
+            serial, epoch = trust.roster.serial + 1, max(trust.takeover.epoch, trust.roster.epoch)
+        self._keep("roster", sign_roster(owner, replace(roster, serial=serial, epoch=epoch)))
+
+    def _revoke(self, owner: Ed25519PrivateKey, trust: Trust, key: str) -> None:
+        keys = sorted(trust.revoked | {key})
+        self._keep("revocation", sign_revocation(owner, trust.revocation + 1, keys))
+
+    def _owner(self) -> Ed25519PrivateKey:
+        self._require_site()
+        if not self._file(_pem("owner", OWNER)).exists():
+            raise SigningError(
+                f"{self.path}: the key of the site's owner is not on this machine; do this there"
+            )
+        return self._load("owner", OWNER)
+
+    def _require_site(self) -> None:
+        if not self.made:
+            raise SigningError(f"{self.path}: there are no keys of a site; pa-console keys make")
+
+    def _first(self, kind: str, names: Mapping[str, object]) -> str:
+        for name in names:
+            if self._file(_pem(kind, name)).exists():
+                return name
+        known = ", ".join(names) or "nobody"
+        raise SigningError(f"{self.path}: the key of no {kind} of the roster is here ({known})")
+
+    def _make(self, kind: str, name: str, passphrase: str = "") -> Ed25519PrivateKey:
+        _named(name)
+        key = Ed25519PrivateKey.generate()
+        secret = passphrase.encode()
+        how = form.BestAvailableEncryption(secret) if secret else form.NoEncryption()
+        pem = key.private_bytes(form.Encoding.PEM, form.PrivateFormat.PKCS8, how)
+        replace_private(self._file(_pem(kind, name)), pem)
+        return key
+
+    def _load(self, kind: str, name: str) -> Ed25519PrivateKey:
+        path = self._file(_pem(kind, name))
+        try:
+            pem = self._read(path.name)
+        except FileNotFoundError as error:
+            raise SigningError(f"{path}: the key of {name} is not on this machine") from error
+        secret = None
+        if b"ENCRYPTED" in pem:
+            if self._ask is None:
+                raise SigningError(f"{path}: this key has a passphrase, and nobody can be asked")
+            secret = self._ask(name).encode()
+        try:
+            key = form.load_pem_private_key(pem, secret)
+        except (ValueError, TypeError, UnsupportedAlgorithm) as error:
+            problem = "wrong passphrase" if secret is not None else "no private key in PEM"
+            raise SigningError(f"{path}: {problem}") from error
+        if not isinstance(key, Ed25519PrivateKey):
+            raise SigningError(f"{path}: not an Ed25519 key")
+        return key
+
+    def _message(self, name: str) -> str:
+        """Return a signed message, '' when there is none."""
+        with suppress(FileNotFoundError):
+            return self._read(f"{name}.jwt").decode("ascii", "replace").strip()
+        return ""
+
+    def _read(self, name: str) -> bytes:
+        path = self._file(name)
+        try:
+            return read_private(path)
+        except FileNotFoundError:
+            raise
+        except NotPrivateError as error:
+            raise SigningError(f"{path}: this key is not used: {error.strerror}") from error
+        except OSError as error:
+            raise SigningError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+    def _keep(self, name: str, message: str) -> None:
+        replace_private(self._file(f"{name}.jwt"), message.encode())
+
+    def _file(self, name: str) -> Path:
+        return self.path / name
+
+    def _locked(self) -> "_Lock":
+        return _Lock(self.path)
+
+
+class _Lock:
+    """Holds the folder, which is made where it is not there, while its keys are changed."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._lock = FileLock(folder / ".lock", timeout=LOCK_SECONDS, mode=FILE_MODE)
+
+    def __enter__(self) -> None:
+        try:
+            make_private_folder(self._folder)
+            self._lock.acquire()
+        except Timeout as error:
+            raise SigningError(
+                f"{self._folder}: somebody else changes the keys; try again"
+            ) from error
+        except OSError as error:
+            problem = f"cannot keep keys there: {error.strerror or error}"
+            raise SigningError(f"{self._folder}: {problem}") from error
+
+    def __exit__(self, *_: object) -> None:
+        self._lock.release()
+
+
+def _pem(kind: str, name: str) -> str:
+    return "owner.pem" if kind == "owner" else f"{kind}-{name}.pem"
+
+
+def _named(name: str) -> None:
+    if _NAME.fullmatch(name) is None:
+        raise ValueError(f"{name!r} is no name for a key: letters, digits, - and _, at most 64")
+
+
+def _free(name: str, people: Mapping[str, object]) -> None:
+    if name in people:
+        raise ValueError(f"{name} is in the roster already; see pa-console keys list")
+
+
+def _key_of(name: str, roster: Roster) -> str:
+    if name in roster.people:
+        return roster.people[name].key
+    if name in roster.stations:
+        return roster.stations[name]
+    known = ", ".join((*roster.people, *roster.stations))
+    raise ValueError(f"there is no person or station {name!r}; known: {known}")

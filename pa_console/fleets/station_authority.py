@@ -1,0 +1,224 @@
+"""The keys of one station in use: people's approvals are signed, and every command that is sent."""
+
+import hashlib
+from collections import OrderedDict
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass
+from itertools import chain
+
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
+from pa_console.fleets.authorization import (
+    Approval,
+    Grounds,
+    Kind,
+    RefusedError,
+    Trust,
+    Verifier,
+    public_of,
+    sign_approval,
+    sign_command,
+    words,
+)
+from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.command import DeviceCommand
+from pa_console.schema.events.event import ApprovalRequested
+from pa_console.schema.mission import Decision
+
+MOST_SENT = 512
+"""So many commands can be signed anew, when they are sent again."""
+
+
+@dataclass(frozen=True)
+class Keys:
+    """What a station needs to sign: its own key, and the name and key of whoever sits at it."""
+
+    station: Ed25519PrivateKey
+    person: str
+    own: Ed25519PrivateKey
+    owner: str
+    """The public key of the site's owner, in hexadecimal."""
+    messages: tuple[str, ...]
+    """The newest signed roster, revocation and takeover, which vehicles go by."""
+
+
+class StationAuthority:
+    """Signs for a station and the person at it, as far as the roster of the site allows.
+
+    `authorize` is what a fleet is given: it returns the token of a command. A station learns by
+    `take` that another one has taken over, and moves nothing from then on.
+    """
+
+    def __init__(self, keys: Keys, commanded: Iterable[str] = ()) -> None:
+        """`commanded` are the vehicles that were given an order in an earlier session.
+
+        Raises ValueError when the site's roster does not hold.
+        """
+        self.keys, self._public = keys, public_of(keys.station)
+        self.trust = Trust(keys.owner)
+        problems = [why for message in keys.messages if (why := self.trust.take(message))]
+        if not self.trust.roster.serial:
+            why = "; ".join(problems) or "there is none"
+            raise ValueError(f"the roster of this site does not hold: {why}")
+        self._commanded = set(commanded)
+        self._plan: tuple[frozenset[str], Grounds] | None = None
+        self._sent: OrderedDict[str, Grounds] = OrderedDict()
+        self._session, self._head = "", _no_head
+        self.now: Callable[[], float] = _no_time
+        """The clock that vehicles go by, in seconds since 1970."""
+
+    @property
+    def person(self) -> str:
+        """The name of whoever sits at this station."""
+        return self.keys.person
+
+    def begin(self, session: str, head: Callable[[], str], now: Callable[[], float]) -> None:
+        """Sign for `session` from now on.
+
+        `head` is that of its log; `now` is the clock that the vehicles go by, in seconds since
+        1970.
+        """
+        self._session, self._head, self.now = session, head, now
+        self._plan = None
+        self._sent.clear()
+
+    def take(self, message: str) -> str:
+        """Accept a signed roster, revocation or takeover; return why not, '' when it is taken."""
+        return self.trust.take(message)
+
+    @property
+    def refusal(self) -> str:
+        """Why this station may move nothing at present, '' when it may."""
+        trust = self.trust
+        if trust.takeover.station != self._public:
+            return f"this station is not in command: {trust.in_command}"
+        if self._public in trust.revoked:
+            return "the key of this station was revoked"
+        if not trust.roster.station_of(self._public):
+            return "this station is not in the roster"
+        return ""
+
+    def objection(self, rules: Rulebook) -> str:
+        """Return why vehicles would take nothing that was checked by `rules`, '' for nothing."""
+        if rules.seal.content_sha256 in self.trust.roster.rules:
+            return ""
+        return (
+            f"no vehicle takes a plan that was checked by the rules {rules.name!r}: they are not "
+            "enrolled; pa-console keys enrol rules FILE does that"
+        )
+
+    def fresh(self, agents: Collection[str]) -> frozenset[str]:
+        """Return those of `agents` to whom no order was ever sent."""
+        return frozenset(agents) - self._commanded
+
+    def signed(self, request: ApprovalRequested, decision: Decision, rules: Rulebook) -> Decision:
+        """Return `decision` with the signature of whoever sits at this station."""
+        approval = self._approval(request, decision, rules)
+        signature = sign_approval(self.keys.own, approval, self.now())
+        return decision.model_copy(update={"signatures": {self.keys.person: signature}})
+
+    def valid(
+        self, request: ApprovalRequested, decision: Decision, rules: Rulebook
+    ) -> dict[str, str]:
+        """Return those signatures of `decision` that approve `request`, one for each own key.
+
+        What somebody has signed for other orders, or who may approve nothing, is none of them.
+        """
+        wanted = self._approval(request, decision, rules)
+        valid, keys = dict[str, str](), set[str]()
+        for name, signature in decision.signatures.items():
+            try:
+                approval, key = self.trust.approval(name, signature, self.now())
+            except RefusedError:
+                continue
+            same = all(
+                approval[part] == getattr(wanted, part)
+                for part in ("station", "session", "request", "plan", "rules")
+            )
+            orders = tuple(approval["orders"]) == wanted.orders
+            acts = set(wanted.acts) <= set(approval["acts"])
+            if same and orders and acts and key not in keys:
+                keys.add(key)
+                valid[name] = signature
+        return valid
+
+    def grant(self, request: ApprovalRequested, decision: Decision, rules: Rulebook) -> None:
+        """Sign the commands of an approved plan, and of its way to safety, from now on."""
+        approval = self._approval(request, decision, rules)
+        approvals, by = self.valid(request, decision, rules), self.keys.person
+        grounds = Grounds(
+            operator=by if by in approvals else next(iter(approvals), ""),
+            session=self._session,
+            plan=approval.plan,
+            rules=approval.rules,
+            kind=approval.kind,
+            epoch=self.trust.takeover.epoch,
+            approvals=approvals,
+        )
+        self._plan = frozenset(approval.orders), grounds
+
+    def authorize(self, command: DeviceCommand) -> str | None:
+        """Return the token of `command`, None for one that nobody approved, or a hold."""
+        if command.verb == "hold" or self.refusal:
+            return None
+        grounds = self._sent.get(command.command_id)
+        if grounds is None:
+            orders, grounds = self._plan or (frozenset[str](), None)
+            if grounds is None or words(command) not in orders:
+                return None
+            self._sent[command.command_id] = grounds
+            self._commanded.add(command.agent)
+            if len(self._sent) > MOST_SENT:
+                self._sent.popitem(last=False)
+        return sign_command(self.keys.station, command, grounds, self.now(), head=self._head())
+
+    def _approval(
+        self, request: ApprovalRequested, decision: Decision, rules: Rulebook
+    ) -> Approval:
+        """Return what the person here approves of `request` with `decision`."""
+        acts = {"override": request.needs_override, "acknowledge": bool(request.acknowledge)}
+        kind: Kind = "override" if request.needs_override else "operator"
+        actions = chain(request.plan.actions, request.if_halted)
+        return Approval(
+            person=self.keys.person,
+            station=self._public,
+            session=self._session,
+            request=request.request_id,
+            orders=tuple(f"{action.agent} {action.command}" for action in actions),
+            plan=hashlib.sha256(request.plan.answer.encode()).hexdigest(),
+            rules=rules.seal.content_sha256,
+            kind="standing" if decision.standing else kind,
+            acts=tuple(act for act, asked in acts.items() if asked),
+        )
+
+
+class Vehicles:
+    """What the vehicles of a simulation check tokens and commands with, each by an own verifier."""
+
+    def __init__(
+        self, agents: Iterable[str], owner: str, messages: Iterable[str], now: Callable[[], float]
+    ) -> None:
+        """`owner` is the public key of the site's owner; the vehicles go by the clock `now`.
+
+        `messages` are the signed ones that they are told first.
+        """
+        self._verifiers = {agent: Verifier(agent, owner, now=now) for agent in agents}
+        for message in messages:
+            self.take(message)
+
+    def take(self, message: str) -> str:
+        """Tell every vehicle of a signed message; return why one does not take it, '' if all do."""
+        found = [verifier.take(message) for verifier in self._verifiers.values()]
+        return next(filter(None, found), "")
+
+    def verify(self, token: str | None, command: DeviceCommand) -> str:
+        """Return why the command's agent refuses it with that token, '' when it is taken."""
+        return self._verifiers[command.agent].verify(token, command)
+
+
+def _no_head() -> str:
+    return ""
+
+
+def _no_time() -> float:
+    raise RuntimeError("nothing is signed before a session begins")

@@ -1,0 +1,178 @@
+"""Takes up a session whose console ended without closing it: its world, its alarms, its queue.
+
+The log tells everything that the world depended on: seed, scenario, incidents and commands. So the
+fleet is simulated once more from the beginning up to the last record, and must then show the
+picture that the log tells of.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from pa_console.fleets.simulated import SimulatedFleet
+from pa_console.orchestrator.intake.alarms import AlarmBook
+from pa_console.policy.checks.sightings import Sightings
+from pa_console.schema.alarm import QueueEntry
+from pa_console.schema.command import DeviceCommand
+from pa_console.schema.events import event as ev
+from pa_console.schema.scenario import Scenario
+from pa_console.schema.world import World
+from pa_console.session.log.chain import TORN, LogError
+from pa_console.session.log.reader import read_log
+from pa_console.session.past.soundness import is_held
+from pa_console.session.past.summary import newest_logs, summarise
+from pa_console.session.state.fold import MissionTrace, SessionState
+
+OTHERWISE = "its world did not come out again as the log tells of it"
+LOOKED_AT = 30
+"""So many logs, the newest first, are looked at for the last session of a world."""
+
+
+class NotResumableError(ValueError):
+    """The session cannot go on as it was; the text says why."""
+
+
+@dataclass(frozen=True)
+class UnclosedSession:
+    """The last session of a world, whose console ended without closing it, as its log has it."""
+
+    log: Path
+    state: SessionState
+
+    @property
+    def started(self) -> ev.SessionStarted:
+        """How the session began, with the rules that were in force last."""
+        assert self.state.started is not None
+        return self.state.started
+
+    @property
+    def waiting(self) -> tuple[QueueEntry, ...]:
+        """The missions that waited and had not begun."""
+        return tuple(
+            entry
+            for entry in self.state.queue
+            if not self._begun(self.state.missions.get(entry.mission.id))
+        )
+
+    @property
+    def interrupted(self) -> tuple[MissionTrace, ...]:
+        """The missions that had begun and had not ended."""
+        return tuple(
+            trace
+            for trace in self.state.missions.values()
+            if trace.status is None and self._begun(trace)
+        )
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether anything was under way: a mission, an alarm, a stop."""
+        state = self.state
+        return bool(self.interrupted or self.waiting or state.alarms or state.stop)
+
+    def _begun(self, trace: MissionTrace | None) -> bool:
+        """Whether a mission was worked on, now or before an emergency went first."""
+        if trace is None:
+            return False
+        return bool(trace.attempts) or trace.mission.id == self.state.active
+
+
+@dataclass(frozen=True)
+class ResumedSession:
+    """A session as it was at its last record.
+
+    `missions` counts all so far and `stops` the stops; `interrupted` are the ids of the missions
+    that end with it, `unanswered` those of the alarms that one of them answered.
+    """
+
+    started: ev.SessionStarted
+    fleet: SimulatedFleet
+    alarms: AlarmBook
+    sightings: Sightings
+    waiting: tuple[QueueEntry, ...]
+    interrupted: tuple[str, ...]
+    unanswered: tuple[str, ...]
+    missions: int
+    stops: int
+    stopped: bool
+
+
+def find_unclosed(folder: Path, world_sha256: str) -> UnclosedSession | None:
+    """Return the last session of the world whose log is in `folder`, if it was never closed.
+
+    None where it was closed, goes on in another console, or its log cannot be relied on.
+    """
+    for log in newest_logs(folder)[:LOOKED_AT]:
+        try:
+            found = summarise(log)
+            if found.world_sha256 != world_sha256 or found.readonly:
+                continue
+            if found.ending == "closed" or is_held(log):
+                return None
+            state = SessionState()
+            for event in _events(log):
+                state.apply(event)
+        except (LogError, OSError):
+            continue
+        return UnclosedSession(log, state)
+    return None
+
+
+def _events(log: Path) -> Iterator[ev.Event]:
+    """Yield what a log tells, but for a last line that was cut short; raises LogError."""
+    try:
+        yield from read_log(log)
+    except LogError as error:
+        if error.problem != TORN:
+            raise
+
+
+def resume(found: UnclosedSession, world: World, scenario: Scenario | None) -> ResumedSession:
+    """Bring back the session `found` in `world`, which is its own, and its `scenario`.
+
+    Raises NotResumableError when the world does not come out as the log tells of it, LogError when
+    the log cannot be read.
+    """
+    state, started = found.state, found.started
+    fleet = SimulatedFleet.start(world, started.seed, scenario)
+    alarms, sightings = AlarmBook(world), Sightings(world)
+    sent: dict[str, DeviceCommand] = {}
+    stops, first = 0, False
+    for event in _events(found.log):
+        while fleet.tick < event.tick:
+            fleet.step()
+        match event.data:
+            case ev.SessionStarted() | ev.SessionResumed():
+                first = True
+            case ev.IncidentHappened(source="operator", incident=incident):
+                fleet.inject(incident)
+            case ev.CommandSent(command=command):
+                sent[command.command_id] = command
+                fleet.send(command)
+            case ev.CommandResent(command_id=name) if name in sent:
+                fleet.send(sent[name])
+            case ev.AllStopped():
+                stops += 1
+            case ev.TelemetryReceived(picture=picture):
+                if fleet.picture() != picture:
+                    raise NotResumableError(OTHERWISE)
+                sightings.look(picture)
+                if not first:
+                    alarms.look(picture)
+                first = False
+            case ev.AlarmAcknowledged(alarm_id=name) if name in {a.id for a in alarms.open}:
+                alarms.acknowledge(name, "operator")
+            case _:
+                pass
+    interrupted = found.interrupted
+    return ResumedSession(
+        started=started,
+        fleet=fleet,
+        alarms=alarms,
+        sightings=sightings,
+        waiting=found.waiting,
+        interrupted=tuple(trace.mission.id for trace in interrupted),
+        unanswered=tuple(trace.mission.alarm for trace in interrupted if trace.mission.alarm),
+        missions=len(state.missions),
+        stops=stops,
+        stopped=state.stop is not None,
+    )

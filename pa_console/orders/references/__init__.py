@@ -1,0 +1,1 @@
+"""What an order points at instead of naming it: found in the picture and in what was ordered."""

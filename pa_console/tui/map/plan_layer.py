@@ -1,0 +1,118 @@
+"""Draws a plan that has not run yet over the picture: ghost routes, arrivals, cover of gates."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+from pa_console.schema.world import World
+from pa_console.tui.map.canvas import Canvas, Run
+from pa_console.tui.map.ground import Ground
+from pa_console.tui.map.labels import Labels
+from pa_console.tui.map.projection import Projection
+from pa_console.tui.map.strokes import Strokes
+from pa_console.tui.map.symbols import Symbol
+from pa_console.tui.plan_preview.preview import CoverChange, PlanPreview
+
+ARRIVAL = "◎"
+"""Where somebody comes to."""
+
+MOST_NAMED = 3
+"""So many who come to one place are named there, each with the seconds."""
+
+FARTHEST = 4.0
+"""What a text may cost that stands beside its place; a worse one stands behind the name."""
+
+MOST_SOLID = 16
+"""The ways of more than so many are dotted: drawn in full they would be one spot."""
+
+DIMMED = frozenset(("uav", "ugv", "robot", "crowd", "track-authorized"))
+"""What is dimmed where a plan does not concern it; what is in trouble or a threat never is."""
+
+_ROUTE_OVER = frozenset(("", "lane", "zone", "asset-field", "camera-field", "trail", "route"))
+
+
+@dataclass(frozen=True)
+class PlanLayer:
+    """One plan on the map, `time_s` seconds after its start."""
+
+    preview: PlanPreview
+    short: Mapping[str, str]
+    time_s: float = 0.0
+
+    def dims(self, name: str) -> bool:
+        """Whether the plan does not concern an asset or track."""
+        return name not in self.preview.involved
+
+    def draw_routes(self, canvas: Canvas, view: Projection) -> None:
+        """Draw the way that is still to go of everybody who moves, and where it ends."""
+        strokes, ends = Strokes(), list[tuple[int, int]]()
+        period = 1 if len(self.preview.ways) <= MOST_SOLID else 3
+        for name in self.preview.ways:
+            left = self.preview.way_left(name, self.time_s)
+            if not left:
+                continue
+            strokes.path([view.spot(point) for point in left], period=period)
+            if name in self.preview.goals:
+                ends.append(view.cell(left[-1]))
+        strokes.draw(canvas, "ghost", over=_ROUTE_OVER)
+        for cell in ends:
+            canvas.put(cell, ARRIVAL, "arrival")
+
+    def write(self, labels: Labels, ground: Ground, world: World) -> None:
+        """Write at every place who comes there when, and what becomes of its cover.
+
+        Without room beside the place it stands behind the place's name.
+        """
+        view = ground.view
+        changes = self.preview.cover_changes
+        for place in dict.fromkeys((*changes, *self.preview.arrivals)):
+            at = world.frames[place].at
+            if view.shows(at):
+                coming = self.preview.arrivals.get(place, ())
+                lines = list(self._lines(changes.get(place), coming))
+                spot = view.spot(at)
+                beside = (
+                    labels.place(view.cell(at), [spot], [one], most=FARTHEST) for one in lines
+                )
+                if not any(beside) and (name := ground.names.get(place)):
+                    behind = name[0] + len(place), name[1]
+                    _ = any(labels.write(behind, line, keep=True) for line in lines)
+
+    def _lines(self, change: CoverChange | None, coming: tuple[str, ...]) -> Iterator[list[Run]]:
+        """Yield what is to be written at a place, and shorter ways where there is little room."""
+        yield list(self._line(change, self._coming(coming)))
+        if coming:
+            yield list(self._line(change, f"+{len(coming)}"))
+        if change is not None:
+            yield list(self._line(change, ""))
+
+    @staticmethod
+    def _line(change: CoverChange | None, coming: str) -> Iterator[Run]:
+        if change is not None:
+            yield _cover_words(change), "gate-loses" if change.loses else "gate-gains"
+        if coming:
+            yield f"{' ' * (change is not None)}{coming}", "arrival"
+
+    def _coming(self, names: tuple[str, ...]) -> str:
+        if len(names) > MOST_NAMED:
+            last = self.preview.arrival_s(names[-1])
+            return f"{len(names)} come" + (f" by {last:.0f}s" if last is not None else "")
+        return " ".join(f"{self.short.get(name, name)}{self._seconds(name)}" for name in names)
+
+    def _seconds(self, name: str) -> str:
+        at = self.preview.arrival_s(name)
+        return "" if at is None else f"+{at:.0f}s"
+
+
+@lru_cache(maxsize=4096)
+def dimmed(symbol: Symbol) -> Symbol:
+    """Return the sign of what a plan does not concern; what is in trouble keeps its own."""
+    if symbol.role not in DIMMED:
+        return symbol
+    return symbol._replace(role="dimmed", detail="")
+
+
+def _cover_words(change: CoverChange) -> str:
+    words = f"{change.before}→{change.after}"
+    gap_s = change.longest_gap_s if change.after else 0.0
+    return f"{words} gap {gap_s:.0f}s" if gap_s else words

@@ -1,0 +1,189 @@
+"""What the approval panel says: the order, what will happen, rules, judge, confidence.
+
+Whether the order may have been misread comes before what will happen.
+"""
+
+from collections.abc import Iterator
+
+from textual.content import Content
+
+from pa_console.llm.roles.grammar import PLANNED
+from pa_console.orchestrator.planning.approval import people_words
+from pa_console.orders.clauses import ASKED
+from pa_console.orders.plain_words import plain_reading
+from pa_console.orders.reading import asked_words
+from pa_console.schema.events.event import UNSURE, ApprovalRequested
+from pa_console.schema.mission import Mission
+from pa_console.session.state.mission_trace import Attempt, MissionTrace
+from pa_console.session.wording import safety_in_words
+from pa_console.tui.plan_preview.action_rows import action_rows, cover_row, unrehearsed_row
+from pa_console.tui.plan_preview.preview import PlanPreview
+from pa_console.tui.status_words import BAD, GOOD, NOTE, QUIET, WARN, term
+from pa_console.tui.trace.rows import Row, row
+
+
+def approval_rows(trace: MissionTrace, preview: PlanPreview | None = None) -> Iterator[Row]:
+    """Yield all that is to be known of the plan that waits; nothing without one.
+
+    `preview` is that plan as its rehearsal has shown it, None where there was no rehearsal.
+    """
+    request = trace.approval
+    if request is None:
+        return
+    attempt = trace.find(request.attempt)
+    refused = trace.decisions[-1] if trace.decisions and not trace.decisions[-1].accepted else None
+    if refused is not None:
+        yield row("✘ ", (f"not accepted: {refused.detail}", BAD))
+    yield from _order(trace, request)
+    if request.state == "not_understood":
+        told = "; ".join(request.blocked_by).removeprefix("not understood: ")
+        yield row(("? ", WARN), (told, WARN))
+        told = "Choose or write what is meant" if trace.choices else "Write what is meant"
+        yield row("  ", f"Nobody moves. {told}, or reject this.")
+        return
+    for text in attempt.unmet if attempt else ():
+        yield row(("△ ", WARN), ("Not done: ", f"bold {WARN}"), _because(text))
+    yield from _phase(trace, attempt)
+    yield from _actions(request, preview)
+    for reason in request.blocked_by:
+        yield row(("✘ ", BAD), ("Blocked  ", f"bold {BAD}"), (reason, BAD))
+    if request.approvals:
+        yield row(("▲ ", WARN), ("People  ", f"bold {WARN}"), people_words(request.approvals))
+    for rule_id in request.acknowledge:
+        yield row(("▲ ", WARN), (f"{rule_id}  ", f"bold {WARN}"), _message(trace, rule_id))
+    yield _judge(attempt, request)
+    if attempt is not None and not request.readings:
+        yield from _confidence(attempt)
+
+
+def _order(trace: MissionTrace, request: ApprovalRequested) -> Iterator[Row]:
+    """Yield the words of the order as they were typed, and what they were read as."""
+    mission, attempt = trace.mission, trace.find(request.attempt)
+    who = "typed  " if mission.source == "operator" else "alarm  "
+    later = [(f"  (plan {request.attempt})", QUIET)] if request.attempt > 1 else []
+    yield row((who, QUIET), *typed_words(mission), *later)
+    asked = asked_words(attempt.plan.reason).rstrip("; ") if attempt and attempt.plan else ""
+    if asked and not request.readings:
+        yield row(("read   ", QUIET), plain_reading(asked))
+
+
+def typed_words(mission: Mission) -> Iterator[str | tuple[str, str]]:
+    """Yield an order as it was typed; after each word that is read otherwise, how."""
+    typed, read = mission.said.split(), mission.text.split()
+    if len(typed) != len(read):
+        yield mission.said
+        if typed != read:
+            yield (f" (read: {mission.text})", WARN)
+        return
+    for number, (one, other) in enumerate(zip(typed, read, strict=True)):
+        yield f"{' ' * bool(number)}{one}"
+        if one != other:
+            yield (f" (read: {other})", WARN)
+
+
+def _because(unmet: str) -> str:
+    """Return what cannot be done and why, which are told apart by a colon, as one sentence."""
+    what, colon, why = unmet.partition(": ")
+    return f"{what}, because {why}" if colon else what
+
+
+def _phase(trace: MissionTrace, attempt: Attempt | None) -> Iterator[Row]:
+    """Yield for which phase of a workflow the plan is, and that it has moved on since."""
+    planned = attempt.phase if attempt else ""
+    now = next((m for m in trace.standings.values() if 0 <= m.phase < len(m.phases)), None)
+    if now is not None:
+        name = now.phases[now.phase]
+        moved = f", planned for {planned}" if planned not in ("", name) else ""
+        yield row(("▶ ", NOTE), (f"phase {name} of {now.track}", NOTE), moved)
+    elif planned:
+        yield row(("▶ ", NOTE), (f"phase {planned}", NOTE), ", which is over")
+
+
+def _actions(request: ApprovalRequested, preview: PlanPreview | None) -> Iterator[Row]:
+    if not request.plan.actions:
+        yield row("", "nothing moves: the plan has no action")
+    elif preview is None:
+        yield from map(unrehearsed_row, request.plan.actions)
+    else:
+        yield from action_rows(preview)
+        if changed := cover_row(preview):
+            yield changed
+    if request.if_halted and not request.blocked_by:
+        yield row("  ", ("if halted: ", NOTE), safety_in_words(request.if_halted))
+
+
+def _judge(attempt: Attempt | None, request: ApprovalRequested) -> Row:
+    if attempt is None or not attempt.judged:
+        return row(("? ", WARN), ("Judge: not asked", f"bold {WARN}"))
+    given = attempt.verdict
+    mark = term("verdict", given.verdict if given else "none")
+    if given is not None and given.verdict == "Success":
+        style = GOOD if request.state == "approve" else QUIET
+        sign = f"{mark.glyph} " if style == GOOD else "· "
+        return row((sign, style), ("Judge, on the rules: no objection", style))
+    if given is None:
+        said, why = "Judge: no verdict  ", attempt.judge_error
+    else:
+        said, why = "Judge objects: ", objection(given.feedback)
+    return row((f"{mark.glyph} ", mark.style), (said, f"bold {mark.style}"), (why, mark.style))
+
+
+def objection(feedback: str) -> str:
+    """Return a judge's feedback in plain words: what was asked, what is planned, what is wrong."""
+    asked, planned, rest = feedback.partition(PLANNED)
+    if not planned:
+        return feedback
+    does, _, why = rest.partition("; ")
+    told = f"the order says {plain_reading(asked)}, the plan {plain_reading(does)}"
+    return f"{told}: {why}" if why else told
+
+
+def _confidence(attempt: Attempt) -> Iterator[Row]:
+    """Yield how sure the models are of what was asked, and what in the words speaks against it."""
+    gaps = "; ".join(attempt.gaps)
+    if attempt.sure is None:
+        if gaps:
+            yield row(("△ ", WARN), ("May be misread: ", f"bold {WARN}"), gaps)
+        return
+    unsure = attempt.sure < UNSURE or bool(gaps)
+    style, sign = (WARN, "△ ") if unsure else (QUIET, "· ")
+    told = "the order may mean something else" if unsure else "the order is understood"
+    words = f"Confidence {attempt.sure:.0%}: "
+    yield row((sign, style), (words, f"bold {style}"), (f"{told}; {gaps}" if gaps else told, style))
+
+
+def _message(trace: MissionTrace, rule_id: str) -> str:
+    findings = (f for attempt in reversed(trace.attempts) for f in attempt.findings)
+    return next((f.message for f in findings if f.rule_id == rule_id), "")
+
+
+def reading_rows(trace: MissionTrace) -> Iterator[Row]:
+    """Yield what the order was read as, where it may mean something else."""
+    request = trace.approval
+    if request is None or not request.readings:
+        return
+    attempt, asked = trace.find(request.attempt), plain_reading(request.asked)
+    if attempt is not None and attempt.as_chosen:
+        yield row(("✎ ", NOTE), "read as you meant it: ", asked)
+        return
+    sure = f" with {attempt.sure:.0%} confidence" if attempt and attempt.sure is not None else ""
+    yield row(("△ ", WARN), ("Unsure  ", f"bold {WARN}"), f"read{sure} as: {asked}")
+
+
+def looked_at_rows(preview: PlanPreview | None, faults: tuple[str, ...]) -> Iterator[Row]:
+    """Yield what another reading would lead to, and why nobody could approve that."""
+    if preview is None:
+        yield row("  ", ("What it leads to is known once it is planned.", QUIET))
+        return
+    yield from action_rows(preview)
+    if changed := cover_row(preview):
+        yield changed
+    for fault in faults:
+        yield row(("✘ ", BAD), (fault, BAD))
+    yield row("  ", ("Who goes may change once you choose it.", QUIET))
+
+
+def reading_label(number: int, asked: str) -> Content:
+    """Return what else the order may mean, after the key that shows it."""
+    or_ = ("or: ", QUIET) if asked.startswith(ASKED) else ""
+    return Content.assemble((f"(Alt+{number}) ", "bold"), or_, plain_reading(asked))

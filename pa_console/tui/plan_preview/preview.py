@@ -1,0 +1,194 @@
+"""A rehearsed plan as it is looked at: ways, arrivals, cover of gates, the picture at a moment."""
+
+from bisect import bisect_right
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from math import atan2, degrees
+
+from pa_console.schema.base import Point
+from pa_console.schema.plan import Action, Plan
+from pa_console.schema.rehearsal import Rehearsal, TimedPoint
+from pa_console.schema.telemetry import GateCover, Picture
+from pa_console.schema.world import World
+from pa_console.session.state.mission_trace import MissionTrace
+
+MOVED_M = 1.0
+"""Who ends within so many metres of where he began has not gone anywhere."""
+
+
+@dataclass(frozen=True)
+class CoverChange:
+    """Guards of a gate before and after a plan, and the longest time without any meanwhile."""
+
+    before: int
+    after: int
+    longest_gap_s: float
+
+    @property
+    def loses(self) -> bool:
+        """Whether the gate ends with fewer guards, or is without any for a time."""
+        return self.after < self.before or self.longest_gap_s > 0.0
+
+
+@dataclass(frozen=True)
+class PlanPreview:
+    """`plan` as `rehearsal` has shown it; all times are in seconds from its start.
+
+    `reading` is what the order was read as, in plain words, where that is not the plan that waits.
+    """
+
+    world: World
+    plan: Plan
+    rehearsal: Rehearsal
+    reading: str = ""
+
+    @property
+    def before(self) -> Picture:
+        """The picture that the rehearsal began with."""
+        return self.rehearsal.before
+
+    @property
+    def duration_s(self) -> float:
+        """When the rehearsal ended."""
+        return self.rehearsal.timeline.duration_s
+
+    @cached_property
+    def goals(self) -> Mapping[str, str]:
+        """Where every agent that is sent somewhere will be."""
+        sent = ((action.agent, self.goal(action)) for action in self.plan.actions)
+        return {agent: goal for agent, goal in sent if goal}
+
+    def goal(self, action: Action) -> str:
+        """Return where an action leads, '' where its agent stays."""
+        return self.world.base if action.verb == "return_to_base" else action.target or ""
+
+    @cached_property
+    def ways(self) -> Mapping[str, tuple[TimedPoint, ...]]:
+        """The way of everything that moves; straight where the rehearsal did not record it."""
+        return self.rehearsal.motion.trajectories or dict(self._straight_ways())
+
+    def _straight_ways(self) -> Iterator[tuple[str, tuple[TimedPoint, ...]]]:
+        for name, asset in self.before.assets.items():
+            then = self.rehearsal.after.assets.get(name, asset)
+            if then.position != asset.position:
+                yield name, ((0.0, *asset.position), (self.duration_s, *then.position))
+
+    def is_there(self, action: Action) -> bool:
+        """Whether who has the action is already where it leads, or stays where he is."""
+        goal, asset = self.goal(action), self.before.assets.get(action.agent)
+        return not goal or (asset is not None and asset.at == goal)
+
+    def arrival_s(self, agent: str) -> float | None:
+        """Return when an agent is where it is sent, else when its command ends; None: never."""
+        motion = self.rehearsal.motion
+        return motion.arrived_s.get(agent, motion.ended_s.get(agent))
+
+    def finished(self, agent: str) -> bool:
+        """Whether an agent's command ended as done."""
+        line = self.rehearsal.timeline.assets.get(agent)
+        return line is not None and line.finished
+
+    @cached_property
+    def arrivals(self) -> Mapping[str, tuple[str, ...]]:
+        """Place -> the agents that come there, soonest first; those that are there stay."""
+        found: dict[str, list[str]] = {}
+        for action in self.plan.actions:
+            if not self.is_there(action):
+                found.setdefault(self.goal(action), []).append(action.agent)
+        return {
+            place: tuple(sorted(dict.fromkeys(names), key=self._soonest))
+            for place, names in found.items()
+        }
+
+    def _soonest(self, agent: str) -> float:
+        at = self.arrival_s(agent)
+        return float("inf") if at is None else at
+
+    @cached_property
+    def cover_changes(self) -> Mapping[str, CoverChange]:
+        """The gates that have more or fewer guards after the plan, or none for a time."""
+        changes: dict[str, CoverChange] = {}
+        for gate, line in self.rehearsal.timeline.gates.items():
+            before = len(self.guards_at(gate, 0.0))
+            after = len(self.guards_at(gate, self.duration_s))
+            gap_s = line.longest_gap_s if line.covered_before else 0.0
+            if before != after or gap_s > 0.0:
+                changes[gate] = CoverChange(before, after, gap_s)
+        return changes
+
+    @cached_property
+    def involved(self) -> frozenset[str]:
+        """Agents, the places they are sent to, what stands at these, and gates that change."""
+        places = {*self.goals.values(), *self.cover_changes}
+        tracks = (name for name, track in self.before.tracks.items() if track.gate in places)
+        return frozenset((*self.plan.agents, *places, *tracks))
+
+    def guards_at(self, gate: str, time_s: float) -> tuple[str, ...]:
+        """Return who covers a gate at a moment of the plan."""
+        changes = self.rehearsal.motion.guards.get(gate, ())
+        if not changes:
+            picture = self.before if time_s < self.duration_s else self.rehearsal.after
+            return picture.gates[gate].by if gate in picture.gates else ()
+        return changes[max(bisect_right([at for at, _ in changes], time_s) - 1, 0)][1]
+
+    def way_left(self, name: str, time_s: float) -> list[Point]:
+        """Return the way of something from a moment on; nothing where it stands still by then."""
+        way = self.ways.get(name, ())
+        if not way or time_s >= way[-1][0]:
+            return []
+        return [_at(way, time_s), *((x, y) for at, x, y in way if at > time_s)]
+
+    def picture_at(self, time_s: float) -> Picture:
+        """Return the picture at a moment of the plan, as far as it was recorded.
+
+        Its clock stands still, so that no report is older than it was when the plan was rehearsed.
+        """
+        if time_s >= self.duration_s:
+            return self.rehearsal.after
+        before = self.before
+        assets, tracks = dict(before.assets), dict(before.tracks)
+        for name, way in self.ways.items():
+            there: dict[str, object] = {"position": _at(way, time_s)}
+            if name in assets:
+                there |= {"heading_deg": _heading(way, time_s), "route": ()}
+                assets[name] = assets[name].model_copy(update=there)
+            elif name in tracks:
+                tracks[name] = tracks[name].model_copy(update=there)
+        gates = {gate: self._cover(gate, cover, time_s) for gate, cover in before.gates.items()}
+        return before.model_copy(update={"assets": assets, "tracks": tracks, "gates": gates})
+
+    def _cover(self, gate: str, cover: GateCover, time_s: float) -> GateCover:
+        if len(self.rehearsal.motion.guards.get(gate, ())) <= 1:
+            return cover
+        by = self.guards_at(gate, time_s)
+        return cover.model_copy(update={"covered": bool(by), "by": by})
+
+
+def waiting_plan(world: World, trace: MissionTrace) -> PlanPreview | None:
+    """Return the plan that waits for a decision, None without one that could be rehearsed."""
+    request = trace.approval
+    attempt = trace.find(request.attempt) if request is not None else None
+    if request is None or attempt is None or attempt.rehearsal is None:
+        return None
+    return PlanPreview(world, request.plan, attempt.rehearsal)
+
+
+def _at(way: tuple[TimedPoint, ...], time_s: float) -> Point:
+    """Return where something is at a moment of its way."""
+    if time_s <= way[0][0]:
+        return way[0][1:]
+    for (from_s, x, y), (to_s, far_x, far_y) in pairwise(way):
+        if time_s < to_s:
+            share = (time_s - from_s) / (to_s - from_s)
+            return x + (far_x - x) * share, y + (far_y - y) * share
+    return way[-1][1:]
+
+
+def _heading(way: tuple[TimedPoint, ...], time_s: float) -> float:
+    """Return which way something goes at a moment: 0 east, 90 north."""
+    for (_, x, y), (to_s, far_x, far_y) in pairwise(way):
+        if time_s < to_s or to_s == way[-1][0]:
+            return degrees(atan2(far_y - y, far_x - x))
+    return 0.0

@@ -1,0 +1,216 @@
+"""`pa-console keys`: made, listed, enrolled, revoked, rotated, and a station put in command."""
+
+import stat
+from pathlib import Path
+
+import pytest
+
+from pa_console.cli.mission import session as mission_session
+from pa_console.fleets.authorization import Trust
+from pa_console.fleets.key_folder import KeyFolder
+from pa_console.llm.engine.engine import Engine
+from pa_console.llm.models.catalogue import LocalModel
+from pa_console.schema.events import event as ev
+from pa_console.session.log.reader import read_log
+from pa_console.signing import KEY_VARIABLE, PASSPHRASE_VARIABLE, SigningError
+from tests.cli.inside import Call, Done
+from tests.scripted import ScriptedEngine, plan
+
+MOVE = plan(("Drone_T04", "move_to EastGate"))
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return where keys will be; none are there yet."""
+    monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "config" / "signing-key.pem"))
+    return tmp_path / "config" / "site-keys"
+
+
+@pytest.fixture
+def made(call: Call) -> Done:
+    """Make the keys of a site."""
+    done = call("keys", "make", "ann", "--station", "north")
+    assert (done.code, done.err) == (0, "")
+    return done
+
+
+def listed(call: Call) -> dict[str, tuple[str, str, bool]]:
+    rows = call("keys", "list", "--json").json["keys"]
+    return {row["name"] or "-": (row["role"], row["state"], row["here"]) for row in rows}
+
+
+def test_a_new_site_has_an_owner_a_station_in_command_and_a_commander(
+    call: Call, made: Done, folder: Path
+) -> None:
+    assert "north is in command since epoch 1" in made.said
+    assert listed(call) == {
+        "owner": ("", "in force", True),
+        "north": ("", "in command", True),
+        "ann": ("commander", "in force", True),
+    }
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+    assert {stat.S_IMODE(file.stat().st_mode) for file in folder.iterdir()} == {0o600}
+    again = call("keys", "make")
+    assert (again.code, "there are keys already" in again.err) == (2, True)
+
+
+def test_without_keys_it_is_said_how_they_are_made(call: Call) -> None:
+    for words in (("list",), ("revoke", "ann"), ("takeover", "north")):
+        done = call("keys", *words)
+        assert done.code == 2
+        assert "no keys of a site; pa-console keys make" in done.said
+
+
+@pytest.mark.usefixtures("made")
+def test_one_more_person_is_enrolled_and_gets_another_role(call: Call) -> None:
+    assert call("keys", "make", "bob").code == 0
+    assert listed(call)["bob"] == ("operator", "in force", True)
+    key = next(r["key"] for r in call("keys", "list", "--json").json["keys"] if r["name"] == "bob")
+    assert call("keys", "enrol", "person", "bob", key, "--role", "observer").code == 0
+    assert listed(call)["bob"][0] == "observer"
+    other = call("keys", "enrol", "person", "bob", "a" * 64)
+    assert (other.code, "has another key" in other.err) == (2, True)
+    assert "no public key" in call("keys", "enrol", "station", "south", "abc").said
+    assert "give the public key" in call("keys", "enrol", "station", "south").said
+    assert "no name for a key" in call("keys", "make", "../bob").said
+
+
+@pytest.mark.usefixtures("made")
+def test_a_revoked_key_never_comes_back(call: Call) -> None:
+    call("keys", "make", "bob", "--role", "commander")
+    assert call("keys", "revoke", "ann").code == 0
+    rows = listed(call)
+    assert "ann" not in rows
+    assert rows["-"] == ("", "revoked", False)
+    assert rows["north"][1] == "in command", "bob has put it in command again"
+    assert "no person or station 'ann'; known: bob, north" in call("keys", "revoke", "ann").said
+    lost = call("keys", "revoke", "north")
+    assert "no station" in lost.said or "not enrolled" in lost.said
+
+
+@pytest.mark.usefixtures("made")
+def test_a_rotated_station_stays_in_command_with_a_new_key(call: Call, folder: Path) -> None:
+    before = KeyFolder().keys()
+    assert call("keys", "rotate", "north").code == 0
+    after = KeyFolder().keys()
+    assert after.station.private_bytes_raw() != before.station.private_bytes_raw()
+    trust = KeyFolder().trust()
+    assert trust.in_command == "north is in command since epoch 2"
+    fresh = Trust(before.owner)
+    assert [fresh.take(message) for message in after.messages] == ["", "", ""]
+    assert call("keys", "rotate", "ann").code == 0
+    assert KeyFolder().trust().in_command == "north is in command since epoch 3"
+    assert KeyFolder().keys().own.private_bytes_raw() != before.own.private_bytes_raw()
+
+
+@pytest.mark.usefixtures("made")
+def test_another_station_takes_over(call: Call) -> None:
+    assert "known: north" in call("keys", "takeover", "south").said
+    assert call("keys", "enrol", "station", "south", "b" * 64).code == 0
+    assert "south is in command since epoch 2" in call("keys", "takeover", "south").said
+
+
+def test_a_second_machine_joins_and_gets_what_the_owner_signs(
+    call: Call, made: Done, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    owner = KeyFolder()
+    other = KeyFolder(tmp_path / "other")
+    person, station = other.join("bob", "south", owner.owner)
+    with pytest.raises(SigningError, match="the key of no station of the roster is here"):
+        other.keys()
+    with pytest.raises(SigningError, match="owner is not on this machine"):
+        other.revoke("bob")
+    assert call("keys", "enrol", "person", "bob", person).code == 0
+    assert call("keys", "enrol", "station", "south", station).code == 0
+    for message in KeyFolder().messages:
+        assert other.take(message) == ""
+    assert "not newer" in other.take(owner.messages[0]) or owner.messages == other.messages
+    assert (other.keys().person, other.trust().in_command[:5]) == ("bob", "north")
+    monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "third" / "key.pem"))
+    told = call("keys", "make", "cleo", "--station", "west", "--join", owner.owner).said
+    assert "pa-console keys enrol person cleo" in told
+    assert "pa-console keys enrol station west" in told
+
+
+def test_a_passphrase_protects_the_keys_of_people_and_of_the_owner(
+    call: Call, monkeypatch: pytest.MonkeyPatch, folder: Path
+) -> None:
+    monkeypatch.setenv(PASSPHRASE_VARIABLE, "correct horse")
+    assert call("keys", "make", "ann", "--station", "north", "--passphrase").code == 0
+    for name in ("owner.pem", "person-ann.pem"):
+        assert b"ENCRYPTED" in (folder / name).read_bytes()
+    assert call("keys", "make", "bob").code == 0
+    monkeypatch.setenv(PASSPHRASE_VARIABLE, "wrong")
+    wrong = call("keys", "make", "cleo")
+    assert (wrong.code, "wrong passphrase" in wrong.err) == (2, True)
+    monkeypatch.delenv(PASSPHRASE_VARIABLE)
+    assert f"set {PASSPHRASE_VARIABLE}" in call("keys", "make", "cleo").said
+
+
+@pytest.mark.usefixtures("made")
+def test_a_key_that_others_may_read_is_not_used(call: Call, folder: Path) -> None:
+    (folder / "owner.pem").chmod(0o644)
+    done = call("keys", "make", "bob")
+    assert (done.code, "others may read it" in done.said) == (2, True)
+    (folder / "owner.pem").chmod(0o600)
+    (folder / "roster.jwt").write_text("nonsense")
+    broken = call("keys", "list")
+    assert (broken.code, "roster.jwt: it does not hold" in broken.said) == (2, True)
+
+
+@pytest.mark.usefixtures("made")
+def test_rules_are_enrolled_with_what_they_ask_two_people_for(call: Call, tmp_path: Path) -> None:
+    path = tmp_path / "house.yaml"
+    path.write_text(
+        "name: house\napprovals: {block: 2, override: 2}\nrules:\n"
+        "  - {id: ROE-20, domain: ROE, priority: high, text: Be safe.}\n"
+    )
+    done = call("keys", "enrol", "rules", str(path))
+    assert "people who must approve: block 2, override 2" in done.said
+    assert "block 2, override 2" in call("rules", "list", "--rules", str(path)).said
+    assert "block 2, override 2" in call("rules", "check", str(path)).said
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ("{blok: 2}", "'blok' is nothing that people approve; known: move_to, "),
+        ("{hold: 2}", "'hold' moves nobody and waits for no second person; take it out"),
+        ("{block: 0}", "block: 0 people; give a number from 1 to 9"),
+        ("{block: two}", "approvals"),
+    ],
+)
+def test_what_cannot_be_asked_for_is_said_with_its_line(
+    call: Call, tmp_path: Path, asked: str, said: str
+) -> None:
+    path = tmp_path / "house.yaml"
+    path.write_text(
+        f"name: house\napprovals: {asked}\nrules:\n"
+        "  - {id: ROE-20, domain: ROE, priority: high, text: Be safe.}\n"
+    )
+    done = call("rules", "check", str(path))
+    assert done.code == 2
+    assert said in done.said
+    assert f"{path}:2" in done.err.replace("\n", "")
+
+
+@pytest.mark.usefixtures("made")
+def test_a_mission_is_signed_by_whoever_has_the_keys(
+    call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def model(_: str | None) -> LocalModel:
+        return LocalModel("scripted", Path("none.gguf"), "0" * 64)
+
+    def engine(_: LocalModel) -> Engine:
+        return ScriptedEngine([MOVE]).engine()
+
+    monkeypatch.setattr(mission_session, "find_model", model)
+    monkeypatch.setattr(mission_session, "Engine", engine)
+    log = tmp_path / "one.jsonl"
+    done = call(
+        "--set", "standing_confidence=0", "mission", "Send Drone_T04 to EastGate.",
+        "--approve", "auto", "--log", str(log),
+    )  # fmt: skip
+    assert done.code == 0, done.said
+    made = [e.data for e in read_log(log) if isinstance(e.data, ev.DecisionMade)]
+    assert set(made[0].decision.signatures) == {"ann"}

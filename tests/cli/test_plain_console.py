@@ -1,0 +1,180 @@
+"""The console as lines: the same session, on a terminal of any kind and over pipes."""
+
+import re
+import signal
+import time
+from collections.abc import Callable, Generator
+from pathlib import Path
+
+import pytest
+
+from pa_console.cli.plain.answers import read_answer
+from pa_console.schema.events import event as ev
+from pa_console.signing import KEY_VARIABLE
+from tests.cli.inside import Call
+from tests.cli.outside import WITHIN_S, Outside
+from tests.tui import story
+
+pytestmark = pytest.mark.long
+
+Start = Callable[..., Outside]
+ORDER = "Fill the gap at EastGate."
+QUICK = ("--set", "approval_delay_s=0.2")
+PLAIN = (*QUICK, "console", "--plain", "--no-alarms")
+MOVES = re.compile(r"\x1b\[[0-9;?]*[A-HJKSTfhlsu]|\x1b[78]")
+"""What moves the cursor or clears, in a terminal."""
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Generator[Start]:
+    """Return what starts a plain console, which is ended after the test."""
+    started: list[Outside] = []
+
+    def begin(*words: str, **how: bool) -> Outside:
+        started.append(Outside(tmp_path, *(words or PLAIN), **how))  # type: ignore[arg-type]
+        return started[-1]
+
+    yield begin
+    for program in started:
+        program.close()
+
+
+def answered(console: Outside, line: str, kind: str) -> None:
+    """Type an answer until the log tells of `kind`: one that comes too early is not taken."""
+    typed = 0.0
+
+    def again() -> None:
+        nonlocal typed
+        if time.monotonic() - typed > 1.0:
+            console.type(f"{line}\n")
+            typed = time.monotonic()
+
+    console.until(kind, again)
+
+
+def test_a_mission_goes_through_all_steps_in_lines(
+    start: Start, tmp_path: Path, call: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    console = start(terminal=True)
+    console.until_shown("Type a mission")
+    console.type(f"{ORDER}\n")
+    console.until_shown("Your answer: approve")
+    for told in (f"mission: {ORDER}", "rules found", "plan: Drone_T04 move_to EastGate", "judge"):
+        assert told in console.shown
+    console.type("move the other drone too\n")
+    console.until_shown("A plan waits: approve")
+    answered(console, "approve", "command_sent")
+    console.type("status\n")
+    console.until_shown("missions wait")
+    console.until_shown("finished: verified")
+    assert console.kinds.count("mission_received") == 1
+    console.type("quit\n")
+    assert console.process.wait(WITHIN_S) == 0
+    assert not MOVES.search(console.shown)
+    monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "key" / "key.pem"))
+    assert call("replay", str(console.log), "--verify").code == 0
+
+
+def test_stop_is_heeded_while_a_plan_runs_and_released_after_a_yes(start: Start) -> None:
+    console = start(terminal=True)
+    console.type(f"{ORDER}\n")
+    console.until_shown("Your answer: approve")
+    answered(console, "approve", "command_sent")
+    console.type("stop\n")
+    console.until_shown("finished: cancelled")
+    console.type("status\n")
+    console.until_shown("STOPPED")
+    console.type("release\n")
+    console.until_shown("Type yes")
+    console.type("no\n")
+    console.until_shown("left as it is")
+    assert "stop_released" not in console.kinds
+    console.type("release\nyes\n")
+    console.until("stop_released")
+    console.type("quit\n")
+    assert console.process.wait(WITHIN_S) == 0
+
+
+def test_ctrl_c_stops_nothing_and_says_what_would(start: Start) -> None:
+    console = start(terminal=True)
+    console.type(f"{ORDER}\n")
+    console.until_shown("Your answer: approve")
+    console.type("\x03")
+    console.until_shown("Ctrl-C stops nothing by itself")
+    assert "all_stopped" not in console.kinds
+    answered(console, "approve", "command_sent")
+    console.type("\x03")
+    console.type("stop\n")
+    console.until_shown("finished: cancelled")
+    console.type("\x04")
+    assert console.process.wait(WITHIN_S) == 0
+    assert console.kinds[-2] == "session_ended"
+
+
+def test_over_pipes_a_plan_is_rejected_once_nobody_can_answer(start: Start) -> None:
+    console = start(piped=True)
+    assert console.process.stdin is not None
+    printed, told = console.process.communicate(f"{ORDER}\n".encode(), timeout=WITHIN_S)
+    assert console.process.returncode == 0, told
+    assert "A plan waits for you" in printed.decode() or "held" in printed.decode()
+    assert b"\x1b" not in printed
+    assert "command_sent" not in console.kinds
+    assert "session_ended" in console.kinds
+
+
+def test_it_ends_in_order_when_told_to(start: Start) -> None:
+    console = start(piped=True)
+    console.until("telemetry")
+    console.process.send_signal(signal.SIGTERM)
+    assert console.process.wait(WITHIN_S) == 143
+    assert "session_ended" in console.kinds
+
+
+def request(**options: object) -> ev.ApprovalRequested:
+    told = story.told("approval", **options)  # type: ignore[arg-type]
+    return next(data for data in told if isinstance(data, ev.ApprovalRequested))
+
+
+def test_answers_are_whole_words_and_say_what_is_missing() -> None:
+    plain = request()
+    approved = read_answer("Approve", plain)
+    assert approved is not None
+    assert approved.decision is not None
+    assert approved.decision.kind == "approve"
+    assert not approved.confirm
+    for line in ("a", "y", "yes", "approved", "app", "go on", "Show me the west gate"):
+        assert read_answer(line, plain) is None
+    rejected = read_answer("reject because the drone is needed", plain)
+    assert rejected is not None
+    assert rejected.decision is not None
+    assert rejected.decision.reason == "the drone is needed"
+
+
+def test_what_is_broken_or_objected_to_needs_a_reason_or_a_yes() -> None:
+    blocked = read_answer("approve", request(broken=("WF-03",), blocked=("WF-03: no",)))
+    assert blocked is not None
+    assert (blocked.decision, blocked.problem) == (None, "it cannot be approved: WF-03: no")
+    objected = request(verdict="Failure")
+    bare = read_answer("approve", objected)
+    assert bare is not None
+    assert "approve because REASON" in bare.problem
+    given = read_answer("approve because I see it", objected)
+    assert given is not None
+    assert given.decision is not None
+    assert (given.decision.override_judge, given.decision.reason) == (True, "I see it")
+    assert given.confirm
+    warned = read_answer("approve", request(broken=("CAP-04",)))
+    assert warned is not None
+    assert "CAP-04" in warned.confirm
+
+
+def test_a_plan_is_typed_anew_and_what_is_wrong_with_it_is_said() -> None:
+    changed = read_answer("modify Drone_T04 observe EastGate; Ugv_T02 hold", request())
+    assert changed is not None
+    assert changed.decision is not None
+    assert changed.decision.plan is not None
+    assert [a.command for a in changed.decision.plan.actions] == ["observe EastGate", "hold"]
+    wrong = read_answer("modify Drone_T04 hold; Drone_T01 fly away", request())
+    assert wrong is not None
+    assert wrong.decision is None
+    assert "action 2" in wrong.problem

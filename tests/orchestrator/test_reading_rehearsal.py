@@ -1,0 +1,43 @@
+"""What another reading of an order would lead to is rehearsed before anybody chooses it."""
+
+from datetime import UTC, datetime
+
+import pytest
+
+from pa_console.orders.reading import read_asked
+from pa_console.schema.mission import Mission
+from tests.orchestrator.conftest import MISSION, Rig
+from tests.scripted import ScriptedEngine
+
+TASK = Mission(id="M-001", text=MISSION, created=datetime(2026, 1, 1, tzinfo=UTC))
+
+
+@pytest.mark.parametrize(
+    ("asked", "command"),
+    [("asked: 1 drone to EastGate", "move_to EastGate"), ("asked: hold", "hold")],
+)
+async def test_a_reading_is_rehearsed_without_a_model_and_without_a_word_in_the_log(
+    rig: Rig, asked: str, command: str
+) -> None:
+    engine = ScriptedEngine([])
+    station = rig.station(engine)
+    found = await station.look_at(TASK, asked)
+    assert found is not None
+    assert {action.command for action in found.plan.actions} == {command}
+    assert not found.faults
+    assert set(found.rehearsal.timeline.assets) == set(found.plan.agents)
+    assert engine.requests == []
+    assert not station.awaits_decision
+
+
+async def test_nobody_has_two_commands_in_a_reading(rig: Rig) -> None:
+    found = await rig.station(ScriptedEngine([])).look_at(TASK, "asked: all free to EastGate")
+    assert found is not None
+    assert len(found.plan.agents) == len(set(found.plan.agents)) > 1
+
+
+async def test_what_cannot_be_read_is_not_rehearsed(rig: Rig) -> None:
+    asked = "asked: dance at EastGate tonight"
+    reading = read_asked(asked)
+    assert reading is None or not reading.readable
+    assert await rig.station(ScriptedEngine([])).look_at(TASK, asked) is None
