@@ -28,7 +28,7 @@ from pa_console.tui.protocols import RuleScorer
 from tests.tui.site import WORLD, Rulebook, WordRetriever
 from tests.tui.story import MISSION, START, stamped
 
-LAYOUTS = 3  # what is mounted is laid out, then scrolled to, then drawn
+LAYOUTS = 5  # what is mounted is laid out, fitted, laid out anew, scrolled to, then drawn
 
 
 class FakeClock:

@@ -59,13 +59,12 @@ def approval_rows(trace: MissionTrace, preview: PlanPreview | None = None) -> It
 def _order(trace: MissionTrace, request: ApprovalRequested) -> Iterator[Row]:
     """Yield the words of the order as they were typed, and what they were read as."""
     mission, attempt = trace.mission, trace.find(request.attempt)
-    who = "typed" if mission.source == "operator" else "alarm"
-    first, second = mission.id, f"plan {request.attempt}" if request.attempt else ""
-    width = max(len(first), len(second))
-    yield row([(f"{first:<{width}} ", "bold"), (f"{who}  ", QUIET)], *typed_words(mission))
+    who = "typed  " if mission.source == "operator" else "alarm  "
+    later = [(f"  (plan {request.attempt})", QUIET)] if request.attempt > 1 else []
+    yield row((who, QUIET), *typed_words(mission), *later)
     asked = asked_words(attempt.plan.reason).rstrip("; ") if attempt and attempt.plan else ""
     if asked and not request.readings:
-        yield row([(f"{second:<{width}} ", "bold"), ("read   ", QUIET)], plain_reading(asked))
+        yield row(("read   ", QUIET), plain_reading(asked))
 
 
 def typed_words(mission: Mission) -> Iterator[str | tuple[str, str]]:

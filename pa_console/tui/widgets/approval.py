@@ -252,10 +252,12 @@ class ApprovalPanel(Vertical, can_focus=True):
         """Give the plan the rows that the buttons and what is asked for leave it."""
         compact = self.screen.has_class("-compact")
         room = self.screen.size.height - ROWS_ELSEWHERE
-        most = max(int(room * (COMPACT_SHARE if compact else WIDE_SHARE)), LEAST_ROWS)
         others = [child for child in self.children if child is not self._body and child.display]
         taken = sum(child.outer_size.height + child.styles.margin.height for child in others)
-        rows = max(most - taken - self.gutter.height, LEAST_BODY_ROWS)
+        taken += self.gutter.height
+        share = int(room * (COMPACT_SHARE if compact else WIDE_SHARE))
+        most = max(share, LEAST_ROWS, taken + LEAST_BODY_ROWS)
+        rows = most - taken
         self.styles.max_height = most
         if rows != self._body_rows:
             self._body_rows = self._body.styles.max_height = rows
@@ -326,9 +328,13 @@ class ApprovalPanel(Vertical, can_focus=True):
         return "Space plays it on the map" if self.has_focus_within else ""
 
     def on_descendant_focus(self) -> None:
-        """Show the reading that has the focus, and say what the next key does."""
+        """Look at a reading no more whose button has no focus, and say what the next key does.
+
+        A button that the mouse presses stays where it is: what it leads to is not shown then.
+        """
         focused = self.screen.focused
-        self._look(self._reading_of(focused.name or "") if focused is not None else "")
+        if focused is None or self._reading_of(focused.name or "") != self._looked_at:
+            self._look("")
         self.refresh_state()
 
     @property
@@ -400,7 +406,12 @@ class ApprovalPanel(Vertical, can_focus=True):
         outside = -1 if step > 0 else 0
         at = chain.index(self.app.focused) if self.app.focused in chain else outside
         if chain:
-            chain[(at + step) % len(chain)].focus()
+            self._focus_and_look(chain[(at + step) % len(chain)])
+
+    def _focus_and_look(self, widget: Widget) -> None:
+        """Go to a field of the panel; a reading is shown."""
+        self.screen.set_focus(widget)
+        self._look(self._reading_of(widget.name or ""))
 
     def action_go_to(self, button: str) -> None:
         """Go to a button, which Enter presses; to what Approve still needs, where it needs it.
@@ -435,7 +446,7 @@ class ApprovalPanel(Vertical, can_focus=True):
             return
         buttons = list(self.query("#approval-readings Button").results(Button))
         for button in buttons[number - 1 : number]:
-            button.focus()
+            self._focus_and_look(button)
 
     def action_play(self) -> None:
         """Play the rehearsal of what is looked at on the map, or stop it."""
