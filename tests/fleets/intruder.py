@@ -24,7 +24,7 @@ class Intruder:
         self._up = threading.Event()
         self._client = Client(CallbackAPIVersion.VERSION2, protocol=MQTTProtocolVersion.MQTTv5)
         self._client.on_message = self._note
-        self._client.on_subscribe = lambda *_: self._up.set()
+        self._client.on_subscribe = self._subscribed
         if address.tls:
             context = credentials.context() if credentials else ssl.create_default_context()
             self._client.tls_set_context(context)
@@ -33,9 +33,13 @@ class Intruder:
         self._client.subscribe(f"{address.site}/#", qos=1)
         assert self._up.wait(UP_S)
 
+    def _subscribed(self, *_: object) -> None:
+        self._up.set()
+
     def _note(self, _client: Client, _data: object, message: MQTTMessage) -> None:
-        self.heard[message.topic] = message.payload
-        self.all.append((message.topic, message.payload))
+        payload = bytes(message.payload)
+        self.heard[message.topic] = payload
+        self.all.append((message.topic, payload))
 
     def topic(self, name: str, topic: str, manufacturer: str = "pa-console") -> str:
         """Return the name of a topic of a robot."""

@@ -213,7 +213,10 @@ SENT = st.one_of(
 def test_whatever_comes_is_carried_out_once_and_only_with_a_good_token(
     sent: list[tuple[int, tuple[Any, ...]]],
 ) -> None:
-    robot = Robot(verify=lambda token, _: "" if token == "good" else "no")
+    def verify(token: str | None, _: DeviceCommand) -> str:
+        return "" if token == "good" else "no"
+
+    robot = Robot(verify=verify)
     for number, what in sent:
         robot.time += timedelta(seconds=1)
         match what:

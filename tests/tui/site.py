@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 from pa_console.schema.document import Document
 from pa_console.schema.rule import Rule, RuleExample, RuleHit, RulesSeal
@@ -86,6 +87,7 @@ class Rulebook:
     rules: tuple[Rule, ...] = RULES
     name: str = "site"
     seal: RulesSeal = SEAL
+    approvals: Mapping[str, int] = MappingProxyType({})
 
 
 class WordRetriever:

@@ -37,6 +37,8 @@ _THERE = (
 _IT = ("that one", "this one", "it", "that thing")
 _THEM = ("both of them", "the both of them", "the two of them", "they both", "them both")
 _THEY = ("them", "they", "these two", "those two", "both")
+_WELL = frozenset(("ok", "okay", "doing", "well", "status", "fine"))
+"""What is asked after somebody."""
 _HOME = frozenset(("home", "base"))
 _SHORT = 9
 """An order of more words is put in full by itself."""
@@ -149,6 +151,16 @@ class _Turn:
         """Whether the words ask for a task of their own, other than to go somewhere."""
         verbs = find_verbs(self._text.lower().replace("hold on", ""))
         return any(v.plain and v.tasks & _OWN_TASKS and not v.means & _PUTTING for v in verbs)
+
+    @property
+    def _asks(self) -> bool:
+        """Whether the words ask for anything: in small talk *it* means nobody."""
+        words = set(self._words)
+        if self._places or words & (_HOME | {"back"}) or ("?" in words and words & _WELL):
+            return True
+        if self._has("same place", "same gate") and any(map(self._scene.members, words)):
+            return True
+        return any(verb.plain for verb in find_verbs(self._text))
 
     @property
     def _there(self) -> str:
@@ -277,7 +289,7 @@ class _Turn:
                 return None
             return self._whole(_sentence([f"{name} to {place}" for name in asked]))
         more = self._has(*_MORE)
-        if not more or asked or not (there or self._wanted or self._short):
+        if not more or asked or not (there or self._wanted or self._counts(more)):
             return None
         teams = [self._scene.members(word) for word in self._words if word not in ("one", "it")]
         team = next(filter(None, teams), frozenset[str]())
@@ -290,6 +302,11 @@ class _Turn:
         every = self._scene.world.assets
         free = [n for n in every if self._scene.is_free(n) and n not in self._movers]
         return Unclear(more, "None of that kind is free. Who is to go?", tuple(free))
+
+    def _counts(self, more: str) -> bool:
+        """Whether one more of us is meant: *another robot*, *one more*, not *the second floor*."""
+        after = self._low.partition(f" {more} ")[2].split()
+        return not after or after[0] == "one" or bool(self._scene.members(after[0]))
 
     def _brought_back(self) -> Retold | Unclear | None:
         """Resolve *Bring it back.*: to where it was before."""
@@ -342,7 +359,7 @@ class _Turn:
                 continue
             one, at = found
             meant.append(one)
-        if not meant or not (self._places or any(find_verbs(self._text))):
+        if not meant or not self._asks:
             return None
         text, done = "", 0
         for one in meant:

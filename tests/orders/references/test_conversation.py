@@ -64,6 +64,9 @@ def test_a_name_earlier_in_the_order_is_what_it_means() -> None:
         "It is raining at the east gate.",
         "That was quick, well done.",
         "Send a drone to the west gate.",
+        "Close the window, it is draughty.",
+        "Knock knock. Who is there?",
+        "Water the plants on the second floor.",
     ],
 )
 def test_what_points_at_nothing_stays_as_it_was(text: str) -> None:
