@@ -10,6 +10,8 @@ BIN := $(VENV)/bin
 PIP := PYTHONUNBUFFERED=1 $(BIN)/python -m pip install --disable-pip-version-check
 LLAMA := $(shell sed -n 's/^ *"\(llama-cpp-python==[^"]*\)".*/\1/p' pyproject.toml)
 TEST_MODEL := smollm2-135m
+# What reads unclear orders again is fetched with the model; `make console READER=` leaves it out.
+READER ?= --with-second-reader
 PINS := .constraints.txt
 SITE := build/site
 
@@ -44,10 +46,11 @@ help:
 	@echo "make site      render the manual as a static site, in $(SITE)"
 	@echo "make clean     remove .venv and everything generated; fetched models stay"
 	@echo
+	@echo "READER=        leaves out the model that reads unclear orders again (491 MB)"
 	@echo "PYTHON=...     the Python to install with, 3.11 or newer (now: $(PYTHON))"
 
 console: $(VENV)/.installed-base
-	@$(BIN)/pa-console models pull
+	@$(BIN)/pa-console models pull $(READER)
 	@$(BIN)/pa-console
 
 test: $(VENV)/.installed-test

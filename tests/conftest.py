@@ -13,6 +13,7 @@ import pytest
 from pa_console.policy.checks import rule_checks
 from pa_console.policy.ordering import monitor
 from pa_console.settings.schema import describe_settings
+from tests.fleets.broker import mosquitto
 from tests.quick_textual import quicken
 
 RARELY = 50_000
@@ -49,6 +50,12 @@ def _quick_textual() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         quicken(patch)
         yield
+
+
+def pytest_report_header() -> str:
+    """Say which broker the tests of the bus run against."""
+    found = mosquitto()
+    return f"broker: {found}" if found else "broker: the embedded one, as there is no mosquitto"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -22,6 +22,7 @@ from pa_console.tui.actions.registry import (
     find_action,
     key_text,
 )
+from pa_console.tui.contrast import readable
 from pa_console.tui.controllers.approval import ApprovalController
 from pa_console.tui.controllers.attention import AttentionController
 from pa_console.tui.controllers.browsing import BrowsingController
@@ -97,6 +98,7 @@ class ConsoleApp(App[None]):
         the operator go `to_terminal`, by default to the one that the console runs on.
         Raises DocumentError for settings of the user's that are wrong.
         """
+        self._readable: dict[str, dict[str, str]] = {}
         super().__init__()
         self.error_console = PlainConsole(stderr=True)
         self._visible_lines = VisibleLines()
@@ -132,6 +134,15 @@ class ConsoleApp(App[None]):
     def get_theme_variable_defaults(self) -> dict[str, str]:
         """Return the console's own colour variables for themes without them."""
         return VARIABLES
+
+    def get_css_variables(self) -> dict[str, str]:
+        """Return the theme's colours, those of texts with enough contrast."""
+        theme = self.current_theme
+        key = f"{theme.name} {theme.dark}"
+        if key not in self._readable:
+            given = super().get_css_variables()
+            self._readable[key] = readable(given, dark=theme.dark, ansi=theme.ansi)
+        return self._readable[key]
 
     def get_key_display(self, binding: Binding) -> str:
         """Write keys the same way in the footer and in the help."""

@@ -37,6 +37,10 @@ class LiveStation(Protocol):
         """Note that a mission is being typed."""
         ...
 
+    def point(self, name: str) -> None:
+        """Note which asset, gate or track is marked on the screen, "" for none."""
+        ...
+
     def submit(self, text: str) -> Mission:
         """Queue a mission; raises ValueError with a text for the operator when refused."""
         ...

@@ -4,8 +4,15 @@ from textual.theme import Theme
 
 DEFAULT_THEME = "pa-console"
 
-VARIABLES = {"quiet": "#87919b", "faint": "#6a747e"}
-"""Greys that read on dark and light, for the themes that do not bring their own."""
+VARIABLES = {
+    "quiet": "#87919b",
+    "faint": "#6a747e",
+    **dict.fromkeys(("badge-primary", "badge-success", "badge-accent", "badge-error"), "#6a747e"),
+    **dict.fromkeys(
+        ("on-primary", "on-success", "on-warning", "on-error", "on-accent", "on-quiet"), "#000000"
+    ),
+}
+"""Colours for the themes that do not bring their own, before `contrast` makes them readable."""
 
 THEMES = (
     Theme(

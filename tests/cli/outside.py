@@ -137,8 +137,13 @@ class Outside:
         self._until(lambda: text in self.shown, lambda: None)
 
     def until_new(self, log: Path) -> None:
-        """Wait until there is another log than `log`."""
-        self._until(lambda: len(set(self.logs.glob("*.jsonl")) - {log}) > 0, lambda: None)
+        """Wait until another log than `log` tells of telemetry."""
+
+        def told() -> bool:
+            others = set(self.logs.glob("*.jsonl")) - {log}
+            return any(b'"kind":"telemetry"' in other.read_bytes() for other in others)
+
+        self._until(told, lambda: None)
 
     def _until(self, done: Callable[[], bool], meanwhile: Callable[[], object]) -> None:
         end = time.monotonic() + WITHIN_S

@@ -1,5 +1,6 @@
 """Somebody on the bus who sends what they like, and hears everything."""
 
+import ssl
 import threading
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -7,7 +8,7 @@ from contextlib import contextmanager
 from paho.mqtt.client import Client, MQTTMessage
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 
-from pa_console.fleets.bus.address import BrokerAddress
+from pa_console.fleets.bus.address import BrokerAddress, Credentials
 from pa_console.fleets.vda5050.topics import MAJOR
 
 UP_S = 10.0
@@ -16,22 +17,29 @@ UP_S = 10.0
 class Intruder:
     """Sends any payload on any topic of a site; keeps the last message of every topic."""
 
-    def __init__(self, address: BrokerAddress) -> None:
+    def __init__(self, address: BrokerAddress, credentials: Credentials | None = None) -> None:
         self._address = address
         self.heard: dict[str, bytes] = {}
         self.all: list[tuple[str, bytes]] = []
         self._up = threading.Event()
         self._client = Client(CallbackAPIVersion.VERSION2, protocol=MQTTProtocolVersion.MQTTv5)
         self._client.on_message = self._note
-        self._client.on_subscribe = lambda *_: self._up.set()
+        self._client.on_subscribe = self._subscribed
+        if address.tls:
+            context = credentials.context() if credentials else ssl.create_default_context()
+            self._client.tls_set_context(context)
         self._client.connect(address.host, address.port)
         self._client.loop_start()
         self._client.subscribe(f"{address.site}/#", qos=1)
         assert self._up.wait(UP_S)
 
+    def _subscribed(self, *_: object) -> None:
+        self._up.set()
+
     def _note(self, _client: Client, _data: object, message: MQTTMessage) -> None:
-        self.heard[message.topic] = message.payload
-        self.all.append((message.topic, message.payload))
+        payload = bytes(message.payload)
+        self.heard[message.topic] = payload
+        self.all.append((message.topic, payload))
 
     def topic(self, name: str, topic: str, manufacturer: str = "pa-console") -> str:
         """Return the name of a topic of a robot."""

@@ -61,6 +61,7 @@ class ScriptedStation:
         self.rate = 1.0
         self.submitted: list[str] = []
         self.decisions: list[Decision] = []
+        self.pointed = ""
         self.injected: list[Incident] = []
         self.cancelled = self.stopped = self.released = 0
         self.acknowledged: list[str] = []
@@ -115,6 +116,10 @@ class ScriptedStation:
         self._refuse()
         self.accepted += 1
         self.offered = ""
+
+    def point(self, name: str) -> None:
+        """Note what is marked."""
+        self.pointed = name
 
     def typing(self, text: str) -> None:
         """Count the keys that the prompt told of."""

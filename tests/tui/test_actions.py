@@ -3,7 +3,9 @@
 from typing import Any, get_type_hints
 from unittest.mock import create_autospec
 
-from pa_console.tui.actions.registry import ACTIONS, find_action
+import pytest
+
+from pa_console.tui.actions.registry import ACTIONS, ActionContext, action_of, find_action
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.controllers.controllers import Controllers
 
@@ -30,3 +32,12 @@ def test_textual_finds_each_action_by_what_it_is_bound_to() -> None:
         assert find_action(name, parameters) is action
         assert callable(getattr(ConsoleApp, f"action_{name}"))
     assert find_action("carry_out", ("nothing",)) is None
+
+
+@pytest.mark.parametrize("word", ["export", "session", "replay", "history"])
+def test_the_palette_finds_recorded_sessions_by_what_people_call_them(word: str) -> None:
+    sessions = action_of("sessions")
+    found = [action for action in ACTIONS if word in f"{action.help} {action.words}".lower()]
+    assert sessions in found
+    assert sessions.palette
+    assert not sessions.refusal(ActionContext())

@@ -2,6 +2,7 @@
 
 import asyncio
 import hashlib
+import time
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
@@ -20,12 +21,16 @@ from pa_console.cli.output import (
 )
 from pa_console.end_signals import EndableRun, end_signals, exit_code_of
 from pa_console.fleets.bus.address import INTERFACE, PORTS, BrokerAddress, Credentials
+from pa_console.fleets.key_folder import KeyFolder
 from pa_console.fleets.site.embedded_broker import EmbeddedBroker
 from pa_console.fleets.site.simulated_site import SimulatedSite, SiteOptions
 from pa_console.fleets.site.site_files import RESERVED, default_hosts, write_site
+from pa_console.fleets.station_authority import Vehicles
+from pa_console.fleets.vda5050.vehicle import Verify, anybody
 from pa_console.schema.base import Name
 from pa_console.schema.document import read_bytes
 from pa_console.schema.quantities import count
+from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.sim.worlds.world_file import open_world
@@ -76,6 +81,7 @@ def site(
         scenario=played.name if played is not None else "",
         paced=paced,
         rate=rate,
+        verify=_verify(loaded),
         credentials=let_in,
     )
     checkpoint = Checkpoint(loaded, seed, played)
@@ -130,6 +136,17 @@ def init(
         markup=False,
         soft_wrap=True,
     )
+
+
+def _verify(world: World) -> Verify:
+    """Return what the vehicles check commands with: the site's keys, where this machine has them.
+
+    They go by wall time, as the station that signs does, however fast the site is.
+    """
+    folder = KeyFolder()
+    if not folder.made:
+        return anybody
+    return Vehicles(world.assets, folder.owner, folder.messages, time.time).verify
 
 
 def _check_serial(serial: str) -> None:

@@ -9,7 +9,7 @@ import logging
 import socket
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pa_console.fleets.bus.address import BrokerAddress, Credentials
 
@@ -24,6 +24,14 @@ QUIET = logging.getLogger("pa_console.bus")
 QUIET.addHandler(logging.NullHandler())
 QUIET.propagate = False
 """The library's own lines would be written over the screen; what matters of them is told anyway."""
+
+
+def say_nothing(_loop: asyncio.AbstractEventLoop, _context: dict[str, Any]) -> None:
+    """Take a broken connection without a word: whoever runs a client is told of it anyway.
+
+    The library still watches the socket of a connection that is gone, and the event loop would
+    print that over the screen.
+    """
 
 
 @dataclass(frozen=True)

@@ -192,6 +192,10 @@ class MqttFleet:
         replies, self._replies = tuple(self._replies), []
         return Received(replies, self._told.take())
 
+    def wait(self, seconds: float) -> bool:
+        """Wait until a message has come, for `seconds` at most; return whether one has."""
+        return self._link.wait_news(seconds)
+
     def _receive(self) -> None:
         """Take in what has come."""
         for delivery in self._link.take():

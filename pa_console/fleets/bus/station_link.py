@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from typing import NamedTuple
 
 from pa_console.fleets.bus.address import BrokerAddress, Credentials
-from pa_console.fleets.bus.client import BusClient, Received, Sent
+from pa_console.fleets.bus.client import BusClient, Received, Sent, say_nothing
 from pa_console.fleets.vda5050.topics import Topic
 from pa_console.fleets.vda5050.wire import Header, UnreadableError
 
@@ -46,6 +46,7 @@ class StationLink:
         """Why there is no connection, "" while there is one."""
         self._news, self._up = threading.Event(), threading.Event()
         self._loop, self._ending = asyncio.new_event_loop(), asyncio.Event()
+        self._loop.set_exception_handler(say_nothing)
         topics = [f"{address.site}/v3/+/+/{topic}" for topic in self._kinds]
         self._client = BusClient(
             address, name, self._heard, self._changed, topics, credentials=credentials

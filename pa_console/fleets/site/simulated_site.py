@@ -13,6 +13,7 @@ from time import perf_counter
 from pydantic import TypeAdapter, ValidationError
 
 from pa_console.fleets.bus.address import BrokerAddress, Credentials
+from pa_console.fleets.bus.client import say_nothing
 from pa_console.fleets.site.gateway import CameraSpeaker, Gateway, OnBus, Speaker
 from pa_console.fleets.vda5050.additions import (
     SITE,
@@ -79,6 +80,7 @@ class SimulatedSite:
         }
         self._cameras = {name: CameraSpeaker(name, bus) for name in self._world.cameras}
         self._site = _SiteSpeaker(SITE.serial_number, bus)
+        self._site.arrived = self._describe
         self._site.listener = self._ask
 
     def now(self) -> datetime:
@@ -87,13 +89,16 @@ class SimulatedSite:
 
     async def run(self) -> None:
         """Be on the bus until cancelled; raises ValueError when no broker lets everybody in."""
-        speakers: list[Speaker] = [*self.robots.values(), *self._cameras.values(), self._site]
+        asyncio.get_running_loop().set_exception_handler(say_nothing)
+        speakers: list[Speaker] = [*self.robots.values(), *self._cameras.values()]
         running = [asyncio.create_task(speaker.client.run()) for speaker in speakers]
         try:
             await self._all_up(speakers)
             for name, said in self.checkpoint.picture().assets.items():
                 self._tell_at_once(name, said)
-            self._describe()
+            speakers.append(self._site)
+            running.append(asyncio.create_task(self._site.client.run()))
+            await self._all_up((self._site,))
             running.append(asyncio.create_task(self._serve()))
             done, _ = await asyncio.wait(running, return_when=asyncio.FIRST_COMPLETED)
             for task in done:
@@ -304,6 +309,11 @@ class _SiteSpeaker(Speaker):
 
     HEARS = (ClockMessage, IncidentMessage)
     listener: Callable[[Header], None] | None = None
+    arrived: Callable[[], None] | None = None
+
+    def _arrived(self) -> None:
+        if self.arrived is not None:
+            self.arrived()
 
     def _take(self, message: Header) -> None:
         if self.listener is not None:

@@ -93,7 +93,7 @@ class Engine:
         self.model = model
         reader = model.second_reader
         self.second_reader = Engine(reader, threads=threads, fixed=fixed) if reader else None
-        """The engine of the model that reads an order again; started with this one."""
+        """The engine of the model that reads an order again; started when it is first asked."""
         n_ctx = n_ctx or model.n_ctx
         self.info = ModelInfo.of(model, n_ctx)
         self.sampler = SAMPLER
@@ -139,8 +139,6 @@ class Engine:
         await self._living_worker()
         if self._untold:
             self._change(self.state, self.detail)
-        if self.second_reader is not None:
-            await self.second_reader.start()
 
     async def close(self) -> None:
         """Stop whatever runs and end the worker."""

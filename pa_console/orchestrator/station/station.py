@@ -193,6 +193,10 @@ class Station:
         """Note that the operator types a mission, `text` so far; the model reads meanwhile."""
         self._ahead.typing(text)
 
+    def point(self, name: str) -> None:
+        """Note what the operator has marked on the screen, "" for nothing: *this one* means it."""
+        self._services.past.pointer = name
+
     async def read_ahead(self, text: str) -> None:
         """Wait until the model has read the present picture and all but the last word of `text`.
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from pa_console.orders.references.outcome import Meant, Unclear, listed
 from pa_console.orders.references.reader import Reader, read_tokens
-from pa_console.orders.references.scene import STILL, Move, Scene
+from pa_console.orders.references.scene import STILL, Move, PastMission, Scene
 from pa_console.orders.references.words import asset_at, place_at
 from pa_console.orders.verb_lexicon import find_verbs
 
@@ -37,6 +37,8 @@ _THERE = (
 _IT = ("that one", "this one", "it", "that thing")
 _THEM = ("both of them", "the both of them", "the two of them", "they both", "them both")
 _THEY = ("them", "they", "these two", "those two", "both")
+_WELL = frozenset(("ok", "okay", "doing", "well", "status", "fine"))
+"""What is asked after somebody."""
 _HOME = frozenset(("home", "base"))
 _SHORT = 9
 """An order of more words is put in full by itself."""
@@ -76,19 +78,18 @@ class Retold:
 
 def retell(scene: Scene, text: str) -> Retold | Unclear | None:
     """Return an order that leans on the one before in full; None where it stands by itself."""
-    if scene.last is None or not text.strip():
+    if (scene.last is None and not scene.pointer) or not text.strip():
         return None
     return _Turn(scene, text).retold()
 
 
 class _Turn:
-    """One order of a conversation, after at least one other."""
+    """One order of a conversation, after others, or with something marked on the screen."""
 
     def __init__(self, scene: Scene, text: str) -> None:
-        assert scene.last is not None
         self._scene, self._text, self._tokens = scene, text, read_tokens(text)
-        self._last = scene.last
-        self._moves = [move for move in scene.last.moves if move.verb not in STILL]
+        self._last = scene.last or PastMission("", ())
+        self._moves = [move for move in self._last.moves if move.verb not in STILL]
         self._movers = list(dict.fromkeys(move.agent for move in self._moves))
         self._words = [token.word for token in self._tokens]
         self._low = f" {' '.join(word for word in self._words if word[0].isalnum())} "
@@ -103,7 +104,7 @@ class _Turn:
             self._joined,
             self._brought_back,
         ):
-            found = way()
+            found = way() if self._moves else None
             if found is not None:
                 return found
         return self._pronouns()
@@ -152,10 +153,25 @@ class _Turn:
         return any(v.plain and v.tasks & _OWN_TASKS and not v.means & _PUTTING for v in verbs)
 
     @property
+    def _asks(self) -> bool:
+        """Whether the words ask for anything: in small talk *it* means nobody."""
+        words = set(self._words)
+        if self._places or words & (_HOME | {"back"}) or ("?" in words and words & _WELL):
+            return True
+        if self._has(*_THERE) and (self._asked or any(map(self._scene.members, words))):
+            return True
+        return any(verb.plain for verb in find_verbs(self._text))
+
+    @property
     def _there(self) -> str:
         """Where the last mission has sent somebody; '' for several places."""
-        places = dict.fromkeys(self._target(move) for move in self._moves)
-        return next(iter(places)) if len(places) == 1 else ""
+        return self._theres[0] if len(self._theres) == 1 else ""
+
+    @property
+    def _theres(self) -> list[str]:
+        """Every place that *there* may be: where somebody was sent, and what is marked."""
+        marked = [self._scene.pointer] if self._scene.pointer in self._scene.world.frames else []
+        return list(dict.fromkeys((*marked, *map(self._target, self._moves))))
 
     def _target(self, move: Move) -> str:
         return self._scene.world.base if move.verb == "return_to_base" else move.target
@@ -273,7 +289,7 @@ class _Turn:
                 return None
             return self._whole(_sentence([f"{name} to {place}" for name in asked]))
         more = self._has(*_MORE)
-        if not more or asked or not (there or self._wanted or self._short):
+        if not more or asked or not (there or self._wanted or self._counts(more)):
             return None
         teams = [self._scene.members(word) for word in self._words if word not in ("one", "it")]
         team = next(filter(None, teams), frozenset[str]())
@@ -286,6 +302,11 @@ class _Turn:
         every = self._scene.world.assets
         free = [n for n in every if self._scene.is_free(n) and n not in self._movers]
         return Unclear(more, "None of that kind is free. Who is to go?", tuple(free))
+
+    def _counts(self, more: str) -> bool:
+        """Whether one more of us is meant: *another robot*, *one more*, not *the second floor*."""
+        after = self._low.partition(f" {more} ")[2].split()
+        return not after or after[0] == "one" or bool(self._scene.members(after[0]))
 
     def _brought_back(self) -> Retold | Unclear | None:
         """Resolve *Bring it back.*: to where it was before."""
@@ -308,13 +329,15 @@ class _Turn:
     def _it(self) -> list[str] | Unclear:
         """Return who was moved last; of several it has to be asked which one is meant."""
         pointer = self._scene.pointer
-        if pointer in self._scene.world.assets:
-            return [pointer]
-        if len(self._movers) == 1:
-            return self._movers
+        marked = [pointer] if pointer in self._scene.world.assets else []
+        if marked and self._has("that one", "this one"):
+            return marked
+        who = list(dict.fromkeys((*marked, *self._movers)))
+        if len(who) < 2:
+            return who
         found = re.search(rf"\b(?:{'|'.join(_IT)})\b", self._text, re.IGNORECASE)
         said = found[0] if found is not None else "it"
-        return Unclear(said, f"Who is meant by “{said}”?", tuple(self._movers))
+        return Unclear(said, f"Who is meant by “{said}”?", tuple(who))
 
     def _they(self) -> list[str]:
         """Return who was moved by the last mission; of one alone, with whom was moved before."""
@@ -336,7 +359,7 @@ class _Turn:
                 continue
             one, at = found
             meant.append(one)
-        if not meant or not (self._places or any(find_verbs(self._text))):
+        if not meant or not self._asks:
             return None
         text, done = "", 0
         for one in meant:
@@ -353,19 +376,31 @@ class _Turn:
             before = [
                 self._scene.place_of(move.agent) if within else move.before for move in self._moves
             ]
-            return self._replaced(at, reader.at, before[-1], to=True) if before[-1] else None
+            place = before[-1] if before else ""
+            return self._replaced(at, reader.at, place, to=True) if place else None
         if reader.take(*_THERE):
-            place = self._there
-            return None if placed or not place else self._replaced(at, reader.at, place, to=True)
+            return None if placed else self._there_named(at, reader.at)
         if named:
             return None
         if reader.take(*_THEM, *_THEY) and reader.word() not in ("of", "robots", "drones"):
-            return self._replaced(at, reader.at, listed(self._they()))
+            they = self._they()
+            return self._replaced(at, reader.at, listed(they)) if they else None
         reader.at = at
         if reader.take(*_IT) and not (_WEATHER & {reader.word(), reader.word(1), reader.word(2)}):
             who = self._it()
-            return who if isinstance(who, Unclear) else self._replaced(at, reader.at, who[0])
+            if isinstance(who, Unclear):
+                return who
+            return self._replaced(at, reader.at, who[0]) if who else None
         return None
+
+    def _there_named(self, at: int, end: int) -> tuple[Meant, int] | Unclear | None:
+        """Put the name for a word such as *there*; of several places it is asked which one."""
+        if self._there:
+            return self._replaced(at, end, self._there, to=True)
+        if not self._theres:
+            return None
+        said = self._text[self._tokens[at].start : self._tokens[end - 1].end]
+        return Unclear(said, f"Which place is “{said}”?", tuple(self._theres))
 
     def _replaced(self, at: int, end: int, means: str, *, to: bool = False) -> tuple[Meant, int]:
         first, last = self._tokens[at], self._tokens[end - 1]

@@ -15,13 +15,13 @@ from pa_console.session.trace.parts import (
     Line,
     Section,
     Span,
-    Text,
     TraceOptions,
     labelled,
     said,
     sign,
     table,
 )
+from pa_console.session.trace.report_table import report_table
 from pa_console.session.trace.safeguards import outcome_verdict
 
 _BAR = 14
@@ -145,7 +145,7 @@ def judged_outcome(verdict: Verdict | None, error: str) -> Section:
 
 def report(trace: MissionTrace) -> Section:
     """Step 8: the brief after-action report (WF-09)."""
-    return Section("report", "After-action report", (Text(trace.report),), step=8)
+    return Section("report", "After-action report", (report_table(trace.report),), step=8)
 
 
 def outcome(trace: MissionTrace) -> Section:

@@ -9,6 +9,7 @@ from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.session_feed import SessionFeed
 from pa_console.tui.protocols import LiveStation
 from pa_console.tui.widgets.alarms import AlarmPane
+from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
 
 
@@ -40,6 +41,9 @@ class CommandController:
 
     def submit(self, text: str) -> None:
         """Submit a mission; a refused text stays in the field."""
+        shown = self._session.main
+        if self._session.station is not None and shown is not None:
+            self._session.station.point(shown.query_one(MapView).followed)
         taken = self.attempt("Mission", lambda station: station.submit(text))
         if taken and self._session.main is not None:
             self._session.main.query_one(MissionPrompt).taken(text)

@@ -16,8 +16,13 @@ from pa_console.tui.status_words import BAD, CALM, NOTE, QUIET, WARN, term
 from pa_console.tui.trace.rows import column
 from pa_console.tui.widgets.row_views import VirtualRows
 
-_FILL = {BAD: "$error", WARN: "$warning", CALM: "$primary", QUIET: "$quiet"}
-"""What is behind a sign that must not be overlooked, by the sign's own colour."""
+_FILL = {
+    BAD: "$on-error on $error",
+    WARN: "$on-warning on $warning",
+    CALM: "$on-primary on $primary",
+    QUIET: "$on-quiet on $quiet",
+}
+"""A sign that must not be overlooked and what is behind it, by the sign's own colour."""
 
 Part = Content | tuple[str, str] | str
 
@@ -103,7 +108,7 @@ def _alarms(alarms: Sequence[OpenAlarm]) -> Iterator[Part]:
     new = f", {fresh} NEW" if fresh else ""
     style = f"bold {mark.style}"
     tag = f" {mark.glyph} {len(alarms)} alarm{plural}{new} "
-    yield (tag, f"bold $background on {_FILL[mark.style]}" if fresh else style)
+    yield (tag, f"bold {_FILL[mark.style]}" if fresh else style)
     yield (f" {mark.word} ", style)
 
 
@@ -118,7 +123,7 @@ def _stop(stop: Stop | None) -> Iterator[Part]:
     if stop is None:
         return
     told = f"  {stop.held} hold" if stop.orders else ""
-    yield (" ■ ALL STOPPED ", f"bold $background on {_FILL[BAD]}")
+    yield (" ■ ALL STOPPED ", f"bold {_FILL[BAD]}")
     yield (told, "bold")
     if stop.unconfirmed:
         yield (f", {len(stop.unconfirmed)} not confirmed", f"bold {WARN}")

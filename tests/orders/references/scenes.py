@@ -13,14 +13,14 @@ from pa_console.sim.worlds.world_file import load_world
 HOME = load_world(data_folder() / "worlds" / "checkpoint" / "world.yaml")
 
 
-def scene(*setup: Incident, past: Sequence[PastMission] = ()) -> Scene:
-    """Return the checkpoint two seconds after `setup`, and after the missions `past`."""
+def scene(*setup: Incident, past: Sequence[PastMission] = (), pointer: str = "") -> Scene:
+    """Return the checkpoint two seconds after `setup`, after `past`, with `pointer` marked."""
     sim = Checkpoint(HOME, 0)
     for incident in setup:
         sim.inject(incident)
     for _ in range(20):
         sim.step()
-    return Scene(HOME, sim.picture(), tuple(past))
+    return Scene(HOME, sim.picture(), tuple(past), pointer)
 
 
 def sent(text: str, *orders: tuple[str, str, str], undid: bool = False) -> PastMission:

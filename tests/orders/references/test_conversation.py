@@ -64,6 +64,9 @@ def test_a_name_earlier_in_the_order_is_what_it_means() -> None:
         "It is raining at the east gate.",
         "That was quick, well done.",
         "Send a drone to the west gate.",
+        "Close the window, it is draughty.",
+        "Knock knock. Who is there?",
+        "Water the plants on the second floor.",
     ],
 )
 def test_what_points_at_nothing_stays_as_it_was(text: str) -> None:
@@ -86,3 +89,28 @@ def test_after_a_correction_back_is_where_it_was_before_all_of_it() -> None:
     moved = sent(first.text, ("Drone_T04", "EastGate", "WestGate"))
     past = [DRONE, after([DRONE], moved, corrects=True)]
     assert read("Bring it back.", scene(*standing(*past), past=past)) == "Drone_T04 to Checkpoint."
+
+
+def test_this_one_is_what_is_marked_on_the_screen() -> None:
+    where = scene(past=[DRONE], pointer="Ugv_T02")
+    assert read("Send this one home.", where) == "Send Ugv_T02 home."
+    assert read("Robot_T01 goes to this gate.", scene(pointer="WestGate")) == (
+        "Robot_T01 goes to WestGate."
+    )
+
+
+def test_it_is_asked_whether_the_marked_one_is_meant_or_the_last() -> None:
+    assert asked("Send it home.", scene(past=[DRONE], pointer="Ugv_T02")).choices == (
+        "Ugv_T02",
+        "Drone_T04",
+    )
+
+
+def test_it_is_asked_where_there_is_after_two_places() -> None:
+    both = sent(
+        "Robots apart.",
+        ("Robot_T01", "Checkpoint", "NorthGate"),
+        ("Robot_T02", "Base", "SouthGate"),
+    )
+    question = asked("A drone goes there.", scene(*standing(both), past=[both]))
+    assert (question.said, question.choices) == ("there", ("NorthGate", "SouthGate"))
