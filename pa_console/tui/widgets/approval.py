@@ -446,13 +446,10 @@ class ApprovalPanel(Vertical, can_focus=True):
     def action_look_at(self, number: int) -> None:
         """Go to another reading of the order and show it; Enter chooses it there.
 
-        Where something is asked back, the answer is given at once: nobody moves for that.
+        So it is with the answers to what is asked back.
         """
         if not self.armed:
             self.type_ahead()
-            return
-        if self._answer_of(f"{_MEANT}{number}"):
-            self._choose(f"{_MEANT}{number}")
             return
         buttons = list(self.query("#approval-readings Button").results(Button))
         for button in buttons[number - 1 : number]:
