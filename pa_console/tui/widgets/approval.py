@@ -266,6 +266,11 @@ class ApprovalPanel(Vertical, can_focus=True):
             self.call_after_refresh(self._saw)
 
     def _saw(self) -> None:
+        """Note which lines of the plan are on screen, and what that allows."""
+        self._note_seen()
+        self.refresh_state()
+
+    def _note_seen(self) -> None:
         """Note which lines of the plan are on screen, as far as none before them was left out.
 
         What is seen before the panel takes keys does not count: it may not be laid out yet.
@@ -274,7 +279,6 @@ class ApprovalPanel(Vertical, can_focus=True):
         if self.armed and body.scroll_offset.y <= self._seen:
             bottom = body.scroll_offset.y + body.scrollable_content_region.height
             self._seen = max(self._seen, bottom)
-        self.refresh_state()
 
     @property
     def _unseen(self) -> bool:
@@ -309,6 +313,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         """Say why Approve is not possible, and enable it when it is."""
         if self._trace is None:
             return
+        self._note_seen()
         if not self._decides:
             self.border_subtitle = "nothing is decided here"
             self._tell_state()
