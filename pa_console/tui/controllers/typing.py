@@ -12,7 +12,7 @@ from textual import events
 from textual.timer import Timer
 from textual.widgets import Input, TextArea
 
-from pa_console.tui.actions.keymap import first_own_key
+from pa_console.tui.actions.keymap import ALT_DIGITS, first_own_key
 from pa_console.tui.actions.registry import ConsoleAction, key_text, with_call
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.settings import SettingsController
@@ -68,6 +68,10 @@ class TypingController:
             return False
         self._typed.add(character, time_s)
         panel = self._panel
+        if panel is not None and character in ALT_DIGITS:
+            self._typed.forget()
+            panel.action_look_at(ALT_DIGITS.index(character) + 1)
+            return True
         if panel is not None:
             return self._takes_at_panel(panel, character)
         if self._session.recording is None and self._typed.is_text:
