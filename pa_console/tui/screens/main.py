@@ -190,8 +190,9 @@ class MainScreen(Screen[None]):
             self._show_approval(state)
 
     def show_waiting(self, text: str) -> None:
-        """Say what is being waited for, empty for nothing."""
-        self.query_one(MissionPrompt).show_waiting(text)
+        """Say what is being waited for, empty for nothing; on a screen that is being closed, no."""
+        for prompt in self.query(MissionPrompt):
+            prompt.show_waiting(text)
 
     def _show_approval(self, state: SessionState) -> None:
         """Show or withdraw the open request; focus moves only when nobody is typing."""

@@ -266,9 +266,12 @@ class ApprovalPanel(Vertical, can_focus=True):
             self.call_after_refresh(self._saw)
 
     def _saw(self) -> None:
-        """Note which lines of the plan are on screen, as far as none before them was left out."""
+        """Note which lines of the plan are on screen, as far as none before them was left out.
+
+        What is seen before the panel takes keys does not count: it may not be laid out yet.
+        """
         body = self._body
-        if body.scroll_offset.y <= self._seen:
+        if self.armed and body.scroll_offset.y <= self._seen:
             bottom = body.scroll_offset.y + body.scrollable_content_region.height
             self._seen = max(self._seen, bottom)
         self.refresh_state()
@@ -283,6 +286,7 @@ class ApprovalPanel(Vertical, can_focus=True):
 
     def action_scroll_plan(self, pages: int) -> None:
         """Show what follows of the plan, or what comes before."""
+        self._saw()
         body = self._body
         step = max(body.scrollable_content_region.height - 1, 1)
         body.scroll_to(y=body.scroll_offset.y + pages * step, animate=False)
@@ -293,7 +297,7 @@ class ApprovalPanel(Vertical, can_focus=True):
 
     def _disarm(self) -> None:
         self._quiet_since = self._clock()
-        self.set_timer(self.arm_delay_s + 0.05, self.refresh_state)
+        self.set_timer(self.arm_delay_s + 0.05, self._saw)
         self.refresh_state()
 
     @property
@@ -440,7 +444,10 @@ class ApprovalPanel(Vertical, can_focus=True):
         return self
 
     def action_look_at(self, number: int) -> None:
-        """Go to another reading of the order and show it; Enter chooses it there."""
+        """Go to another reading of the order and show it; Enter chooses it there.
+
+        So it is with the answers to what is asked back.
+        """
         if not self.armed:
             self.type_ahead()
             return
