@@ -198,7 +198,7 @@ def test_what_cannot_be_asked_for_is_said_with_its_line(
 def test_a_mission_is_signed_by_whoever_has_the_keys(
     call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def model(_: str | None) -> LocalModel:
+    def model(_: str | None, **_options: object) -> LocalModel:
         return LocalModel("scripted", Path("none.gguf"), "0" * 64)
 
     def engine(_: LocalModel) -> Engine:

@@ -182,6 +182,21 @@ def test_an_order_waits_for_the_end_of_a_pause_and_dies_with_the_next_stop() -> 
     assert robot.resume(6) == []
 
 
+def test_an_order_that_waited_is_checked_when_the_pause_ends() -> None:
+    allowed = {"c2"}
+
+    def verify(_: str | None, command: DeviceCommand) -> str:
+        return "" if command.command_id in allowed else "the station was relieved"
+
+    robot = Robot(verify=verify)
+    robot.hold(1)
+    assert robot.order(2) == []
+    allowed.clear()
+    assert robot.resume(3) == []
+    assert robot.states()["c2"] == "FAILED"
+    assert robot.refused() == ["the station was relieved"]
+
+
 def test_who_speaks_for_a_device_says_nothing_before_it_and_hands_on_until_it_ends() -> None:
     robot = Robot(relays=True)
     assert len(robot.order(1)) == 1

@@ -1,9 +1,8 @@
 """A fixed world, rulebook and picture for the screens; no simulator and no model."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 
 from pa_console.schema.document import Document
 from pa_console.schema.rule import Rule, RuleExample, RuleHit, RulesSeal
@@ -87,7 +86,7 @@ class Rulebook:
     rules: tuple[Rule, ...] = RULES
     name: str = "site"
     seal: RulesSeal = SEAL
-    approvals: Mapping[str, int] = MappingProxyType({})
+    approvals: Mapping[str, int] = field(default_factory=dict[str, int])
 
 
 class WordRetriever:

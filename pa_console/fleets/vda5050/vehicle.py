@@ -106,7 +106,8 @@ class Vehicle:
         self._refusals: list[_Refusal] = []
         self._order: Order | None = None
         self._held_back: DeviceCommand | None = None
-        """An order that was taken while paused."""
+        """An order that was taken while paused; whether it may be is checked when that ends."""
+        self._held_token: str | None = None
 
     def take_order(self, order: Order) -> Iterator[DeviceCommand]:
         """Take `order`, or refuse it in the state; yield the command that the device gets."""
@@ -125,16 +126,17 @@ class Vehicle:
         else:
             command = self._command(actions[0], order.nodes[-1])
             problem = f"it cannot {actions[0].action_type}" if command is None else ""
-            if command is not None and (why := self._verify(_token(actions[0]), command)):
-                self._refuse("INVALID_ORDER", why, about)
-            elif command is None:
+            token = _token(actions[0])
+            if command is None:
                 self._refuse("INVALID_ORDER_ACTION", problem, about)
+            elif not self.paused and (why := self._verify(token, command)):
+                self._refuse("INVALID_ORDER", why, about)
             else:
                 self._end_held_back("superseded")
                 self._order = order
                 self._note(actions[0], "WAITING", command)
                 if self.paused:
-                    self._held_back = command
+                    self._held_back, self._held_token = command, token
                 else:
                     yield command
 
@@ -168,9 +170,7 @@ class Vehicle:
             elif action.action_type == RESUME:
                 self._note(action, "FINISHED", action.action_id)
                 self.paused = False
-                waiting, self._held_back = self._held_back, None
-                if waiting is not None:
-                    yield waiting
+                yield from self._released()
             elif action.action_type == "report" and "report" in self._offers:
                 command = DeviceCommand(
                     command_id=action.action_id, agent=self.identity.serial_number, verb="report"
@@ -343,6 +343,18 @@ class Vehicle:
             error_description=why[:500],
         )
         self._refusals = [*self._refusals, _Refusal(error, self._now())][-MOST_TOLD:]
+
+    def _released(self) -> Iterator[DeviceCommand]:
+        """Yield the order that waited for the pause to end, if it may be carried out now."""
+        waiting = self._held_back
+        if waiting is None:
+            return
+        if why := self._verify(self._held_token, waiting):
+            self._end_held_back(why)
+            self._refuse("INVALID_ORDER", why, (("actionId", waiting.command_id),), keep=True)
+            return
+        self._held_back = None
+        yield waiting
 
     def _end_held_back(self, why: str) -> None:
         """End an order that waits for the pause to end: it is carried out no more."""

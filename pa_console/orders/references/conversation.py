@@ -158,7 +158,7 @@ class _Turn:
         words = set(self._words)
         if self._places or words & (_HOME | {"back"}) or ("?" in words and words & _WELL):
             return True
-        if self._has("same place", "same gate") and any(map(self._scene.members, words)):
+        if self._has(*_THERE) and (self._asked or any(map(self._scene.members, words))):
             return True
         return any(verb.plain for verb in find_verbs(self._text))
 
