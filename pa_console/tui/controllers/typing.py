@@ -59,6 +59,8 @@ class TypingController:
 
     async def _takes(self, event: events.Key, chosen: _Chosen | None) -> bool:
         time_s = self._key_time(event)
+        if self._looks_at_reading(event):
+            return True
         if not _prints(event):
             return await self._takes_other(event, chosen, time_s)
         character, focused = event.character or "", self._app.focused
@@ -68,16 +70,21 @@ class TypingController:
             return False
         self._typed.add(character, time_s)
         panel = self._panel
-        if panel is not None and character in ALT_DIGITS:
-            self._typed.forget()
-            panel.action_look_at(ALT_DIGITS.index(character) + 1)
-            return True
         if panel is not None:
             return self._takes_at_panel(panel, character)
         if self._session.recording is None and self._typed.is_text:
             self._say_it_is_text()
             return True
         return self._chooses(event, time_s)
+
+    def _looks_at_reading(self, event: events.Key) -> bool:
+        """Whether the key is an Alt and a digit for the panel, as some terminals send them."""
+        panel = self._panel
+        if panel is None or event.key not in ALT_DIGITS or isinstance(self._app.focused, Input):
+            return False
+        self._typed.forget()
+        panel.action_look_at(ALT_DIGITS.index(event.key) + 1)
+        return True
 
     def forget(self) -> None:
         """Begin anew: the operator uses the mouse."""
