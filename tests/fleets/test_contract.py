@@ -76,7 +76,7 @@ def test_every_command(verb: Any, token: str | None, world: World) -> None:
     assert_valid(messages.InstantActions(**HEADER, actions=extra))
 
 
-@settings(max_examples=40)
+@settings(max_examples=40, deadline=None)
 @given(
     seed=st.integers(0, 50),
     steps=st.integers(0, 60),
@@ -166,6 +166,7 @@ def test_what_is_no_message_is_unreadable_and_says_why(payload: bytes, why: str)
         messages.Connection.read(payload)
 
 
+@settings(deadline=None)
 @given(st.binary(max_size=300) | st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20),
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(

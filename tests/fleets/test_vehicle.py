@@ -223,7 +223,7 @@ SENT = st.one_of(
 )
 
 
-@settings(max_examples=200)
+@settings(max_examples=200, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 8), SENT), max_size=40))
 def test_whatever_comes_is_carried_out_once_and_only_with_a_good_token(
     sent: list[tuple[int, tuple[Any, ...]]],

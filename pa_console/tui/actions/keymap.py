@@ -14,6 +14,16 @@ from pa_console.tui.actions.registry import ACTIONS, ConsoleAction, action_of, k
 READING_KEYS = tuple(f"alt+{number}" for number in range(1, max(MOST_READINGS, MOST_CHOICES) + 1))
 """The keys of the other readings of an order, or of answers, at the approval panel."""
 
+ALT_DIGITS = (
+    "inverted_exclamation_mark",
+    "trade_mark_sign",
+    "pound_sign",
+    "cent_sign",
+    "infinity",
+    "section_sign",
+)
+"""What Textual takes Alt+1 to Alt+6 for where a terminal sends Escape and the digit."""
+
 _PANEL = {"a": "Approve", "r": "Reject", "m": "Modify"}
 """The keys of the approval panel, which a recording does not have."""
 

@@ -12,7 +12,7 @@ from textual import events
 from textual.timer import Timer
 from textual.widgets import Input, TextArea
 
-from pa_console.tui.actions.keymap import first_own_key
+from pa_console.tui.actions.keymap import ALT_DIGITS, first_own_key
 from pa_console.tui.actions.registry import ConsoleAction, key_text, with_call
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.settings import SettingsController
@@ -59,6 +59,8 @@ class TypingController:
 
     async def _takes(self, event: events.Key, chosen: _Chosen | None) -> bool:
         time_s = self._key_time(event)
+        if self._looks_at_reading(event):
+            return True
         if not _prints(event):
             return await self._takes_other(event, chosen, time_s)
         character, focused = event.character or "", self._app.focused
@@ -74,6 +76,15 @@ class TypingController:
             self._say_it_is_text()
             return True
         return self._chooses(event, time_s)
+
+    def _looks_at_reading(self, event: events.Key) -> bool:
+        """Whether the key is an Alt and a digit for the panel, as some terminals send them."""
+        panel = self._panel
+        if panel is None or event.key not in ALT_DIGITS or isinstance(self._app.focused, Input):
+            return False
+        self._typed.forget()
+        panel.action_look_at(ALT_DIGITS.index(event.key) + 1)
+        return True
 
     def forget(self) -> None:
         """Begin anew: the operator uses the mouse."""
