@@ -109,7 +109,13 @@ def libraries_imported() -> dict[str, Path]:
 def test_every_library_that_is_imported_is_asked_for() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = project["optional-dependencies"]
-    asked = [*project["dependencies"], *extras["hub"], *extras["mcap"], *extras["train"]]
+    asked = [
+        *project["dependencies"],
+        *extras["hub"],
+        *extras["mcap"],
+        *extras["train"],
+        *extras["fleet"],
+    ]
     declared = {re.split(r"[^\w.-]", line)[0].lower().replace("_", "-") for line in asked}
     distributions = packages_distributions()
     for module, path in libraries_imported().items():
