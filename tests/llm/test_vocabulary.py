@@ -112,3 +112,63 @@ def test_a_vocabulary_without_scores_is_refused(tmp_path: Path) -> None:
     source = write_tiny(tmp_path / "merges.gguf")
     with pytest.raises(ValueError, match=r"merges\.gguf: only a vocabulary of scored pieces"):
         cut_vocabulary(source, tmp_path / "cut.gguf", 300)
+
+
+MERGE_WORDS = [
+    *"gatew\u0120\u010a\u00e9",
+    "ga",
+    "te",
+    "gate",
+    "\u0120gate",
+    "w\u00e9",
+    "we",
+    "<|end|>",
+]
+MERGE_RULES = ["g a", "t e", "ga te", "\u0120 gate", "w \u00e9", "w e"]
+LATE = len(MERGE_WORDS) - 2
+"""Number of the last plain piece, *we*."""
+
+
+def write_merging(path: Path, *, repeated: bool) -> Path:
+    """Write a vocabulary of merged pieces; with an output layer that repeats the embeddings."""
+    writer = gguf.GGUFWriter(path, "qwen2")
+    writer.add_tokenizer_model("gpt2")
+    writer.add_token_list(MERGE_WORDS)
+    plain = [gguf.TokenType.NORMAL] * (len(MERGE_WORDS) - 1)
+    writer.add_token_types([*plain, gguf.TokenType.CONTROL])
+    writer.add_token_merges(MERGE_RULES)
+    writer.add_eos_token_id(len(MERGE_WORDS) - 1)
+    rows = np.random.default_rng(0).normal(size=(len(MERGE_WORDS), WIDTH)).astype(np.float32)
+    writer.add_tensor("token_embd.weight", rows)
+    output = rows if repeated else rows[::-1].copy()
+    packed = gguf.quantize(output, gguf.GGMLQuantizationType.Q8_0)
+    writer.add_tensor("output.weight", packed, raw_dtype=gguf.GGMLQuantizationType.Q8_0)
+    writer.write_header_to_file()
+    writer.write_kv_data_to_file()
+    writer.write_tensors_to_file()
+    writer.close()
+    return path
+
+
+def test_merged_pieces_go_with_the_rules_that_make_them(tmp_path: Path) -> None:
+    source = write_merging(tmp_path / "whole.gguf", repeated=False)
+    cut_vocabulary(source, tmp_path / "cut.gguf", LATE)
+    reader = gguf.GGUFReader(tmp_path / "cut.gguf")
+    assert words_of(tmp_path / "cut.gguf") == [
+        word for word in MERGE_WORDS if word not in {"w\u00e9", "we"}
+    ]
+    fields = reader.fields
+    assert fields["tokenizer.ggml.merges"].contents() == MERGE_RULES[:4]
+    assert fields["tokenizer.ggml.eos_token_id"].contents() == len(MERGE_WORDS) - 3
+
+
+@pytest.mark.parametrize(("repeated", "left"), [(True, ["token_embd.weight"]), (False, None)])
+def test_an_output_layer_that_only_repeats_the_embeddings_goes(
+    tmp_path: Path, repeated: bool, left: list[str] | None
+) -> None:
+    source = write_merging(tmp_path / "whole.gguf", repeated=repeated)
+    cut_vocabulary(source, tmp_path / "cut.gguf", len(MERGE_WORDS))
+    found = {tensor.name: tensor for tensor in gguf.GGUFReader(tmp_path / "cut.gguf").tensors}
+    assert sorted(found) == (left or ["output.weight", "token_embd.weight"])
+    kind = found["token_embd.weight"].tensor_type
+    assert (kind == gguf.GGMLQuantizationType.Q8_0) is repeated
