@@ -81,10 +81,7 @@ def test_a_local_path_source_is_used_where_it_exists(tmp_path: Path, empty_cache
         (("sha256: null", "sha256: abc"), r":9: models\.0\.sha256"),
         (("size_mb: 1", "size: 1"), r"models\.0\.size"),
         (("package: p,", "package: 'p{n}',"), "needs {n} exactly when"),
-        (
-            ("sha256: null", "second_reader: huge\n    sha256: null"),
-            "second_reader: no model 'huge'",
-        ),
+        (("sha256:", "second_reader: huge\n    sha256:"), "second_reader: no model 'huge'"),
         (("sha256: null", "second_reader: small\n    sha256: null"), "has to be another model"),
     ],
 )

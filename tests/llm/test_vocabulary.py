@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from llama_cpp import Llama
 
 from pa_console.llm.models.gguf_conversion import cut_vocabulary
-from tests.training.lora.tiny import write_tiny
 
 CONTROL = ["<pad>", "<eos>", "<bos>", "<unk>"]
 BYTES = [f"<0x{byte:02X}>" for byte in range(256)]
@@ -108,9 +107,16 @@ def test_any_text_is_still_read_to_the_last_byte(both: tuple[Llama, Llama], text
     assert b"".join(pieces(both[1], text)) == text.encode()
 
 
-def test_a_vocabulary_without_scores_is_refused(tmp_path: Path) -> None:
-    source = write_tiny(tmp_path / "merges.gguf")
-    with pytest.raises(ValueError, match=r"merges\.gguf: only a vocabulary of scored pieces"):
+def test_another_kind_of_vocabulary_is_refused(tmp_path: Path) -> None:
+    source = tmp_path / "words.gguf"
+    writer = gguf.GGUFWriter(source, "bert")
+    writer.add_tokenizer_model("bert")
+    writer.add_token_list(["gate"])
+    writer.add_token_types([PLAIN])
+    writer.write_header_to_file()
+    writer.write_kv_data_to_file()
+    writer.close()
+    with pytest.raises(ValueError, match=r"words\.gguf: only a vocabulary of scored or merged"):
         cut_vocabulary(source, tmp_path / "cut.gguf", 300)
 
 
