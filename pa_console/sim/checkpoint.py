@@ -2,7 +2,7 @@
 
 import random
 from collections.abc import Mapping
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 from pa_console.schema.command import CommandReply, DeviceCommand
 from pa_console.schema.incident import Incident
@@ -174,10 +174,10 @@ class Checkpoint:
         """Return a simulation of what the picture shows, built from it and the world alone."""
         return self.ahead_of(self._terrain, self.picture())
 
-    @classmethod
-    def ahead_of(cls, terrain: Terrain, picture: Picture) -> Self:
+    @staticmethod
+    def ahead_of(terrain: Terrain, picture: Picture) -> "Checkpoint":
         """Return a simulation of what `picture` shows on `terrain`, whoever put it together."""
-        twin = cls.__new__(cls)
+        twin = Checkpoint.__new__(Checkpoint)
         twin.world, twin.seed, twin.scenario = terrain.world, 0, None
         twin._happened, twin._skipped, twin.arrived = [], [], Arrived()
         twin._terrain, twin._traffic = terrain, None

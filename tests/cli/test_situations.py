@@ -1,6 +1,6 @@
 """`--scenario` of `mission` and `console`: a situation is played, its alarms start missions."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import aclosing
 from pathlib import Path
 from types import SimpleNamespace
@@ -110,8 +110,10 @@ def test_the_console_opens_on_the_situation(
             readonly: bool,
             settings: Loaded,
             rules_file: Path,
+            usual: Mapping[str, float],
         ) -> None:
             assert readonly
+            self.feed = SimpleNamespace(waiting=SimpleNamespace(usual=usual))
             assert rules_file.is_file()
             assert settings.origin("mouse").place == "--mouse"
             opened.append(station)
