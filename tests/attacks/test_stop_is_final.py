@@ -246,6 +246,7 @@ async def test_a_stop_while_a_plan_waits_for_a_headless_approver_is_no_error(sit
 
 
 def test_nothing_but_the_gate_sends_to_the_fleet() -> None:
+    """A rehearsal has a simulation of its own, and so has a session that is played up to now."""
     folder = Path(pa_console.orchestrator.__file__).parent
     senders = {
         (path.name, ast.unparse(node.func.value))
@@ -256,7 +257,11 @@ def test_nothing_but_the_gate_sends_to_the_fleet() -> None:
         and node.func.attr == "send"
     }
     to_devices = {(name, what) for name, what in senders if not what.endswith("gate")}
-    assert to_devices == {("command_gate.py", "self._fleet"), ("rehearsal.py", "forecast")}
+    assert to_devices == {
+        ("command_gate.py", "self._fleet"),
+        ("rehearsal.py", "forecast"),
+        ("resumed_session.py", "fleet"),
+    }
 
 
 async def test_a_decision_that_comes_too_late_moves_nothing(site: Site) -> None:
