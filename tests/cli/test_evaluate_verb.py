@@ -97,7 +97,7 @@ def test_ctrl_c_keeps_what_was_made_and_says_how_to_go_on(tmp_path: Path, missio
     ("arguments", "said"),
     [
         (("--variant", "nonesuch"), "known: full, one-plan"),
-        (("--missions", "nonesuch"), "or one of field, paper"),
+        (("--missions", "nonesuch"), "or one of descriptions, dialogues, field, paper"),
         (("--only", "nonesuch"), "matches no mission"),
         (("report", "/nonesuch"), "no such folder"),
         (("show", "/nonesuch"), "no such folder"),
