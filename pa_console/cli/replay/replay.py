@@ -116,7 +116,10 @@ def replay(
 def _chosen(context: typer.Context, log: Path | None, *, last: bool) -> Path:
     """Return the log that is meant: a file, a recorded session by its id, or the last one."""
     if last == (log is not None):
-        raise ValueError("give a session log, or --last for the session that was recorded last")
+        raise ValueError(
+            "give a session log, or --last for the session that was recorded last. "
+            "See 'pa-console replay --help'."
+        )
     if log is not None and log.is_file():
         return log
     from pa_console.session.log.writer import default_folder  # noqa: PLC0415 - only without a file
