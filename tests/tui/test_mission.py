@@ -32,7 +32,7 @@ TOLD = (
     "approved",
     "2 of 2 done",
     "Verification",
-    "was identified: unauthorized",
+    "was identified unauthorized",
     "end to end 46.0 s",
 )
 

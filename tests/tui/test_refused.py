@@ -27,7 +27,7 @@ async def test_readonly_shows_everything_and_refuses_every_command(tmp_path: Pat
         await settle(pilot, station)
         assert (station.submitted, station.decisions) == ([], [])
         assert (station.cancelled, station.stopped) == (0, 0)
-        assert not app.screen.query_one(ApprovalPanel).display
+        assert app.screen.query_one(ApprovalPanel).has_class("-closed")
         assert not app.screen.query("#mission-input")
         assert "READ-ONLY" in str(app.screen.query_one("#prompt-closed", Static).render())
 
