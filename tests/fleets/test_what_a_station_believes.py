@@ -100,6 +100,12 @@ def test_a_message_that_cannot_be_believed_is_told_and_changes_nothing(
         assert fleet.picture() == twin.picture()
 
 
+def test_a_bus_that_is_never_quiet_is_joined(world: World, address: BrokerAddress) -> None:
+    with running(world, address, rate=20.0), joined(world, address) as fleet:
+        told(fleet)
+        assert set(fleet.picture().assets) == set(world.assets)
+
+
 def test_a_state_that_the_broker_kept_is_none_of_now(world: World, address: BrokerAddress) -> None:
     with intruder(address) as evil, running(world, address, paced=True):
         with joined(world, address) as fleet:

@@ -7,6 +7,7 @@ import pytest
 
 from pa_console.llm.errors import ModelError
 from pa_console.llm.models.catalogue import Catalog, ModelEntry, PathSource
+from pa_console.llm.models.preparing import prepared_path
 from pa_console.schema.document import DocumentError
 
 INSTALLABLE = {
@@ -106,3 +107,29 @@ models:
     path.write_text(text.replace(*change))
     with pytest.raises(DocumentError, match=said):
         Catalog.load(path)
+
+
+def test_a_prepared_model_is_taken_as_pinned_and_its_loader_is_left_to_hash_it(
+    tmp_path: Path, empty_cache: Path
+):
+    entry = ModelEntry(
+        name="m",
+        title="M",
+        licence="none",
+        parameters="1",
+        quantisation="Q8_0",
+        size_mb=1,
+        sha256="0" * 64,
+        prepare="q4_0",
+        prepared={"q4_0": "1" * 64},
+        sources=(PathSource(path=str(tmp_path / "weights.gguf")),),
+    )
+    assert entry.as_pinned() is None
+    how = entry.how
+    assert how is not None
+    path = prepared_path("m", how)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(b"weights")
+    found = entry.as_pinned()
+    assert found is not None
+    assert (found.path, found.sha256) == (path, "1" * 64)

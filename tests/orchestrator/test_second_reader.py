@@ -2,7 +2,10 @@
 
 import math
 
+import pytest
+
 from pa_console.llm.errors import EngineDiedError
+from pa_console.orchestrator.planning import second_reader
 from pa_console.schema.events import event as ev
 from tests.orchestrator.conftest import Rig
 from tests.orchestrator.test_rereading import EAST, NORTH, choosing, engine, requests, verdicts
@@ -73,6 +76,27 @@ async def test_without_an_answer_of_the_second_reader_the_first_plan_stands(rig:
     [read], [request] = read_again(rig), requests(rig)
     assert (read.asked, read.error != "") == ("", True)
     assert request.plan.actions[0].command == "move_to EastGate"
+
+
+async def test_a_second_reader_that_never_answers_is_not_waited_for(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(second_reader, "PATIENCE_S", 0.05)
+    scripted = engine([EAST], [EAST], sure=0.4)
+    scripted.second_reader = reader(None, 0.9)
+    await rig.run(scripted, text=TO_EAST)
+    [read], [request] = read_again(rig), requests(rig)
+    assert "no answer within" in read.error
+    assert request.plan.actions[0].command == "move_to EastGate"
+
+
+async def test_what_it_alone_has_read_is_never_plain_approve(rig: Rig) -> None:
+    scripted = engine([EAST, NORTH], [EAST, NORTH], sure=0.4)
+    scripted.second_reader = reader(NORTH, 1.0)
+    await rig.run(scripted, text=TO_NORTH)
+    [request] = requests(rig)
+    assert request.read_apart
+    assert request.state == "may_be_misunderstood"
 
 
 async def test_what_the_operator_chose_is_not_read_again(rig: Rig) -> None:

@@ -9,6 +9,7 @@ import secrets
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from time import monotonic
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
@@ -48,7 +49,9 @@ HEARD = (
 )
 CONNECT_S = 5.0
 RETAINED_S = 0.3
-"""What is retained has come when nothing did for so long."""
+"""What is retained has come when nothing of it did for so long; live messages never end."""
+MOST_RETAINED_S = 10.0
+"""A bus that keeps on delivering what is retained is listened to for so long."""
 
 AHEAD_S = 2.0
 """A message that claims to be from so far in the future comes from a wrong clock."""
@@ -81,9 +84,7 @@ def join(address: BrokerAddress, credentials: Credentials | None = None) -> Join
         problem = link.problem
         link.close()
         raise ValueError(f"no broker lets us in at {address}: {problem}")
-    deliveries: list[Delivery] = []
-    while link.wait_news(RETAINED_S) and len(deliveries) < 10_000:
-        deliveries += link.take()
+    deliveries = _retained(link)
     site: additions.SiteDescription | None = None
     factsheets: dict[Identity, Factsheet] = {}
     states: dict[Identity, messages.ConnectionState] = {}
@@ -99,6 +100,20 @@ def join(address: BrokerAddress, credentials: Credentials | None = None) -> Join
                 pass
     online = frozenset(identity for identity, state in states.items() if state == "ONLINE")
     return Joined(link, site, factsheets, online, tuple(deliveries))
+
+
+def _retained(link: StationLink) -> list[Delivery]:
+    """Return what comes until all that is retained has come, live messages among it."""
+    deliveries: list[Delivery] = []
+    now = monotonic()
+    end, quiet = now + MOST_RETAINED_S, now + RETAINED_S
+    while (left := min(end, quiet) - monotonic()) > 0:
+        link.wait_news(left)
+        taken = link.take()
+        deliveries += taken
+        if any(delivery.retained for delivery in taken):
+            quiet = monotonic() + RETAINED_S
+    return deliveries
 
 
 class MqttFleet:

@@ -136,6 +136,8 @@ class Engine:
         Where it was started before anybody listened, `on_state` is told how far it is.
         """
         self._closed = False
+        if self.second_reader is not None:
+            self.second_reader._closed = False
         await self._living_worker()
         if self._untold:
             self._change(self.state, self.detail)

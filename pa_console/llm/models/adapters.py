@@ -1,7 +1,7 @@
 """The adapters of a model: small files trained for one role each, shipped beside the catalogue."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pydantic import Field
@@ -32,7 +32,7 @@ class AdapterFile(StrictModel):
 
 @dataclass(frozen=True)
 class LocalAdapter:
-    """An adapter file that is here and was checked, and the role that answers with it."""
+    """An adapter file with the hash that it must have, and the role that answers with it."""
 
     role: Role
     path: Path
@@ -44,13 +44,20 @@ def check_adapters(model: str, files: Mapping[Role, AdapterFile]) -> tuple[Local
 
     Raises ModelError, naming file and remedy, when one is missing or not the pinned one.
     """
-    found = {role: _check(model, role, file) for role, file in files.items()}
+    for role, file in files.items():
+        _check(model, role, file)
+    return pinned_adapters(files)
+
+
+def pinned_adapters(files: Mapping[Role, AdapterFile]) -> tuple[LocalAdapter, ...]:
+    """Return the adapter of every role as the catalogue pins it; none is read."""
+    found = {role: LocalAdapter(role, file.path, file.sha256) for role, file in files.items()}
     if "judge" in found and "outcome" not in found:
-        found["outcome"] = LocalAdapter("outcome", found["judge"].path, found["judge"].sha256)
+        found["outcome"] = replace(found["judge"], role="outcome")
     return tuple(found.values())
 
 
-def _check(model: str, role: Role, file: AdapterFile) -> LocalAdapter:
+def _check(model: str, role: Role, file: AdapterFile) -> None:
     try:
         digest = hash_file(file.path)
     except OSError as error:
@@ -63,4 +70,3 @@ def _check(model: str, role: Role, file: AdapterFile) -> LocalAdapter:
             f"{file.path}: not the {role} adapter that the catalogue pins for {model}: its "
             f"SHA-256 is {digest}, pinned is {file.sha256}: {REMEDY}"
         )
-    return LocalAdapter(role, file.path, digest)

@@ -9,7 +9,12 @@ from pydantic import Field, model_validator
 from rapidfuzz import process
 
 from pa_console.llm.errors import ModelError
-from pa_console.llm.models.adapters import AdapterFile, LocalAdapter, check_adapters
+from pa_console.llm.models.adapters import (
+    AdapterFile,
+    LocalAdapter,
+    check_adapters,
+    pinned_adapters,
+)
 from pa_console.llm.models.cache import hash_file, models_folder
 from pa_console.llm.models.preparing import (
     Preparation,
@@ -211,6 +216,25 @@ class ModelEntry(StrictModel):
             found = prepare(self.stem, how, path, self.check(path), progress, pin=pin)
         return found.path, found.sha256
 
+    def as_pinned(self) -> "LocalModel | None":
+        """Return the prepared model as the catalogue pins it, None where it is not here or pinned.
+
+        Nothing is hashed: the process that loads the files does so before it takes them.
+        """
+        path, pin = self.prepared_file, self.pin(self.how)
+        if path is None or pin is None:
+            return None
+        return LocalModel(
+            self.name,
+            path,
+            pin,
+            self.chat,
+            self.description,
+            pinned_adapters(self.adapters),
+            self.prompts,
+            self.n_ctx,
+        )
+
     def check(self, path: Path) -> str:
         """Return the SHA-256 of `path`; raises ModelError unless it is the pinned one."""
         digest = hash_file(path)
@@ -324,7 +348,7 @@ class Catalog(StrictModel):
             return None
         if not wanted and self.get(name).local_file is None:
             return None
-        reader = self.locate(name, progress)
+        reader = self.get(name).as_pinned() or self.locate(name, progress)
         if reader.prompts != entry.prompts:
             raise ModelError(
                 f"second reader {name}: has no adapters: name a model that was trained for PA "

@@ -219,9 +219,10 @@ def said_by_judge(shown: Candidate) -> str:
 def read_apart(shown: Candidate) -> bool:
     """Whether another reader says that something else was asked than the plan on show is for.
 
-    That is the second reader where it was asked, else the judge.
+    That is the second reader where it was asked, else the judge. Where nobody but the second
+    reader told a chance, the plan is for what it alone has read.
     """
     if shown.read_again is not None:
-        return not shown.read_again.same
+        return not shown.read_again.same or shown.sure is None
     judged = said_by_judge(shown)
     return bool(judged) and bool(distinct(said_by_planner(shown), (judged,)))

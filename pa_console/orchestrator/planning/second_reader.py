@@ -5,8 +5,10 @@ of another family: it is asked only where there is doubt, so that a clear order 
 It says what was asked and nothing else; the plan for that goes the same way as any other.
 """
 
+import asyncio
 from dataclasses import replace
 
+from pa_console.llm.roles.judge import OrderRead
 from pa_console.orchestrator.mission.services import MissionContext
 from pa_console.orchestrator.planning.candidate import Candidate, ReadAgain
 from pa_console.orchestrator.planning.judging import PlanCase, ask_about_plan
@@ -21,6 +23,9 @@ Of 398 orders in people's words that neither model had met, the planner read 62 
 as meant and the second reader 118; of the 192 above it, 177 and 175.
 """
 
+PATIENCE_S = 15.0
+"""How long an operator waits for it, its loading included; then the plan is put forward without."""
+
 LEAST = 0.3
 """Below this chance of its own, what the second reader says is only offered."""
 
@@ -28,8 +33,8 @@ LEAST = 0.3
 def in_doubt(shown: Candidate) -> bool:
     """Whether an order should be read again before its plan is put to the operator.
 
-    So it is where a model was unsure, the two read it apart, the judge objects, or words of the
-    order are left over. What no order may have, and what the console itself says, is clear.
+    So it is where a model was unsure, the judge objects, or words of the order are left over. A plan
+    that is blocked, and one that the operator wrote, is not put in doubt.
     """
     if shown.own or shown.examination.blocked or shown.sure is None:
         return False
@@ -44,7 +49,11 @@ async def read_again(context: MissionContext, case: PlanCase, shown: Candidate) 
         return shown
     question = ask_about_plan(services.dialect, services.fleet.world, services.rulebook, case)
     with context.stopwatch.time("readings_s"):
-        read = await reader.read(question)
+        try:
+            async with asyncio.timeout(PATIENCE_S):
+                read = await reader.read(question)
+        except TimeoutError:
+            read = OrderRead("", f"no answer within {PATIENCE_S:.0f} s")
     context.emit(
         ev.OrderReadAgain(
             attempt=shown.attempt,

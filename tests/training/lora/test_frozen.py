@@ -45,8 +45,8 @@ def test_products_both_ways_are_off_by_a_few_percent_at_most(
     measured = Measured(weight)
     measured.ahead(x)
     small, exact = EightBits.of(measured), Exact(weight)
-    assert error(small.ahead(x), exact.ahead(x)) < 0.08
-    assert error(small.back(grad), exact.back(grad)) < 0.08
+    assert error(small.ahead(x), exact.ahead(x)) < 0.05
+    assert error(small.back(grad), exact.back(grad)) < 0.05
 
 
 def test_an_input_that_is_always_nothing_spoils_nothing() -> None:
