@@ -1,6 +1,5 @@
 """A vehicle carries out what named people approved, once, and tells why it refuses the rest."""
 
-import json
 import random
 import sqlite3
 import subprocess
@@ -11,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from pa_console.fleets import authorization as auth
+from pa_console.fleets.authorization.messages import sign
 from pa_console.schema.command import DeviceCommand
 from tests.fleets.keyring import (
     KEYS,
@@ -314,14 +314,15 @@ def test_a_time_that_is_none_is_refused(limit: object) -> None:
     for name in ("nbf", "exp"):
         claims = {"iss": PUBLIC["north"], "epoch": 1, "aud": "Ugv_T01", "jti": MOVE.command_id}
         claims |= {"command": auth.digest(MOVE), "nbf": NOW, "exp": NOW + 1, name: limit}
-        payload = json.dumps(claims).encode()
-        token = auth._JWS.encode(payload, KEYS["north"], "EdDSA", headers={"typ": "pa-command+jwt"})  # pyright: ignore[reportPrivateUsage]
+        token = sign("command", claims, KEYS["north"])
         assert Vehicle().get(token, MOVE)
 
 
 def test_a_vehicle_needs_no_other_part_of_the_console() -> None:
     run = subprocess.run([sys.executable, "-c", ALONE], capture_output=True, text=True, check=True)
     ours, others = (set(line.split()) for line in run.stdout.splitlines())
-    assert ours == {"pa_console", "pa_console.fleets", "pa_console.fleets.authorization"}
+    parts = ("messages", "trust", "memory", "verifier")
+    own = {f"pa_console.fleets.authorization.{part}" for part in parts}
+    assert ours == {"pa_console", "pa_console.fleets", "pa_console.fleets.authorization"} | own
     public = {name for name in others if not name.startswith("_")}
     assert public == {"pa_console", "jwt", "cryptography"}

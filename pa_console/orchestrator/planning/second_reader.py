@@ -33,8 +33,8 @@ LEAST = 0.3
 def in_doubt(shown: Candidate) -> bool:
     """Whether an order should be read again before its plan is put to the operator.
 
-    So it is where a model was unsure, the judge objects, or words of the order are left over. A plan
-    that is blocked, and one that the operator wrote, is not put in doubt.
+    So it is where a model was unsure, the judge objects, or words of the order are left over. A
+    plan that is blocked, and one that the operator wrote, is not put in doubt.
     """
     if shown.own or shown.examination.blocked or shown.sure is None:
         return False

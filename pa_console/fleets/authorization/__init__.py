@@ -1,0 +1,71 @@
+"""Authorizations: proof, at the vehicle, that named people have approved this very command.
+
+People sign approvals, a station signs a token for each command with the approvals in it, and the
+`Verifier` of a vehicle checks both against the roster that the owner of the site has signed. This
+folder needs pyjwt, cryptography and the standard library and no other part of this package.
+"""
+
+from pa_console.fleets.authorization.memory import Memory
+from pa_console.fleets.authorization.messages import (
+    APPROVAL_S,
+    KINDS,
+    LEEWAY_S,
+    MOST_CHARACTERS,
+    MOST_USED,
+    ROLES,
+    TOKEN_S,
+    UNSIGNED,
+    Approval,
+    Command,
+    EnrolledRules,
+    Grounds,
+    Kind,
+    Message,
+    Person,
+    RefusedError,
+    Role,
+    Roster,
+    digest,
+    public_of,
+    sign_approval,
+    sign_command,
+    sign_revocation,
+    sign_roster,
+    sign_takeover,
+    words,
+)
+from pa_console.fleets.authorization.trust import Takeover, Trust
+from pa_console.fleets.authorization.verifier import Verifier
+
+__all__ = (
+    "APPROVAL_S",
+    "KINDS",
+    "LEEWAY_S",
+    "MOST_CHARACTERS",
+    "MOST_USED",
+    "ROLES",
+    "TOKEN_S",
+    "UNSIGNED",
+    "Approval",
+    "Command",
+    "EnrolledRules",
+    "Grounds",
+    "Kind",
+    "Memory",
+    "Message",
+    "Person",
+    "RefusedError",
+    "Role",
+    "Roster",
+    "Takeover",
+    "Trust",
+    "Verifier",
+    "digest",
+    "public_of",
+    "sign_approval",
+    "sign_command",
+    "sign_revocation",
+    "sign_roster",
+    "sign_takeover",
+    "words",
+)

@@ -1,0 +1,298 @@
+"""What people, stations and owners sign: approvals, tokens, rosters, revocations, takeovers.
+
+All of them are JWTs, signed with Ed25519 ("EdDSA"), and say in their header which kind they are.
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import lru_cache
+from typing import Any, Literal, Protocol, Self, TypeGuard, cast
+
+import jwt
+from cryptography.exceptions import InvalidSignature
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
+from jwt.utils import base64url_encode
+
+Role = Literal["observer", "operator", "commander"]
+ROLES: tuple[Role, ...] = ("observer", "operator", "commander")
+"""What a person may do, each more than the one before: watch, approve, put a station in command."""
+
+Kind = Literal["operator", "override", "standing"]
+KINDS: tuple[Kind, ...] = ("operator", "override", "standing")
+"""How a person approved: after looking, against the judge with a reason, or beforehand."""
+
+Message = Literal["command", "approval", "roster", "revocation", "takeover"]
+UNSIGNED = frozenset(("hold",))
+"""The commands that never need a token: nothing may stand in the way of a stop."""
+
+TOKEN_S = 30.0
+"""How long a token is good for, at most; a command that is sent again gets another one."""
+
+APPROVAL_S = 3600.0
+"""How long what people approved may be carried out, at most: a plan, and its way to safety."""
+
+LEEWAY_S = 2.0
+"""So far may the clocks of a station and a vehicle be apart."""
+
+MOST_USED = 4096
+"""So many used tokens are remembered; what is older than all of them is refused unread."""
+
+MOST_CHARACTERS = 65_536
+ROUNDING_S = 0.001
+_ALGORITHM = "EdDSA"
+_JWS = jwt.PyJWS(algorithms=[_ALGORITHM])
+Claims = dict[str, Any]
+
+
+class Command(Protocol):
+    """A command as a vehicle gets it; `target` is None for one without a frame."""
+
+    @property
+    def command_id(self) -> str: ...  # noqa: D102
+    @property
+    def agent(self) -> str: ...  # noqa: D102
+    @property
+    def verb(self) -> str: ...  # noqa: D102
+    @property
+    def target(self) -> str | None: ...  # noqa: D102
+
+
+@dataclass(frozen=True)
+class Person:
+    """Somebody of the site: the public key in hexadecimal, and what it may do."""
+
+    key: str
+    role: Role
+
+
+@dataclass(frozen=True)
+class EnrolledRules:
+    """A rule set that plans may be checked by, and how many people must approve what."""
+
+    name: str
+    approvals: Mapping[str, int] = field(default_factory=dict[str, int])
+
+
+@dataclass(frozen=True)
+class Roster:
+    """Who and what belongs to a site: people and stations by name, rule sets by SHA-256.
+
+    No takeover below `epoch` counts any more, even at a vehicle that has forgotten those after it.
+    """
+
+    serial: int = 0
+    people: Mapping[str, Person] = field(default_factory=dict[str, Person])
+    stations: Mapping[str, str] = field(default_factory=dict[str, str])
+    rules: Mapping[str, EnrolledRules] = field(default_factory=dict[str, EnrolledRules])
+    epoch: int = 0
+
+    @classmethod
+    def of(cls, claims: Mapping[str, Any]) -> Self:
+        """Return the roster that `claims` are; raises ValueError for what is none."""
+        roster = cls(
+            whole_number(claims["serial"]),
+            {name: Person(**person) for name, person in claims["people"].items()},
+            dict(claims["stations"]),
+            {sha: EnrolledRules(**rules) for sha, rules in claims["rules"].items()},
+            whole_number(claims["epoch"]),
+        )
+        for name, person in roster.people.items():
+            public_key(person.key)
+            if person.role not in ROLES:
+                raise ValueError(f"{name}: {person.role!r} is no role")
+        for key in roster.stations.values():
+            public_key(key)
+        for rules in roster.rules.values():
+            for count in rules.approvals.values():
+                whole_number(count)
+        return roster
+
+    def station_of(self, key: str) -> str:
+        """Return the name of the station with the public key `key`, '' for none."""
+        return next((name for name, its in self.stations.items() if its == key), "")
+
+
+@dataclass(frozen=True)
+class Approval:
+    """What one person approves: the plan's orders and its way to safety, each in words.
+
+    `station` is the public key of the station that may send them; `acts` are what needs more than
+    a plan without objections does: `override`, `acknowledge`. All hashes are SHA-256.
+    """
+
+    person: str
+    station: str
+    session: str
+    request: str
+    orders: tuple[str, ...]
+    plan: str
+    rules: str
+    kind: Kind = "operator"
+    acts: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Grounds:
+    """What a command rests on: signed approvals by the person's name, and what they are about.
+
+    `operator` is the person whose decision it was.
+    """
+
+    operator: str
+    session: str
+    plan: str
+    rules: str
+    kind: Kind
+    epoch: int
+    approvals: Mapping[str, str]
+
+
+def public_of(key: Ed25519PrivateKey) -> str:
+    """Return the public key of `key`, 32 bytes in hexadecimal."""
+    return key.public_key().public_bytes_raw().hex()
+
+
+def digest(command: Command) -> str:
+    """Return the SHA-256 of everything that `command` says."""
+    said = [command.command_id, command.agent, command.verb, command.target]
+    return hashlib.sha256(json.dumps(said).encode()).hexdigest()
+
+
+def words(command: Command) -> str:
+    """Return `command` as people approve it: agent, verb and target."""
+    return " ".join(filter(None, (command.agent, command.verb, command.target)))
+
+
+def sign_approval(key: Ed25519PrivateKey, approval: Approval, now: float) -> str:
+    """Return `approval` signed by the person's own `key`, good for APPROVAL_S from `now`."""
+    return sign("approval", {**asdict(approval), "nbf": now, "exp": now + APPROVAL_S}, key)
+
+
+def sign_command(
+    key: Ed25519PrivateKey,
+    command: Command,
+    grounds: Grounds,
+    now: float,
+    *,
+    head: str = "",
+    serial: str = "",
+) -> str:
+    """Return the token with which the station that has `key` sends `command`; takes about 0.1 ms.
+
+    `now` is in seconds since 1970, `head` the head of the station's log, which holds the decision.
+    The vehicle's `serial` is by default the command's agent.
+    """
+    claims = {
+        "iss": public_of(key),
+        "sub": grounds.operator,
+        "aud": serial or command.agent,
+        "jti": command.command_id,
+        "nbf": now,
+        "exp": now + TOKEN_S,
+        "command": digest(command),
+        "head": head,
+        **{name: getattr(grounds, name) for name in _OF_GROUNDS},
+        "approvals": dict(grounds.approvals),
+    }
+    return sign("command", claims, key)
+
+
+_OF_GROUNDS = ("session", "plan", "rules", "kind", "epoch")
+
+
+def sign_roster(owner: Ed25519PrivateKey, roster: Roster) -> str:
+    """Return `roster` signed by the owner of the site; its serial must be higher than the last."""
+    return sign("roster", asdict(roster), owner)
+
+
+def sign_revocation(owner: Ed25519PrivateKey, serial: int, keys: Sequence[str]) -> str:
+    """Return the message that revokes `keys`, all there ever were; `serial` only grows."""
+    return sign("revocation", {"serial": serial, "keys": sorted(keys)}, owner)
+
+
+def sign_takeover(commander: Ed25519PrivateKey, person: str, epoch: int, station: str) -> str:
+    """Return the message with which a commander puts the station of that key in command."""
+    return sign("takeover", {"person": person, "epoch": epoch, "station": station}, commander)
+
+
+class RefusedError(Exception):
+    """Why something is not accepted, in words."""
+
+
+def sign(kind: Message, claims: Claims, key: Ed25519PrivateKey) -> str:
+    """Return the message of that kind that makes these claims, signed with `key`."""
+    payload = json.dumps(claims, separators=(",", ":")).encode()
+    return _JWS.encode(payload, key, _ALGORITHM, headers={"typ": f"pa-{kind}+jwt"})
+
+
+def open_message(
+    message: str, kind: Message, key: Ed25519PublicKey, what: str = "its authorization"
+) -> Claims:
+    """Return the claims of a message of that kind; raises RefusedError unless `key` signed it."""
+    if len(message) > MOST_CHARACTERS:
+        raise RefusedError(f"{what} is longer than {MOST_CHARACTERS} characters")
+    try:
+        opened = _JWS.decode_complete(message, key, [_ALGORITHM])
+    except (jwt.InvalidSignatureError, InvalidSignature) as error:
+        raise RefusedError(f"{what} was altered, or signed with a wrong key") from error
+    except jwt.InvalidTokenError as error:
+        raise RefusedError(f"{what} cannot be read: {error}") from error
+    if message.rpartition(".")[2] != base64url_encode(opened["signature"]).decode():
+        raise RefusedError(f"{what} is not written in the one way there is")
+    if opened["header"].get("typ") != f"pa-{kind}+jwt":
+        raise RefusedError(f"{what} is a message of another kind")
+    return read_claims(opened["payload"])
+
+
+def check_time(claims: Claims, what: str, most_s: float, now: float) -> None:
+    """Raise RefusedError unless `claims` hold at `now`, and for no longer than `most_s`."""
+    begins, ends = claims["nbf"], claims["exp"]
+    if not (is_time(begins) and is_time(ends) and ends - begins <= most_s + ROUNDING_S):
+        raise RefusedError(f"{what} is not limited to {most_s:.0f} s")
+    if not now >= begins - LEEWAY_S:
+        raise RefusedError(f"{what} is not valid for another {begins - now:.1f} s")
+    if not now <= ends + LEEWAY_S:
+        raise RefusedError(f"{what} expired {now - ends:.1f} s ago")
+
+
+def read_claims(payload: bytes) -> Claims:
+    """Return what a payload claims; raises RefusedError or ValueError for what is no object."""
+    claims: object = json.loads(payload)
+    if not isinstance(claims, dict):
+        raise RefusedError("its authorization has no claims")
+    return cast(Claims, claims)
+
+
+def unverified(message: str) -> Claims:
+    """Return what a message claims; nobody has vouched for it yet."""
+    return read_claims(
+        _JWS.decode_complete(message, options={"verify_signature": False})["payload"]
+    )
+
+
+def kind_of(message: str) -> str:
+    """Return which kind a message says it is; raises RefusedError for one that is too long."""
+    if len(message) > MOST_CHARACTERS:
+        raise RefusedError(f"it is longer than {MOST_CHARACTERS} characters")
+    typ = str(_JWS.get_unverified_header(message).get("typ"))
+    return typ.removeprefix("pa-").removesuffix("+jwt")
+
+
+@lru_cache(maxsize=256)
+def public_key(key: str) -> Ed25519PublicKey:
+    """Return the public key of 32 bytes in hexadecimal; raises ValueError for what is none."""
+    return Ed25519PublicKey.from_public_bytes(bytes.fromhex(key))
+
+
+def whole_number(value: object) -> int:
+    """Return `value`, a serial or an epoch; raises ValueError for what is none."""
+    if type(value) is not int or not 0 <= value < 2**53:
+        raise ValueError(f"{value!r} is no number from 0 on")
+    return value
+
+
+def is_time(value: object) -> TypeGuard[float]:
+    """Whether `value` is a number of seconds, and no truth value."""
+    return type(value) in (int, float)

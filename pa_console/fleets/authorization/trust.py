@@ -1,0 +1,133 @@
+"""What a vehicle or a station goes by: the roster, what was revoked, who is in command."""
+
+from dataclasses import dataclass
+
+from pa_console.fleets.authorization.messages import (
+    APPROVAL_S,
+    ROLES,
+    Claims,
+    Person,
+    RefusedError,
+    Roster,
+    check_time,
+    kind_of,
+    open_message,
+    public_key,
+    unverified,
+    whole_number,
+)
+
+
+@dataclass(frozen=True)
+class Takeover:
+    """Which station is in command: the epoch that a commander has signed for it."""
+
+    epoch: int = 0
+    station: str = ""
+    person: str = ""
+
+
+class Trust:
+    """What a vehicle or a station goes by: the roster, what was revoked, and who is in command.
+
+    It begins with the public key of the site's owner and takes signed messages, each only if it is
+    newer than the one before.
+    """
+
+    def __init__(self, owner: str) -> None:
+        """`owner` is 32 bytes in hexadecimal; raises ValueError when it is no public key."""
+        self._owner = public_key(owner)
+        self.roster = Roster()
+        self.revoked: frozenset[str] = frozenset()
+        self.revocation = 0
+        """The serial of the last revocation."""
+        self.takeover = Takeover()
+
+    @property
+    def in_command(self) -> str:
+        """The station in command, in words."""
+        if not self.takeover.epoch:
+            return "no station is in command: a commander has to sign for one"
+        name = self.roster.station_of(self.takeover.station) or "a station that is not enrolled"
+        return f"{name} is in command since epoch {self.takeover.epoch}"
+
+    def take(self, message: str) -> str:
+        """Accept a signed roster, revocation or takeover; return why not, '' when it is taken.
+
+        The same message again is taken and changes nothing.
+        """
+        try:
+            match kind_of(message):
+                case "roster":
+                    self._take_roster(open_message(message, "roster", self._owner))
+                case "revocation":
+                    self._take_revocation(open_message(message, "revocation", self._owner))
+                case "takeover":
+                    self._take_takeover(message)
+                case other:
+                    return f"a message of the kind {other!r} changes no trust"
+        except RefusedError as refused:
+            return str(refused)
+        except Exception as error:
+            return f"it cannot be read: {error}"
+        return ""
+
+    def person(self, name: str) -> Person:
+        """Return the person called `name`; raises RefusedError for nobody, and a revoked one."""
+        person = self.roster.people.get(name)
+        if person is None:
+            raise RefusedError(f"{name!r} is not in the roster")
+        if person.key in self.revoked:
+            raise RefusedError(f"the key of {name} was revoked")
+        return person
+
+    def approver(self, name: str) -> Person:
+        """Return the person called `name`, who may approve; raises RefusedError otherwise."""
+        person = self.person(name)
+        if ROLES.index(person.role) < ROLES.index("operator"):
+            raise RefusedError(f"{name} has the role {person.role}, which may approve nothing")
+        return person
+
+    def approval(self, name: str, message: str, now: float) -> tuple[Claims, str]:
+        """Return what the person called `name` has approved, and the public key of it.
+
+        Raises RefusedError for what nobody signed who may approve, and for what is out of date.
+        """
+        person, what = self.approver(name), f"the approval of {name}"
+        approval = open_message(message, "approval", public_key(person.key), what)
+        check_time(approval, what, APPROVAL_S, now)
+        if approval["person"] != name or type(approval["orders"]) is not list:
+            raise RefusedError(f"{what} is not what it should be")
+        return approval, person.key
+
+    def _take_roster(self, claims: Claims) -> None:
+        roster = Roster.of(claims)
+        if roster.serial < self.roster.serial or (
+            roster.serial == self.roster.serial and roster != self.roster
+        ):
+            raise RefusedError(f"roster {roster.serial} is not newer than {self.roster.serial}")
+        self.roster = roster
+
+    def _take_revocation(self, claims: Claims) -> None:
+        serial, keys = whole_number(claims["serial"]), frozenset[str](claims["keys"])
+        if serial < self.revocation or (serial == self.revocation and keys != self.revoked):
+            raise RefusedError(f"revocation {serial} is not newer than {self.revocation}")
+        if not keys >= self.revoked:
+            raise RefusedError("a revoked key stays revoked")
+        self.revocation, self.revoked = serial, keys
+
+    def _take_takeover(self, message: str) -> None:
+        claimed = unverified(message)
+        name = str(claimed.get("person"))
+        person = self.person(name)
+        if person.role != "commander":
+            raise RefusedError(f"{name} has the role {person.role}; only a commander gives command")
+        claims = open_message(message, "takeover", public_key(person.key))
+        taken = Takeover(whole_number(claims["epoch"]), str(claims["station"]), name)
+        if taken.epoch < self.roster.epoch:
+            raise RefusedError(f"epoch {taken.epoch} is over: the roster is of {self.roster.epoch}")
+        if taken.epoch == self.takeover.epoch and taken.station == self.takeover.station:
+            return
+        if taken.epoch <= self.takeover.epoch:
+            raise RefusedError(f"epoch {taken.epoch} is not newer; {self.in_command}")
+        self.takeover = taken

@@ -1,0 +1,200 @@
+"""Decides at a vehicle whether a command may be carried out."""
+
+import json
+import sqlite3
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import asdict
+
+import jwt
+
+from pa_console.fleets.authorization.memory import Memory
+from pa_console.fleets.authorization.messages import (
+    TOKEN_S,
+    UNSIGNED,
+    Claims,
+    Command,
+    RefusedError,
+    Roster,
+    check_time,
+    digest,
+    open_message,
+    public_key,
+    unverified,
+    whole_number,
+    words,
+)
+from pa_console.fleets.authorization.trust import Takeover, Trust
+
+_ONE_APPROVAL = ("person", "station", "session", "request", "nbf")
+_USED = {
+    "used": "used before",
+    "forgotten": "made before anything that this vehicle remembers",
+}
+
+
+class Verifier:
+    """Decides, at one vehicle, whether a command may be carried out; whatever goes wrong, it not.
+
+    A vehicle that has a command's id already repeats its last answer and does not ask again.
+    """
+
+    def __init__(
+        self,
+        serial: str,
+        owner: str,
+        memory: Memory | None = None,
+        now: Callable[[], float] = time.time,
+    ) -> None:
+        """`serial` is the vehicle's, `owner` the public key of the site's owner, `now` its clock.
+
+        Raises ValueError for a memory that is of a vehicle of another owner.
+        """
+        self.serial, self.trust, self._now = serial, Trust(owner), now
+        self._memory = memory if memory is not None else Memory()
+        self._fresh = not self._memory.kept("commanded")
+        if (kept := self._memory.kept("owner")) not in ("", owner):
+            raise ValueError(f"this memory belongs to a vehicle of the owner {kept}")
+        self._memory.keep("owner", owner)
+        self._recall()
+
+    def take(self, message: str) -> str:
+        """Accept a signed roster, revocation or takeover; return why not, '' when it is taken."""
+        trust, why = self.trust, self.trust.take(message)
+        if not why:
+            state = {
+                "roster": asdict(trust.roster),
+                "revoked": [trust.revocation, sorted(trust.revoked)],
+                "takeover": asdict(trust.takeover),
+            }
+            try:
+                self._memory.keep("trust", json.dumps(state))
+            except sqlite3.Error as error:
+                return f"it holds until a restart alone, for it cannot be kept: {error}"
+        return why
+
+    def verify(self, token: str | None, command: Command) -> str:
+        """Return why `command` is refused, '' when it may be carried out now, and this once."""
+        try:
+            if command.verb in UNSIGNED:
+                return ""
+            if not token:
+                raise RefusedError("it has no authorization")
+            claims = self._opened(token)
+            self._check_command(claims, command)
+            check_time(claims, "its authorization", TOKEN_S, self._now())
+            approvals = self._check_approvals(claims, command)
+            self._use(claims, approvals, command)
+            if self._fresh:
+                self._memory.keep("commanded", "yes")
+                self._fresh = False
+        except RefusedError as refused:
+            return str(refused)
+        except Exception as error:
+            return f"its authorization cannot be checked: {type(error).__name__}: {error}"
+        return ""
+
+    def _recall(self) -> None:
+        """Go by what was taken before a restart; it was checked when it came."""
+        if not (kept := self._memory.kept("trust")):
+            return
+        state, trust = json.loads(kept), self.trust
+        trust.roster = Roster.of(state["roster"])
+        trust.revocation, trust.revoked = state["revoked"][0], frozenset(state["revoked"][1])
+        trust.takeover = Takeover(**state["takeover"])
+
+    def _opened(self, token: str) -> Claims:
+        """Return what the station in command has signed; raises RefusedError for anybody else's."""
+        trust = self.trust
+        station = trust.takeover.station
+        if not trust.takeover.epoch:
+            raise RefusedError(trust.in_command)
+        if station in trust.revoked:
+            raise RefusedError("the key of the station in command was revoked")
+        if not trust.roster.station_of(station):
+            raise RefusedError("the station in command is no longer enrolled")
+        try:
+            claims = open_message(token, "command", public_key(station))
+        except RefusedError:
+            with suppress(jwt.InvalidTokenError, ValueError, TypeError):
+                self._explain(token)
+            raise
+        if claims["iss"] != station:
+            raise RefusedError("its authorization names another key than it was signed with")
+        epoch = whole_number(claims["epoch"])
+        if epoch < trust.takeover.epoch:
+            raise RefusedError(f"its authorization is of epoch {epoch}; {trust.in_command}")
+        if epoch > trust.takeover.epoch:
+            raise RefusedError(f"nobody has told this vehicle of epoch {epoch}; {trust.in_command}")
+        return claims
+
+    def _explain(self, token: str) -> None:
+        """Raise a better reason for a token that another station has signed, if one has."""
+        claimed = str(unverified(token).get("iss"))
+        name = self.trust.roster.station_of(claimed)
+        if name and claimed != self.trust.takeover.station:
+            epoch = whole_number(open_message(token, "command", public_key(claimed))["epoch"])
+            raise RefusedError(f"{name} signed it in epoch {epoch}; {self.trust.in_command}")
+
+    def _check_command(self, claims: Claims, command: Command) -> None:
+        if claims["aud"] != self.serial:
+            raise RefusedError(f"its authorization is for {claims['aud']}, not for {self.serial}")
+        if claims["jti"] != command.command_id or claims["command"] != digest(command):
+            raise RefusedError("its authorization is for another command")
+
+    def _check_approvals(self, claims: Claims, command: Command) -> list[Claims]:
+        """Return the approvals, once as many people as the rules ask have signed each their own."""
+        rules = self.trust.roster.rules.get(claims["rules"])
+        if rules is None:
+            raise RefusedError(f"the rule set {claims['rules'][:12]} is not enrolled")
+        signers: dict[str, set[str]] = {command.verb: set()}
+        approvals: list[Claims] = []
+        for name, message in claims["approvals"].items():
+            approval, key = self._opened_approval(name, message, claims, command)
+            approvals.append(approval)
+            for act in (command.verb, *approval["acts"]):
+                signers.setdefault(act, set()).add(key)
+            if name == claims["sub"] and approval["kind"] != claims["kind"]:
+                raise RefusedError(f"{name} has not approved it as {claims['kind']!r}")
+        if claims["sub"] not in claims["approvals"]:
+            raise RefusedError(f"{claims['sub']} has not approved it")
+        if self._fresh:
+            signers["first_order"] = signers[command.verb]
+        for act, keys in signers.items():
+            asked = max(rules.approvals.get(act, 1), 1)
+            if len(keys) < asked:
+                raise RefusedError(f"{act} needs {asked} approvals, and it has {len(keys)}")
+        return approvals
+
+    def _use(self, claims: Claims, approvals: Sequence[Claims], command: Command) -> None:
+        """Use the token up, and of each approval one of the orders of these words.
+
+        So whoever has stolen a station's key repeats nothing that people approved once.
+        """
+        token = f"{claims['iss']}/{claims['session']}/{claims['jti']}"
+        if why := self._memory.use("token", token, claims["exp"]):
+            raise RefusedError(f"its authorization was {_USED[why]}")
+        said = words(command)
+        for approval in approvals:
+            order = json.dumps([approval[part] for part in _ONE_APPROVAL] + [said])
+            for number in range(approval["orders"].count(said)):
+                why = self._memory.use("order", f"{order}/{number}", approval["exp"])
+                if why != "used":
+                    break
+            if why:
+                raise RefusedError(f"what {approval['person']} approved was {_USED[why]}")
+
+    def _opened_approval(
+        self, name: str, message: str, token: Claims, command: Command
+    ) -> tuple[Claims, str]:
+        """Return what the person called `name` has signed, and the key that it is signed with."""
+        what = f"the approval of {name}"
+        approval, key = self.trust.approval(name, message, self._now())
+        if approval["station"] != token["iss"]:
+            raise RefusedError(f"{what} was not given to this station")
+        if any(approval[part] != token[part] for part in ("session", "plan", "rules")):
+            raise RefusedError(f"{what} is for another plan or another rule set")
+        if words(command) not in approval["orders"]:
+            raise RefusedError(f"{what} is not for {words(command)}")
+        return approval, key
