@@ -22,7 +22,7 @@ class Verb(NamedTuple):
 
 VERBS = {
     "console": Verb(
-        "console:console",
+        "console.console:console",
         "Open the console: live checkpoint, policy browser, missions, trace and approval.",
     ),
     "mission": Verb(
@@ -48,7 +48,7 @@ VERBS = {
         "rules.rules:app", "List, search, check, lint, sign, compare, try and trace rules."
     ),
     "keys": Verb(
-        "keys:app",
+        "keys.keys:app",
         "Make, list, enrol, revoke and rotate the keys of a site; put a station in command.",
     ),
     "models": Verb("models:app", "List and pull language models."),

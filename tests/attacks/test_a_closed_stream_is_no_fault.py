@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.cli import console
+from pa_console.cli.console import console
 from pa_console.cli.mission import session as mission_session
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.orchestrator.station.assembly import load_site

@@ -20,7 +20,7 @@ from pa_console.signing import KEY_VARIABLE
 
 PROGRAM = """
 import asyncio, sys
-from pa_console.cli import console
+from pa_console.cli.console import console
 from pa_console.cli.mission import session as mission_session
 from pa_console.cli.main import main
 from tests.scripted import ScriptedEngine, plan

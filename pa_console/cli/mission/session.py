@@ -12,6 +12,7 @@ import typer
 from pydantic import TypeAdapter, ValidationError
 
 from pa_console.cli.fleet import find_fleet
+from pa_console.cli.keys.site_keys import load_authority
 from pa_console.cli.mission.mission import Approve
 from pa_console.cli.mission.steps import step_line
 from pa_console.cli.mission.terminal_approval import ask_decision
@@ -25,7 +26,6 @@ from pa_console.cli.output import (
 )
 from pa_console.cli.session_log import open_log, tell_of_witness, usual_file
 from pa_console.cli.settings_defaults import settings_of
-from pa_console.cli.site_keys import load_authority
 from pa_console.end_signals import EndableRun, end_signals, exit_code_of, leave_terminal
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.models.catalogue import find_model

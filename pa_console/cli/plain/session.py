@@ -7,7 +7,7 @@ from asyncio import CancelledError, Runner
 from collections.abc import Callable
 from contextlib import suppress
 
-from pa_console.cli.live_session import LiveSession
+from pa_console.cli.console.live_session import LiveSession
 from pa_console.cli.mission.trace import print_proposal, print_trace
 from pa_console.cli.output import errors, out
 from pa_console.cli.plain.input_lines import InputLines

@@ -1,8 +1,10 @@
 """How long expressions may run: each has a deadline, and a group of them may have one together.
 
-Time is what the thread has computed, not what has passed: a busy machine breaks no rule.
+Time is what the thread has computed, not what has passed: a busy machine breaks no rule. No garbage
+is looked for meanwhile: in a long session that takes longer than a check may.
 """
 
+import gc
 import threading
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -66,9 +68,13 @@ def deadline(seconds: float) -> Generator[None]:
     end_s = now + seconds
     _running.end_s = end_s if group_end_s is None else min(end_s, group_end_s)
     _running.overdue, _running.rounds = False, 0
+    collecting = gc.isenabled()
+    gc.disable()
     try:
         yield
     finally:
+        if collecting:
+            gc.enable()
         late = _running.overdue
         _running.end_s, _running.overdue = None, False
         if late:

@@ -3,7 +3,7 @@
 from asyncio import Runner
 from collections.abc import Callable
 
-from pa_console.cli.live_session import LiveSession
+from pa_console.cli.console.live_session import LiveSession
 from pa_console.cli.output import out
 from pa_console.cli.session_log import open_log, tell_of_witness, usual_file
 from pa_console.end_signals import end_signals

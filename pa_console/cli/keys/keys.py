@@ -10,8 +10,8 @@ from typing import Annotated, cast
 import typer
 from rich.table import Table
 
+from pa_console.cli.keys.site_keys import ask_passphrase
 from pa_console.cli.output import JsonOption, errors, out, print_json
-from pa_console.cli.site_keys import ask_passphrase
 from pa_console.fleets.authorization import EnrolledRules
 from pa_console.fleets.key_folder import KeyFolder
 from pa_console.orchestrator.station.assembly import open_rules

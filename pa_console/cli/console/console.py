@@ -78,7 +78,7 @@ def console(
     with Runner() as loop:
         with ThreadPoolExecutor(1) as hashing, _stopped_when_left() as going_on:
             found = hashing.submit(find_model, model, going_on, settings.values.second_reader)
-            from pa_console.cli.live_session import Asked, open_live  # noqa: PLC0415 - meanwhile
+            from pa_console.cli.console.live_session import Asked, open_live  # noqa: PLC0415 - meanwhile
 
             engine = Engine(found.result())
         loop.run(engine.start())
@@ -100,7 +100,7 @@ def console(
             if plain:
                 from pa_console.cli.plain.session import run_plain as run  # noqa: PLC0415
             else:
-                from pa_console.cli.screen import run_screen as run  # noqa: PLC0415 - Textual
+                from pa_console.cli.console.screen import run_screen as run  # noqa: PLC0415 - Textual
 
                 require_keys("use 'pa-console mission' in scripts, or --plain")
             prepared = run(opened, engine, settings, witness)

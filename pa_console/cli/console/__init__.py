@@ -1,0 +1,1 @@
+"""The verb `console`: the screen or lines over one live session."""

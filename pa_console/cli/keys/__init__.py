@@ -1,0 +1,1 @@
+"""The verb `keys`, and the keys that other verbs sign with."""

@@ -1,0 +1,51 @@
+"""What else the process has to do is not counted as a check's time."""
+
+import gc
+from collections.abc import Generator
+
+import pytest
+
+from pa_console.policy.expressions.deadlines import deadline
+
+
+@pytest.fixture
+def collections() -> Generator[list[str]]:
+    """The collections of garbage since the test began, with garbage looked for all the time."""
+    seen: list[str] = []
+
+    def note(phase: str, _: dict[str, int]) -> None:
+        seen.append(phase)
+
+    before = gc.get_threshold()
+    gc.callbacks.append(note)
+    gc.set_threshold(20, 1, 1)
+    yield seen
+    gc.set_threshold(*before)
+    gc.callbacks.remove(note)
+
+
+def test_no_garbage_is_looked_for_while_a_check_runs(collections: list[str]) -> None:
+    with deadline(60.0):
+        collections.clear()
+        made = [[number] for number in range(2000)]
+        during = list(collections)
+    more = [[number] for number in range(2000)]
+    assert during == []
+    assert collections
+    assert len(made) == len(more)
+
+
+def test_garbage_is_looked_for_again_after_a_check_that_failed() -> None:
+    with pytest.raises(ZeroDivisionError), deadline(60.0):
+        _ = 1 / 0
+    assert gc.isenabled()
+
+
+def test_where_nobody_looks_for_garbage_nobody_does_afterwards() -> None:
+    gc.disable()
+    try:
+        with deadline(60.0):
+            pass
+        assert not gc.isenabled()
+    finally:
+        gc.enable()
