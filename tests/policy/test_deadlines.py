@@ -1,11 +1,16 @@
 """What else the process has to do is not counted as a check's time."""
 
 import gc
+import threading
 from collections.abc import Generator
 
 import pytest
 
+from pa_console.policy.authoring.example_situation import WORLD
+from pa_console.policy.checks.rule_checks import check_mission
 from pa_console.policy.expressions.deadlines import deadline
+from tests.policy.book import checkpoint_rules
+from tests.policy.test_checks import MISSION
 
 
 @pytest.fixture
@@ -49,3 +54,20 @@ def test_where_nobody_looks_for_garbage_nobody_does_afterwards() -> None:
         assert not gc.isenabled()
     finally:
         gc.enable()
+
+
+def test_the_words_of_an_order_are_decided_beside_a_thread_that_computes() -> None:
+    ended = threading.Event()
+
+    def compute() -> None:
+        while not ended.is_set():
+            sum(range(1000))
+
+    other = threading.Thread(target=compute)
+    other.start()
+    try:
+        found = [check_mission(checkpoint_rules(), MISSION, WORLD) for _ in range(20)]
+    finally:
+        ended.set()
+        other.join()
+    assert {one.status for findings in found for one in findings} == {"complies"}
