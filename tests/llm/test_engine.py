@@ -289,6 +289,22 @@ async def test_a_prompt_interrupts_a_warm_up(engine: Engine):
     assert rest.usage.cached_tokens < rest.usage.prompt_tokens - 128
 
 
+async def test_a_prompt_interrupts_what_a_second_reader_reads_ahead(shallow_model: LocalModel):
+    engine = Engine(replace(shallow_model, second_reader=shallow_model))
+    second = engine.second_reader
+    assert second is not None
+    try:
+        warming = asyncio.create_task(second.warm("judge", "word " * 3500))
+        while not second.busy:
+            await asyncio.sleep(0)
+        assert (await answer(engine, BRIEF)).finish == "stop"
+        await warming
+        rest = await answer(second, replace(BRIEF, system="word " * 3500))
+        assert rest.usage.cached_tokens < rest.usage.prompt_tokens - 128
+    finally:
+        await engine.close()
+
+
 async def test_an_abandoned_answer_does_not_delay_the_next(engine: Engine):
     async with aclosing(engine.generate(LONG)) as items:
         async for _ in items:

@@ -95,6 +95,17 @@ async def test_whole_words_are_read_with_their_rules_while_the_next_is_typed(rig
         assert all(f"\n{rule}: " in user for rule in quoted)
 
 
+async def test_the_second_reader_reads_what_is_typed_after_planner_and_judge(rig: Rig) -> None:
+    engine, second = ScriptedEngine([]), ScriptedEngine([])
+    engine.second_reader = second
+    ahead = ReadAhead(services(rig.site, engine))
+    await ahead.load()
+    assert second.warmed == []
+    await typed(ahead, "an unknown vehicle is at the we")
+    assert second.warmed == [engine.warmed[-1]]
+    assert [role for role, _, _ in second.warmed] == ["judge"]
+
+
 async def test_while_the_model_answers_it_is_left_alone(rig: Rig) -> None:
     engine = ScriptedEngine([])
     ahead = ReadAhead(services(rig.site, engine))

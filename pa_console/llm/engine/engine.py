@@ -93,7 +93,10 @@ class Engine:
         self.model = model
         reader = model.second_reader
         self.second_reader = Engine(reader, threads=threads, fixed=fixed) if reader else None
-        """The engine of the model that reads an order again; started when it is first asked."""
+        """The engine of the model that reads an order again; started when it is first needed.
+
+        It reads ahead only while nobody waits for this one.
+        """
         n_ctx = n_ctx or model.n_ctx
         self.info = ModelInfo.of(model, n_ctx)
         self.sampler = SAMPLER
@@ -174,14 +177,21 @@ class Engine:
         """
         urgent = not request.yields
         self._urgent += urgent
-        if urgent and self._interruptible:
-            self.cancel()
+        if urgent:
+            self._give_way()
+            if self.second_reader is not None:
+                self.second_reader._give_way()
         try:
             async with aclosing(self._generate(request)) as items:
                 async for item in items:
                     yield item
         finally:
             self._urgent -= urgent
+
+    def _give_way(self) -> None:
+        """Stop reading ahead, if that is what is being done."""
+        if self._interruptible:
+            self.cancel()
 
     async def warm(self, role: Role, system: str, user: str = "") -> None:
         """Read the beginning of prompts of `role` ahead; a real prompt interrupts it.

@@ -1,12 +1,14 @@
-"""Lets the model read what is known before a mission is given.
+"""Lets the models read what is known before a mission is given.
 
 Those are the fixed parts, the present picture, and of a mission that is being typed the rules that
-concern its words so far, and these words.
+concern its words so far, and these words. The second reader is started by the first words that are
+typed and reads them after the planner and the judge.
 """
 
 import asyncio
 from contextlib import suppress
 
+from pa_console.llm.engine.engine import Engine
 from pa_console.llm.errors import EngineError
 from pa_console.orchestrator.intake.spelling_correction import prepare
 from pa_console.orchestrator.mission.services import Services
@@ -25,7 +27,7 @@ class ReadAhead:
     def __init__(self, services: Services, *, unasked: bool = True) -> None:
         """`unasked`: read too what nobody has asked for yet, when a session or a mission begins."""
         self._services, self._unasked = services, unasked
-        self._read: dict[Role, tuple[Digest | None, str]] = {}
+        self._read: dict[tuple[Engine, Role], tuple[Digest | None, str]] = {}
         self._words = ""
         self._wanted = asyncio.Event()
         self._turn = asyncio.Lock()
@@ -42,7 +44,7 @@ class ReadAhead:
                 await self._services.engine.start()
                 await asyncio.to_thread(prepare)
                 for role in ROLES if self._unasked else ():
-                    await self._warm(role)
+                    await self._warm(self._services.engine, role)
 
     async def read_now(self, text: str = "") -> None:
         """Read the picture as it is, and all of `text` but its last word, which may not be whole.
@@ -65,12 +67,16 @@ class ReadAhead:
 
     async def _read_words(self, words: str) -> None:
         async with self._turn:
-            read = self._services.read_now(words)
+            services = self._services
+            read = services.read_now(words)
             for role in TYPING_ROLES:
-                await self._warm(role, read)
+                await self._warm(services.engine, role, read)
+            second = services.engine.second_reader
+            if second is not None and services.variant.read_again:
+                await self._warm(second, "judge", read)
 
-    async def _warm(self, role: Role, words: str = "") -> None:
-        """Let the model read what a prompt of `role` begins with at present, unless it has.
+    async def _warm(self, engine: Engine, role: Role, words: str = "") -> None:
+        """Let `engine` read what a prompt of `role` begins with at present, unless it has.
 
         In a world too large to be told whole, what is told depends on the mission.
         """
@@ -78,15 +84,15 @@ class ReadAhead:
         fleet = services.fleet
         whole = is_small(fleet.world)
         digest = digest_picture(fleet.picture(), fleet.world) if whole else None
-        if services.engine.busy or self._read.get(role) == (digest, words):
+        if services.engine.busy or self._read.get((engine, role)) == (digest, words):
             return
-        self._read[role] = (digest, words)
+        self._read[engine, role] = (digest, words)
         prompt = services.dialect.ahead(role, fleet.world, digest)
         if services.dialect.typed is not None and digest is not None and words.strip():
             hits = services.retriever.retrieve(words, services.top_k)
             rules = [services.rulebook.get(hit.rule_id) for hit in hits]
             prompt = services.dialect.typed(role, fleet.world, digest, rules, words)
-        await services.engine.warm(role, prompt.system, prompt.user)
+        await engine.warm(role, prompt.system, prompt.user)
 
 
 def _whole_words(text: str) -> str:
