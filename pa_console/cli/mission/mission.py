@@ -80,7 +80,7 @@ def mission(
         world=world,
         rules=rules,
         model=model,
-        approve=approve,
+        standing=None if approve is Approve.ask else approve.value,
         override_reason=override_reason,
         setup=event or (),
         scenario=scenario,

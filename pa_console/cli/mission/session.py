@@ -13,7 +13,6 @@ from pydantic import TypeAdapter, ValidationError
 
 from pa_console.cli.fleet import find_fleet
 from pa_console.cli.keys.site_keys import load_authority
-from pa_console.cli.mission.mission import Approve
 from pa_console.cli.mission.steps import step_line
 from pa_console.cli.mission.terminal_approval import ask_decision
 from pa_console.cli.mission.trace import print_trace
@@ -30,7 +29,12 @@ from pa_console.end_signals import EndableRun, end_signals, exit_code_of, leave_
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.orchestrator.station.assembly import load_site, open_station
-from pa_console.orchestrator.station.headless import exit_code, run_missions, standing_approver
+from pa_console.orchestrator.station.headless import (
+    ApprovalMode,
+    exit_code,
+    run_missions,
+    standing_approver,
+)
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.policy.trust.pinned_rules import RulesPins
 from pa_console.schema.document import Document
@@ -53,7 +57,7 @@ def run_session(
     world: str,
     rules: str,
     model: str | None,
-    approve: Approve,
+    standing: ApprovalMode | None,
     override_reason: str,
     setup: Sequence[str],
     scenario: str | None,
@@ -67,7 +71,10 @@ def run_session(
     accept_rules: bool,
     json: bool,
 ) -> None:
-    """Carry out what the verb was asked for, `setup` as YAML; raises Exit with the exit code."""
+    """Carry out what the verb was asked for, `setup` as YAML; raises Exit with the exit code.
+
+    Without a `standing` approval the plan is put to whoever sits at the terminal.
+    """
     if text is None and scenario is None:
         raise ValueError("give a mission in plain language, or --scenario NAME, or both")
     incidents = [read_event(number, told) for number, told in enumerate(setup, start=1)]
@@ -101,10 +108,8 @@ def run_session(
     progress = _Progress(writer, endable, engine.model.sha256)
     approver = (
         progress.ask
-        if approve is Approve.ask
-        else standing_approver(
-            approve.value, override_reason, least=settings.values.standing_confidence
-        )
+        if standing is None
+        else standing_approver(standing, override_reason, least=settings.values.standing_confidence)
     )
     unlogged: LogError | None = None
     try:
