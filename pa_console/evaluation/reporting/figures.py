@@ -3,6 +3,7 @@
 from functools import partial
 from typing import TYPE_CHECKING, Literal
 
+from pa_console.evaluation.reporting.calibration import reliability_diagram, told_confidence
 from pa_console.evaluation.reporting.figure_drawing import (
     BLUE,
     GREEN,
@@ -343,6 +344,17 @@ def build_figures(records: Records) -> list[Drawn]:
             partial(figure_five, shown, beside),
         ),
     ]
+    if told_confidence(main):
+        figures.append(
+            Drawn(
+                JUDGE,
+                "reliability",
+                "Calibration: success by confidence",
+                "Strict success of the runs of each tenth of confidence by model, beside the "
+                "diagonal on which confidence says how often an order is understood.",
+                partial(reliability_diagram, main),
+            )
+        )
     for number, model in enumerate(ablated_models(records), start=1):
         runs = [record for record in records if record.model == model]
         figures.append(

@@ -2,12 +2,9 @@
 
 from collections.abc import Sequence
 
+from pa_console.evaluation.reporting.calibration import calibration_tables, confidence_tables
 from pa_console.evaluation.reporting.table import Table
-from pa_console.evaluation.reporting.tables_judgement import (
-    confidence_tables,
-    judge_tables,
-    reading_tables,
-)
+from pa_console.evaluation.reporting.tables_judgement import judge_tables, reading_tables
 from pa_console.evaluation.reporting.tables_latency import latency_tables
 from pa_console.evaluation.reporting.tables_outcomes import (
     ablation_tables,
@@ -29,7 +26,12 @@ def build_sections(records: Sequence[RunRecord]) -> dict[str, list[Table]]:
     sections = {
         SUCCESS: success_tables(records),
         LATENCY: latency_tables(records),
-        JUDGE: [*judge_tables(records), *confidence_tables(records), *reading_tables(records)],
+        JUDGE: [
+            *judge_tables(records),
+            *confidence_tables(records),
+            *calibration_tables(records),
+            *reading_tables(records),
+        ],
         ABLATION: ablation_tables(records),
         FAILURES: failure_tables(records),
     }

@@ -1,8 +1,4 @@
-"""Tables of judgement: JudgeLLM and telemetry against the truth (Fig. 5), other readings, doubt.
-
-Selective classification: coverage, and success among what is covered (R. El-Yaniv and Y. Wiener,
-"On the Foundations of Noise-free Selective Classification", JMLR 11 (2010) 1605-1641).
-"""
+"""Tables of judgement: JudgeLLM and telemetry against the truth (Fig. 5), other readings."""
 
 from collections.abc import Callable
 from typing import Literal, NamedTuple
@@ -20,7 +16,6 @@ from pa_console.evaluation.reporting.statistics import Confusion, Rate
 from pa_console.evaluation.reporting.table import NOTHING, Table, fraction_cell, rate_cell
 from pa_console.evaluation.runs.jobs import VARIANTS
 from pa_console.evaluation.runs.run_record import Opinion, RunRecord
-from pa_console.schema.events.event import UNSURE
 
 Judgement = Literal["judge, plan", "judge, outcome", "telemetry"]
 
@@ -209,47 +204,3 @@ def _readings_row(model: str, runs: Records, chosen: Records) -> tuple[str, ...]
 
 def _mission(run: RunRecord) -> _Mission:
     return _Mission(run.mission_set, run.mission, run.seed)
-
-
-LEVELS = (UNSURE, 0.7, 0.9)
-
-
-def confidence_tables(records: Records) -> list[Table]:
-    """Return success by confidence, of the models that tell theirs; no table without any."""
-    rows: list[tuple[str, ...]] = []
-    for model, runs in by_model(main_runs(records)).items():
-        told = [run for run in runs if run.confidence is not None]
-        rows += [_confidence_row(model, level, told) for level in LEVELS if told]
-    table = Table(
-        name="confidence",
-        title="Success by confidence in what was asked",
-        columns=(
-            "Model", "sure from", "sure", "strict where sure", "strict where not",
-            "sure and passed by the judge", "strict of these",
-        ),
-        rows=tuple(rows),
-        note=(
-            "Confidence: the chance that planner and judge gave to the words in which they say "
-            "what was asked, the lower of the two. The operator is warned below "
-            f"{UNSURE:.0%}. Runs without confidence, where neither says what was asked, are left "
-            "out."
-        ),
-    )  # fmt: skip
-    return [table] if rows else []
-
-
-def _confidence_row(model: str, level: float, told: Records) -> tuple[str, ...]:
-    sure = [run for run in told if _is_sure(run, level)]
-    passed = [run for run in sure if run.judge_plan != "Failure"]
-    rates = (
-        Rate(len(sure), len(told)),
-        Rate.of(run.strict for run in sure),
-        Rate.of(run.strict for run in told if run not in sure),
-        Rate(len(passed), len(told)),
-        Rate.of(run.strict for run in passed),
-    )
-    return model, f"{level:.0%}", *map(rate_cell, rates)
-
-
-def _is_sure(run: RunRecord, level: float) -> bool:
-    return run.confidence is not None and run.confidence >= level
