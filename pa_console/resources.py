@@ -5,6 +5,8 @@ What adapters are trained from is found in a clone of the repository only.
 
 from pathlib import Path
 
+from pa_console.schema.document import DocumentError
+
 _PACKAGE = Path(__file__).resolve().parent
 
 
@@ -46,3 +48,16 @@ def find_data(kind: str, name: str, file: str) -> Path:
     folder = data_folder() / kind
     candidates = [folder / name / file, folder / f"{name}.yaml", folder / name]
     return next((path for path in candidates if path.is_file()), given)
+
+
+def existing_data(kind: str, name: str, file: str) -> Path:
+    """Return what `find_data` does; raises DocumentError that says what is installed."""
+    path = find_data(kind, name, file)
+    if path.exists():
+        return path
+    folder = data_folder() / kind
+    found = {one.parent.name for one in folder.glob(f"*/{file}")}
+    known = ", ".join(sorted(found | {one.stem for one in folder.glob("*.yaml")}))
+    raise DocumentError(
+        name, 0, "", f"No such file, and nothing installed has this name; installed: {known}"
+    )

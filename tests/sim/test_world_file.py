@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pa_console.schema.document import DocumentError
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.sim.worlds.world_file import geometry_problems, load_world
+from pa_console.sim.worlds.world_file import geometry_problems, load_world, open_world
 from tests.sim.running import order, run
 
 JUNK: st.SearchStrategy[object] = st.one_of(
@@ -149,3 +149,8 @@ def _set(document: Any, field: str, value: object) -> None:
     for folder in folders:
         document = document[int(folder) if folder.isdigit() else folder]
     document[int(last) if last.isdigit() else last] = value
+
+
+def test_who_names_a_world_that_is_not_there_is_told_which_are() -> None:
+    with pytest.raises(DocumentError, match=r"nowhere: .* installed: checkpoint"):
+        open_world("nowhere")

@@ -11,7 +11,7 @@ from pa_console.cli.output import BAD_INPUT, FAILED, JsonOption, errors, out, pr
 from pa_console.cli.rules.session_logs import SessionEvents, find_logs
 from pa_console.orchestrator.station.session_site import SessionSites
 from pa_console.policy.rulebook import Rulebook, load_rules
-from pa_console.resources import find_data
+from pa_console.resources import existing_data
 from pa_console.rule_analysis.changed_decisions import (
     FLIP_KINDS,
     ChangedDecision,
@@ -78,7 +78,7 @@ def effect(
     """
     if not logs and not missions:
         raise ValueError("give session logs, or a mission set with --missions")
-    new = load_rules(find_data("rules", rules, "rules.yaml"))
+    new = load_rules(existing_data("rules", rules, "rules.yaml"))
     effects = Effects()
     if logs:
         _sessions(find_logs(logs), new, SessionSites(world or (), (was,) if was else ()), effects)
@@ -129,7 +129,7 @@ def _missions(
     own, own_path = open_world(world)
     path = mission_file(name, own_path)
     cases, worlds = load_with_worlds(path, own)
-    old = load_rules(find_data("rules", was, "rules.yaml"))
+    old = load_rules(existing_data("rules", was, "rules.yaml"))
     plans, seed = tried
     with ExportBar(f"trying orders at {cases.name}", len(cases.missions) * (plans + 1)) as bar:
         for case in cases.missions:

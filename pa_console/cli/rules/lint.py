@@ -8,7 +8,7 @@ from pa_console.cli.export.source import ExportBar
 from pa_console.cli.output import FAILED, JsonOption, WorldOption, out, print_json
 from pa_console.policy.authoring.lint import Searched, lint_rules, search_rules, search_steps
 from pa_console.policy.rulebook import load_rules, read_rule_set
-from pa_console.resources import find_data
+from pa_console.resources import existing_data
 from pa_console.sim.worlds.world_file import open_world
 
 STYLES = {"error": "red", "warning": "yellow", "note": "dim"}
@@ -30,7 +30,7 @@ def lint(
     looked for in other words than their own. Exit code 1 if there is more than notes. The world
     says which names are assets and gates.
     """
-    path = find_data("rules", file, "rules.yaml")
+    path = existing_data("rules", file, "rules.yaml")
     load_rules(path)
     document, rule_set = read_rule_set(path)
     place = open_world(world)[0]

@@ -13,7 +13,7 @@ from pa_console.policy.authoring.examples import run_example
 from pa_console.policy.retrieval.retriever import DEFAULT_METHOD, METHODS, Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.policy.trust.core_rules import differing_core
-from pa_console.resources import find_data
+from pa_console.resources import existing_data
 from pa_console.schema.quantities import count
 from pa_console.schema.rule import Rule, approvals_in_words
 
@@ -31,7 +31,7 @@ app.command("trace")(trace.trace)
 
 
 def _load(rules: str) -> Rulebook:
-    return load_rules(find_data("rules", rules, "rules.yaml"))
+    return load_rules(existing_data("rules", rules, "rules.yaml"))
 
 
 def _how(rule: Rule) -> str:

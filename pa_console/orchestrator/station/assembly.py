@@ -27,7 +27,7 @@ from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.policy.trust.core_rules import with_core
 from pa_console.policy.trust.pinned_rules import RulesPins
 from pa_console.policy.trust.rule_seal import refuse_altered
-from pa_console.resources import find_data
+from pa_console.resources import existing_data
 from pa_console.schema.document import read_bytes
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events.event import SessionStarted
@@ -82,7 +82,7 @@ def open_rules(
     `pins`, rules that are less than those used before raise RefusedRulesError, unless the operator
     does `accept` them. The core is in force whatever the file says; a check may take `deadline_s`.
     """
-    path = find_data("rules", name, "rules.yaml")
+    path = existing_data("rules", name, "rules.yaml")
     rulebook = load_rules(path, deadline_s)
     if not unsigned:
         refuse_altered(path, rulebook.seal)

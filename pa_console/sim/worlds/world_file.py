@@ -11,7 +11,7 @@ import numpy.typing as npt
 import shapely
 from shapely.geometry import LineString, Polygon
 
-from pa_console.resources import find_data
+from pa_console.resources import existing_data
 from pa_console.schema.base import Point
 from pa_console.schema.document import Document, FieldPath
 from pa_console.schema.world import World
@@ -31,7 +31,7 @@ Lines = npt.NDArray[np.object_]
 
 def open_world(name: str) -> tuple[World, Path]:
     """Load a world by installed name or path, with its file; raises DocumentError."""
-    path = find_data("worlds", name, "world.yaml")
+    path = existing_data("worlds", name, "world.yaml")
     return load_world(path), path
 
 
