@@ -76,7 +76,11 @@ def console(
         context, world=world, rules=rules, model=model or "", alarms=alarms, mouse=mouse
     )
     with Runner() as loop:
-        with ThreadPoolExecutor(1) as hashing, _stopped_when_left() as going_on:
+        with (
+            ThreadPoolExecutor(1) as hashing,
+            _stopped_when_left() as going_on,
+            _told("Opening the console ..."),
+        ):
             found = hashing.submit(find_model, model, going_on, settings.values.second_reader)
             from pa_console.cli.console.live_session import Asked, open_live  # noqa: PLC0415 - meanwhile
 
@@ -100,7 +104,8 @@ def console(
             if plain:
                 from pa_console.cli.plain.session import run_plain as run  # noqa: PLC0415
             else:
-                from pa_console.cli.console.screen import run_screen as run  # noqa: PLC0415 - Textual
+                with _told("Opening the screen ..."):
+                    from pa_console.cli.console.screen import run_screen as run  # noqa: PLC0415
 
                 require_keys("use 'pa-console mission' in scripts, or --plain")
             prepared = run(opened, engine, settings, witness)
@@ -125,3 +130,18 @@ def _stopped_when_left() -> Generator[Progress]:
         yield going_on
     finally:
         left.set()
+
+
+@contextmanager
+def _told(what: str) -> Generator[None]:
+    """Say on a terminal what is being done, in a line that is gone afterwards."""
+    seen = sys.stderr.isatty()
+    if seen:
+        sys.stderr.write(what)
+        sys.stderr.flush()
+    try:
+        yield
+    finally:
+        if seen:
+            sys.stderr.write(f"\r{' ' * len(what)}\r")
+            sys.stderr.flush()
