@@ -99,6 +99,23 @@ WitnessOption = Annotated[
         help="Give the log's signed heads to a file on another disk, or to a web address.",
     ),
 ]
+MetricsPortOption = Annotated[
+    int,
+    typer.Option(
+        "--metrics-port",
+        min=0,
+        max=65_535,
+        help="Give metrics as Prometheus text at this port of this machine; 0 for none.",
+    ),
+]
+TracesOption = Annotated[
+    str,
+    typer.Option(
+        "--traces",
+        metavar="URL",
+        help="Give every mission as a trace to this OpenTelemetry collector (OTLP over HTTP).",
+    ),
+]
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else there.")
 ]

@@ -75,9 +75,18 @@ def _defaults(loaded: Loaded) -> dict[str, Any]:
     site = {"world": values.world, "rules": values.rules}
     model = {"model": values.model} if values.model else {}
     log = {"witness": values.witness}
+    observed = {"traces": values.traces, "metrics_port": values.metrics_port}
     return {
-        "console": {**site, **model, **log, "alarms": values.alarms, "mouse": values.mouse},
-        "mission": {**site, **model, **log},
+        "console": {
+            **site,
+            **model,
+            **log,
+            **observed,
+            "alarms": values.alarms,
+            "mouse": values.mouse,
+        },
+        "mission": {**site, **model, **log, **observed},
+        "serve": {**site, **model, **log, **observed, "alarms": values.alarms},
         "replay": {"mouse": values.mouse},
         "rules": {verb: {"rules": values.rules} for verb in ("list", "search")},
         "scenarios": {verb: {"world": values.world} for verb in ("list", "show", "check")},

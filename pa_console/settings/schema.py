@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
+from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, Field
 from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, SettingsConfigDict
@@ -28,8 +29,16 @@ def _witness(target: str) -> str:
     return str(_whole(Path(target)))
 
 
+def _collector(address: str) -> str:
+    """Return the address of a collector."""
+    if address and not (address.startswith(("http://", "https://")) and urlsplit(address).netloc):
+        raise ValueError("give an address with http:// or https://, such as http://127.0.0.1:4318")
+    return address
+
+
 WholePath = Annotated[Path, AfterValidator(_whole)]
 WitnessTarget = Annotated[str, AfterValidator(_witness)]
+CollectorAddress = Annotated[str, AfterValidator(_collector)]
 
 
 def _about(group: str, *, restart: bool = True, form: str = "") -> dict[str, Any]:
@@ -194,6 +203,28 @@ class Settings(BaseSettings):
         description="A file on another disk, or an address with http:// or https://, that is given "
         "the signed heads of the session log every 10 s and at every decision. Empty is none.",
         json_schema_extra=_about("Files"),
+    )
+    traces: CollectorAddress = Field(
+        default="",
+        title="Traces",
+        description="The address of an OpenTelemetry collector, such as http://127.0.0.1:4318, "
+        "that is given every mission as a trace. Empty is none.",
+        json_schema_extra=_about("Observability"),
+    )
+    trace_words: bool = Field(
+        default=False,
+        title="Words in traces",
+        description="Whether traces have what operators typed and models wrote, and who decided.",
+        json_schema_extra=_about("Observability"),
+    )
+    metrics_port: int = Field(
+        default=0,
+        ge=0,
+        le=65_535,
+        title="Port of metrics",
+        description="The port of this machine at which a session gives its metrics as Prometheus "
+        "text. 0 is none.",
+        json_schema_extra=_about("Observability"),
     )
     keys: dict[str, str] = Field(
         default={},

@@ -4,7 +4,7 @@ import sys
 from asyncio import Runner
 from collections.abc import Generator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from threading import Event
 from typing import Annotated
 
@@ -14,10 +14,12 @@ from pa_console.cli.output import (
     AcceptRulesOption,
     CertificatesOption,
     FleetOption,
+    MetricsPortOption,
     ModelOption,
     RulesOption,
     ScenarioOption,
     SeedOption,
+    TracesOption,
     UnsignedOption,
     WitnessOption,
     WorldOption,
@@ -46,6 +48,8 @@ def console(
         bool, typer.Option("--readonly", help="Look only: every command is refused.")
     ] = False,
     witness: WitnessOption = "",
+    traces: TracesOption = "",
+    metrics_port: MetricsPortOption = 0,
     unsigned: UnsignedOption = False,
     accept_rules: AcceptRulesOption = False,
     resume: Annotated[
@@ -73,9 +77,16 @@ def console(
             "the console needs a terminal; use 'pa-console mission' in scripts, or --plain"
         )
     settings = settings_of(
-        context, world=world, rules=rules, model=model or "", alarms=alarms, mouse=mouse
+        context,
+        world=world,
+        rules=rules,
+        model=model or "",
+        alarms=alarms,
+        mouse=mouse,
+        traces=traces,
+        metrics_port=metrics_port,
     )
-    with Runner() as loop:
+    with Runner() as loop, ExitStack() as observes:
         with (
             ThreadPoolExecutor(1) as hashing,
             _stopped_when_left() as going_on,
@@ -83,7 +94,9 @@ def console(
         ):
             found = hashing.submit(find_model, model, going_on, settings.values.second_reader)
             from pa_console.cli.console.live_session import Asked, open_live  # noqa: PLC0415 - meanwhile
+            from pa_console.cli.observing import observing  # noqa: PLC0415
 
+            observer = observes.enter_context(observing(settings.values))
             engine = Engine(found.result())
         loop.run(engine.start())
         try:
@@ -108,7 +121,7 @@ def console(
                     from pa_console.cli.console.screen import run_screen as run  # noqa: PLC0415
 
                 require_keys("use 'pa-console mission' in scripts, or --plain")
-            prepared = run(opened, engine, settings, witness)
+            prepared = run(opened, engine, settings, witness, observer)
         except BaseException:
             loop.run(engine.close())
             raise

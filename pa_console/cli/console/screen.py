@@ -8,6 +8,7 @@ from pa_console.cli.output import out
 from pa_console.cli.session_log import open_log, tell_of_witness, usual_file
 from pa_console.end_signals import end_signals
 from pa_console.llm.engine.engine import Engine
+from pa_console.observability.observers import Observer
 from pa_console.session.log.chain import LogError
 from pa_console.session.state.waiting import load_usual, save_usual
 from pa_console.settings.sources import Loaded
@@ -16,7 +17,7 @@ from pa_console.tui.app import ConsoleApp
 
 
 def run_screen(
-    opened: LiveSession, engine: Engine, settings: Loaded, witness: str
+    opened: LiveSession, engine: Engine, settings: Loaded, witness: str, observer: Observer
 ) -> Callable[[Runner], int]:
     """Open the log; return what runs the screen and returns the signal that ended it, 0 for none.
 
@@ -47,6 +48,7 @@ def run_screen(
         rules_file=site.rules_path,
         usual=load_usual(usual_file(), model),
     )
+    app.feed.observer = observer
 
     def run(loop: Runner) -> int:
         leaving = app.controllers.leaving

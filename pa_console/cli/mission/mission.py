@@ -11,14 +11,17 @@ from pa_console.cli.output import (
     CertificatesOption,
     FleetOption,
     JsonOption,
+    MetricsPortOption,
     ModelOption,
     RulesOption,
     ScenarioOption,
     SeedOption,
+    TracesOption,
     UnsignedOption,
     WitnessOption,
     WorldOption,
 )
+from pa_console.cli.settings_defaults import settings_of
 
 
 class Approve(StrEnum):
@@ -67,30 +70,36 @@ def mission(
     certificates: CertificatesOption = None,
     log: Annotated[Path | None, typer.Option(help="Where to write the session log.")] = None,
     witness: WitnessOption = "",
+    traces: TracesOption = "",
+    metrics_port: MetricsPortOption = 0,
     unsigned: UnsignedOption = False,
     accept_rules: AcceptRulesOption = False,
     json: JsonOption = False,
 ) -> None:
     """Plan, check, rehearse, judge, decide, execute and verify one mission, or a situation's."""
     from pa_console.cli.mission.session import run_session  # noqa: PLC0415 - no help waits for it
+    from pa_console.cli.observing import observing  # noqa: PLC0415
 
-    run_session(
-        context,
-        text,
-        world=world,
-        rules=rules,
-        model=model,
-        standing=None if approve is Approve.ask else approve.value,
-        override_reason=override_reason,
-        setup=event or (),
-        scenario=scenario,
-        alarms=alarms,
-        seed=seed,
-        fleet=fleet,
-        certificates=certificates,
-        log=log,
-        witness=witness,
-        unsigned=unsigned,
-        accept_rules=accept_rules,
-        json=json,
-    )
+    settings = settings_of(context, traces=traces, metrics_port=metrics_port)
+    with observing(settings.values) as observer:
+        run_session(
+            settings,
+            text,
+            world=world,
+            rules=rules,
+            model=model,
+            standing=None if approve is Approve.ask else approve.value,
+            override_reason=override_reason,
+            setup=event or (),
+            scenario=scenario,
+            alarms=alarms,
+            seed=seed,
+            fleet=fleet,
+            certificates=certificates,
+            log=log,
+            witness=witness,
+            unsigned=unsigned,
+            accept_rules=accept_rules,
+            json=json,
+            observer=observer,
+        )

@@ -24,10 +24,10 @@ from pa_console.cli.output import (
     warn_of_altered,
 )
 from pa_console.cli.session_log import open_log, tell_of_witness, usual_file
-from pa_console.cli.settings_defaults import settings_of
 from pa_console.end_signals import EndableRun, end_signals, exit_code_of, leave_terminal
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.models.catalogue import find_model
+from pa_console.observability.observers import Observer, unobserved
 from pa_console.orchestrator.station.assembly import load_site, open_station
 from pa_console.orchestrator.station.headless import (
     ApprovalMode,
@@ -46,12 +46,13 @@ from pa_console.session.log.writer import LogWriter
 from pa_console.session.state.fold import SessionState
 from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.session.state.waiting import Waiting, load_usual, save_usual
+from pa_console.settings.sources import Loaded
 from pa_console.signing import load_signer
 from pa_console.sim.worlds.scenario_file import open_scenario
 
 
 def run_session(
-    context: typer.Context,
+    settings: Loaded,
     text: str | None,
     *,
     world: str,
@@ -70,6 +71,7 @@ def run_session(
     unsigned: bool,
     accept_rules: bool,
     json: bool,
+    observer: Observer = unobserved,
 ) -> None:
     """Carry out what the verb was asked for, `setup` as YAML; raises Exit with the exit code.
 
@@ -78,7 +80,6 @@ def run_session(
     if text is None and scenario is None:
         raise ValueError("give a mission in plain language, or --scenario NAME, or both")
     incidents = [read_event(number, told) for number, told in enumerate(setup, start=1)]
-    settings = settings_of(context)
     found = find_fleet(fleet, certificates, world, settings.values, scenario)
     site = load_site(
         found.world,
@@ -105,7 +106,7 @@ def run_session(
     )
     writer = open_log(settings.values, station.session, signer, _cannot_write, log, witness)
     endable = EndableRun()
-    progress = _Progress(writer, endable, engine.model.sha256)
+    progress = _Progress(writer, endable, engine.model.sha256, observer)
     approver = (
         progress.ask
         if standing is None
@@ -189,7 +190,9 @@ class _Progress:
     A session that cannot be logged is ended.
     """
 
-    def __init__(self, writer: LogWriter, endable: EndableRun, model: str) -> None:
+    def __init__(
+        self, writer: LogWriter, endable: EndableRun, model: str, observer: Observer
+    ) -> None:
         """`model` is the SHA-256 of the model, whose usual times are kept."""
         self._writer, self._endable, self._model = writer, endable, model
         self._status = errors.status("starting")
@@ -197,6 +200,7 @@ class _Progress:
         self.state = SessionState()
         """The session as it was told last."""
         self._recorded: set[str] = set()
+        self._observe = observer
 
     @property
     def traces(self) -> list[MissionTrace]:
@@ -207,6 +211,7 @@ class _Progress:
     def show(self, event: Event, state: SessionState) -> None:
         """Take in one event; raises LogError when the log is behind."""
         self.state = state
+        self._observe(event)
         finished = event.mission if isinstance(event.data, MissionFinished) else None
         if finished is not None:
             self._writer.flush()

@@ -9,6 +9,7 @@ from time import monotonic
 from pa_console.cli.mission.steps import step_line
 from pa_console.cli.plain.answers import HOW, Answer, is_answer, read_answer, reason_of
 from pa_console.cli.plain.status import alarm_lines, asset_lines, queue_lines, status_lines
+from pa_console.observability.observers import Observer, unobserved
 from pa_console.orchestrator.station.station import Station
 from pa_console.orders.plain_words import plain_reading
 from pa_console.schema.events import event as ev
@@ -58,15 +59,18 @@ class LineConsole:
         *,
         hold_s: float = 0.0,
         called: Callable[[], None] = lambda: None,
+        observer: Observer = unobserved,
     ) -> None:
         """`show_plan` and `show_trace` print what is laid out in rows.
 
         An approval that comes within `hold_s` seconds of its plan is not taken: nobody has read
-        it. `called` is told when something begins to wait for the operator.
+        it. `called` is told when something begins to wait for the operator; `observer` is given
+        every event.
         """
         self._station, self._say = station, say
         self._show_plan, self._show_trace = show_plan, show_trace
         self.waiting, self._hold_s, self._called = waiting, hold_s, called
+        self._observe = observer
         self.state = SessionState()
         self._last_notice: Notice | None = None
         self._confirming: Callable[[], None] | None = None
@@ -106,6 +110,7 @@ class LineConsole:
     # What happens
 
     def _take(self, event: ev.Event) -> None:
+        self._observe(event)
         self.state.apply(event)
         self.waiting.take(event, self.state, monotonic())
         if line := step_line(event):

@@ -15,6 +15,7 @@ from pa_console.cli.plain.line_console import LineConsole
 from pa_console.cli.session_log import open_log, tell_of_witness, usual_file
 from pa_console.end_signals import end_signals
 from pa_console.llm.engine.engine import Engine
+from pa_console.observability.observers import Observer
 from pa_console.session.log.chain import LogError
 from pa_console.session.state.waiting import Waiting, load_usual, save_usual
 from pa_console.settings.sources import Loaded
@@ -22,7 +23,7 @@ from pa_console.signing import load_signer
 
 
 def run_plain(
-    opened: LiveSession, engine: Engine, settings: Loaded, witness: str
+    opened: LiveSession, engine: Engine, settings: Loaded, witness: str, observer: Observer
 ) -> Callable[[Runner], int]:
     """Open the log; return what runs the lines and returns the signal that ended them, 0 for none.
 
@@ -57,6 +58,7 @@ def run_plain(
         Waiting(load_usual(usual_file(), model)),
         hold_s=values.approval_delay_s,
         called=call,
+        observer=observer,
     )
 
     def run(loop: Runner) -> int:

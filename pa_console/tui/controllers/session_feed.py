@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 from textual.message import Message
 
+from pa_console.observability.observers import Observer, unobserved
 from pa_console.schema.events.event import Event
 from pa_console.session.state.waiting import Waiting
 from pa_console.tui.actions.registry import ActionContext
@@ -44,6 +45,8 @@ class SessionFeed:
         self._last_telemetry = session.clock()
         self._situation = ActionContext()
         self._waited = False
+        self.observer: Observer = unobserved
+        """Is given every event as it comes, whatever the screen is busy with."""
 
     def start(self) -> None:
         """Begin to listen; called after the first paint."""
@@ -58,6 +61,7 @@ class SessionFeed:
         problem = ""
         try:
             async for event in station.run():
+                self.observer(event)
                 self._app.post_message(self.Received(event))
                 await asyncio.sleep(0)
         except Exception as error:  # whatever broke, the operator must keep the console

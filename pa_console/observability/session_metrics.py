@@ -1,0 +1,184 @@
+"""Folds a session's events into numbers that a Prometheus server scrapes."""
+
+from collections import Counter as Counts
+from datetime import datetime
+
+from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
+
+from pa_console.observability.step_names import Step
+from pa_console.schema.alarm import ALARM_PRIORITIES
+from pa_console.schema.events import event as ev
+
+DECISION_S = (1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0)
+"""The histogram of what a person takes, in seconds."""
+STEP_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0)
+"""The histogram of what a step takes, in seconds."""
+
+
+class SessionMetrics:
+    """The numbers of one session, in a `registry` of their own; `take` is given every event.
+
+    No label holds a word of the operator, so their number is bounded by rules, kinds and outcomes.
+    """
+
+    def __init__(self) -> None:
+        self.registry = registry = CollectorRegistry()
+        self._missions = Counter(
+            "pa_console_missions",
+            "Missions that ended, by outcome.",
+            ["outcome"],
+            registry=registry,
+        )
+        self._decisions = Histogram(
+            "pa_console_decision_seconds",
+            "Seconds from a plan being shown to the decision on it that was accepted.",
+            ["decision"],
+            buckets=DECISION_S,
+            registry=registry,
+        )
+        self._steps = Histogram(
+            "pa_console_step_seconds",
+            "Seconds that a step of a mission took.",
+            ["step"],
+            buckets=STEP_S,
+            registry=registry,
+        )
+        self._refusals = Counter(
+            "pa_console_refusals",
+            "Times that a rule kept a plan, or a mission before any plan, from being approved.",
+            ["rule"],
+            registry=registry,
+        )
+        self._kept_back = Counter(
+            "pa_console_commands_refused", "Commands kept back at the last gate.", registry=registry
+        )
+        self._sent = Counter(
+            "pa_console_commands_sent", "Commands sent to assets.", ["command"], registry=registry
+        )
+        self._queue = Gauge("pa_console_queue_length", "Missions that wait.", registry=registry)
+        self._alarms = Counter(
+            "pa_console_alarms", "Alarms that were raised.", ["kind"], registry=registry
+        )
+        self._open = Gauge(
+            "pa_console_open_alarms", "Alarms that are open.", ["priority"], registry=registry
+        )
+        self._stopped = Gauge(
+            "pa_console_stopped", "1 while everything is stopped.", registry=registry
+        )
+        self._waits = Gauge(
+            "pa_console_plan_waits", "1 while a plan waits for a decision.", registry=registry
+        )
+        self._ready = Gauge(
+            "pa_console_worker_ready", "1 while the model's worker is ready.", registry=registry
+        )
+        self._restarts = Counter(
+            "pa_console_worker_restarts", "Times the worker was started again.", registry=registry
+        )
+        self._unlogged = Gauge(
+            "pa_console_log_troubled", "1 while the log cannot be written.", registry=registry
+        )
+        self._raised: dict[str, str] = {}
+        self._asked: dict[str, datetime] = {}
+        self._died = False
+        for priority in ALARM_PRIORITIES:
+            self._open.labels(priority).set(0)
+
+    def take(self, event: ev.Event) -> None:
+        """Take in one event."""
+        self._take_session(event.data)
+        self._take_alarm(event.data)
+        self._take_step(event.data)
+        if event.mission is not None:
+            self._take_mission(event.mission, event)
+
+    def _take_session(self, data: ev.EventPayload) -> None:
+        match data:
+            case ev.QueueChanged(entries=entries):
+                self._queue.set(len(entries))
+            case ev.AllStopped():
+                self._stopped.set(1)
+            case ev.StopReleased():
+                self._stopped.set(0)
+            case ev.LogTroubled(problem=problem):
+                self._unlogged.set(bool(problem))
+            case ev.WorkerChanged(state=state):
+                if state in ("ready", "slow"):
+                    self._restarts.inc(self._died)
+                self._died = state == "dead" or (self._died and state == "loading")
+                self._ready.set(state in ("ready", "slow"))
+            case ev.CommandSent(command=command):
+                self._sent.labels(command.verb).inc()
+            case ev.CommandRefused():
+                self._kept_back.inc()
+            case _:
+                pass
+
+    def _take_alarm(self, data: ev.EventPayload) -> None:
+        match data:
+            case ev.AlarmRaised(alarm=alarm):
+                if alarm.id not in self._raised:
+                    self._alarms.labels(alarm.kind).inc()
+                self._raised[alarm.id] = alarm.priority
+            case ev.AlarmCleared(alarm_id=name):
+                self._raised.pop(name, None)
+            case _:
+                return
+        counted = Counts(self._raised.values())
+        for priority in ALARM_PRIORITIES:
+            self._open.labels(priority).set(counted[priority])
+
+    def _take_step(self, data: ev.EventPayload) -> None:
+        if (taken := _taken(data)) is not None:
+            step, seconds = taken
+            self._steps.labels(step).observe(seconds)
+
+    def _take_mission(self, name: str, event: ev.Event) -> None:
+        match event.data:
+            case ev.PlanChecked(findings=findings):
+                for finding in findings:
+                    if finding.blocking:
+                        self._refusals.labels(finding.rule_id).inc()
+            case ev.ApprovalRequested():
+                self._asked[name] = event.t
+            case ev.DecisionMade(accepted=True, decision=decision):
+                since = self._asked.pop(name, None)
+                if since is not None:
+                    seconds = max(0.0, (event.t - since).total_seconds())
+                    self._decisions.labels(decision.kind).observe(seconds)
+            case ev.MissionPreempted() | ev.PlanVoided():
+                self._asked.pop(name, None)
+            case ev.MissionFinished(status=status):
+                self._missions.labels(status).inc()
+                self._asked.pop(name, None)
+            case _:
+                return
+        self._waits.set(bool(self._asked))
+
+
+def _taken(data: ev.EventPayload) -> tuple[Step, float] | None:
+    """Return which step is over by what `data` tells, and the seconds that it took."""
+    taken: tuple[Step, float] | None = None
+    match data:
+        case ev.RulesRetrieved(seconds=seconds):
+            taken = "retrieve", seconds
+        case ev.PictureDigested(seconds=seconds):
+            taken = "picture", seconds
+        case ev.PromptBuilt(seconds=seconds):
+            taken = "prompt", seconds
+        case ev.PlanProposed(usage=usage, author="planner"):
+            taken = "plan", usage.seconds
+        case ev.PlanRehearsed(seconds=seconds):
+            taken = "rehearse", seconds
+        case ev.PlanChecked(seconds=seconds):
+            taken = "safeguards", seconds
+        case ev.PlanJudged(usage=usage):
+            taken = "judge", usage.seconds
+        case ev.OrderReadAgain(usage=usage):
+            taken = "read_again", usage.seconds
+        case ev.MissionVerified(seconds=seconds):
+            taken = "verify", seconds
+        case ev.OutcomeJudged(usage=usage):
+            taken = "outcome", usage.seconds
+        case _:
+            pass
+    return taken
