@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from pa_console.api import (
         Outcome,
+        Served,
         Station,
         auto_approver,
         check_plan,
+        leave_to_clients,
         load_rules,
         load_site,
         load_world,
@@ -52,6 +54,7 @@ __all__ = [
     "Plan",
     "Received",
     "Rulebook",
+    "Served",
     "SessionState",
     "SimulatedFleet",
     "Site",
@@ -60,6 +63,7 @@ __all__ = [
     "World",
     "auto_approver",
     "check_plan",
+    "leave_to_clients",
     "load_rules",
     "load_site",
     "load_world",
@@ -70,8 +74,8 @@ __all__ = [
 
 _HOMES = {
     "api": (
-        "Outcome", "Station", "auto_approver", "check_plan", "load_rules", "load_site",
-        "load_world", "open_station", "read_log", "verify_log",
+        "Outcome", "Served", "Station", "auto_approver", "check_plan", "leave_to_clients",
+        "load_rules", "load_site", "load_world", "open_station", "read_log", "verify_log",
     ),
     "fleets.fleet": ("Fleet", "Forecast", "Received"),
     "fleets.simulated": ("SimulatedFleet",),

@@ -5,18 +5,19 @@ play no part: a program says what it wants.
 """
 
 import asyncio
-from collections.abc import Awaitable, Callable, Iterator, Mapping
+from collections.abc import AsyncGenerator, Awaitable, Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AsyncExitStack, aclosing, suppress
+from contextlib import AsyncExitStack, aclosing, asynccontextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from pydantic import TypeAdapter
 
+from pa_console.fleets.authorization import Role
 from pa_console.fleets.fleet import Fleet, Outlook, Simulated
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.engine.engine import Engine
@@ -38,9 +39,13 @@ from pa_console.session.log import reader, verification
 from pa_console.session.log.chain import LogError
 from pa_console.session.log.writer import LogWriter, default_folder, open_session_log
 from pa_console.session.state.fold import MissionTrace, SessionState
-from pa_console.signing import load_signer
+from pa_console.signing import key_path, load_signer
 from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.sim.worlds.world_file import open_world
+
+if TYPE_CHECKING:
+    from pa_console.service.served_session import ServedSession
+    from pa_console.service.tokens import TokenBook
 
 Approver = Callable[[ev.ApprovalRequested], Decision | Awaitable[Decision]]
 """Decides about one plan at a time, as an operator does (paper, Step 6)."""
@@ -120,6 +125,29 @@ def auto_approver(request: ev.ApprovalRequested) -> Decision:
     return approver(request)
 
 
+async def leave_to_clients(_: ev.ApprovalRequested) -> Decision:
+    """Decide nothing: the plan waits for a client of `Station.served`, however long that takes."""
+    await asyncio.Event().wait()
+    raise AssertionError("nobody ends that wait")
+
+
+@dataclass(frozen=True)
+class Served:
+    """Where a station is served to other programs, and how they are let in."""
+
+    address: str
+    """Its begin, such as `http://127.0.0.1:40213`; `/docs` there describes the rest."""
+    tokens: "TokenBook"
+
+    def make_token(self, role: Role, person: str) -> str:
+        """Return a token of `person` for as long as it is served.
+
+        An `observer` may read, an `operator` and a `commander` may give missions, decide and stop.
+        Raises ValueError for what is no name.
+        """
+        return self.tokens.make(person, role, keep=False)
+
+
 @dataclass(frozen=True)
 class Outcome:
     """How a mission ended.
@@ -162,6 +190,8 @@ class Station:
         self._begun = asyncio.Event()
         self._over: Exception | None = None
         self._context = AsyncExitStack()
+        self._told = 0
+        self._clients: list[ServedSession] = []
 
     async def __aenter__(self) -> Self:
         """Begin the session; returns when the first picture is there."""
@@ -233,12 +263,38 @@ class Station:
         """Release the stop, by which no asset moves; raises ValueError when nothing is stopped."""
         self._station.release(by="program")
 
+    @asynccontextmanager
+    async def served(self, port: int = 0) -> AsyncGenerator[Served]:
+        """Serve this very session to other programs, as `pa-console serve` does, in a context.
+
+        It listens at `port` of loopback, by default a free one. Tokens of `pa-console serve
+        --make-token` are good for it, too. An approver of yours goes on deciding beside clients:
+        whoever is first; `leave_to_clients` leaves it to them. It needs the extra `serve`. Raises
+        ValueError for a port that cannot be listened on.
+        """
+        from pa_console.service.http_server import listen, serving  # noqa: PLC0415 - FastAPI
+        from pa_console.service.served_session import ServedSession  # noqa: PLC0415
+        from pa_console.service.tokens import TOKENS_FILE, TokenBook  # noqa: PLC0415
+
+        client = ServedSession(self._station, self.state, lambda: self.log, told=self._told)
+        tokens = TokenBook(key_path().with_name(TOKENS_FILE))
+        with listen(port) as listening:
+            self._clients.append(client)
+            try:
+                async with serving(client, tokens, listening, _told_to_nobody) as address:
+                    yield Served(address, tokens)
+            finally:
+                self._clients.remove(client)
+
     async def _attend(self) -> None:
         """Follow the session to its end, and let the approver decide."""
         try:
             async with aclosing(self._station.run()) as events:
                 async for event in events:
                     self.state.apply(event)
+                    self._told += not event.data.transient
+                    for client in self._clients:
+                        client.take(event)
                     if self._on_event is not None:
                         self._on_event(event, self.state)
                     self._take(event)
@@ -408,6 +464,10 @@ def _settle(end: asyncio.Future[Outcome], found: Outcome | Exception) -> None:
         end.set_exception(found)
     else:
         end.set_result(found)
+
+
+def _told_to_nobody(_: Exception) -> None:
+    """Leave a request that failed to its client, who was told so."""
 
 
 def _told_by_the_station(_: LogError) -> None:

@@ -7,6 +7,7 @@ import typer
 EXAMPLES = {
     "console": "pa-console console --scenario situation-1-unauthorized",
     "mission": 'pa-console mission "Move the drone to the east gate." --approve auto',
+    "serve": "pa-console serve --make-token operator --person ann",
     "replay": "pa-console replay session.jsonl --verify",
     "sessions": "pa-console sessions last --json",
     "doctor": "pa-console doctor --json",

@@ -3,6 +3,7 @@
 from collections.abc import Generator
 from contextlib import contextmanager
 
+from pa_console import __version__
 from pa_console.cli.output import errors
 from pa_console.observability.observers import Observer, Observing, observed
 from pa_console.settings.schema import Settings
@@ -15,7 +16,9 @@ def observing(settings: Settings) -> Generator[Observer]:
     Raises ValueError for a port that cannot be listened on, and for a library that is missing.
     """
     problems: list[str] = []
-    asked = Observing(settings.traces, settings.trace_words, settings.metrics_port or None)
+    asked = Observing(
+        settings.traces, settings.trace_words, settings.metrics_port or None, __version__
+    )
     try:
         with observed(asked, problems.append) as observer:
             yield observer

@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from pa_console.schema.rule import RulesSeal
 
 
+DRIVER = "TEXTUAL_DRIVER"
+"""The variable that names another driver than a terminal's, such as that of a browser."""
+
+
 def open_closed_streams() -> None:
     """Let every standard stream that was closed read nothing, or lead nowhere.
 
@@ -33,7 +37,7 @@ def require_keys(instead: str) -> None:
 
     Textual's own drivers, such as that of a browser, bring keys without a terminal.
     """
-    if "TEXTUAL_DRIVER" not in os.environ and not sys.stdin.isatty():
+    if DRIVER not in os.environ and not sys.stdin.isatty():
         raise ValueError(f"standard input is no terminal, no key would arrive; {instead}")
 
 

@@ -53,6 +53,11 @@ def given_settings(context: typer.Context) -> Mapping[str, object]:
     return _chosen(context).given
 
 
+def given_words(context: typer.Context) -> list[str]:
+    """Return what `--set` gives, as it was typed."""
+    return list(context.find_root().params.get("assignments") or ())
+
+
 def settings_of(context: typer.Context, **options: object) -> Loaded:
     """Return the settings, with those `options` of the verb that were given on its command line."""
     typed = {

@@ -29,6 +29,10 @@ VERBS = {
         "mission.mission:mission",
         "Plan, check, rehearse, judge, decide, execute and verify one mission, or a situation's.",
     ),
+    "serve": Verb(
+        "serve.serve:serve",
+        "Serve a session on loopback: an HTTP interface (see /docs), or the console in a browser.",
+    ),
     "replay": Verb(
         "replay.replay:replay",
         "Play LOG back in the console, verify it, run it again, or compare it with another one.",

@@ -23,11 +23,13 @@ class Observing:
 
     `traces` is the address of a collector, '' for none; `metrics_port` one of this machine, None
     for none. With `trace_words`, spans have what operator and model wrote.
+    `version` is that of the program.
     """
 
     traces: str = ""
     trace_words: bool = False
     metrics_port: int | None = None
+    version: str = ""
 
 
 @contextmanager
@@ -56,7 +58,7 @@ def observed(asked: Observing, tell: Callable[[str], None]) -> Generator[Observe
                     f"traces need a library that is not installed ({error.name}): "
                     "pip install 'pa-console[telemetry]'"
                 ) from error
-            export = SpanExport(asked.traces)
+            export = SpanExport(asked.traces, asked.version)
             stack.callback(lambda: tell(export.problem) if export.problem else None)
             stack.enter_context(export)
             observers.append(MissionSpans(export.tracer, words=asked.trace_words).take)

@@ -4,7 +4,6 @@ It needs the extra `telemetry`: the OpenTelemetry SDK and its exporter.
 """
 
 import logging
-from importlib.metadata import version
 from threading import Thread
 from types import TracebackType
 from typing import Self
@@ -31,21 +30,23 @@ class SpanExport:
     fit is dropped, and `problem` says so.
     """
 
-    def __init__(self, endpoint: str, exporter: SpanExporter | None = None) -> None:
-        """`endpoint` is a base address or a whole one; `exporter` is used instead of OTLP."""
+    def __init__(self, endpoint: str, version: str, exporter: SpanExporter | None = None) -> None:
+        """`endpoint` is a base address or a whole one, `version` that of the program.
+
+        An `exporter` is used instead of OTLP.
+        """
         self._endpoint = endpoint if urlsplit(endpoint).path.strip("/") else _joined(endpoint)
         self._told = _Told()
         sends = exporter or OTLPSpanExporter(endpoint=self._endpoint, timeout=SEND_S)
-        resource = Resource.create(
-            {"service.name": "pa-console", "service.version": version("pa-console")}
-        )
+        resource = Resource.create({"service.name": "pa-console", "service.version": version})
         self._provider = TracerProvider(resource=resource, shutdown_on_exit=False)
+        self._tracer = self._provider.get_tracer("pa_console", version)
         self._provider.add_span_processor(BatchSpanProcessor(sends, schedule_delay_millis=1000))
 
     @property
     def tracer(self) -> Tracer:
         """What makes the spans."""
-        return self._provider.get_tracer("pa_console", version("pa-console"))
+        return self._tracer
 
     @property
     def problem(self) -> str:

@@ -294,5 +294,5 @@ def free_port() -> int:
 
 
 def test_a_whole_address_of_a_collector_is_used_as_it_is() -> None:
-    with SpanExport("http://127.0.0.1:9/custom", InMemorySpanExporter()) as export:
+    with SpanExport("http://127.0.0.1:9/custom", "1", InMemorySpanExporter()) as export:
         assert export.problem == ""

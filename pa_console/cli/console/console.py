@@ -1,5 +1,6 @@
 """`pa-console console`: the console, on a screen or in lines."""
 
+import os
 import sys
 from asyncio import Runner
 from collections.abc import Generator
@@ -11,6 +12,7 @@ from typing import Annotated
 import typer
 
 from pa_console.cli.output import (
+    DRIVER,
     AcceptRulesOption,
     CertificatesOption,
     FleetOption,
@@ -72,7 +74,7 @@ def console(
     ] = True,
 ) -> None:
     """Open the console: live checkpoint, policy browser, missions, trace and approval."""
-    if not plain and not sys.stdout.isatty():
+    if not plain and not sys.stdout.isatty() and DRIVER not in os.environ:
         raise ValueError(
             "the console needs a terminal; use 'pa-console mission' in scripts, or --plain"
         )

@@ -3,6 +3,7 @@
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -19,6 +20,9 @@ from pa_console.policy.trust.pinned_rules import RefusedRulesError, RulesPins
 from pa_console.session.log.writer import default_folder
 from pa_console.settings.schema import Settings
 from pa_console.sim.worlds.scenario_file import open_scenario
+
+if TYPE_CHECKING:
+    from pa_console.fleets.station_authority import StationAuthority
 
 
 @dataclass(frozen=True)
@@ -40,11 +44,15 @@ class Asked:
 
 @dataclass(frozen=True)
 class LiveSession:
-    """A station in real time; `log` is that of a session that goes on, None for a new one."""
+    """A station in real time; `log` is that of a session that goes on, None for a new one.
+
+    `authority` signs there, None where a site has no keys.
+    """
 
     site: Site
     station: Station
     log: Path | None
+    authority: "StationAuthority | None" = None
 
 
 def open_live(asked: Asked, settings: Settings, engine: Engine) -> LiveSession:
@@ -84,7 +92,7 @@ def open_live(asked: Asked, settings: Settings, engine: Engine) -> LiveSession:
         fleet=on_bus.drive(site, authority),
     )
     station.rate = settings.speed
-    return LiveSession(site, station, log)
+    return LiveSession(site, station, log, authority)
 
 
 def _open_site(asked: Asked, pins: RulesPins, deadline_s: float) -> Site:

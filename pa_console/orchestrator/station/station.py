@@ -20,6 +20,7 @@ from pa_console.orchestrator.station.resumed_session import ResumedSession
 from pa_console.orchestrator.station.rules_in_force import RulesReload, RulesWatch
 from pa_console.orchestrator.station.ticking import Clock, Ticking
 from pa_console.policy.retrieval.retriever import Retriever
+from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Metrics, Mission
@@ -101,6 +102,11 @@ class Station:
     def retriever(self) -> Retriever:
         """What finds rules among those that are in force now."""
         return self._reload.services.retriever
+
+    @property
+    def rulebook(self) -> Rulebook:
+        """The rules that are in force now."""
+        return self._reload.services.rulebook
 
     @property
     def rate(self) -> float:

@@ -1,0 +1,137 @@
+"""`pa-console serve`: the session as an HTTP interface on loopback, or the console in a browser."""
+
+import sys
+from typing import Annotated, Literal
+
+import typer
+
+from pa_console.cli.output import (
+    AcceptRulesOption,
+    CertificatesOption,
+    FleetOption,
+    JsonOption,
+    MetricsPortOption,
+    ModelOption,
+    RulesOption,
+    ScenarioOption,
+    SeedOption,
+    TracesOption,
+    UnsignedOption,
+    WitnessOption,
+    WorldOption,
+)
+from pa_console.cli.settings_defaults import given_words, settings_of
+
+PORT = 8765
+OWN = frozenset(("port", "web", "make_token", "person", "tokens", "revoke_token", "json"))
+"""The options that are of this verb alone; the console has the others, too."""
+RoleName = Literal["observer", "operator", "commander"]
+
+
+def serve(
+    context: typer.Context,
+    world: WorldOption = "checkpoint",
+    rules: RulesOption = "checkpoint",
+    model: ModelOption = None,
+    scenario: ScenarioOption = None,
+    seed: SeedOption = 0,
+    fleet: FleetOption = "",
+    certificates: CertificatesOption = None,
+    alarms: Annotated[
+        bool, typer.Option("--alarms/--no-alarms", help="Alarms become missions by themselves.")
+    ] = True,
+    port: Annotated[
+        int, typer.Option(min=0, max=65_535, help="The port of this machine; 0 for a free one.")
+    ] = PORT,
+    web: Annotated[
+        bool, typer.Option("--web", help="Serve the console itself, for a browser, in its place.")
+    ] = False,
+    make_token: Annotated[
+        RoleName | None,
+        typer.Option("--make-token", help="Make a token of this role, show it once, and leave."),
+    ] = None,
+    person: Annotated[
+        str | None,
+        typer.Option(help="Whose token is made; default: the user of this machine."),
+    ] = None,
+    tokens: Annotated[
+        bool, typer.Option("--tokens", help="List the tokens that were made, and leave.")
+    ] = False,
+    revoke_token: Annotated[
+        str | None, typer.Option(metavar="ID", help="Revoke a token, and leave.")
+    ] = None,
+    witness: WitnessOption = "",
+    traces: TracesOption = "",
+    metrics_port: MetricsPortOption = 0,
+    unsigned: UnsignedOption = False,
+    accept_rules: AcceptRulesOption = False,
+    json: JsonOption = False,
+) -> None:
+    """Serve a session on loopback: an HTTP interface (see /docs), or the console in a browser."""
+    from pa_console.cli.serve import token_verbs  # noqa: PLC0415 - no help waits for it
+
+    if make_token is not None:
+        token_verbs.make(make_token, person, json=json)
+        return
+    if tokens:
+        token_verbs.show(json=json)
+        return
+    if revoke_token is not None:
+        token_verbs.revoke(revoke_token, json=json)
+        return
+    settings = settings_of(
+        context,
+        world=world,
+        rules=rules,
+        model=model or "",
+        alarms=alarms,
+        traces=traces,
+        metrics_port=metrics_port,
+    )
+    from pa_console.cli.console.live_session import Asked  # noqa: PLC0415
+
+    asked = Asked(
+        world,
+        rules,
+        scenario,
+        seed,
+        alarms,
+        readonly=False,
+        unsigned=unsigned,
+        accept_rules=accept_rules,
+        resume=False,
+        fleet=fleet,
+        certificates=certificates,
+    )
+    try:
+        if web:
+            from pa_console.cli.serve.web import serve_console  # noqa: PLC0415 - aiohttp
+
+            code = serve_console(_console(context), port)
+        else:
+            from pa_console.cli.serve.session import serve_session  # noqa: PLC0415 - FastAPI
+
+            code = serve_session(asked, settings, model, port, witness)
+    except ModuleNotFoundError as error:
+        needed = f"this needs a library that is not installed ({error.name})"
+        raise ValueError(f"{needed}: pip install 'pa-console[serve]'") from error
+    raise typer.Exit(code)
+
+
+def _console(context: typer.Context) -> list[str]:
+    """Return what opens the console with the options that were given to `context`."""
+    words = [sys.executable, "-m", "pa_console"]
+    words += [word for given in given_words(context) for word in ("--set", given)]
+    words += ["console", "--new"]
+    for name, value in context.params.items():
+        source = context.get_parameter_source(name)
+        if name in OWN or source is None or source.name != "COMMANDLINE":
+            continue
+        option = name.replace("_", "-")
+        if value is True:
+            words.append(f"--{option}")
+        elif value is False:
+            words += [f"--no-{option}"] if name == "alarms" else []
+        elif value not in (None, ""):
+            words += [f"--{option}", str(value)]
+    return words

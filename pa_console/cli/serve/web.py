@@ -1,0 +1,206 @@
+"""The console in a browser: `textual-serve` behind tokens, on loopback, for one browser at a time.
+
+Every browser that comes in has a console of its own, which is a session of its own: so there is
+one at most, and another one is told to wait.
+"""
+
+import asyncio
+import logging
+import secrets
+import shlex
+import signal
+from collections.abc import Sequence
+from contextlib import suppress
+from html import escape
+from ipaddress import ip_address
+from typing import Any
+
+from aiohttp import web
+from aiohttp.typedefs import Handler
+from textual_serve.server import Server
+
+from pa_console.cli.output import errors, out
+from pa_console.cli.serve.token_verbs import this_user, token_book
+from pa_console.end_signals import end_signals, exit_code_of
+from pa_console.fleets.authorization import RefusedError
+from pa_console.service.guard import NAMES
+from pa_console.service.http_server import ADDRESS, listen
+from pa_console.service.rates import Rate
+from pa_console.service.tokens import Bearer, TokenBook
+
+COOKIE = "pa-console"
+LOOK_S = 5.0
+"""How often it is looked whether the token of an open console still holds, in seconds."""
+LEAVE_S = 20.0
+"""How long a console has to bring its assets to safety and to close its log."""
+WRONG = (0.5, 10)
+"""Wrong tokens a second, and at once."""
+HEADERS = {
+    "Cache-Control": "no-store",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "X-Frame-Options": "DENY",
+    "Content-Security-Policy": "default-src 'self'; img-src 'self' data: blob:; "
+    "style-src 'self' 'unsafe-inline'; script-src 'self' 'unsafe-inline'; connect-src 'self' ws:; "
+    "frame-ancestors 'none'; form-action 'self'; base-uri 'none'",
+}
+PAGE = """\
+<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>PA Console</title>
+<style>body{background:#0c181f;color:#eee;font:16px monospace;margin:20vh auto;width:36em}
+input,button{font:inherit;padding:.4em;width:100%;box-sizing:border-box;margin:.4em 0}</style>
+</head><body><h1>PA Console</h1><form method="post" action="/login">
+<label for="token">Your token (pa-console serve --make-token ROLE makes one)</label>
+<input id="token" name="token" type="password" autocomplete="off" autofocus required>
+<button>Open the console</button></form><p role="alert">PROBLEM</p></body></html>"""
+
+
+def serve_console(command: Sequence[str], port: int) -> int:
+    """Serve the console that `command` opens until Ctrl-C or SIGTERM; return the exit code.
+
+    Raises ValueError for a port that cannot be listened on.
+    """
+    for library in ("textual-serve", "aiohttp"):  # they would write tracebacks
+        logging.getLogger(library).addHandler(logging.NullHandler())
+        logging.getLogger(library).propagate = False
+    with listen(port) as listening:
+        served = _Served(command, token_book(), listening.getsockname()[1])
+        return asyncio.run(served.until_ended(listening))
+
+
+class _Served(Server):
+    """Serves one console at a time to whoever has a token."""
+
+    def __init__(self, command: Sequence[str], tokens: TokenBook, port: int) -> None:
+        super().__init__(
+            shlex.join(command), ADDRESS, port, "PA Console", f"http://{ADDRESS}:{port}"
+        )
+        self._commands = {
+            True: shlex.join(command),
+            False: shlex.join([*command, "--readonly"]),
+        }
+        self._tokens, self._wrong = tokens, Rate(*WRONG)
+        self._hosts = {f"{name}:{port}" for name in NAMES}
+        self._let_in: dict[str, str] = {}
+        """The token of each browser that was let in, by its cookie."""
+        self._open: asyncio.Task[Any] | None = None
+        self._left = asyncio.Event()
+
+    async def until_ended(self, listening: Any) -> int:
+        """Serve until a signal; then end the console that is open, in order."""
+        app = await self._make_app()
+        app.middlewares.append(self._guard)
+        app.add_routes([web.get("/login", self._ask), web.post("/login", self._login)])
+        app.on_response_prepare.append(_with_headers)
+        runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.5)
+        await runner.setup()
+        await web.SockSite(runner, listening).start()
+        self._greet()
+        loop, over, ended_by = asyncio.get_running_loop(), asyncio.Event(), list[int]()
+
+        def end(number: int) -> None:
+            ended_by.append(number)
+            loop.call_soon_threadsafe(over.set)
+
+        loop.add_signal_handler(signal.SIGINT, over.set)
+        with end_signals(end):
+            await over.wait()
+            if self._open is not None:
+                self._open.cancel()
+                with suppress(TimeoutError):
+                    await asyncio.wait_for(self._left.wait(), LEAVE_S)
+            await runner.cleanup()
+        return exit_code_of(ended_by[0]) if ended_by else 0
+
+    def _greet(self) -> None:
+        out.print(self.public_url, markup=False, highlight=False, soft_wrap=True)
+        if not self._tokens.listed():
+            person = this_user()
+            token = self._tokens.make(person, "operator", keep=False)
+            errors.print(
+                f"no token was made yet; this one of {person}, operator, is for this run alone and "
+                f"is not shown again:\n{token}",
+                markup=False,
+                highlight=False,
+                soft_wrap=True,
+            )
+        errors.print("Ctrl-C ends the console that is open, in order, and this.")
+
+    async def on_startup(self, app: web.Application) -> None:
+        """Print no banner."""
+
+    @web.middleware
+    async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        """Let in what this machine asks of its own name, from its own page, with a token."""
+        if request.remote is None or not ip_address(request.remote).is_loopback:
+            raise web.HTTPForbidden(text="only this machine is let in")
+        if request.headers.getall("Host", []) != [request.host] or (
+            request.host.lower() not in self._hosts
+        ):
+            raise web.HTTPMisdirectedRequest(text=f"ask {self.public_url}")
+        origin = request.headers.get("Origin")
+        asks = request.method != "GET" or "Upgrade" in request.headers
+        if origin not in (None, f"http://{request.host}") or (asks and origin is None):
+            raise web.HTTPForbidden(text="a page of another site may ask nothing")
+        if request.path != "/login" and self._bearer(request) is None:
+            raise web.HTTPSeeOther("/login") if request.path == "/" else web.HTTPUnauthorized()
+        return await handler(request)
+
+    def _bearer(self, request: web.Request) -> Bearer | None:
+        """Return who the browser was let in as, None for nobody."""
+        token = self._let_in.get(request.cookies.get(COOKIE, ""))
+        return self._found(token) if token else None
+
+    def _found(self, token: str) -> Bearer | None:
+        with suppress(RefusedError, ValueError, OSError):
+            return self._tokens.find(token)
+        return None
+
+    async def _ask(self, _: web.Request) -> web.Response:
+        return _page("")
+
+    async def _login(self, request: web.Request) -> web.Response:
+        """Let a browser in whose operator has a token."""
+        token = str((await request.post()).get("token", "")).strip()
+        if self._found(token) is None:
+            wait = self._wrong.take("")
+            again = f"; wait {wait} s" if wait else ""
+            return _page(f"This is no token of this machine{again}.", 429 if wait else 401)
+        cookie = secrets.token_urlsafe(32)
+        self._let_in[cookie] = token
+        answer = web.Response(status=303, headers={"Location": "/"})
+        answer.set_cookie(COOKIE, cookie, httponly=True, samesite="Strict", path="/")
+        return answer
+
+    async def handle_websocket(self, request: web.Request) -> web.WebSocketResponse:
+        """Open a console for one browser, read-only for an observer."""
+        bearer, own = self._bearer(request), asyncio.current_task()
+        if bearer is None or own is None:
+            raise web.HTTPUnauthorized
+        if self._open is not None:
+            raise web.HTTPConflict(text="a console is open in another window; close it first")
+        self._open = own
+        self._left.clear()
+        looking = asyncio.create_task(self._look(request, own))
+        try:
+            self.command = self._commands[bearer.may("operator")]
+            return await super().handle_websocket(request)
+        finally:
+            looking.cancel()
+            self._open = None
+            self._left.set()
+
+    async def _look(self, request: web.Request, console: asyncio.Task[Any]) -> None:
+        """End a console whose token does not hold any more."""
+        while self._bearer(request) is not None:
+            await asyncio.sleep(LOOK_S)
+        console.cancel()
+
+
+def _page(problem: str, status: int = 200) -> web.Response:
+    text = PAGE.replace("PROBLEM", escape(problem))
+    return web.Response(text=text, content_type="text/html", status=status)
+
+
+async def _with_headers(_: web.Request, response: web.StreamResponse) -> None:
+    for name, value in HEADERS.items():
+        response.headers.setdefault(name, value)

@@ -1,0 +1,154 @@
+"""Bearer tokens: who may do what. Of a token that is kept, only its hash is."""
+
+import hashlib
+import json
+import re
+import secrets
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from pa_console.fleets.authorization import ROLES, RefusedError, Role
+from pa_console.private_files import make_private_folder, read_private, replace_private
+
+PREFIX = "pa_"
+TOKENS_FILE = "serve-tokens.json"
+MOST_TOKENS = 256
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
+
+RoleOf = Callable[[str], Role]
+"""The role of a person by the roster of the site; raises RefusedError for one who has none."""
+
+
+@dataclass(frozen=True)
+class Bearer:
+    """Whose token it is: a name, and what that person may do."""
+
+    person: str
+    role: Role
+
+    def may(self, role: Role) -> bool:
+        """Whether this person may do what `role` may."""
+        return ROLES.index(self.role) >= ROLES.index(role)
+
+
+@dataclass(frozen=True)
+class KeptToken:
+    """One token as it is kept: `sha256` is all that is known of it."""
+
+    id: str
+    person: str
+    role: Role
+    sha256: str
+    made: str
+
+
+class TokenBook:
+    """The tokens of this machine's user in a file of their own, and one of a session.
+
+    A token has 256 random bits, so a plain hash of it tells nothing. The file is read anew when it
+    has changed: a token that is revoked is refused from the next request on.
+    """
+
+    def __init__(self, path: Path, role_of: RoleOf | None = None) -> None:
+        """`role_of` is the roster's word where a site has one: it limits what a token gives."""
+        self.path, self._role_of = path, role_of
+        self._own: dict[str, Bearer] = {}
+        self._kept: dict[str, KeptToken] = {}
+        self._seen: tuple[int, int] | None = None
+
+    def find(self, token: str) -> Bearer | None:
+        """Return whose `token` it is, None for nobody's.
+
+        Raises RefusedError for somebody whom the roster does not let in, ValueError or OSError for
+        a file that cannot be used.
+        """
+        digest = _hash(token)
+        found = self._own.get(digest)
+        if found is None:
+            self._read_changed()
+            kept = self._kept.get(digest)
+            if kept is None:
+                return None
+            found = Bearer(kept.person, kept.role)
+        return self._limited(found)
+
+    def make(self, person: str, role: Role, *, keep: bool = True) -> str:
+        """Return a new token, which is shown once; `keep` its hash, or know it in this session.
+
+        Raises ValueError for what is no name, and RefusedError, or ValueError for too much of a
+        role, where the roster says so.
+        """
+        if _NAME.fullmatch(person) is None:
+            raise ValueError(f"{person!r} is no name: letters, digits, - and _, at most 64")
+        if self._limited(Bearer(person, role)).role != role:
+            raise ValueError(f"{person} has another role in the roster than {role}")
+        token = PREFIX + secrets.token_urlsafe(32)
+        if not keep:
+            self._own[_hash(token)] = Bearer(person, role)
+            return token
+        self._read_changed()
+        if len(self._kept) >= MOST_TOKENS:
+            raise ValueError(f"{self.path}: {MOST_TOKENS} tokens are enough; revoke some")
+        made = datetime.now(UTC).isoformat(timespec="seconds")
+        one = KeptToken(secrets.token_hex(4), person, role, _hash(token), made)
+        self._write([*self._kept.values(), one])
+        return token
+
+    def revoke(self, name: str) -> KeptToken:
+        """Forget the token with the id `name`; raises ValueError when there is none."""
+        self._read_changed()
+        found = [one for one in self._kept.values() if one.id == name]
+        if not found:
+            known = ", ".join(one.id for one in self._kept.values()) or "none"
+            raise ValueError(f"there is no token {name!r}; known: {known}")
+        self._write([one for one in self._kept.values() if one.id != name])
+        return found[0]
+
+    def listed(self) -> list[KeptToken]:
+        """Return the tokens that are kept, oldest first."""
+        self._read_changed()
+        return list(self._kept.values())
+
+    def _limited(self, bearer: Bearer) -> Bearer:
+        """Return the bearer with no more than the roster gives; raises RefusedError for nobody."""
+        if self._role_of is None:
+            return bearer
+        least = min(ROLES.index(bearer.role), ROLES.index(self._role_of(bearer.person)))
+        return Bearer(bearer.person, ROLES[least])
+
+    def _read_changed(self) -> None:
+        try:
+            stat = self.path.stat()
+        except FileNotFoundError:
+            self._kept, self._seen = {}, None
+            return
+        seen = stat.st_mtime_ns, stat.st_ino
+        if seen == self._seen:
+            return
+        try:
+            listed = json.loads(read_private(self.path))
+            kept = [KeptToken(**one) for one in listed]
+            if any(one.role not in ROLES for one in kept):
+                raise ValueError("a role that there is not")
+        except (TypeError, ValueError) as error:
+            self._kept, self._seen = {}, None
+            raise ValueError(
+                f"{self.path}: this is no list of tokens ({error}); move it away and make new ones"
+            ) from error
+        self._kept, self._seen = {one.sha256: one for one in kept}, seen
+
+    def _write(self, tokens: list[KeptToken]) -> None:
+        make_private_folder(self.path.parent)
+        text = json.dumps([asdict(one) for one in tokens], indent=1)
+        replace_private(self.path, text.encode())
+        self._seen = None
+        self._read_changed()
+
+
+def _hash(token: str) -> str:
+    return hashlib.sha256(token.encode()).hexdigest()
+
+
+__all__ = ["Bearer", "KeptToken", "RefusedError", "RoleOf", "TokenBook"]
