@@ -77,12 +77,16 @@ class TokenBook:
     def make(self, person: str, role: Role, *, keep: bool = True) -> str:
         """Return a new token, which is shown once; `keep` its hash, or know it in this session.
 
-        Raises ValueError for what is no name, and RefusedError, or ValueError for too much of a
-        role, where the roster says so.
+        Raises ValueError for what is no name, and where the roster does not let that person in, or
+        not with that role.
         """
         if _NAME.fullmatch(person) is None:
             raise ValueError(f"{person!r} is no name: letters, digits, - and _, at most 64")
-        if self._limited(Bearer(person, role)).role != role:
+        try:
+            limited = self._limited(Bearer(person, role))
+        except RefusedError as error:
+            raise ValueError(str(error)) from error
+        if limited.role != role:
             raise ValueError(f"{person} has another role in the roster than {role}")
         token = PREFIX + secrets.token_urlsafe(32)
         if not keep:

@@ -30,7 +30,11 @@ moved = plan(("Drone_T04", "move_to EastGate"))
 engine = ScriptedEngine([moved if answer == "plan" else None])
 if answer == "never-closed":
     engine.close = asyncio.Event().wait
-for verb in (console, mission_session):
+verbs = [console, mission_session]
+if "serve" in sys.argv:
+    from pa_console.cli.serve import session as serve_session
+    verbs.append(serve_session)
+for verb in verbs:
     verb.find_model = lambda *_, **_reader: engine.model
     verb.Engine = lambda _: engine
 main()

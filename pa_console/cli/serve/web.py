@@ -17,13 +17,14 @@ from typing import Any
 
 from aiohttp import web
 from aiohttp.typedefs import Handler
-from textual_serve.server import Server
+from textual_serve.app_service import AppService
+from textual_serve.server import Server, to_int
 
 from pa_console.cli.output import errors, out
 from pa_console.cli.serve.token_verbs import this_user, token_book
 from pa_console.end_signals import end_signals, exit_code_of
 from pa_console.fleets.authorization import RefusedError
-from pa_console.service.guard import NAMES
+from pa_console.service.guard import MOST_BYTES, NAMES
 from pa_console.service.http_server import ADDRESS, listen
 from pa_console.service.rates import Rate
 from pa_console.service.tokens import Bearer, TokenBook
@@ -38,7 +39,7 @@ WRONG = (0.5, 10)
 HEADERS = {
     "Cache-Control": "no-store",
     "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "no-referrer",
+    "Referrer-Policy": "same-origin",
     "X-Frame-Options": "DENY",
     "Content-Security-Policy": "default-src 'self'; img-src 'self' data: blob:; "
     "style-src 'self' 'unsafe-inline'; script-src 'self' 'unsafe-inline'; connect-src 'self' ws:; "
@@ -63,11 +64,11 @@ def serve_console(command: Sequence[str], port: int) -> int:
         logging.getLogger(library).addHandler(logging.NullHandler())
         logging.getLogger(library).propagate = False
     with listen(port) as listening:
-        served = _Served(command, token_book(), listening.getsockname()[1])
+        served = ServedConsole(command, token_book(), listening.getsockname()[1])
         return asyncio.run(served.until_ended(listening))
 
 
-class _Served(Server):
+class ServedConsole(Server):
     """Serves one console at a time to whoever has a token."""
 
     def __init__(self, command: Sequence[str], tokens: TokenBook, port: int) -> None:
@@ -83,6 +84,8 @@ class _Served(Server):
         self._let_in: dict[str, str] = {}
         """The token of each browser that was let in, by its cookie."""
         self._open: asyncio.Task[Any] | None = None
+        self.begun = asyncio.Event()
+        """Set once it listens, and signals end it in order."""
         self._left = asyncio.Event()
 
     async def until_ended(self, listening: Any) -> int:
@@ -94,7 +97,6 @@ class _Served(Server):
         runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.5)
         await runner.setup()
         await web.SockSite(runner, listening).start()
-        self._greet()
         loop, over, ended_by = asyncio.get_running_loop(), asyncio.Event(), list[int]()
 
         def end(number: int) -> None:
@@ -103,12 +105,15 @@ class _Served(Server):
 
         loop.add_signal_handler(signal.SIGINT, over.set)
         with end_signals(end):
+            self._greet()
+            self.begun.set()
             await over.wait()
             if self._open is not None:
                 self._open.cancel()
                 with suppress(TimeoutError):
                     await asyncio.wait_for(self._left.wait(), LEAVE_S)
             await runner.cleanup()
+        loop.remove_signal_handler(signal.SIGINT)
         return exit_code_of(ended_by[0]) if ended_by else 0
 
     def _greet(self) -> None:
@@ -182,18 +187,51 @@ class _Served(Server):
         self._left.clear()
         looking = asyncio.create_task(self._look(request, own))
         try:
-            self.command = self._commands[bearer.may("operator")]
-            return await super().handle_websocket(request)
+            return await self._show(request, self._commands[bearer.may("operator")])
         finally:
             looking.cancel()
             self._open = None
             self._left.set()
+
+    async def _show(self, request: web.Request, command: str) -> web.WebSocketResponse:
+        """Run the console for one browser; it has ended, in order, before its window is closed."""
+        websocket = web.WebSocketResponse(heartbeat=15, max_msg_size=MOST_BYTES)
+        await websocket.prepare(request)
+
+        async def close() -> None:
+            await websocket.close()
+
+        console = _Console(
+            command,
+            write_bytes=websocket.send_bytes,
+            write_str=websocket.send_str,
+            close=close,
+            download_manager=self.download_manager,
+        )
+        width, height = (to_int(request.query.get(name, ""), 80) for name in ("width", "height"))
+        await console.start(width, height)
+        try:
+            await self._process_messages(websocket, console)
+        finally:
+            await console.stop()
+            await websocket.close()
+        return websocket
 
     async def _look(self, request: web.Request, console: asyncio.Task[Any]) -> None:
         """End a console whose token does not hold any more."""
         while self._bearer(request) is not None:
             await asyncio.sleep(LOOK_S)
         console.cancel()
+
+
+class _Console(AppService):
+    """The process of one console."""
+
+    async def stop(self) -> None:
+        """Tell it to end, and wait until it has."""
+        await super().stop()
+        if self._process is not None:
+            await self._process.wait()
 
 
 def _page(problem: str, status: int = 200) -> web.Response:

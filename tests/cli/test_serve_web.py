@@ -1,0 +1,150 @@
+"""The console in a browser: who is let in, one window at a time, and an end in order."""
+
+import asyncio
+import signal
+import sys
+from collections.abc import AsyncGenerator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import aiohttp
+import pytest
+
+from pa_console.cli.serve import web
+from pa_console.service.http_server import listen
+from pa_console.service.tokens import TokenBook
+
+APP = """
+import json, sys
+out, into = sys.stdout.buffer, sys.stdin.buffer
+out.write(b"__GANGLION__\\n")
+def tell(text):
+    out.write(b"D" + len(text).to_bytes(4, "big") + text)
+    out.flush()
+tell(" ".join(sys.argv[1:]).encode() or b"console")
+while kind := into.read(1):
+    body = into.read(int.from_bytes(into.read(4), "big"))
+    if kind == b"D":
+        tell(b"typed " + body)
+    elif json.loads(body)["type"] == "quit":
+        open("ended", "w").close()
+        break
+"""
+"""Speaks with textual-serve as a Textual app does."""
+
+
+class Browser:
+    """A browser at a console that is served."""
+
+    def __init__(self, client: aiohttp.ClientSession, address: str) -> None:
+        self._client, self._address = client, address
+        self.origin = {"Origin": address}
+
+    async def get(self, path: str, **headers: str) -> int:
+        """Return the status of a page."""
+        async with self._client.get(
+            self._address + path, headers=headers, allow_redirects=False
+        ) as answer:
+            return answer.status
+
+    async def login(self, token: str, **headers: str) -> int:
+        """Return the status of the answer to a token."""
+        async with self._client.post(
+            f"{self._address}/login",
+            data={"token": token},
+            headers=headers or self.origin,
+            allow_redirects=False,
+        ) as answer:
+            return answer.status
+
+    async def open(self, **headers: str) -> aiohttp.ClientWebSocketResponse:
+        """Open the console; raises WSServerHandshakeError for what is refused."""
+        return await self._client.ws_connect(f"{self._address}/ws", headers=headers or self.origin)
+
+
+Served = tuple[Browser, TokenBook]
+
+
+@asynccontextmanager
+async def served(folder: Path) -> AsyncGenerator[Served]:
+    """Serve a stand-in for the console, as `serve --web` does, until Ctrl-C."""
+    tokens = TokenBook(folder / "tokens.json")
+    tokens.make("olaf", "observer")
+    with listen(0) as listening:
+        port: int = listening.getsockname()[1]
+        console = web.ServedConsole([sys.executable, "-c", APP], tokens, port)
+        work = asyncio.create_task(console.until_ended(listening))
+        jar = aiohttp.CookieJar(unsafe=True)
+        async with aiohttp.ClientSession(cookie_jar=jar) as client:
+            browser = Browser(client, f"http://127.0.0.1:{port}")
+            while not console.begun.is_set():
+                await asyncio.sleep(0)
+            try:
+                yield browser, tokens
+            finally:
+                signal.raise_signal(signal.SIGINT)
+                assert await work == 0
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+async def test_nobody_sees_the_console_without_a_token(tmp_path: Path) -> None:
+    async with served(tmp_path) as (browser, _):
+        assert await browser.get("/login") == 200
+        assert await browser.get("/") == 303
+        assert await browser.get("/static/js/textual.js") == 401
+        assert await browser.get("/download/x") == 401
+        with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+            await browser.open()
+        assert refused.value.status == 401
+        assert await browser.login("pa_wrong") == 401
+        assert await browser.get("/login", Host="evil.example") == 421
+
+
+async def test_an_operator_types_and_reads_in_one_window_at_a_time(tmp_path: Path) -> None:
+    async with served(tmp_path) as (browser, tokens):
+        assert await browser.login(tokens.make("anna", "operator")) == 303
+        assert await browser.get("/") == 200
+        console = await browser.open()
+        assert await console.receive_bytes() == b"console"
+        await console.send_json(["stdin", "stop"])
+        assert await console.receive_bytes() == b"typed stop"
+        with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+            await browser.open()
+        assert refused.value.status == 409
+        for elsewhere in ({"Origin": "http://evil.example"}, {"X-Nothing": "1"}):
+            with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+                await browser.open(**elsewhere)
+            assert refused.value.status == 403
+        reading = asyncio.create_task(console.receive())
+    assert (await reading).type == aiohttp.WSMsgType.CLOSE
+    assert (tmp_path / "ended").exists()
+
+
+async def test_a_page_of_another_site_logs_nobody_in(tmp_path: Path) -> None:
+    async with served(tmp_path) as (browser, tokens):
+        token = tokens.make("anna", "operator")
+        assert await browser.login(token, Origin="http://evil.example") == 403
+        assert await browser.login(token, **{"X-Nothing": "1"}) == 403
+
+
+async def test_an_observer_s_console_is_read_only_and_ends_with_the_token(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(web, "LOOK_S", 0.05)
+    async with served(tmp_path) as (browser, tokens):
+        token = tokens.make("olga", "observer")
+        assert await browser.login(token) == 303
+        console = await browser.open()
+        assert await console.receive_bytes() == b"--readonly"
+        (row,) = (row for row in tokens.listed() if row.person == "olga")
+        tokens.revoke(row.id)
+        assert (await console.receive()).type in (
+            aiohttp.WSMsgType.CLOSE,
+            aiohttp.WSMsgType.CLOSED,
+        )
+        assert await browser.get("/") == 303
+    assert (tmp_path / "ended").exists()
