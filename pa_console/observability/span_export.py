@@ -69,8 +69,9 @@ class SpanExport:
         leaving = Thread(target=self._provider.shutdown, name="last-spans", daemon=True)
         leaving.start()
         leaving.join(LEAVE_S)
-        if leaving.is_alive():
+        if leaving.is_alive():  # what it logs from now on is for nobody, too
             self._told.last = self._told.last or "the last spans were not taken in time"
+            return
         library = logging.getLogger(_LIBRARY)
         library.removeHandler(self._told)
         library.propagate = True

@@ -1,7 +1,11 @@
 """A session behind HTTP: who is let in, what may be done, and that nothing else decides."""
 
 import json
+import re
 import socket
+from functools import partial
+from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import httpx
@@ -9,9 +13,12 @@ import pytest
 
 import pa_console as pa
 from pa_console.service.guard import MOST_BYTES
-from tests.service.conftest import WRITES_AT_ONCE, Site
+from tests.scripted import ScriptedEngine
+from tests.service.conftest import FILL, WRITES_AT_ONCE, Site
 
 ORDER = "Fill the gap at EastGate."
+PAGE = Path(pa.__file__).parent / "manual" / "serve.md"
+[PROGRAM] = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
 READS = ("whoami", "state", "rules", "missions", "plans")
 
 
@@ -221,3 +228,29 @@ def test_a_program_and_its_clients_use_one_station(site: Site) -> None:
         one["id"] for one in site.ask("GET", "/v1/missions", "observer").json()
     }
     assert len([e for e in pa.read_log(site.log) if e.data.kind == "session_started"]) == 1
+
+
+def test_the_program_of_the_page_is_served_to_whoever_reads_its_address(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    engine = ScriptedEngine([FILL]).engine()
+    opened = partial(pa.open_station, engine=engine, log=tmp_path / "session.jsonl")
+    monkeypatch.setattr(pa, "open_station", opened)
+    told: list[str] = []
+
+    def client(address: str, token: str) -> None:
+        headers = {"Authorization": f"Bearer {token}"}
+        with httpx.Client(base_url=address.removesuffix("/docs"), headers=headers) as asks:
+            while not (plans := asks.get("/v1/plans").json()):
+                pass
+            told.append(asks.post("/v1/decisions", json=decision(plans[0])).json()["by"])
+
+    def printed(*words: str) -> None:
+        if words[0].endswith("/docs"):
+            Thread(target=client, args=words, daemon=True).start()
+        else:
+            told.append(words[0])
+
+    exec(compile(PROGRAM, "<program>", "exec"), {"__name__": "__main__", "print": printed})
+    assert told == ["ann", "verified"]
