@@ -231,13 +231,14 @@ def test_a_program_and_its_clients_use_one_station(site: Site) -> None:
 
 
 def test_the_program_of_the_page_is_served_to_whoever_reads_its_address(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     engine = ScriptedEngine([FILL]).engine()
     opened = partial(pa.open_station, engine=engine, log=tmp_path / "session.jsonl")
     monkeypatch.setattr(pa, "open_station", opened)
     told: list[str] = []
+    clients: list[Thread] = []
 
     def client(address: str, token: str) -> None:
         headers = {"Authorization": f"Bearer {token}"}
@@ -248,9 +249,12 @@ def test_the_program_of_the_page_is_served_to_whoever_reads_its_address(
 
     def printed(*words: str) -> None:
         if words[0].endswith("/docs"):
-            Thread(target=client, args=words, daemon=True).start()
+            clients.append(Thread(target=client, args=words, daemon=True))
+            clients[-1].start()
         else:
             told.append(words[0])
 
     exec(compile(PROGRAM, "<program>", "exec"), {"__name__": "__main__", "print": printed})
-    assert told == ["ann", "verified"]
+    for one in clients:
+        one.join(30)
+    assert sorted(told) == ["ann", "verified"]
