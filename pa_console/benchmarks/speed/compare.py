@@ -14,6 +14,7 @@ import numpy as np
 
 from pa_console.benchmarks.machine import Machine
 from pa_console.llm.models.catalogue import LocalModel
+from pa_console.observability.observers import Observer, unobserved
 from pa_console.orchestrator.station.assembly import Site
 from pa_console.schema.base import StrictModel
 
@@ -63,12 +64,16 @@ class BenchReport(StrictModel):
 
 @dataclass(frozen=True)
 class Bench:
-    """What every part is given; `tell` hears what is measured and the share of the part done."""
+    """What every part is given; `tell` hears what is measured and the share of the part done.
+
+    `observer` is given the events of the missions.
+    """
 
     site: Site
     model: LocalModel | None
     runs: int
     tell: Callable[[str, float], None]
+    observer: Observer = unobserved
 
     @property
     def weights(self) -> LocalModel:

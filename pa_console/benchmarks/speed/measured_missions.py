@@ -7,6 +7,7 @@ from time import perf_counter
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.roles.prompt_facts import plan_facts
+from pa_console.observability.observers import Observer, unobserved
 from pa_console.orchestrator.mission.services import MissionContext, Services
 from pa_console.orchestrator.planning.candidate import Candidate
 from pa_console.orchestrator.planning.judging import OutcomeCase, ask_about_outcome
@@ -19,16 +20,26 @@ from pa_console.orchestrator.station.headless import SETUP_SETTLE_S
 from pa_console.policy.ordering.monitor import Monitor
 from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.schema.evaluation import Variant
-from pa_console.schema.events.event import EventPayload, PlanJudged, PlanProposed, PromptBuilt
+from pa_console.schema.events.event import (
+    Event,
+    EventPayload,
+    MissionFinished,
+    MissionReceived,
+    MissionStarted,
+    PlanJudged,
+    PlanProposed,
+    PromptBuilt,
+)
 from pa_console.schema.finding import Usage
 from pa_console.schema.incident import SetBattery, SpawnTrack
-from pa_console.schema.mission import Mission, Verification
+from pa_console.schema.mission import Metrics, Mission, Verification
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 
 TRACK_AT_M = 40.0
 LOW_PCT = 12.0
+UNDECIDED = "nobody decides about a plan of a benchmark"
 
 
 def busy_checkpoint(world: World) -> Checkpoint:
@@ -116,8 +127,10 @@ class OurWay:
     asked about, the verdict is on a harmless one, so that every mission costs two calls.
     """
 
-    def __init__(self, site: Site, engine: Engine) -> None:
-        self._site, self._engine = site, engine
+    def __init__(self, site: Site, engine: Engine, observer: Observer = unobserved) -> None:
+        """`observer` is given the events of every mission, as that of a session is."""
+        self._site, self._engine, self._observe = site, engine, observer
+        self._missions = 0
         self._retriever = Retriever(site.rulebook.rules)
 
     async def run(self, mission: BenchMission, *, read_ahead: bool = False) -> Pair:
@@ -128,12 +141,22 @@ class OurWay:
         """
         services, events = self._services(mission.sim), list[EventPayload]()
         monitor = Monitor(self._site.rulebook, self._site.world)
-        context = MissionContext(services, _task(mission), events.append, monitor)
+        self._missions += 1
+        task, name = _task(mission), f"bench-{self._missions}"
+
+        def emit(payload: EventPayload) -> None:
+            events.append(payload)
+            self._observe(Event(t=datetime.now(UTC), tick=0, mission=name, data=payload))
+
+        context = MissionContext(services, task, emit, monitor)
         if read_ahead:
             await ReadAhead(services).read_now(mission.text)
+        emit(MissionReceived(mission=task, position=0))
         started = perf_counter()
+        emit(MissionStarted())
         best = await self._best(context)
         seconds = perf_counter() - started
+        emit(MissionFinished(status="held", reason=UNDECIDED, metrics=Metrics()))
         watch = context.stopwatch
         prompts = {event.role: event for event in events if isinstance(event, PromptBuilt)}
         proposed = next(e for e in events if isinstance(e, PlanProposed) and e.author == "planner")

@@ -154,7 +154,7 @@ async def _measured(bench: Bench) -> Measured:
     """
     model, missions = bench.weights, bench_missions(bench.site.world)
     engine = Engine(model)
-    ours, plain = OurWay(bench.site, engine), PlainWay(model)
+    ours, plain = OurWay(bench.site, engine, bench.observer), PlainWay(model)
     try:
         bench.tell("loading the model for each way", 0.0)
         await plain.start()

@@ -12,16 +12,20 @@ from pa_console.benchmarks.machine import Machine, describe_machine
 from pa_console.benchmarks.speed.compare import Bench, BenchReport, Comparison, Unit, Way
 from pa_console.benchmarks.speed.parts import PARTS, Part, choose_parts
 from pa_console.cli.bench import degradation, judge, load, retrieval, scale, start, twins
+from pa_console.cli.observing import observing
 from pa_console.cli.output import (
     JsonOption,
     ModelOption,
     RulesOption,
+    TracesOption,
     WorldOption,
     errors,
     out,
     print_json,
 )
+from pa_console.cli.settings_defaults import settings_of
 from pa_console.llm.models.catalogue import LocalModel, find_model
+from pa_console.observability.observers import Observer
 from pa_console.orchestrator.station.assembly import Site, load_site
 
 LEGEND = (
@@ -87,6 +91,7 @@ def bench(
         list[str] | None,
         typer.Option(help=f"Only this part; may be repeated: {', '.join(p.name for p in PARTS)}."),
     ] = None,
+    traces: TracesOption = "",
     json: JsonOption = False,
 ) -> None:
     """Compare every part with the plain way of doing it, or with its limit, on this machine."""
@@ -98,7 +103,8 @@ def bench(
     machine = describe_machine()
     if not json:
         _introduce(machine, weights, runs)
-    found = _measure(site, weights, runs, parts, show=not json)
+    with observing(settings_of(context, traces=traces).values) as observer:
+        found = _measure(site, weights, runs, parts, observer, show=not json)
     if json:
         print_json(
             BenchReport(
@@ -121,7 +127,13 @@ def _introduce(machine: Machine, weights: LocalModel | None, runs: int) -> None:
 
 
 def _measure(
-    site: Site, weights: LocalModel | None, runs: int, parts: tuple[Part, ...], *, show: bool
+    site: Site,
+    weights: LocalModel | None,
+    runs: int,
+    parts: tuple[Part, ...],
+    observer: Observer,
+    *,
+    show: bool,
 ) -> list[Comparison]:
     """Measure `parts` with a live progress display; each table is shown as soon as it is full."""
     found: list[Comparison] = []
@@ -134,7 +146,7 @@ def _measure(
                 progress.update(task, completed=number + share, description=words)
 
             tell("starting", 0.0)
-            measured = part.measure(Bench(site, weights, runs, tell))
+            measured = part.measure(Bench(site, weights, runs, tell, observer))
             found += measured
             if show:
                 out.print(part_table(part, measured))

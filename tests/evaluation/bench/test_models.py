@@ -8,6 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from opentelemetry.sdk.trace import TracerProvider
+from opentelemetry.sdk.trace.export import SimpleSpanProcessor
+from opentelemetry.sdk.trace.export.in_memory_span_exporter import InMemorySpanExporter
 
 from pa_console.benchmarks.machine import Memory
 from pa_console.benchmarks.speed.child import Child, LoadWeights
@@ -29,6 +32,8 @@ from pa_console.llm.models.catalogue import Catalog, LocalModel, find_model
 from pa_console.llm.models.fetching import pull
 from pa_console.llm.roles.judge import read_verdict
 from pa_console.llm.roles.planner import read_plan
+from pa_console.observability.mission_spans import MissionSpans
+from pa_console.observability.step_names import NUMBERS
 from pa_console.orchestrator.station.assembly import Site
 from pa_console.schema.base import StrictModel
 from pa_console.schema.events.event import Role
@@ -181,6 +186,20 @@ async def test_our_way_gives_both_prompts_for_every_mission(site: Site) -> None:
     assert pair.usable == 2
     assert pair.seconds >= pair.planning_s + pair.judging_s
     assert engine.warmed == []
+
+
+async def test_the_steps_of_our_way_have_the_names_that_those_of_a_session_have(
+    site: Site,
+) -> None:
+    mission, engine = bench_missions(site.world)[1], ScriptedEngine([plan(("Drone_T04", "report"))])
+    kept, provider = InMemorySpanExporter(), TracerProvider()
+    provider.add_span_processor(SimpleSpanProcessor(kept))
+    spans = MissionSpans(provider.get_tracer("test"))
+    await OurWay(site, engine.engine(), spans.take).run(mission)
+    names = [span.name for span in kept.get_finished_spans()]
+    steps = {"retrieve", "picture", "prompt", "plan", "rehearse", "safeguards", "judge"}
+    assert set(names) == {"mission", "intake", *steps}
+    assert set(names) - {"mission"} <= set(NUMBERS)
 
 
 async def test_our_way_can_have_the_picture_read_before(site: Site) -> None:
