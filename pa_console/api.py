@@ -321,7 +321,7 @@ class Station:
             case ev.ApprovalRequested():
                 self._ask_no_more()
                 self._asking = asyncio.create_task(self._ask(event.data, event.mission))
-            case ev.DecisionMade(accepted=False, detail=problem):
+            case ev.DecisionMade(accepted=False, detail=problem) if self._answered:
                 self._reject(f"the program's decision cannot be accepted: {problem}")
             case ev.MissionPreempted():
                 self._ask_no_more()
@@ -348,6 +348,11 @@ class Station:
     def _reject(self, reason: str) -> None:
         if self._station.awaits_decision:
             self._station.decide(Decision(kind="reject", by="program", reason=reason))
+
+    @property
+    def _answered(self) -> bool:
+        """Whether the approver has decided about the plan that waits; else a client has."""
+        return self._asking is None or self._asking.done()
 
     def _ask_no_more(self) -> None:
         """Leave an approver alone whose plan does not wait any more."""

@@ -3,6 +3,7 @@
 import json
 from collections.abc import AsyncGenerator, Callable
 from contextlib import aclosing
+from dataclasses import dataclass
 from typing import Annotated, Any, cast
 
 from fastapi import Depends, FastAPI, Header, Path, Query, Request
@@ -60,6 +61,13 @@ class _Doors:
     def observer(self, given: Given) -> Bearer:
         """Let in whoever may read, once more."""
         return self._count(self._reads, self._enter(given, "observer"))
+
+    def lets_read(self, given: Given) -> bool:
+        """Whether the token of somebody who reads still lets in."""
+        try:
+            return self._enter(given, "observer").may("observer")
+        except ProblemError:
+            return False
 
     def operator(self, given: Given) -> Bearer:
         """Let in whoever may command, once more."""
@@ -195,6 +203,8 @@ def _add_events(app: FastAPI, session: ServedSession) -> None:
         responses={200: {"content": {"text/event-stream": {}}}},
     )
     async def events(
+        request: Request,
+        given: Given,
         who: Watching,
         kind: Annotated[
             list[str] | None, Query(description="only these kinds, such as mission_finished")
@@ -211,10 +221,10 @@ def _add_events(app: FastAPI, session: ServedSession) -> None:
         if readers.get(who.person, 0) >= MOST_READERS:
             raise ProblemError(429, "too-many-streams", f"{MOST_READERS} streams are open already",
                                remedy="close one", after_s=10)  # fmt: skip
-        after = _number(session, last_event_id)
+        doors, after = _doors(request), _number(session, last_event_id)
+        reader = _Reader(who.person, frozenset(kind or ()), lambda: doors.lets_read(given))
         return StreamingResponse(
-            _stream(session, after, frozenset(kind or ()), readers, who.person),
-            media_type="text/event-stream",
+            _stream(session, after, reader, readers), media_type="text/event-stream"
         )
 
 
@@ -303,21 +313,35 @@ def _number(session: ServedSession, last: str | None) -> int:
     return int(number)
 
 
+@dataclass(frozen=True)
+class _Reader:
+    """Who reads a stream of events, which kinds, none for all, and whether that is still let in."""
+
+    person: str
+    kinds: frozenset[str]
+    let_in: Callable[[], bool]
+
+
 async def _stream(
-    session: ServedSession, after: int, kinds: frozenset[str], readers: dict[str, int], who: str
+    session: ServedSession, after: int, reader: _Reader, readers: dict[str, int]
 ) -> AsyncGenerator[str]:
-    """Yield events as text, and a comment now and then while none comes."""
-    readers[who] = readers.get(who, 0) + 1
+    """Yield events as text, and a comment now and then while none comes.
+
+    The stream ends with the session, and as soon as its token does not hold any more.
+    """
+    readers[reader.person] = readers.get(reader.person, 0) + 1
     try:
         yield ": the session's events\n\n"
         async with aclosing(session.feed.follow(after)) as items:
             async for item in items:
+                if not reader.let_in():
+                    return
                 if item is None:
                     yield ": still here\n\n"
-                elif not kinds or item.event.data.kind in kinds:
+                elif not reader.kinds or item.event.data.kind in reader.kinds:
                     yield _sent(session, item)
     finally:
-        readers[who] -= 1
+        readers[reader.person] -= 1
 
 
 def _sent(session: ServedSession, item: Numbered) -> str:

@@ -34,6 +34,7 @@ class Site:
         self.engine = ScriptedEngine([FILL])
         self.address = ""
         self.tokens: dict[str, str] = {}
+        self._client = httpx.Client(timeout=30)
         self._begun: Future[None] = Future()
         self._end: Callable[[], object] = lambda: None
         self._thread = Thread(target=lambda: asyncio.run(self._serve()), daemon=True)
@@ -45,6 +46,7 @@ class Site:
 
     def close(self) -> None:
         """End the session."""
+        self._client.close()
         self._end()
         self._thread.join(60)
 
@@ -75,7 +77,7 @@ class Site:
         headers = dict(how.pop("headers", {}))
         if role:
             headers["Authorization"] = f"Bearer {self.tokens.get(role, role)}"
-        return httpx.request(method, self.address + path, headers=headers, timeout=30, **how)
+        return self._client.request(method, self.address + path, headers=headers, **how)
 
     def until(self, path: str, found: Callable[[Any], Any], role: str = "observer") -> Any:
         """Ask for `path` until `found` says something of the answer, and return that."""

@@ -13,6 +13,8 @@ import pytest
 
 import pa_console as pa
 from pa_console.service.guard import MOST_BYTES
+from pa_console.service.tokens import TOKENS_FILE, TokenBook
+from pa_console.signing import key_path
 from tests.scripted import ScriptedEngine
 from tests.service.conftest import FILL, WRITES_AT_ONCE, Site
 
@@ -189,6 +191,25 @@ def test_events_are_streamed_and_taken_up_after_the_last_id(site: Site) -> None:
     for last, code in (("elsewhere.3", 410), ("nonsense", 422)):
         refused = site.ask("GET", "/v1/events", "observer", headers={"Last-Event-ID": last})
         assert problem(refused, code)["field"] == "Last-Event-ID"
+
+
+def test_a_stream_ends_when_its_token_is_revoked(site: Site) -> None:
+    book = TokenBook(key_path().with_name(TOKENS_FILE))
+    token = book.make("vera", "observer")
+    with httpx.stream(
+        "GET",
+        f"{site.address}/v1/events",
+        headers={"Authorization": f"Bearer {token}"},
+        timeout=30,
+    ) as answer:
+        lines = answer.iter_lines()
+        assert next(lines).startswith(": ")
+        (row,) = book.listed()
+        book.revoke(row.id)
+        waiting = site.waiting(ORDER)
+        assert not [line for line in lines if line]
+    site.ask("POST", "/v1/decisions", json=decision(waiting, "reject"))
+    site.ended(waiting["mission"]["id"])
 
 
 def events(site: Site, last: str, count: int, kind: str = "") -> list[dict[str, str]]:
