@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Self
 
 from pydantic import TypeAdapter
 
-from pa_console.fleets.authorization import Role
 from pa_console.fleets.fleet import Fleet, Outlook, Simulated
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.engine.engine import Engine
@@ -44,6 +43,7 @@ from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.sim.worlds.world_file import open_world
 
 if TYPE_CHECKING:
+    from pa_console.fleets.authorization import Role
     from pa_console.service.served_session import ServedSession
     from pa_console.service.tokens import TokenBook
 
@@ -139,7 +139,7 @@ class Served:
     """Its begin, such as `http://127.0.0.1:40213`; `/docs` there describes the rest."""
     tokens: "TokenBook"
 
-    def make_token(self, role: Role, person: str) -> str:
+    def make_token(self, role: "Role", person: str) -> str:
         """Return a token of `person` for as long as it is served.
 
         An `observer` may read, an `operator` and a `commander` may give missions, decide and stop.
