@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from pa_console.cli.chosen_models import chosen_models, find_own, open_servers
 from pa_console.cli.output import (
     AcceptRulesOption,
     CertificatesOption,
@@ -26,7 +27,6 @@ from pa_console.cli.output import (
 from pa_console.cli.settings_defaults import settings_of
 from pa_console.end_signals import exit_code_of
 from pa_console.llm.engine.engine import Engine
-from pa_console.llm.models.catalogue import find_model
 from pa_console.llm.models.preparing import Progress
 
 
@@ -81,7 +81,9 @@ def console(
             _stopped_when_left() as going_on,
             _told("Opening the console ..."),
         ):
-            found = hashing.submit(find_model, model, going_on, settings.values.second_reader)
+            chosen = chosen_models(model, settings.values)
+            servers = open_servers(chosen, settings.values)
+            found = hashing.submit(find_model, chosen.own, going_on, chosen.second_reader)
             from pa_console.cli.console.live_session import Asked, open_live  # noqa: PLC0415 - meanwhile
 
             engine = Engine(found.result())
@@ -100,7 +102,7 @@ def console(
                 fleet,
                 certificates,
             )
-            opened = open_live(asked, settings.values, engine)
+            opened = open_live(asked, settings.values, engine, servers)
             if plain:
                 from pa_console.cli.plain.session import run_plain as run  # noqa: PLC0415
             else:

@@ -9,8 +9,6 @@ from collections.abc import Collection, Sequence
 from typing import Any, get_args
 
 from pa_console.llm.roles.grammar import (
-    FEEDBACK_CHARS,
-    REASON_CHARS,
     CommandSlot,
     Opinion,
     addressable,
@@ -24,6 +22,10 @@ from pa_console.schema.world import AssetKind, World
 
 Schema = dict[str, Any]
 """A JSON schema in few words: objects with all their properties, arrays, strings, enums, anyOf."""
+
+TEXT: Schema = {"type": "string"}
+"""Any text. Its length is not bounded here: llama.cpp takes half a minute to count 240 characters.
+"""
 
 
 def plan_schema(
@@ -59,14 +61,14 @@ def verdict_schema(rule_ids: Sequence[str]) -> Schema:
     if rule_ids:
         one = _object({"id": _one_of(rule_ids), "verdict": _one_of(get_args(JudgeOpinion))})
         fields["rules"] = _list(one, len(rule_ids), len(rule_ids))
-    fields["feedback"] = _text(FEEDBACK_CHARS)
+    fields["feedback"] = TEXT
     fields["verdict"] = _one_of(get_args(Opinion))
     return _object(fields)
 
 
 def _plan(ways: Sequence[Schema], least: int, most: int) -> Schema:
     action = {"anyOf": list(ways)} if ways else _action(["nobody"], ["nothing"])
-    return _object({"reason": _text(REASON_CHARS), "actions": _list(action, least, most)})
+    return _object({"reason": TEXT, "actions": _list(action, least, most)})
 
 
 def _action(agents: Sequence[str], commands: Sequence[str]) -> Schema:
@@ -93,10 +95,6 @@ def _object(properties: Schema) -> Schema:
 
 def _list(items: Schema, least: int, most: int) -> Schema:
     return {"type": "array", "items": items, "minItems": least, "maxItems": most}
-
-
-def _text(most: int) -> Schema:
-    return {"type": "string", "minLength": 1, "maxLength": most}
 
 
 def _one_of(words: Sequence[str]) -> Schema:

@@ -4,9 +4,9 @@ A server that ignores a field answers all the same, and politely. So every way i
 schema of random words of which the prompt says nothing: who writes them was held to the schema.
 """
 
-import json
 import secrets
 import string
+from contextlib import aclosing
 from dataclasses import dataclass, field
 
 from pa_console.llm.errors import ServerError
@@ -69,18 +69,20 @@ async def _tried(client: ServerClient, way: Way, within_s: float) -> str:
         "required": [key],
         "additionalProperties": False,
     }
-    text = ""
+    held, text = f'{{"{key}":"{word}"}}', ""
     try:
-        async for piece in client.ask("", PROMPT, PROBE_TOKENS, within_s, WAYS[way](schema)):
-            text += piece.text
+        async with aclosing(
+            client.ask("", PROMPT, PROBE_TOKENS, within_s, WAYS[way](schema))
+        ) as pieces:
+            async for piece in pieces:
+                text += "".join(piece.text.split())
+                if not held.startswith(text):
+                    return IGNORED
     except ServerError as error:
         if error.status not in REFUSES:
             raise
         return f"refused ({error.status})"
-    try:
-        return HOLDS if json.loads(text) == {key: word} else IGNORED
-    except ValueError:
-        return IGNORED
+    return HOLDS if text == held else IGNORED
 
 
 async def _asked(

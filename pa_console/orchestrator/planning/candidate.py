@@ -23,6 +23,12 @@ CLEARED = 0.6
 in 4 of 14 such orders."""
 
 
+VOUCHED = 0.8
+"""A judge at least so sure bears out how a model read an order that tells no chance of its own."""
+
+UNTOLD = "not known: how sure the server's model is of what was asked"
+
+
 @dataclass(frozen=True)
 class ReadAgain:
     """What the second reader says was asked, and the chance that it gave to that."""
@@ -55,6 +61,8 @@ class Candidate:
     """The chance that the judge gave to what it says was asked."""
     own: bool = False
     """Whether the operator wrote it."""
+    by_server: bool = False
+    """Whether the model of a server wrote it."""
     read_again: ReadAgain | None = None
     """What the second reader says, where it was asked."""
 
@@ -87,6 +95,18 @@ class Candidate:
         if self.confidence is None or self.judge_confidence is None:
             return None
         return told_confidence(self.sure, self.mentions.gaps)
+
+    @property
+    def gaps_told(self) -> tuple[str, ...]:
+        """What speaks against the order having been understood.
+
+        A server's model that does not tell how sure it is has to be borne out by a judge who read
+        the order for itself and was sure.
+        """
+        judged = self.judge_confidence
+        unknown = self.by_server and self.confidence is None
+        untold = unknown and (judged is None or judged < VOUCHED)
+        return (*self.mentions.gaps, *(UNTOLD,) * untold)
 
     @property
     def second_reading(self) -> str:

@@ -26,6 +26,7 @@ class Keyframe:
     ended: str
     tick: int
     worker: ev.WorkerChanged | None
+    servers: dict[str, ev.ServerChanged]
     active: str | None
     last_active: str | None
     latest: str | None
@@ -91,6 +92,7 @@ def pack_state(state: SessionState) -> bytes:
         ended=state.ended,
         tick=state.tick,
         worker=state.worker,
+        servers=state.servers,
         active=state.active,
         last_active=state.last_active,
         latest=state.latest,
@@ -114,6 +116,7 @@ def unpack_state(
         ended=frame.ended,
         tick=frame.tick,
         worker=frame.worker,
+        servers=frame.servers,
         missions=MissionShelf(missions[: frame.arrived], load),
         active=frame.active,
         last_active=frame.last_active,
