@@ -49,10 +49,13 @@ def plan_schema(
     return _plan(ways, 0, min(len(up), MAX_ACTIONS) if ways else 0)
 
 
-def slot_schema(slots: Sequence[CommandSlot]) -> Schema:
-    """Return the schema of a plan that has the commands of `slots`, each with one of its agents."""
+def slot_schema(slots: Sequence[CommandSlot], asked: str) -> Schema:
+    """Return the schema of a plan that has the commands of `slots`, each with one of its agents.
+
+    Its reason is what was `asked`.
+    """
     ways = [_action(list(slot.agents), [slot.command]) for slot in slots]
-    return _plan(ways, len(slots), len(slots))
+    return _plan(ways, len(slots), len(slots), _one_of([asked]))
 
 
 def verdict_schema(rule_ids: Sequence[str]) -> Schema:
@@ -66,9 +69,9 @@ def verdict_schema(rule_ids: Sequence[str]) -> Schema:
     return _object(fields)
 
 
-def _plan(ways: Sequence[Schema], least: int, most: int) -> Schema:
+def _plan(ways: Sequence[Schema], least: int, most: int, reason: Schema = TEXT) -> Schema:
     action = {"anyOf": list(ways)} if ways else _action(["nobody"], ["nothing"])
-    return _object({"reason": TEXT, "actions": _list(action, least, most)})
+    return _object({"reason": reason, "actions": _list(action, least, most)})
 
 
 def _action(agents: Sequence[str], commands: Sequence[str]) -> Schema:

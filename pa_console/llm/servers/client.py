@@ -28,7 +28,7 @@ MOST_TOLD = 160
 """So many characters of a server's own words for a failure are told."""
 MOST_CHARS = 64 * 1024
 """A longer answer is none of ours."""
-TIMED_OUT = "no complete answer within {:g} s"
+TIMED_OUT = "gave no complete answer within {:.1f} s"
 BROKE_OFF = "broke off in the middle of its answer"
 OTHERS = ("openai-organization", "openai-project", "x-stainless-")
 """Beginnings of headers that the client sends of its own accord."""

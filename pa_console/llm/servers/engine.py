@@ -17,7 +17,7 @@ from pa_console.llm.engine.protocol import Chance, Completed, Request
 from pa_console.llm.errors import ServerError
 from pa_console.llm.roles.answer_schema import Schema
 from pa_console.llm.servers.address import ServerAddress, ServerKey
-from pa_console.llm.servers.client import ServerClient
+from pa_console.llm.servers.client import MOST_TOLD, ServerClient
 from pa_console.llm.servers.constraints import WAYS
 from pa_console.llm.servers.probe import ProbeReport, probe
 from pa_console.schema.events.event import ServerState
@@ -144,7 +144,7 @@ class ServerEngine:
                 async with asyncio.timeout(seconds):
                     await self._looked.wait()
             except TimeoutError:
-                raise ServerError(f"was not ready within {seconds:g} s") from None
+                raise ServerError(f"was not ready within {seconds:.1f} s") from None
         if not self.usable:
             raise ServerError(self.detail)
 
@@ -216,7 +216,7 @@ def read_answer(text: str, schema: Schema | None) -> tuple[str, str]:
         return text, ""
     from jsonschema import Draft202012Validator  # noqa: PLC0415 - only where a server is named
 
-    validator, wrong = Draft202012Validator(schema), "it holds no JSON object"
+    validator, wrong = Draft202012Validator(schema), ""
     begin = -1
     for _ in range(MOST_BEGINNINGS):
         begin = text.find("{", begin + 1)
@@ -225,10 +225,10 @@ def read_answer(text: str, schema: Schema | None) -> tuple[str, str]:
         try:
             value, end = json.JSONDecoder().raw_decode(text, begin)
         except (ValueError, RecursionError) as error:
-            wrong = f"it is not JSON: {error}"
+            wrong = wrong or f"it is not JSON: {error}"
         else:
             error = next(iter(cast(Any, validator).iter_errors(value)), None)
             if error is None:
                 return text[begin:end], ""
-            wrong = str(error.message)[:200]
-    return "", wrong
+            wrong = wrong or str(error.message)[:MOST_TOLD]
+    return "", wrong or "it holds no JSON object"

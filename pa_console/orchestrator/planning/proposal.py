@@ -267,7 +267,7 @@ async def ask_who(
     reasons = grounded_reason(services.fleet.world, question.digest, task.text, asked)
     first = context.attempts
     by_server = answered.model.server is not None
-    schema = slot_schema(slots) if by_server else None
+    schema = slot_schema(slots, asked) if by_server else None
     with context.stopwatch.time("planning_s"):
         proposal = await answered.model.planner.plan(
             question.prompt, slot_grammar(slots, reasons), schema=schema
@@ -279,7 +279,11 @@ async def ask_who(
         if instead:
             told = told.model_copy(update={f"as_{instead}": True})
         context.emit(told)
-    return Attempt(number, given.plan, sure, by_server) if given.plan is not None else None
+    return (
+        Attempt(number, given.plan, sure, by_server and not instead)
+        if given.plan is not None
+        else None
+    )
 
 
 def _proposed(
