@@ -1,7 +1,5 @@
 """The models of a session as its settings name them: the own one, and those on servers."""
 
-from pa_console.llm.models.catalogue import LocalModel, find_model
-from pa_console.llm.models.preparing import Progress, silent
 from pa_console.llm.servers.servers import Servers
 from pa_console.llm.servers.session_models import SessionModels, session_models
 from pa_console.settings.schema import Settings
@@ -10,11 +8,6 @@ from pa_console.settings.schema import Settings
 def chosen_models(model: str | None, settings: Settings) -> SessionModels:
     """Return the models that `model` (else the settings) and the settings name."""
     return session_models(model, settings.judge_server, settings.second_reader)
-
-
-def find_own(chosen: SessionModels, progress: Progress = silent) -> LocalModel:
-    """Return the session's own model, hashed; raises ModelError like `find_model`."""
-    return find_model(chosen.own, progress, chosen.second_reader)
 
 
 def open_servers(chosen: SessionModels, settings: Settings) -> Servers:

@@ -11,7 +11,6 @@ from platformdirs import user_config_path
 from pydantic import ValidationError
 from pydantic_settings import EnvSettingsSource, SettingsError
 
-from pa_console.llm.servers.address import KEY_VARIABLES
 from pa_console.schema.document import Document, DocumentError, FieldPath
 from pa_console.settings.schema import ENV_PREFIX, Settings, describe_settings, value_text
 from pa_console.signing import PASSPHRASE_VARIABLE
@@ -110,6 +109,8 @@ def default_settings() -> Loaded:
 
 def unknown_variables() -> list[str]:
     """Return the PA_CONSOLE_... variables of the environment that mean nothing."""
+    from pa_console.llm.servers.address import KEY_VARIABLES  # noqa: PLC0415 - when it is asked
+
     known = {setting.variable for setting in describe_settings().values()}
     known |= {FILE_VARIABLE, PASSPHRASE_VARIABLE, *KEY_VARIABLES}
     return sorted(name for name in os.environ if name.startswith(ENV_PREFIX) and name not in known)

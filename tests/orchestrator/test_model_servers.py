@@ -1,6 +1,7 @@
 """A model on a server plans and judges; when it fails the own one does, and that is all."""
 
 import asyncio
+import json
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
 
@@ -18,6 +19,8 @@ from pa_console.schema.mission import Decision
 from pa_console.session.state.mission_trace import MissionTrace
 from tests.llm.servers.fault_proxy import FaultProxy
 from tests.orchestrator.conftest import Rig
+from tests.orchestrator.test_rereading import EAST, NORTH
+from tests.orchestrator.test_rereading import engine as compact_engine
 from tests.scripted import SUCCESS, ScriptedEngine, plan
 
 TEXT = "Drone_T04, fly to NorthGate."
@@ -34,7 +37,9 @@ async def server_engine(
         yield ServerEngine(address, ServerKey(), patience_s=patience_s)
 
 
-async def flown(rig: Rig, engine: ScriptedEngine, servers: Servers) -> MissionTrace:
+async def flown(
+    rig: Rig, engine: ScriptedEngine, servers: Servers, text: str = TEXT
+) -> MissionTrace:
     """One mission, approved by a person whatever the doubts; its events are those of `rig`."""
     station = open_station(rig.site, engine.engine(), SteppedClock(), servers=servers)
 
@@ -44,7 +49,7 @@ async def flown(rig: Rig, engine: ScriptedEngine, servers: Servers) -> MissionTr
     def approve(request: ev.ApprovalRequested) -> Decision:
         return Decision(kind="approve", by="person", acknowledged=request.acknowledge)
 
-    traces = await run_missions(station, [TEXT], approve, sink)
+    traces = await run_missions(station, [text], approve, sink)
     return traces[0]
 
 
@@ -140,3 +145,36 @@ async def test_an_objection_is_no_failure_of_the_server(rig: Rig) -> None:
     assert verdict is not None
     assert verdict.verdict == "Failure"
     assert told(rig) == []
+
+
+async def read_again(rig: Rig, said: str, sure: float) -> ev.ApprovalRequested:
+    """The request for an order that was read as EAST, where a second reader on a server says so."""
+    proxy = FaultProxy()
+    proxy.answers = [json.dumps({"asked": said})]
+    scripted = compact_engine([EAST], [EAST], sure=sure)
+    scripted.second_reader = compact_engine([EAST], [EAST], sure=0.99)
+    async with server_engine(proxy) as server:
+        servers = Servers({"second reader": server})
+        await flown(rig, scripted, servers, "Send a drone to EastGate.")
+    assert scripted.second_reader.requests == []
+    return next(e.data for e in rig.events if isinstance(e.data, ev.ApprovalRequested))
+
+
+async def test_a_second_reader_on_a_server_offers_its_reading_and_decides_nothing(rig: Rig) -> None:
+    request = await read_again(rig, "1 drone to NorthGate", 0.7)
+    assert request.asked == EAST
+    assert NORTH in request.readings
+    assert request.state == "may_be_misunderstood"
+
+
+async def test_a_second_reader_on_a_server_takes_no_doubt_away(rig: Rig) -> None:
+    request = await read_again(rig, "1 drone to EastGate", 0.4)
+    assert request.confidence == pytest.approx(0.4, abs=0.001)
+    assert request.state == "may_be_misunderstood"
+
+
+async def test_what_is_no_canonical_clause_is_no_reading(rig: Rig) -> None:
+    request = await read_again(rig, "1 drone to the Moon", 0.7)
+    assert request.plan.actions[0].command == "move_to EastGate"
+    [read] = [event.data for event in rig.events if isinstance(event.data, ev.OrderReadAgain)]
+    assert (read.asked, "no reading" in read.error) == ("", True)

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from pa_console.cli.chosen_models import chosen_models, find_own, open_servers
+from pa_console.cli.chosen_models import chosen_models, open_servers
 from pa_console.cli.output import (
     AcceptRulesOption,
     CertificatesOption,
@@ -27,6 +27,7 @@ from pa_console.cli.output import (
 from pa_console.cli.settings_defaults import settings_of
 from pa_console.end_signals import exit_code_of
 from pa_console.llm.engine.engine import Engine
+from pa_console.llm.models.catalogue import find_model
 from pa_console.llm.models.preparing import Progress
 
 

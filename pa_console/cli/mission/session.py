@@ -11,7 +11,7 @@ from time import monotonic
 import typer
 from pydantic import TypeAdapter, ValidationError
 
-from pa_console.cli.chosen_models import chosen_models, find_own, open_servers
+from pa_console.cli.chosen_models import chosen_models, open_servers
 from pa_console.cli.fleet import find_fleet
 from pa_console.cli.keys.site_keys import load_authority
 from pa_console.cli.mission.steps import step_line
@@ -28,6 +28,7 @@ from pa_console.cli.session_log import open_log, tell_of_witness, usual_file
 from pa_console.cli.settings_defaults import settings_of
 from pa_console.end_signals import EndableRun, end_signals, exit_code_of, leave_terminal
 from pa_console.llm.engine.engine import Engine
+from pa_console.llm.models.catalogue import find_model
 from pa_console.orchestrator.station.assembly import load_site, open_station
 from pa_console.orchestrator.station.headless import (
     ApprovalMode,
@@ -93,7 +94,7 @@ def run_session(
     signer = load_signer()
     chosen = chosen_models(model, settings.values)
     servers = open_servers(chosen, settings.values)
-    engine = Engine(find_own(chosen))
+    engine = Engine(find_model(chosen.own, second_reader=chosen.second_reader))
     authority = load_authority()
     station = open_station(
         site,

@@ -26,6 +26,8 @@ def session_models(model: str | None, judge_server: str, second_reader: str) -> 
 
     Raises ModelError for a judge's server that is none.
     """
+    if not (model or judge_server or second_reader):
+        return SessionModels(None, "")
     addresses = {entry.name: entry.address for entry in Catalog.load().servers}
     chosen = addresses.get(model or "", model or "")
     judge = addresses.get(judge_server, judge_server)

@@ -12,6 +12,7 @@ from pa_console.llm.roles.dialect import DIALECTS, Dialect
 from pa_console.llm.roles.judge import Judge
 from pa_console.llm.roles.planner import Planner
 from pa_console.llm.roles.role_model import RoleModel
+from pa_console.llm.roles.server_reader import ServerReader
 from pa_console.llm.servers.servers import NO_SERVERS, Servers
 from pa_console.orchestrator.execution.command_gate import Authority, CommandGate
 from pa_console.orchestrator.intake.order_language import is_english, question_back
@@ -111,6 +112,12 @@ class Services:
     def judges(self) -> tuple[RoleModel, ...]:
         """The models to ask for a verdict, one after the other until there is an answer."""
         return self._on_server("judge")
+
+    @property
+    def server_reader(self) -> ServerReader | None:
+        """What reads unclear orders again on a server, while that answers."""
+        server = self.servers.by_use.get("second reader")
+        return ServerReader(server) if server is not None and server.usable else None
 
     def _on_server(self, use: ServerUse) -> tuple[RoleModel, ...]:
         """Return the model on a server that is to be `use`, if it answers, and then the own one."""

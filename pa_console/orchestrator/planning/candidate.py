@@ -37,6 +37,9 @@ class ReadAgain:
     confidence: float
     same: bool
     """Whether that is what the plan is for."""
+    measured: bool = True
+    """Whether it was measured how often this reader is right: only then can it take a doubt away,
+    and decide what is planned."""
 
 
 @dataclass(frozen=True)
@@ -90,8 +93,9 @@ class Candidate:
         It is less where the words of the order and its reading do not match. A second reader that
         says the same makes it more, one that says something else less.
         """
-        if self.read_again is not None:
-            return told_confidence(_with_second(self.sure, self.read_again), self.mentions.gaps)
+        again = self.read_again
+        if again is not None and (again.measured or not again.same):
+            return told_confidence(_with_second(self.sure, again), self.mentions.gaps)
         if self.confidence is None or self.judge_confidence is None:
             return None
         return told_confidence(self.sure, self.mentions.gaps)
