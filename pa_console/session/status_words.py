@@ -118,7 +118,7 @@ STATUSES: dict[str, Status] = {
     "server.probing": Status("◔", "being tried", "warn"),
     "server.ready": Status("●", "ready", "good"),
     "server.unconstrained": Status("△", "not constrained", "warn"),
-    "server.away": Status("✘", "away, own model plans", "bad"),
+    "server.away": Status("✘", "away", "bad"),
     "priority.critical": Status("▲", "critical", "bad"),
     "priority.high": Status("△", "high", "warn"),
     "priority.medium": Status("▽", "medium", "calm"),

@@ -44,7 +44,8 @@ def check_server(use: ServerUse, name: str, *, plain: bool = False) -> Check:
     key = ServerKey.find(address, VARIABLES[use])
     engine = ServerEngine(address, key)
     asyncio.run(_looked(engine))
-    found = f"{address}: {engine.detail}; key from {key.source}"
+    told = engine.report.told if engine.usable else engine.detail
+    found = f"{address}: {told}; key from {key.source}"
     match engine.state:
         case "ready":
             return Check(title, "ok", found)

@@ -95,7 +95,7 @@ class ServerEngine:
         except ServerError as error:
             self._change("away", str(error))
         else:
-            self._change("ready" if self.report.way else "unconstrained", self.report.told)
+            self._change("ready" if self.report.way else "unconstrained", self.report.summary)
         self._looked.set()
 
     async def close(self) -> None:

@@ -37,11 +37,15 @@ class ProbeReport:
         return next((way for way, found in self.ways.items() if found == HOLDS), None)
 
     @property
+    def summary(self) -> str:
+        """What comes of it, in a sentence."""
+        return f"answers are held to their form by {self.way}" if self.way else UNCONSTRAINED
+
+    @property
     def told(self) -> str:
         """All of it on a line."""
         ways = ", ".join(f"{way} {found}" for way, found in self.ways.items())
-        used = f"answers are held to their form by {self.way}" if self.way else UNCONSTRAINED
-        return f"{used} ({ways}); token chances {'told' if self.chances else 'not told'}"
+        return f"{self.summary} ({ways}); token chances {'told' if self.chances else 'not told'}"
 
 
 UNCONSTRAINED = "nothing holds answers to their form, so one that cannot be read is asked for again"
