@@ -200,6 +200,13 @@ def evaluate(
             "greedy); the time that was measured for it counts again.",
         ),
     ] = False,
+    workers: Annotated[
+        int, typer.Option(min=0, help="Make the runs in so many processes of this machine (Dask).")
+    ] = 0,
+    scheduler: Annotated[
+        str,
+        typer.Option(help="Make the runs on the workers of this Dask scheduler: tcp://HOST:PORT."),
+    ] = "",
     logs: Annotated[bool, typer.Option(help="Keep the event log of every run.")] = True,
     unsigned: UnsignedOption = False,
     json: JsonOption = False,
@@ -216,9 +223,12 @@ def evaluate(
             markup=False,
             soft_wrap=True,
         )
+    if sum(map(bool, (workers, scheduler, jobs > 1))) > 1:
+        raise ValueError("give one of --jobs, --workers and --scheduler")
     variants = [find_variant(name) for name in variant or ("full",)]
     reader = settings_of(context).values.second_reader
-    found = (find_model(name, second_reader=reader) for name in model or (None,))
+    asked = model or [None]
+    found = [find_model(name, second_reader=reader) for name in asked]
     models = {local.name: local for local in found}
     folder = output or evaluations_folder() / f"{datetime.now():%Y%m%d-%H%M%S}"
     files = [mission_file(name, site.world_path) for name in missions or ("paper",)]
@@ -235,7 +245,13 @@ def evaluate(
         keep_worlds(loaded)
     began = perf_counter()
     try:
-        asyncio.run(_run(results, planned, models, jobs, reuse=reuse, logs=logs))
+        if workers or scheduler:
+            names = {local.name: name for local, name in zip(found, asked, strict=True)}
+            swept = _sweep(results, planned, workers, scheduler, names, models, reader, reuse, logs)
+            asyncio.run(swept)
+        else:
+            asyncio.run(_run(results, planned, models, jobs, reuse=reuse, logs=logs))
+        results.arrange([job.run for job in planned])
     except KeyboardInterrupt:
         made = len(results.done & {job.run for job in planned})
         errors.print(
@@ -245,7 +261,8 @@ def evaluate(
         )
         raise
     finally:
-        results.describe(_about(results, sets_of(planned), perf_counter() - began, jobs, reuse))
+        lanes = max(jobs, workers)
+        results.describe(_about(results, sets_of(planned), perf_counter() - began, lanes, reuse))
     _report(folder, json=json)
 
 
@@ -295,6 +312,33 @@ async def _run(
     done = results.done
     with EvalProgress(len(planned), sum(job.run in done for job in planned)) as progress:
         async with aclosing(runner.run(planned)) as records:
+            async for record in records:
+                progress.add(record)
+
+
+async def _sweep(
+    results: EvaluationFolder,
+    planned: list[Job],
+    count: int,
+    scheduler: str,
+    asked: dict[str, str | None],
+    models: dict[str, LocalModel],
+    reader: str,
+    reuse: bool,
+    logs: bool,
+) -> None:
+    """Make the runs on the workers of `scheduler`, or in a `count` of processes here."""
+    try:
+        from pa_console.evaluation.runs import sweep  # noqa: PLC0415 - Dask, for this alone
+    except ImportError as error:
+        raise ValueError("a sweep needs Dask: pip install 'pa-console[sweep]'") from error
+    prints = {name: model.fingerprint for name, model in models.items()}
+    engine_for = sweep.ModelOnWorker(asked, prints, reader, count or 1, reuse)
+    made = sweep.Sweep(results, engine_for, prints, keep_logs=logs, told=errors.print)
+    done = results.done
+    with EvalProgress(len(planned), sum(job.run in done for job in planned)) as progress:
+        where = sweep.Workers(scheduler, count)
+        async with aclosing(made.run(where, planned)) as records:
             async for record in records:
                 progress.add(record)
 
