@@ -234,7 +234,10 @@ def evaluate(
     files = [mission_file(name, site.world_path) for name in missions or ("paper",)]
     wanted = [
         LoadedSet(part, loaded.sites)
-        for loaded in (load_set(file, world, site.rulebook, folder / "worlds") for file in files)
+        for loaded in (
+            load_set(file, world, site.rulebook, folder / "worlds", site.rules_path)
+            for file in files
+        )
         if (part := chosen_missions(loaded.missions, only, every)) is not None
     ]
     if not wanted:
