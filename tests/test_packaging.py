@@ -115,6 +115,7 @@ def test_every_library_that_is_imported_is_asked_for() -> None:
         *extras["mcap"],
         *extras["train"],
         *extras["fleet"],
+        *extras["sweep"],
     ]
     declared = {re.split(r"[^\w.-]", line)[0].lower().replace("_", "-") for line in asked}
     distributions = packages_distributions()

@@ -112,9 +112,9 @@ class ServerClient:
     async def _started(
         self, body: Mapping[str, Any], extra: Mapping[str, Any]
     ) -> "AsyncStream[ChatCompletionChunk]":
-        client = self._client or await asyncio.to_thread(self._opened)
-        self._client = client
         try:
+            client = self._client or await asyncio.to_thread(self._opened)
+            self._client = client
             return cast(
                 "AsyncStream[ChatCompletionChunk]",
                 await client.chat.completions.create(**body, extra_body=extra),

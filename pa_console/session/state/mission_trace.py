@@ -106,7 +106,8 @@ class Attempt:
         given = ", its commands given by the console" * self.given
         judged = ", as the judge read it" * self.as_judged
         judged += ", as the second reader read it" * self.as_read_again
-        return given + judged + ", as the operator meant it" * self.as_chosen
+        served = f", by {self.server}" if self.server else ""
+        return served + given + judged + ", as the operator meant it" * self.as_chosen
 
 
 @dataclass
