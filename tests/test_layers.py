@@ -116,6 +116,7 @@ def test_every_verb_is_there_without_what_trains_and_without_a_screen() -> None:
     assert {"pa_console.cli.train.train", "pa_console.evaluation"} <= loaded
     assert not loaded & {"pa_console.training", "torch", "gguf", "textual", "llama_cpp"}
     assert not loaded & {"openai", "httpx2", "jsonschema"}, "no server is named"
+    assert not loaded & {"distributed", "dask"}, "nobody sweeps"
 
 
 def test_the_probe_would_see_a_screen() -> None:

@@ -254,7 +254,6 @@ def evaluate(
             asyncio.run(swept)
         else:
             asyncio.run(_run(results, planned, models, jobs, reuse=reuse, logs=logs))
-        results.arrange([job.run for job in planned])
     except KeyboardInterrupt:
         made = len(results.done & {job.run for job in planned})
         errors.print(

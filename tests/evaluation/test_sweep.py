@@ -46,7 +46,6 @@ async def single(folder: Path, planned: list[Job]) -> list[RunRecord]:
     results = EvaluationFolder(folder)
     made = [record async for record in Runner(results, scripted_engine).run(planned)]
     assert len(made) == len(planned)
-    results.arrange([job.run for job in planned])
     return read_runs(folder)
 
 
@@ -68,7 +67,6 @@ async def test_two_workers_one_of_them_killed_come_to_what_one_process_does(
                 killed = target.workers[0].pid
                 os.kill(killed, signal.SIGKILL)
     assert killed
-    results.arrange([job.run for job in planned])
     made = read_runs(tmp_path / "swept")
     assert same(made, await single(tmp_path / "single", planned))
     assert all((tmp_path / "swept" / record.log).stat().st_size for record in made)
@@ -102,7 +100,6 @@ async def test_a_scheduler_that_is_restarted_is_sent_what_is_missing(
         made += [record async for record in records]
     assert len(made) == len({record.run for record in made}) == 4
     assert any("sent again" in text for text in said)
-    results.arrange([job.run for job in planned])
     assert same(read_runs(tmp_path / "swept"), await single(tmp_path / "single", planned))
 
 

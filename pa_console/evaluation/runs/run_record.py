@@ -157,7 +157,7 @@ class EvaluationFolder:
             os.fsync(file.fileno())
 
     def arrange(self, runs: Sequence[str]) -> None:
-        """Write the runs anew in the order of their ids in `runs`, those of none of them first.
+        """Write the runs anew: those whose ids are in `runs` in that order, after all others.
 
         So the file does not depend on which run was over first.
         """

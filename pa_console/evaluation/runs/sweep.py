@@ -27,7 +27,7 @@ from pa_console.evaluation.runs.jobs import Job
 from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.one_run import enforced_rules, make_run
 from pa_console.evaluation.runs.run_record import LOGS, EvaluationFolder, RunRecord
-from pa_console.evaluation.runs.runner import chunks
+from pa_console.evaluation.runs.runner import in_order
 from pa_console.evaluation.scoring.idle_run import idle_run
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.errors import ModelError
@@ -246,10 +246,13 @@ class Sweep:
                 yield record
 
     async def run_on(self, target: Any, jobs: Sequence[Job]) -> AsyncGenerator[RunRecord]:
-        """Yield the same with the workers of `target`, an address or a cluster of Dask."""
+        """Yield the same with the workers of `target`, an address or a cluster of Dask.
+
+        In the end the file has the runs in the order in which one process makes them.
+        """
         clock = asyncio.get_running_loop().time
-        last = clock()
-        while missing := self._missing(jobs):
+        last, ordered = clock(), in_order(self._missing(jobs))
+        while missing := self._missing(ordered):
             try:
                 async for record in self._round(target, missing):
                     last = clock()
@@ -257,9 +260,10 @@ class Sweep:
             except (OSError, TimeoutError) as error:
                 if clock() - last > AWAY_S:
                     raise SweepError(f"no scheduler answers at {target}: {error}") from error
-            if self._missing(jobs):
-                self._told(f"the scheduler is away: {len(self._missing(jobs))} runs are sent again")
+            if left := self._missing(ordered):
+                self._told(f"the scheduler is away: {len(left)} runs are sent again")
                 await asyncio.sleep(self._again_s)
+        self._results.arrange([job.run for job in ordered])
 
     def _missing(self, jobs: Sequence[Job]) -> list[Job]:
         done = self._results.done
@@ -272,8 +276,7 @@ class Sweep:
             await client.register_plugin(RunMaker(self._engine_for), name=PLUGIN)
             sent = [
                 RemoteRun.of(job, self._fingerprints[job.model], keep_log=self._keep_logs)
-                for chunk in chunks(jobs)
-                for job in chunk
+                for job in jobs
             ]
             futures = [client.submit(make_remotely, run, key=run.key) for run in sent]
             stems = {run.run: run.stem for run in sent}

@@ -7,6 +7,8 @@ from collections.abc import AsyncGenerator
 from contextlib import aclosing, asynccontextmanager
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from pa_console.llm.engine.protocol import Completed, Request
 from pa_console.llm.errors import ServerError
@@ -243,6 +245,17 @@ async def test_a_planner_on_a_server_names_the_fault_in_its_proposal() -> None:
         assert proposal.plan is None
         assert proposal.fatal
         assert "no complete answer" in proposal.error
+
+
+@given(st.text(alphabet='{}[]":, aR5') | st.text())
+def test_whatever_a_server_writes_is_read_or_refused(text: str) -> None:
+    schema = plan_schema(WORLD, picture())
+    answer, wrong = read_answer(text, schema)
+    assert bool(answer) != bool(wrong)
+    assert answer in text
+    for around in ("", "Sure: ", "```json\n"):
+        plan = '{"reason": "go", "actions": []}'
+        assert read_answer(around + plan + text, schema) == (plan, "")
 
 
 def test_an_answer_is_what_meets_the_schema_and_nothing_else() -> None:
