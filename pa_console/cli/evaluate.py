@@ -249,9 +249,13 @@ def evaluate(
     began = perf_counter()
     try:
         if workers or scheduler:
+            from pa_console.cli.sweeping import SweptModels, sweep  # noqa: PLC0415 - Dask
+
             names = {local.name: name for local, name in zip(found, asked, strict=True)}
-            swept = _sweep(results, planned, workers, scheduler, names, models, reader, reuse, logs)
-            asyncio.run(swept)
+            swept = SweptModels(models, names, reader, reuse)
+            with EvalProgress(len(planned), sum(job.run in results.done for job in planned)) as bar:
+                where = workers or scheduler
+                asyncio.run(sweep(results, planned, where, swept, bar.add, keep_logs=logs))
         else:
             asyncio.run(_run(results, planned, models, jobs, reuse=reuse, logs=logs))
     except KeyboardInterrupt:
@@ -314,33 +318,6 @@ async def _run(
     done = results.done
     with EvalProgress(len(planned), sum(job.run in done for job in planned)) as progress:
         async with aclosing(runner.run(planned)) as records:
-            async for record in records:
-                progress.add(record)
-
-
-async def _sweep(
-    results: EvaluationFolder,
-    planned: list[Job],
-    count: int,
-    scheduler: str,
-    asked: dict[str, str | None],
-    models: dict[str, LocalModel],
-    reader: str,
-    reuse: bool,
-    logs: bool,
-) -> None:
-    """Make the runs on the workers of `scheduler`, or in a `count` of processes here."""
-    try:
-        from pa_console.evaluation.runs import sweep  # noqa: PLC0415 - Dask, for this alone
-    except ImportError as error:
-        raise ValueError("a sweep needs Dask: pip install 'pa-console[sweep]'") from error
-    prints = {name: model.fingerprint for name, model in models.items()}
-    engine_for = sweep.ModelOnWorker(asked, prints, reader, count or 1, reuse)
-    made = sweep.Sweep(results, engine_for, prints, keep_logs=logs, told=errors.print)
-    done = results.done
-    with EvalProgress(len(planned), sum(job.run in done for job in planned)) as progress:
-        where = sweep.Workers(scheduler, count)
-        async with aclosing(made.run(where, planned)) as records:
             async for record in records:
                 progress.add(record)
 

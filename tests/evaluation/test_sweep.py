@@ -7,13 +7,14 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any, cast
 
+import pytest
 from distributed import Scheduler, Worker
 
 from pa_console.evaluation.runs.jobs import Job, LoadedSet, find_variant, plan_jobs
 from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.run_record import EvaluationFolder, RunRecord, read_runs
 from pa_console.evaluation.runs.runner import Runner
-from pa_console.evaluation.runs.sweep import RemoteRun, Sweep, Workers, cluster
+from pa_console.evaluation.runs.sweep import RemoteRun, Sweep, SweepError, Workers, cluster
 from pa_console.orchestrator.station.assembly import Site
 from pa_console.schema.evaluation import MissionCase, MissionSet
 from tests.scripted import SUCCESS, ScriptedEngine, plan
@@ -101,6 +102,14 @@ async def test_a_scheduler_that_is_restarted_is_sent_what_is_missing(
     assert len(made) == len({record.run for record in made}) == 4
     assert any("sent again" in text for text in said)
     assert same(read_runs(tmp_path / "swept"), await single(tmp_path / "single", planned))
+
+
+async def test_an_address_at_which_there_is_no_scheduler_is_told(
+    tmp_path: Path, site: Site
+) -> None:
+    sweep = Sweep(EvaluationFolder(tmp_path), scripted_engine, PRINTS)
+    with pytest.raises(SweepError, match="no scheduler answers at tcp"):
+        _ = [record async for record in sweep.run_on("tcp://127.0.0.1:1", jobs(site, 1))]
 
 
 async def test_what_is_there_is_not_made_again(tmp_path: Path, site: Site) -> None:

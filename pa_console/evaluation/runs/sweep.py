@@ -10,6 +10,7 @@ import asyncio
 import hashlib
 import json
 import logging
+import signal
 import socket
 from collections.abc import AsyncGenerator, Callable, Sequence
 from contextlib import asynccontextmanager
@@ -114,11 +115,14 @@ class RunMaker(WorkerPlugin):
 
     name = PLUGIN
 
-    def __init__(self, engine_for: EngineFor) -> None:
-        self._engine_for = engine_for
+    def __init__(self, engine_for: EngineFor, *, own_process: bool = False) -> None:
+        """A worker in a process of this program's own leaves Ctrl-C to the program."""
+        self._engine_for, self._own_process = engine_for, own_process
 
     def setup(self, worker: object) -> None:  # noqa: ARG002 - the library's signature
         """Start the loop that the engines live in, beside the worker's own."""
+        if self._own_process:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
         self._loop = asyncio.new_event_loop()
         self._thread = Thread(target=self._loop.run_forever, daemon=True)
         self._thread.start()
@@ -233,6 +237,8 @@ class Sweep:
         A scheduler that is away is looked for again after `again_s` seconds.
         """
         self._again_s = again_s
+        self._reached = False
+        """Whether there was a scheduler: one that goes away is waited for."""
         self._results, self._engine_for, self._told = results, engine_for, told
         self._fingerprints, self._keep_logs = fingerprints, keep_logs
 
@@ -258,8 +264,10 @@ class Sweep:
                     last = clock()
                     yield record
             except (OSError, TimeoutError) as error:
-                if clock() - last > AWAY_S:
-                    raise SweepError(f"no scheduler answers at {target}: {error}") from error
+                if not self._reached or clock() - last > AWAY_S:
+                    raise SweepError(
+                        f"no scheduler answers at {target}: see its address"
+                    ) from error
             if left := self._missing(ordered):
                 self._told(f"the scheduler is away: {len(left)} runs are sent again")
                 await asyncio.sleep(self._again_s)
@@ -273,7 +281,9 @@ class Sweep:
         """Send `jobs` and yield what comes back, until all are there or the scheduler is gone."""
         connecting: Any = Client(target, asynchronous=True, timeout=AGAIN_S)
         async with connecting as client:
-            await client.register_plugin(RunMaker(self._engine_for), name=PLUGIN)
+            self._reached = True
+            maker = RunMaker(self._engine_for, own_process=not isinstance(target, str))
+            await client.register_plugin(maker, name=PLUGIN)
             sent = [
                 RemoteRun.of(job, self._fingerprints[job.model], keep_log=self._keep_logs)
                 for job in jobs
