@@ -1,12 +1,15 @@
-"""`doctor` probes the servers that are named; it says where the key is, and never the key."""
+"""`doctor` probes the servers that are named, `mission` says who answers; nobody tells the key."""
 
 import asyncio
+from datetime import UTC, datetime
 
 import pytest
 
 from pa_console.cli.doctor.checks import Check
 from pa_console.cli.doctor.model_servers import check_server, check_servers, named_models
+from pa_console.cli.mission.steps import step_line
 from pa_console.llm.servers.address import KEY_VARIABLE
+from pa_console.schema.events import event as ev
 from pa_console.settings.schema import Settings
 from tests.llm.servers.fault_proxy import FaultProxy
 
@@ -55,3 +58,15 @@ def test_a_judge_that_is_no_server_is_told() -> None:
     settings = Settings(judge_server="pa-500m")
     (check,) = check_servers(named_models(settings), settings)
     assert check.state == "missing"
+
+
+def test_whoever_follows_a_mission_is_told_who_answers() -> None:
+    changed = ev.ServerChanged(
+        server="openai:http://127.0.0.1/v1#m", serves=("planner",), state="away", detail="is gone"
+    )
+    took_over = ev.Noticed(level="warning", subject="model server", text="the own model answers")
+    lines = [
+        step_line(ev.Event(t=datetime.now(UTC), tick=0, data=data)) for data in (changed, took_over)
+    ]
+    assert lines[0] == "model server: openai:http://127.0.0.1/v1#m away: is gone"
+    assert lines[1] == "model server: the own model answers"
