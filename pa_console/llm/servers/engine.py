@@ -76,14 +76,11 @@ class ServerEngine:
 
     async def serve(self) -> None:
         """Probe the server, and again whenever it has failed, for ever."""
-        try:
-            while True:
-                await self.look()
-                if self.usable:
-                    await self._doubted.wait()
-                await asyncio.sleep(self._again_s)
-        finally:
-            await self._client.close()
+        while True:
+            await self.look()
+            if self.usable:
+                await self._doubted.wait()
+            await asyncio.sleep(self._again_s)
 
     async def look(self) -> None:
         """Probe the server once; `state`, `detail` and `report` say what came of it."""

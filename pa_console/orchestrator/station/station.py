@@ -165,6 +165,8 @@ class Station:
         finally:
             await self.close("broken off")
             self._fleet.close()
+            for server in self._services.servers.engines:
+                await server.close()
             if not self._keep_engine:
                 await self._services.engine.close()
 

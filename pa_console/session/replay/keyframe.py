@@ -6,7 +6,7 @@ A keyframe holds no picture, which the log has, and no mission, which are kept o
 import zlib
 from collections import deque
 from collections.abc import Callable, Iterator, MutableMapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 
 from pydantic import TypeAdapter
@@ -26,7 +26,6 @@ class Keyframe:
     ended: str
     tick: int
     worker: ev.WorkerChanged | None
-    servers: dict[str, ev.ServerChanged]
     active: str | None
     last_active: str | None
     latest: str | None
@@ -36,6 +35,7 @@ class Keyframe:
     open_alarms: dict[str, OpenAlarm]
     answers: dict[str, str]
     loose_orders: dict[str, CommandTrace]
+    servers: dict[str, ev.ServerChanged] = field(default_factory=dict[str, ev.ServerChanged])
 
 
 @cache

@@ -53,6 +53,7 @@ async def serving(
         finally:
             served.cancel()
             await asyncio.gather(served, return_exceptions=True)
+            await engine.close()
 
 
 async def answered(engine: ServerEngine, asked: Request) -> tuple[str, Completed]:
