@@ -21,6 +21,8 @@ from pa_console.fleets.fleet import Fleet, Outlook, Simulated
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.models.catalogue import find_model
+from pa_console.llm.servers.servers import NO_SERVERS, Servers
+from pa_console.llm.servers.session_models import session_models
 from pa_console.orchestrator.planning.safeguards import examine
 from pa_console.orchestrator.station import assembly, headless
 from pa_console.orchestrator.station import station as stations
@@ -389,8 +391,9 @@ def open_station(
     Nothing moves before it has approved, and a plan whose approver fails is rejected.
 
     `model` is one of the catalogue, or the path of a GGUF file, by default the default model, which
-    `pa-console models pull` fetches. An `engine` of your own, to be shared by several stations or
-    to answer from a script, is used instead and not closed.
+    `pa-console models pull` fetches, or one on a server, `openai:BASE_URL#NAME`, that plans as long
+    as it answers; the default model judges and takes over. An `engine` of your own, to be shared by
+    several stations or to answer from a script, is used instead and not closed.
 
     `fleet` is what the station drives, by default a simulation that begins with `seed` and plays
     `scenario`, by name or path. `alarms` become missions by themselves, by default if a scenario is
@@ -406,15 +409,17 @@ def open_station(
     """
     played = open_scenario(site.world, site.world_path, scenario) if scenario else None
     at_once = rate is None and (fleet is None or isinstance(fleet, Simulated))
+    named = session_models(model, "", "")
     inner = assembly.open_station(
         site,
-        engine if engine is not None else Engine(find_model(model, second_reader="")),
+        engine if engine is not None else Engine(find_model(named.own, second_reader="")),
         SteppedClock() if at_once else RealTimeClock(rate or 1.0),
         seed=seed,
         keep_engine=engine is not None,
         scenario=played,
         respond=alarms if alarms is not None else played is not None,
         fleet=fleet,
+        servers=Servers.open(named.named) if engine is None else NO_SERVERS,
     )
     open_log = partial(
         open_session_log,

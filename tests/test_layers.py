@@ -74,7 +74,7 @@ def test_the_core_is_all_there() -> None:
 def test_the_core_needs_neither_a_screen_nor_the_model_libraries() -> None:
     imported = imported_by(core_modules())
     assert "pa_console" in imported
-    assert not imported & {"textual", "llama_cpp", "llguidance"}
+    assert not imported & {"textual", "llama_cpp", "llguidance", "openai", "jsonschema"}
 
 
 def test_only_the_worker_needs_the_model_libraries() -> None:
@@ -115,6 +115,8 @@ def test_every_verb_is_there_without_what_trains_and_without_a_screen() -> None:
     loaded = loaded_by(VERBS_LOADED)
     assert {"pa_console.cli.train.train", "pa_console.evaluation"} <= loaded
     assert not loaded & {"pa_console.training", "torch", "gguf", "textual", "llama_cpp"}
+    assert not loaded & {"openai", "httpx2", "jsonschema"}, "no server is named"
+    assert not loaded & {"distributed", "dask"}, "nobody sweeps"
 
 
 def test_the_probe_would_see_a_screen() -> None:

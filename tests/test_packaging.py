@@ -117,6 +117,7 @@ def test_every_library_that_is_imported_is_asked_for() -> None:
         *extras["fleet"],
         *extras["serve"],
         *extras["telemetry"],
+        *extras["sweep"],
     ]
     declared = {re.split(r"[^\w.-]", line)[0].lower().replace("_", "-") for line in asked}
     distributions = packages_distributions()

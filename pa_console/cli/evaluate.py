@@ -200,6 +200,13 @@ def evaluate(
             "greedy); the time that was measured for it counts again.",
         ),
     ] = False,
+    workers: Annotated[
+        int, typer.Option(min=0, help="Make the runs in so many processes of this machine (Dask).")
+    ] = 0,
+    scheduler: Annotated[
+        str,
+        typer.Option(help="Make the runs on the workers of this Dask scheduler: tcp://HOST:PORT."),
+    ] = "",
     logs: Annotated[bool, typer.Option(help="Keep the event log of every run.")] = True,
     unsigned: UnsignedOption = False,
     json: JsonOption = False,
@@ -216,15 +223,21 @@ def evaluate(
             markup=False,
             soft_wrap=True,
         )
+    if sum(map(bool, (workers, scheduler, jobs > 1))) > 1:
+        raise ValueError("give one of --jobs, --workers and --scheduler")
     variants = [find_variant(name) for name in variant or ("full",)]
     reader = settings_of(context).values.second_reader
-    found = (find_model(name, second_reader=reader) for name in model or (None,))
+    asked = model or [None]
+    found = [find_model(name, second_reader=reader) for name in asked]
     models = {local.name: local for local in found}
     folder = output or evaluations_folder() / f"{datetime.now():%Y%m%d-%H%M%S}"
     files = [mission_file(name, site.world_path) for name in missions or ("paper",)]
     wanted = [
         LoadedSet(part, loaded.sites)
-        for loaded in (load_set(file, world, site.rulebook, folder / "worlds") for file in files)
+        for loaded in (
+            load_set(file, world, site.rulebook, folder / "worlds", site.rules_path)
+            for file in files
+        )
         if (part := chosen_missions(loaded.missions, only, every)) is not None
     ]
     if not wanted:
@@ -235,7 +248,16 @@ def evaluate(
         keep_worlds(loaded)
     began = perf_counter()
     try:
-        asyncio.run(_run(results, planned, models, jobs, reuse=reuse, logs=logs))
+        if workers or scheduler:
+            from pa_console.cli.sweeping import SweptModels, sweep  # noqa: PLC0415 - Dask
+
+            names = {local.name: name for local, name in zip(found, asked, strict=True)}
+            swept = SweptModels(models, names, reader, reuse)
+            with EvalProgress(len(planned), sum(job.run in results.done for job in planned)) as bar:
+                where = workers or scheduler
+                asyncio.run(sweep(results, planned, where, swept, bar.add, keep_logs=logs))
+        else:
+            asyncio.run(_run(results, planned, models, jobs, reuse=reuse, logs=logs))
     except KeyboardInterrupt:
         made = len(results.done & {job.run for job in planned})
         errors.print(
@@ -245,7 +267,8 @@ def evaluate(
         )
         raise
     finally:
-        results.describe(_about(results, sets_of(planned), perf_counter() - began, jobs, reuse))
+        lanes = max(jobs, workers)
+        results.describe(_about(results, sets_of(planned), perf_counter() - began, lanes, reuse))
     _report(folder, json=json)
 
 

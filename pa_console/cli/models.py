@@ -31,6 +31,8 @@ def list_models(json: JsonOption = False) -> None:
         name = f"{entry.name}\n(default)" if entry.name == catalog.default else entry.name
         about = f"{entry.title}, {entry.quantisation}, {entry.licence}. {entry.notes}".strip()
         table.add_row(name, f"{entry.size_mb} MB", _here(entry), about)
+    for server in catalog.servers:
+        table.add_row(server.name, "", "on a server", f"{server.title}: {server.address}")
     out.print(table)
 
 

@@ -76,7 +76,11 @@ AcceptRulesOption = Annotated[
 ]
 ModelOption = Annotated[
     str | None,
-    typer.Option("--model", help="A model of the catalogue, or the path of a GGUF file."),
+    typer.Option(
+        "--model",
+        help="A model of the catalogue, the path of a GGUF file, or, in console and mission, a "
+        "model on a server: openai:BASE_URL#NAME.",
+    ),
 ]
 ScenarioOption = Annotated[
     str | None,

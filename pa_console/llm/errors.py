@@ -23,3 +23,11 @@ class ModelUnavailableError(EngineError):
 
 class PromptRefusedError(EngineError):
     """The prompt does not fit in the model's context, or its grammar is not valid."""
+
+
+class ServerError(EngineError):
+    """A model's server gave no answer that can be used; `status` is that of HTTP, 0 without one."""
+
+    def __init__(self, why: str, status: int = 0) -> None:
+        super().__init__(why)
+        self.status = status

@@ -160,6 +160,8 @@ def event_in_words(data: ev.EventPayload) -> str:
             said = f"{subject}: {text}"
         case ev.WorkerChanged(state=state, detail=detail):
             said = f"{state} {detail}".strip()
+        case ev.ServerChanged(server=server, state=state, detail=detail):
+            said = f"{server} {state}: {detail}"
         case ev.AlarmRaised(alarm=alarm):
             said = f"{alarm.priority}: {alarm.text}"
         case ev.AlarmAcknowledged(alarm_id=name, by=who):

@@ -60,14 +60,38 @@ class Settings(BaseSettings):
         default="",
         title="Model",
         description="The model that plans and judges: a name of the catalogue, or the path of a "
-        "GGUF file. Empty is the catalogue's default.",
+        "GGUF file. Empty is the catalogue's default. A model on a server plans, "
+        "openai:BASE_URL#NAME; the default judges, and takes over when the server does not answer.",
         json_schema_extra=_about("Session"),
     )
     second_reader: str = Field(
         default="",
         title="Second reader",
         description="The model that reads an order again of which the first is unsure. Empty is "
-        "the one that goes with the model, if it was pulled; off is none.",
+        "the one that goes with the model, if it was pulled; off is none. It may be on a server.",
+        json_schema_extra=_about("Session"),
+    )
+    judge_server: str = Field(
+        default="",
+        title="Judge's server",
+        description="A model on a server that judges, openai:BASE_URL#NAME. Empty: the model of "
+        "this machine judges.",
+        json_schema_extra=_about("Session"),
+    )
+    server_patience_s: float = Field(
+        default=20.0,
+        ge=1.0,
+        le=50.0,
+        title="Patience with a server",
+        description="Seconds that a model on a server may take for an answer, before the model of "
+        "this machine is asked.",
+        json_schema_extra=_about("Session"),
+    )
+    plain_servers: bool = Field(
+        default=False,
+        title="Unencrypted servers",
+        description="Whether the operator's words and the picture may go to a server on another "
+        "machine without https.",
         json_schema_extra=_about("Session"),
     )
     world: str = Field(

@@ -109,8 +109,10 @@ def default_settings() -> Loaded:
 
 def unknown_variables() -> list[str]:
     """Return the PA_CONSOLE_... variables of the environment that mean nothing."""
+    from pa_console.llm.servers.address import KEY_VARIABLES  # noqa: PLC0415 - when it is asked
+
     known = {setting.variable for setting in describe_settings().values()}
-    known |= {FILE_VARIABLE, PASSPHRASE_VARIABLE}
+    known |= {FILE_VARIABLE, PASSPHRASE_VARIABLE, *KEY_VARIABLES}
     return sorted(name for name in os.environ if name.startswith(ENV_PREFIX) and name not in known)
 
 

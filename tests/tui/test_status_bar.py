@@ -23,3 +23,22 @@ async def test_it_says_that_answers_are_slow_because_the_machine_is_busy(
         station.emit(ev.WorkerChanged(state="ready"), mission=None)
         await settle(pilot, station)
         assert "slow" not in top_line(app)[0]
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 36)])
+async def test_it_says_how_the_server_of_a_model_is_where_one_is_named(
+    tmp_path: Path, size: tuple[int, int]
+) -> None:
+    station = ScriptedStation(story.told("approval"))
+    app = console(station, tmp_path)
+    async with app.run_test(size=size) as pilot:
+        assert "server" not in top_line(app)[0]
+        for state, word in (
+            ("ready", "server ● ready"),
+            ("unconstrained", "server △ not constrained"),
+            ("away", "server ✘ away"),
+        ):
+            changed = {"server": "openai:http://127.0.0.1/v1#m", "serves": ("planner",)}
+            station.emit(ev.ServerChanged.model_validate({**changed, "state": state}), mission=None)
+            await settle(pilot, station)
+            assert word in top_line(app)[0]

@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from pa_console.cli.chosen_models import chosen_models, open_servers
 from pa_console.cli.output import (
     DRIVER,
     AcceptRulesOption,
@@ -94,7 +95,9 @@ def console(
             _stopped_when_left() as going_on,
             _told("Opening the console ..."),
         ):
-            found = hashing.submit(find_model, model, going_on, settings.values.second_reader)
+            chosen = chosen_models(model, settings.values)
+            servers = open_servers(chosen, settings.values)
+            found = hashing.submit(find_model, chosen.own, going_on, chosen.second_reader)
             from pa_console.cli.console.live_session import Asked, open_live  # noqa: PLC0415 - meanwhile
             from pa_console.cli.observing import observing  # noqa: PLC0415
 
@@ -115,7 +118,7 @@ def console(
                 fleet,
                 certificates,
             )
-            opened = open_live(asked, settings.values, engine)
+            opened = open_live(asked, settings.values, engine, servers)
             if plain:
                 from pa_console.cli.plain.session import run_plain as run  # noqa: PLC0415
             else:

@@ -12,6 +12,7 @@ from pa_console.cli.fleet import find_fleet
 from pa_console.cli.keys.site_keys import load_authority
 from pa_console.cli.output import errors
 from pa_console.llm.engine.engine import Engine
+from pa_console.llm.servers.servers import NO_SERVERS, Servers
 from pa_console.orchestrator.station.assembly import Site, load_site, open_station
 from pa_console.orchestrator.station.rules_in_force import RulesWatch
 from pa_console.orchestrator.station.station import Station
@@ -55,7 +56,9 @@ class LiveSession:
     authority: "StationAuthority | None" = None
 
 
-def open_live(asked: Asked, settings: Settings, engine: Engine) -> LiveSession:
+def open_live(
+    asked: Asked, settings: Settings, engine: Engine, servers: Servers = NO_SERVERS
+) -> LiveSession:
     """Open what was asked for; raises DocumentError or ValueError for what cannot be opened.
 
     Rules that are refused, and a session that was not closed, are told of and asked about on the
@@ -90,6 +93,7 @@ def open_live(asked: Asked, settings: Settings, engine: Engine) -> LiveSession:
         resumed=resumed,
         authority=authority,
         fleet=on_bus.drive(site, authority),
+        servers=servers,
     )
     station.rate = settings.speed
     return LiveSession(site, station, log, authority)

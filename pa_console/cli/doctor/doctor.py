@@ -19,6 +19,7 @@ from pa_console.cli.doctor.checks import (
     check_terminal,
     load_or_default,
 )
+from pa_console.cli.doctor.model_servers import check_servers, named_models
 from pa_console.cli.output import FAILED, JsonOption, errors, out, print_json
 from pa_console.schema.quantities import count
 from pa_console.session.log.writer import default_folder
@@ -49,7 +50,9 @@ def _checks() -> Iterator[Check]:
     loaded, settings = load_or_default()
     loaded.export()
     yield settings
-    yield from check_model(loaded.values.model)
+    named = named_models(loaded.values)
+    yield from check_model(named.own or "")
+    yield from check_servers(named, loaded.values)
     yield check_load()
     yield check_confinement()
     yield from check_folders(loaded)

@@ -11,6 +11,7 @@ from time import monotonic
 import typer
 from pydantic import TypeAdapter, ValidationError
 
+from pa_console.cli.chosen_models import chosen_models, open_servers
 from pa_console.cli.fleet import find_fleet
 from pa_console.cli.keys.site_keys import load_authority
 from pa_console.cli.mission.steps import step_line
@@ -92,7 +93,9 @@ def run_session(
     warn_of_altered(rules, site.rulebook.seal)
     played = open_scenario(site.world, site.world_path, scenario) if scenario else None
     signer = load_signer()
-    engine = Engine(find_model(model, second_reader=settings.values.second_reader))
+    chosen = chosen_models(model, settings.values)
+    servers = open_servers(chosen, settings.values)
+    engine = Engine(find_model(chosen.own, second_reader=chosen.second_reader))
     authority = load_authority()
     station = open_station(
         site,
@@ -103,6 +106,7 @@ def run_session(
         respond=alarms if alarms is not None else played is not None,
         authority=authority,
         fleet=found.drive(site, authority),
+        servers=servers,
     )
     writer = open_log(settings.values, station.session, signer, _cannot_write, log, witness)
     endable = EndableRun()

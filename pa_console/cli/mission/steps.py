@@ -23,7 +23,17 @@ _TOLD: dict[str, str] = {
 
 
 def step_line(event: ev.Event) -> str:
-    """Return what `event` means to whoever follows a mission; empty for what is no step of it."""
+    """Return what `event` means to whoever follows a mission; empty for what is no step of it.
+
+    Whether a model's server answers, and who answers in its place, is told too.
+    """
+    match event.data:
+        case ev.ServerChanged(state=state) if state != "probing":
+            return f"model server: {event_in_words(event.data)}"
+        case ev.Noticed(subject="model server", text=text):
+            return f"model server: {text}"
+        case _:
+            pass
     name = _TOLD.get(event.data.kind)
     if name is None or event.mission is None:
         return ""

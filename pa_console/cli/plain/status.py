@@ -22,6 +22,8 @@ def status_lines(state: SessionState) -> list[str]:
         lines.append(f"the log cannot be written, nothing is dispatched: {state.log_problem}")
     if state.worker is not None:
         lines.append(f"model {state.worker.state} {state.worker.detail}".strip())
+    for server in state.servers.values():
+        lines.append(f"model server {server.server} {server.state}: {server.detail}")
     trace = state.current
     if trace is None:
         lines.append("no mission yet")

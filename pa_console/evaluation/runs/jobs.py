@@ -191,15 +191,20 @@ def mission_file(name: str, world_path: Path) -> Path:
     )
 
 
-def load_set(path: Path, world: str, rulebook: Rulebook, folder: Path) -> LoadedSet:
+def load_set(
+    path: Path, world: str, rulebook: Rulebook, folder: Path, rules_path: Path | None = None
+) -> LoadedSet:
     """Load the missions at `path`; `keep_worlds` will write generated worlds below `folder`.
 
-    Raises DocumentError.
+    `rules_path` is the file of the rulebook, which a sweep sends. Raises DocumentError.
     """
     own, own_path = open_world(world)
     missions, worlds = load_with_worlds(path, own)
-    sites = {name: Site(w, folder / name / "world.yaml", rulebook) for name, w in worlds.items()}
-    return LoadedSet(missions, {**sites, "": Site(own, own_path, rulebook)})
+    sites = {
+        name: Site(made, folder / name / "world.yaml", rulebook, rules_path)
+        for name, made in worlds.items()
+    }
+    return LoadedSet(missions, {**sites, "": Site(own, own_path, rulebook, rules_path)})
 
 
 def keep_worlds(loaded: LoadedSet) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -76,6 +77,17 @@ class RunRecord(StrictModel):
         default=False, description="the picture was read before the command, as while typing"
     )
 
+    def same_as(self, other: "RunRecord") -> bool:
+        """Whether the two came to the same, wherever and however fast they were made."""
+        return self._told == other._told
+
+    @property
+    def _told(self) -> dict[str, Any]:
+        return self.model_dump(exclude=MEASURED)
+
+
+MEASURED = {"session", "metrics", "planner", "judge", "reused"}
+"""What of a run is not the same when it is made again: times, and names that are drawn."""
 
 RUNS, ABOUT, LOGS = "runs.jsonl", "run.json", "logs"
 _ABOUT = TypeAdapter(dict[str, Any])
@@ -143,6 +155,18 @@ class EvaluationFolder:
             file.write(record.model_dump_json().encode() + b"\n")
             file.flush()
             os.fsync(file.fileno())
+
+    def arrange(self, runs: Sequence[str]) -> None:
+        """Write the runs anew: those whose ids are in `runs` in that order, after all others.
+
+        So the file does not depend on which run was over first.
+        """
+        place = {run: number for number, run in enumerate(runs)}
+        self.records.sort(key=lambda record: place.get(record.run, -1))
+        partial = self.folder / f".{RUNS}"
+        lines = [record.model_dump_json().encode() + b"\n" for record in self.records]
+        partial.write_bytes(b"".join(lines))
+        partial.replace(self.folder / RUNS)
 
     def describe(self, about: dict[str, Any]) -> None:
         """Write what was asked for, replacing what stood there."""

@@ -109,3 +109,9 @@ def chunks(jobs: Sequence[Job]) -> list[list[Job]]:
     for job in jobs:
         found[place[job.mission_set, job.case.id, job.seed]].append(job)
     return found
+
+
+def in_order(jobs: Sequence[Job]) -> list[Job]:
+    """Return the jobs in the order in which one lane makes them, one model after the other."""
+    by_model = groupby(jobs, key=lambda job: job.model)
+    return [job for _, group in by_model for chunk in chunks(list(group)) for job in chunk]

@@ -5,9 +5,9 @@ What it wrote of an order with little confidence is what it misread far more oft
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import AsyncGenerator, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, Protocol
 
 from pydantic import Field, TypeAdapter
 
@@ -173,6 +173,8 @@ class Request:
     them leave it; '' lets them leave it anywhere."""
     stop: str = ""
     """A regular expression: each of several answers ends where this is found in its text."""
+    schema: dict[str, Any] | None = None
+    """What a model on a server is held to in place of `grammar`: a JSON schema of the answer."""
     yields: bool = False
     """Whether nobody waits for the answer: any other prompt interrupts it, and it is `cancelled`.
     What was read of the prompt is kept, so that it may soon be asked again."""
@@ -188,3 +190,25 @@ class Completed:
     texts: tuple[str, ...] = ()
     chances: tuple[Chance, ...] = ()
     """How likely each token was that the model chose; nothing where several answers came."""
+
+
+class Named(Protocol):
+    """A model that goes by a name in logs and on the screen."""
+
+    @property
+    def name(self) -> str:
+        """The name."""
+        ...
+
+
+class Answering(Protocol):
+    """What answers prompts: the engine of a local model, or one whose model is on a server."""
+
+    @property
+    def model(self) -> Named:
+        """The model that answers."""
+        ...
+
+    def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
+        """Give the answer to `request` in pieces, then one Completed; raises EngineError."""
+        ...

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 from rapidfuzz import process
 
 from pa_console.llm.errors import ModelError
@@ -27,6 +27,7 @@ from pa_console.llm.models.preparing import (
     silent,
 )
 from pa_console.llm.roles.dialect import DialectName
+from pa_console.llm.servers.address import ServerAddress, names_server
 from pa_console.resources import data_folder
 from pa_console.schema.base import StrictModel
 from pa_console.schema.document import Document
@@ -34,6 +35,7 @@ from pa_console.schema.events.event import Role
 
 NO_READER = "off"
 """What stands for a model's name where no second reader is wanted."""
+MODEL_NAME = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
 CPU_INFO = Path("/proc/cpuinfo")
 WIDE = "avx512f"
 
@@ -120,7 +122,7 @@ class ModelEntry(StrictModel):
     learnt the compact prompts; a model without them needs examples.
     """
 
-    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")
+    name: str = Field(pattern=MODEL_NAME)
     weights: str = Field(
         default="", description="another entry of the same file: it is kept only once"
     )
@@ -276,11 +278,28 @@ class LocalModel:
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
+class ServerEntry(StrictModel):
+    """A model on a server: its `address` is openai:BASE_URL#NAME, and holds no key."""
+
+    name: str = Field(pattern=MODEL_NAME)
+    title: str
+    address: str
+
+    @field_validator("address")
+    @classmethod
+    def _is_one(cls, address: str) -> str:
+        try:
+            return str(ServerAddress.parse(address))
+        except ModelError as error:
+            raise ValueError(str(error)) from error
+
+
 class Catalog(StrictModel):
     """Every known model, and the name of the one used when none is asked for."""
 
     default: str
     models: tuple[ModelEntry, ...] = Field(min_length=1)
+    servers: tuple[ServerEntry, ...] = ()
 
     @classmethod
     def load(cls, path: Path | None = None) -> "Catalog":
@@ -295,6 +314,11 @@ class Catalog(StrictModel):
         known = {entry.name: entry for entry in self.models}
         if name in known:
             return known[name]
+        if names_server(name) or name in {entry.name for entry in self.servers}:
+            raise ModelError(
+                f"{name} is on a server: this needs a model on this machine; a server's model "
+                "plans in console and mission only"
+            )
         path = Path(name).expanduser()
         if path.suffix == ".gguf" or path.is_file():
             return _entry_from_file(path)
@@ -358,7 +382,7 @@ class Catalog(StrictModel):
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> Self:
-        names = [entry.name for entry in self.models]
+        names = [entry.name for entry in (*self.models, *self.servers)]
         for name in names:
             if names.count(name) > 1:
                 raise ValueError(f"models: the name {name!r} appears twice")

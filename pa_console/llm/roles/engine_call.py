@@ -4,8 +4,7 @@ from collections.abc import Callable
 from contextlib import aclosing
 from dataclasses import dataclass
 
-from pa_console.llm.engine.engine import Engine
-from pa_console.llm.engine.protocol import Chance, Completed, Request
+from pa_console.llm.engine.protocol import Answering, Chance, Completed, Request
 from pa_console.llm.errors import EngineDiedError, EngineError
 from pa_console.schema.finding import Usage
 
@@ -28,7 +27,9 @@ class ModelAnswer:
     chances: tuple[Chance, ...] = ()
 
 
-async def ask_model(engine: Engine, request: Request, on_text: OnText | None = None) -> ModelAnswer:
+async def ask_model(
+    engine: Answering, request: Request, on_text: OnText | None = None
+) -> ModelAnswer:
     """Return the whole answer, which `on_text` gets in pieces; EngineError becomes its `error`.
 
     When the model's process dies in the middle it is started again and asked once more; what was

@@ -53,12 +53,7 @@ def plan_grammar(  # noqa: PLR0917
     Whether an agent was used is a bit of llguidance's rule parameter, 64 of them (its limit and
     MAX_ACTIONS); raises ValueError when more assets are up.
     """
-    up: dict[str, AssetKind] = {
-        name: spec.kind
-        for name, spec in world.assets.items()
-        if name in picture.assets and picture.assets[name].available
-        if (agents is None or name in agents) and _verbs(spec.kind, verbs)
-    }
+    up = addressable(world, picture, agents, verbs)
     if len(up) > MAX_ACTIONS:
         raise ValueError(f"{len(up)} assets are up and a plan can address {MAX_ACTIONS} at most")
     actions = ["first::0x0"] if up else []
@@ -75,6 +70,21 @@ def plan_grammar(  # noqa: PLR0917
         lines += [_commands(kind, verbs) for kind in KINDS if kind in up.values()]
         lines.append("frame: " + _choice(f for f in world.frames if frames is None or f in frames))
     return "\n".join(lines) + "\n"
+
+
+def addressable(
+    world: World,
+    picture: Picture,
+    agents: Collection[str] | None = None,
+    verbs: Collection[Verb] = (),
+) -> dict[str, AssetKind]:
+    """Return the assets that a plan may address, with their kinds, in the order of the world."""
+    return {
+        name: spec.kind
+        for name, spec in world.assets.items()
+        if name in picture.assets and picture.assets[name].available
+        if (agents is None or name in agents) and verbs_of(spec.kind, verbs)
+    }
 
 
 def reason_grammar(reasons: Sequence[str]) -> str:
@@ -179,12 +189,12 @@ def _commands(kind: AssetKind, verbs: Collection[Verb]) -> str:
     """Return the rule for the commands that an asset of `kind` can carry out."""
     words = [
         f"{_literal(verb + ' ')} frame" if COMMANDS[verb].takes_frame else _literal(verb)
-        for verb in _verbs(kind, verbs)
+        for verb in verbs_of(kind, verbs)
     ]
     return f"{kind}_command: " + " | ".join(words)
 
 
-def _verbs(kind: AssetKind, verbs: Collection[Verb]) -> list[Verb]:
+def verbs_of(kind: AssetKind, verbs: Collection[Verb]) -> list[Verb]:
     """Return the verbs for assets of `kind`; no `verbs` means every one of the vocabulary."""
     wanted = verbs or tuple(COMMANDS)
     return [verb for verb, spec in COMMANDS.items() if kind in spec.kinds and verb in wanted]

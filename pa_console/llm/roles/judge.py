@@ -6,8 +6,8 @@ from typing import Literal
 
 from pydantic import Field, ValidationError
 
-from pa_console.llm.engine.engine import Engine
-from pa_console.llm.engine.protocol import Request, confidence
+from pa_console.llm.engine.protocol import Answering, Request, confidence
+from pa_console.llm.roles.answer_schema import Schema
 from pa_console.llm.roles.engine_call import ModelAnswer, OnText, ask_model
 from pa_console.llm.roles.grammar import COMPARED_CHARS, PLANNED
 from pa_console.llm.roles.prompts import Prompt
@@ -49,6 +49,8 @@ class JudgeQuestion:
     hint: str = ""
     """What the answer may repeat: the planner's words for what was asked. They save time only; the
     judge writes what it would have written without them."""
+    schema: Schema | None = None
+    """What a model on a server is held to in place of `grammar`."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ class Judge:
     """Judges plans with the model of `engine`, each within `deadline_s` seconds."""
 
     def __init__(
-        self, engine: Engine, *, max_tokens: int = MAX_TOKENS, deadline_s: float = DEADLINE_S
+        self, engine: Answering, *, max_tokens: int = MAX_TOKENS, deadline_s: float = DEADLINE_S
     ) -> None:
         self._engine, self._max_tokens, self._deadline_s = engine, max_tokens, deadline_s
 
@@ -113,6 +115,7 @@ class Judge:
             self._deadline_s,
             hint=asked.hint,
             begun=begun,
+            schema=asked.schema,
             yields=asked.role == "outcome",
         )
         text, given = "", len(begun)

@@ -6,8 +6,8 @@ from json import JSONDecoder
 
 from pydantic import ValidationError
 
-from pa_console.llm.engine.engine import Engine
-from pa_console.llm.engine.protocol import Request, confidence
+from pa_console.llm.engine.protocol import Answering, Request, confidence
+from pa_console.llm.roles.answer_schema import Schema
 from pa_console.llm.roles.engine_call import OnText, ask_model
 from pa_console.llm.roles.grammar import READ, begun_reason, reason_grammar
 from pa_console.llm.roles.prompts import Prompt
@@ -41,14 +41,29 @@ class Planner:
     """Writes plans with the model of `engine`, each within `deadline_s` seconds."""
 
     def __init__(
-        self, engine: Engine, *, max_tokens: int = MAX_TOKENS, deadline_s: float = DEADLINE_S
+        self, engine: Answering, *, max_tokens: int = MAX_TOKENS, deadline_s: float = DEADLINE_S
     ) -> None:
         self._engine, self._max_tokens, self._deadline_s = engine, max_tokens, deadline_s
 
-    async def plan(self, prompt: Prompt, grammar: str, on_text: OnText | None = None) -> Proposal:
-        """Return the answer, which `on_text` gets in pieces; never raises EngineError."""
+    async def plan(
+        self,
+        prompt: Prompt,
+        grammar: str,
+        on_text: OnText | None = None,
+        schema: Schema | None = None,
+    ) -> Proposal:
+        """Return the answer, which `on_text` gets in pieces; never raises EngineError.
+
+        A model on a server is held to `schema`, as far as it can be, and not to `grammar`.
+        """
         request = Request(
-            "planner", prompt.system, prompt.user, grammar, self._max_tokens, self._deadline_s
+            "planner",
+            prompt.system,
+            prompt.user,
+            grammar,
+            self._max_tokens,
+            self._deadline_s,
+            schema=schema,
         )
         answer = await ask_model(self._engine, request, on_text)
         if answer.error:

@@ -11,6 +11,8 @@ from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 
 from pa_console.llm.roles.engine_call import CANCELLED
+from pa_console.llm.roles.judge import Judgement
+from pa_console.llm.roles.role_model import RoleModel, first_answer
 from pa_console.orchestrator.mission.services import MissionContext
 from pa_console.orchestrator.planning.judging import OutcomeCase, ask_about_outcome
 from pa_console.schema.events import event as ev
@@ -89,9 +91,13 @@ class OutcomeVerdicts:
 async def _judged(asked: _Asked) -> ev.OutcomeJudged:
     """Return the verdict that was asked for, or why there is none."""
     services = asked.context.services
+
+    async def ask(model: RoleModel) -> Judgement:
+        question = ask_about_outcome(model.dialect, services.fleet.world, asked.case)
+        return await model.judge.judge(question)
+
     try:
-        question = ask_about_outcome(services.dialect, services.fleet.world, asked.case)
-        found = await services.judge.judge(question)
+        found = await first_answer(services.judges, ask, asked.context.turn_to_own)
     except Exception as error:  # a defect must not end the session
         return unjudged(asked.attempt, f"internal error: {type(error).__name__}: {error}")
     return ev.OutcomeJudged(

@@ -11,6 +11,9 @@ from pa_console.llm.engine.engine import Engine
 from pa_console.llm.roles.dialect import DIALECTS, Dialect
 from pa_console.llm.roles.judge import Judge
 from pa_console.llm.roles.planner import Planner
+from pa_console.llm.roles.role_model import RoleModel
+from pa_console.llm.roles.server_reader import ServerReader
+from pa_console.llm.servers.servers import NO_SERVERS, Servers
 from pa_console.orchestrator.execution.command_gate import Authority, CommandGate
 from pa_console.orchestrator.intake.order_language import is_english, question_back
 from pa_console.orchestrator.intake.past_orders import PastOrders
@@ -24,7 +27,7 @@ from pa_console.policy.retrieval.retriever import DEFAULT_METHOD, Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.policy.trust.core_rules import with_core
 from pa_console.schema.evaluation import Variant
-from pa_console.schema.events.event import EventPayload
+from pa_console.schema.events.event import EventPayload, Noticed, ServerUse
 from pa_console.schema.mission import Metrics, Mission
 
 Emit = Callable[[EventPayload], None]
@@ -53,6 +56,8 @@ class Services:
     """What was seen where in this session; the station keeps it."""
     second_reader: Judge | None = None
     """What reads an order again of which planner or judge is unsure."""
+    servers: Servers = NO_SERVERS
+    """Models on servers, which are asked before the own one."""
     past: PastOrders = field(default_factory=PastOrders)
     """What was ordered in this session; the station keeps it."""
     top_k: int = 3
@@ -68,12 +73,14 @@ class Services:
         dialect: Dialect | None = None,
         retriever: Retriever | None = None,
         authority: Authority | None = None,
+        servers: Servers = NO_SERVERS,
     ) -> Self:
         """Begin with nothing seen or decided, and with the core in force whatever the rules say.
 
         Planner and judge are two roles on `engine`, in the `dialect` of its model unless one is
         given. A `retriever` that has read the rules already saves the time to index them. With an
-        `authority`, people and the station sign what is approved and sent.
+        `authority`, people and the station sign what is approved and sent. Models on `servers` are
+        asked first, as long as they answer.
         """
         dialect, variant = dialect or DIALECTS[engine.model.prompts], variant or Variant()
         second = engine.second_reader
@@ -93,7 +100,30 @@ class Services:
             gate=CommandGate(fleet, journal, authority),
             sightings=Sightings(fleet.world),
             second_reader=Judge(second, max_tokens=dialect.verdict_tokens) if second else None,
+            servers=servers,
         )
+
+    @property
+    def planners(self) -> tuple[RoleModel, ...]:
+        """The models to ask for a plan, one after the other until there is an answer."""
+        return self._on_server("planner")
+
+    @property
+    def judges(self) -> tuple[RoleModel, ...]:
+        """The models to ask for a verdict, one after the other until there is an answer."""
+        return self._on_server("judge")
+
+    @property
+    def server_reader(self) -> ServerReader | None:
+        """What reads unclear orders again on a server, while that answers."""
+        server = self.servers.by_use.get("second reader")
+        return ServerReader(server) if server is not None and server.usable else None
+
+    def _on_server(self, use: ServerUse) -> tuple[RoleModel, ...]:
+        """Return the model on a server that is to be `use`, if it answers, and then the own one."""
+        own = RoleModel(self.planner, self.judge, self.dialect)
+        server = self.servers.by_use.get(use)
+        return (RoleModel.on(server), own) if server is not None and server.usable else (own,)
 
     def read(self, text: str) -> str:
         """Return the words of a mission with what is misspelt put right, if they are English."""
@@ -168,6 +198,11 @@ class MissionContext:
     stopwatch: Stopwatch = field(default_factory=Stopwatch)
     attempts: int = 0
     """Plans so far: answers of the planner and plans of the operator, numbered from 1."""
+
+    def turn_to_own(self, failed: RoleModel, error: str) -> None:
+        """Tell that the session's own model takes over from one on a server."""
+        text = f"{failed.where} {error}; {self.services.engine.model.name} on this machine answers"
+        self.emit(Noticed(level="warning", subject="model server", text=text))
 
     def next_attempt(self) -> int:
         """Return the number of one more plan."""

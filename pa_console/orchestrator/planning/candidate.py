@@ -23,6 +23,12 @@ CLEARED = 0.6
 in 4 of 14 such orders."""
 
 
+VOUCHED = 0.8
+"""A judge at least so sure bears out how a model read an order that tells no chance of its own."""
+
+UNTOLD = "not known: how sure the server's model is of what was asked"
+
+
 @dataclass(frozen=True)
 class ReadAgain:
     """What the second reader says was asked, and the chance that it gave to that."""
@@ -31,6 +37,9 @@ class ReadAgain:
     confidence: float
     same: bool
     """Whether that is what the plan is for."""
+    measured: bool = True
+    """Whether it was measured how often this reader is right: only then can it take a doubt away,
+    and decide what is planned."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +64,8 @@ class Candidate:
     """The chance that the judge gave to what it says was asked."""
     own: bool = False
     """Whether the operator wrote it."""
+    by_server: bool = False
+    """Whether the model of a server wrote it."""
     read_again: ReadAgain | None = None
     """What the second reader says, where it was asked."""
 
@@ -82,11 +93,24 @@ class Candidate:
         It is less where the words of the order and its reading do not match. A second reader that
         says the same makes it more, one that says something else less.
         """
-        if self.read_again is not None:
-            return told_confidence(_with_second(self.sure, self.read_again), self.mentions.gaps)
+        again = self.read_again
+        if again is not None and (again.measured or not again.same):
+            return told_confidence(_with_second(self.sure, again), self.mentions.gaps)
         if self.confidence is None or self.judge_confidence is None:
             return None
         return told_confidence(self.sure, self.mentions.gaps)
+
+    @property
+    def gaps_told(self) -> tuple[str, ...]:
+        """What speaks against the order having been understood.
+
+        A server's model that does not tell how sure it is has to be borne out by a judge who read
+        the order for itself and was sure.
+        """
+        judged = self.judge_confidence
+        unknown = self.by_server and self.confidence is None
+        untold = unknown and (judged is None or judged < VOUCHED)
+        return (*self.mentions.gaps, *(UNTOLD,) * untold)
 
     @property
     def second_reading(self) -> str:

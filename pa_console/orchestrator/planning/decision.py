@@ -106,7 +106,7 @@ async def ask_operator(
         OrderAsRead(
             asked=readings.own,
             readings=readings.offered,
-            gaps=shown.mentions.gaps,
+            gaps=shown.gaps_told,
             confidence=shown.agreed,
             read_apart=read_apart(shown),
             narrowed=shown.narrowed,

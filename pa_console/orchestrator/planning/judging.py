@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import NamedTuple
 
+from pa_console.llm.roles.answer_schema import verdict_schema
 from pa_console.llm.roles.dialect import Dialect
 from pa_console.llm.roles.grammar import (
     COMPARED_CHARS,
@@ -18,7 +19,8 @@ from pa_console.llm.roles.grammar import (
     compact_judge_grammar,
     hinted,
 )
-from pa_console.llm.roles.judge import JudgeQuestion
+from pa_console.llm.roles.judge import Judgement, JudgeQuestion
+from pa_console.llm.roles.role_model import RoleModel, first_answer
 from pa_console.orchestrator.mission.services import MissionContext
 from pa_console.orchestrator.planning.candidate import Candidate
 from pa_console.orchestrator.planning.digest import digest_picture
@@ -137,7 +139,7 @@ def ask_about_plan(
     prompt = dialect.judge(world, case.digest, rules, case.task, case.plan, case.rehearsal)
     ids = tuple(rule.id for rule in rules)
     if dialect.opening is None:
-        return JudgeQuestion("judge", prompt, dialect.verdict(ids), ids)
+        return JudgeQuestion("judge", prompt, dialect.verdict(ids), ids, schema=verdict_schema(ids))
     moves = PlanMoves(world, case.rehearsal.before, case.plan)
 
     def goes_on(opening: str) -> str:
@@ -148,34 +150,25 @@ def ask_about_plan(
 
 
 async def judge_plan(context: MissionContext, case: PlanCase, candidate: Candidate) -> Candidate:
-    """Step 6: return `candidate` with the judge's verdict on its plan."""
-    services, started = context.services, perf_counter()
-    question = ask_about_plan(services.dialect, services.fleet.world, services.rulebook, case)
+    """Step 6: return `candidate` with the judge's verdict on its plan.
+
+    Where a judge on a server gives none, the session's own model is asked in its place.
+    """
+
+    async def ask(model: RoleModel) -> Judgement:
+        return await _judged(context, model, case, candidate.attempt)
+
+    judgement = await first_answer(context.services.judges, ask, context.turn_to_own)
+    sure = None if case.asked else judgement.confidence
     context.emit(
-        ev.PromptBuilt(
-            role="judge",
+        ev.PlanJudged(
             attempt=candidate.attempt,
-            system=question.prompt.system,
-            user=question.prompt.user,
-            seconds=perf_counter() - started,
+            verdict=judgement.verdict,
+            error=judgement.error,
+            usage=judgement.usage,
+            confidence=sure,
         )
     )
-
-    def on_text(piece: str) -> None:
-        context.emit(ev.TextStreamed(role="judge", attempt=candidate.attempt, text=piece))
-
-    with context.stopwatch.time("judging_s"):
-        judgement = await services.judge.judge(question, on_text)
-        sure = None if case.asked else judgement.confidence
-        context.emit(
-            ev.PlanJudged(
-                attempt=candidate.attempt,
-                verdict=judgement.verdict,
-                error=judgement.error,
-                usage=judgement.usage,
-                confidence=sure,
-            )
-        )
     return replace(
         candidate,
         verdict=judgement.verdict,
@@ -184,12 +177,37 @@ async def judge_plan(context: MissionContext, case: PlanCase, candidate: Candida
     )
 
 
+async def _judged(
+    context: MissionContext, model: RoleModel, case: PlanCase, attempt: int
+) -> Judgement:
+    """Ask `model` for its verdict on the plan number `attempt`."""
+    services, started = context.services, perf_counter()
+    question = ask_about_plan(model.dialect, services.fleet.world, services.rulebook, case)
+    context.emit(
+        ev.PromptBuilt(
+            role="judge",
+            attempt=attempt,
+            system=question.prompt.system,
+            user=question.prompt.user,
+            seconds=perf_counter() - started,
+            server=model.where,
+        )
+    )
+
+    def on_text(piece: str) -> None:
+        context.emit(ev.TextStreamed(role="judge", attempt=attempt, text=piece))
+
+    with context.stopwatch.time("judging_s"):
+        return await model.judge.judge(question, on_text)
+
+
 def ask_about_outcome(dialect: Dialect, world: World, case: OutcomeCase) -> JudgeQuestion:
     """Step 7: return the question whether the task was accomplished."""
     digest = digest_picture(case.picture, world, case.selection)
     prompt = dialect.outcome(world, digest, case.task, case.plan, case.verification)
     if dialect.outcome_opening is None:
-        return JudgeQuestion("outcome", prompt, dialect.verdict([]))
+        schema = verdict_schema([])
+        return JudgeQuestion("outcome", prompt, dialect.verdict([]), schema=schema)
     moves = PlanMoves(world, case.before, case.plan)
 
     def goes_on(opening: str) -> str:

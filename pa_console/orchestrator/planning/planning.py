@@ -66,7 +66,12 @@ async def plan(
         else:
             if context.services.variant.fitting:
                 reading = reading or _read(answered, proposal.plan)
-            attempt = Attempt(answered.attempt, proposal.plan, proposal.confidence)
+            attempt = Attempt(
+                answered.attempt,
+                proposal.plan,
+                proposal.confidence,
+                answered.model.server is not None,
+            )
             sent_back = await _examined(context, retrieved, attempt, reading)
             best = better(best, sent_back)
             if not best.sound and not seen:
@@ -261,6 +266,7 @@ async def _examined(
         mentions,
         attempt.confidence,
         own=own,
+        by_server=attempt.by_server,
     )
 
 

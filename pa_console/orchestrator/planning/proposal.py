@@ -7,9 +7,11 @@ from itertools import islice
 from time import perf_counter
 from typing import Literal
 
+from pa_console.llm.roles.answer_schema import Schema, plan_schema, slot_schema
 from pa_console.llm.roles.grammar import ANY_TEXT, CommandSlot, plan_grammar, slot_grammar
 from pa_console.llm.roles.planner import Proposal
 from pa_console.llm.roles.prompts import Prompt, paper_prompt
+from pa_console.llm.roles.role_model import RoleModel, first_answer
 from pa_console.orchestrator.mission.services import MissionContext, Services
 from pa_console.orchestrator.planning.digest import digest_picture
 from pa_console.orchestrator.planning.picture_selection import select
@@ -40,6 +42,8 @@ class Question:
     asked: str
     picture_s: float
     prompt_s: float
+    schema: Schema | None = None
+    """What a model on a server is held to in place of the grammar."""
 
 
 @dataclass(frozen=True)
@@ -49,16 +53,24 @@ class Attempt:
     number: int
     plan: Plan
     confidence: float | None = None
+    by_server: bool = False
+    """Whether the model of a server wrote it."""
 
 
 @dataclass(frozen=True)
 class Answered:
-    """A question for a task, and the planner's whole answer to it, number `attempt`."""
+    """A question for a task, and the whole answer of `model` to it, number `attempt`."""
 
+    model: RoleModel
     retrieved: Retrieved
     question: Question
     proposal: Proposal
     attempt: int
+
+    @property
+    def error(self) -> str:
+        """Why there is no plan in it; '' where there is one."""
+        return self.proposal.error if self.proposal.plan is None else ""
 
     @property
     def selection(self) -> Selection | None:
@@ -85,9 +97,17 @@ class Answered:
 
 
 def ask_for_plan(
-    services: Services, retrieved: Retrieved, reasons: Sequence[str] = (), previous: str = ""
+    services: Services,
+    retrieved: Retrieved,
+    reasons: Sequence[str] = (),
+    previous: str = "",
+    model: RoleModel | None = None,
 ) -> Question:
-    """Return the question for a plan; `reasons` are the faults of the `previous` one."""
+    """Return the question for a plan; `reasons` are the faults of the `previous` one.
+
+    It is for `model`, by default for the session's own.
+    """
+    dialect = model.dialect if model is not None else services.dialect
     started = perf_counter()
     picture, world, task = services.fleet.picture(), services.fleet.world, retrieved.task
     rules = [services.rulebook.get(hit.rule_id) for hit in retrieved.hits]
@@ -97,23 +117,50 @@ def ask_for_plan(
     if services.variant.prompt == "paper":
         prompt = paper_prompt(world, digest, rules, task)
     else:
-        prompt = services.dialect.planner(world, digest, rules, task, reasons, previous)
+        prompt = dialect.planner(world, digest, rules, task, reasons, previous)
     grammar, stated, asked = ANY_TEXT, (), asked_now(world, digest, retrieved.chosen)
+    schema: Schema | None = None
     if services.variant.grammar:
         shown = (None, None) if selection is None else (selection.assets, selection.frames)
         if services.variant.grounded:
-            stated = tuple(services.dialect.reason(world, digest, task.text, asked))
+            stated = tuple(dialect.reason(world, digest, task.text, asked))
         grammar = plan_grammar(world, picture, *shown, retrieved.verbs, stated)
+        if model is not None and model.server is not None:
+            schema = plan_schema(world, picture, *shown, retrieved.verbs)
     spent_s = perf_counter() - digested
-    return Question(digest, prompt, grammar, stated, asked, digested - started, spent_s)
+    return Question(digest, prompt, grammar, stated, asked, digested - started, spent_s, schema)
 
 
 async def ask_planner(
     context: MissionContext, retrieved: Retrieved, reasons: Sequence[str], previous: str
 ) -> Answered:
-    """Steps 3 to 5, once; `reasons` say what was wrong with the `previous` plan."""
-    attempt, services, watch = context.next_attempt(), context.services, context.stopwatch
-    question = ask_for_plan(services, retrieved, reasons, previous)
+    """Steps 3 to 5, once; `reasons` say what was wrong with the `previous` plan.
+
+    Where a model on a server gives no plan, the session's own is asked in its place.
+    """
+    attempt = context.next_attempt()
+
+    async def ask(model: RoleModel) -> Answered:
+        question = ask_for_plan(context.services, retrieved, reasons, previous, model)
+        return await _answered(context, model, retrieved, question, attempt)
+
+    answered = await first_answer(context.services.planners, ask, context.turn_to_own)
+    proposal = answered.proposal
+    context.emit(_proposed(answered, proposal, attempt))
+    if attempt == 1:
+        context.stopwatch.add("first_token_s", proposal.usage.first_token_s)
+    return answered
+
+
+async def _answered(
+    context: MissionContext,
+    model: RoleModel,
+    retrieved: Retrieved,
+    question: Question,
+    attempt: int,
+) -> Answered:
+    """Ask `model` for the plan number `attempt`."""
+    watch = context.stopwatch
     watch.add("picture_s", question.picture_s)
     watch.add("prompt_s", question.prompt_s)
     context.emit(ev.PictureDigested(digest=question.digest, seconds=question.picture_s))
@@ -124,6 +171,7 @@ async def ask_planner(
             system=question.prompt.system,
             user=question.prompt.user,
             seconds=question.prompt_s,
+            server=model.where,
         )
     )
 
@@ -131,14 +179,12 @@ async def ask_planner(
         context.emit(ev.TextStreamed(role="planner", attempt=attempt, text=piece))
 
     with watch.time("planning_s"):
-        proposal = await services.planner.plan(question.prompt, question.grammar, on_text)
-        if retrieved.chosen:
-            proposal = replace(proposal, confidence=None)
-        answered = Answered(retrieved, question, proposal, attempt)
-        context.emit(_proposed(answered, proposal, attempt))
-    if attempt == 1:
-        watch.add("first_token_s", proposal.usage.first_token_s)
-    return answered
+        proposal = await model.planner.plan(
+            question.prompt, question.grammar, on_text, question.schema
+        )
+    if retrieved.chosen:
+        proposal = replace(proposal, confidence=None)
+    return Answered(model, retrieved, question, proposal, attempt)
 
 
 async def ask_for_others(
@@ -154,7 +200,7 @@ async def ask_for_others(
         return []
     first = context.attempts
     with context.stopwatch.time("planning_s"):
-        found, usage = await context.services.planner.several(
+        found, usage = await answered.model.planner.several(
             question.prompt, question.grammar, count, answered.begun if as_asked else ""
         )
     others: list[Attempt] = []
@@ -167,7 +213,8 @@ async def ask_for_others(
         )
         context.emit(_proposed(answered, given, number, instead_of=first))
         if given.plan is not None:
-            others.append(Attempt(number, given.plan, given.confidence))
+            by_server = answered.model.server is not None
+            others.append(Attempt(number, given.plan, given.confidence, by_server))
     return others
 
 
@@ -182,7 +229,7 @@ async def other_readings(context: MissionContext, answered: Answered, count: int
     text = answered.proposal.text
     end = text.find(" ", len(answered.begun))
     with context.stopwatch.time("readings_s"):
-        found, _ = await context.services.planner.readings(
+        found, _ = await answered.model.planner.readings(
             question.prompt, question.reasons, count, text[: end if end >= 0 else len(text)]
         )
     return found
@@ -219,8 +266,12 @@ async def ask_who(
     task = answered.retrieved.task
     reasons = grounded_reason(services.fleet.world, question.digest, task.text, asked)
     first = context.attempts
+    by_server = answered.model.server is not None
+    schema = slot_schema(slots, asked) if by_server else None
     with context.stopwatch.time("planning_s"):
-        proposal = await services.planner.plan(question.prompt, slot_grammar(slots, reasons))
+        proposal = await answered.model.planner.plan(
+            question.prompt, slot_grammar(slots, reasons), schema=schema
+        )
         number = context.next_attempt()
         sure = None if instead else answered.proposal.confidence
         given = replace(proposal, confidence=sure)
@@ -228,7 +279,11 @@ async def ask_who(
         if instead:
             told = told.model_copy(update={f"as_{instead}": True})
         context.emit(told)
-    return Attempt(number, given.plan, sure) if given.plan is not None else None
+    return (
+        Attempt(number, given.plan, sure, by_server and not instead)
+        if given.plan is not None
+        else None
+    )
 
 
 def _proposed(

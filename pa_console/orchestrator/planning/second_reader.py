@@ -2,13 +2,15 @@
 
 Planner and judge share their weights, and so their misreadings. The second reader is a larger model
 of another family: it is asked only where there is doubt, so that a clear order costs no more time.
-It says what was asked and nothing else; the plan for that goes the same way as any other.
+It says what was asked and nothing else; the plan for that goes the same way as any other. One on a
+server is not measured: what it reads is offered, makes no doubt less and decides nothing.
 """
 
 import asyncio
 from dataclasses import replace
 
-from pa_console.llm.roles.judge import OrderRead
+from pa_console.llm.roles.judge import Judge, OrderRead
+from pa_console.llm.roles.server_reader import ServerReader
 from pa_console.orchestrator.mission.services import MissionContext
 from pa_console.orchestrator.planning.candidate import Candidate, ReadAgain
 from pa_console.orchestrator.planning.judging import PlanCase, ask_about_plan
@@ -43,15 +45,18 @@ def in_doubt(shown: Candidate) -> bool:
 
 async def read_again(context: MissionContext, case: PlanCase, shown: Candidate) -> Candidate:
     """Return `shown` with what the second reader says of the order; as it is without an answer."""
-    services = context.services
-    reader = services.second_reader
+    services, world = context.services, context.services.fleet.world
+    reader = services.server_reader or services.second_reader
     if reader is None or not services.variant.read_again or not in_doubt(shown):
         return shown
-    question = ask_about_plan(services.dialect, services.fleet.world, services.rulebook, case)
     with context.stopwatch.time("readings_s"):
         try:
             async with asyncio.timeout(PATIENCE_S):
-                read = await reader.read(question)
+                if isinstance(reader, ServerReader):
+                    read = await reader.read(world, case.digest, case.task)
+                else:
+                    question = ask_about_plan(services.dialect, world, services.rulebook, case)
+                    read = await reader.read(question)
         except TimeoutError:
             read = OrderRead("", f"no answer within {PATIENCE_S:.0f} s")
     context.emit(
@@ -64,10 +69,12 @@ async def read_again(context: MissionContext, case: PlanCase, shown: Candidate) 
             confidence=read.confidence,
         )
     )
-    if not read.asked or read.confidence is None:
+    measured = isinstance(reader, Judge)
+    if not read.asked or (measured and read.confidence is None):
         return shown
-    own = asked_words(shown.examination.plan.reason).rstrip("; ")
-    return replace(shown, read_again=ReadAgain(read.asked, read.confidence, agree(own, read.asked)))
+    own, sure = asked_words(shown.examination.plan.reason).rstrip("; "), read.confidence or 0.0
+    again = ReadAgain(read.asked, sure, agree(own, read.asked), measured)
+    return replace(shown, read_again=again)
 
 
 def likelier(shown: Candidate) -> bool:
@@ -76,4 +83,4 @@ def likelier(shown: Candidate) -> bool:
     Where an order is in doubt, it is twice as often right as the planner.
     """
     read = shown.read_again
-    return read is not None and not read.same and read.confidence >= LEAST
+    return read is not None and read.measured and not read.same and read.confidence >= LEAST

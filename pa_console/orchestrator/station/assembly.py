@@ -16,6 +16,7 @@ from pa_console.fleets.fleet import Fleet, Simulated
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.roles.grammar import plan_grammar
+from pa_console.llm.servers.servers import NO_SERVERS, Servers
 from pa_console.orchestrator.mission.services import Services
 from pa_console.orchestrator.station.resumed_session import ResumedSession
 from pa_console.orchestrator.station.rules_in_force import RulesWatch
@@ -130,6 +131,7 @@ def open_station(
     read_unasked: bool = True,
     resumed: ResumedSession | None = None,
     authority: "StationAuthority | None" = None,
+    servers: Servers = NO_SERVERS,
 ) -> Station:
     """Return a station on `site` whose planner and judge are two roles on `engine`.
 
@@ -140,6 +142,7 @@ def open_station(
     before it is asked for, as where the picture is about to change. A `resumed` session goes on
     with its own fleet, seed and scenario. With an `authority`, what is approved and sent is signed;
     vehicles that are simulated here check it, a `fleet` of the caller's gets its tokens from it.
+    Models on `servers` are asked before the engine's, which takes over when they do not answer.
     Raises ValueError for a `scenario` in a fleet that is not simulated.
     """
     now = time.time
@@ -157,7 +160,13 @@ def open_station(
     variant = variant or Variant()
     retriever = site.retriever_by(variant.method or DEFAULT_METHOD)
     services = Services.open(
-        fleet, site.rulebook, engine, variant, retriever=retriever, authority=authority
+        fleet,
+        site.rulebook,
+        engine,
+        variant,
+        retriever=retriever,
+        authority=authority,
+        servers=servers,
     )
     if resumed is not None:
         services = replace(services, sightings=resumed.sightings)
@@ -187,6 +196,7 @@ def open_station(
             adapters={adapter.path.name: adapter.sha256 for adapter in engine.model.adapters},
             second_reader=reader.name if reader is not None else "",
             second_reader_sha256=reader.fingerprint if reader is not None else "",
+            servers=servers.named,
         )
     )
     if authority is not None:

@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import AsyncGenerator, Callable
 from datetime import UTC, datetime
+from functools import partial
 
 from pa_console import __version__
 from pa_console.fleets.fleet import Simulated
@@ -152,6 +153,9 @@ class Station:
         if problem := self._gate.objection(self._services.rulebook):
             self._emit(ev.Noticed(level="alarm", subject="keys", text=problem))
         self._services.engine.on_state = self.worker_changed
+        for server, uses in self._services.servers.engines.items():
+            server.on_state = partial(self._server_changed, server.model.name, uses)
+            self._background.start(server.serve())
         ahead, serving = self._ahead, self._worker.serve(self._background, self._between)
         for work in (
             self._ticking.run(),
@@ -167,6 +171,8 @@ class Station:
         finally:
             await self.close("broken off")
             self._fleet.close()
+            for server in self._services.servers.engines:
+                await server.close()
             if not self._keep_engine:
                 await self._services.engine.close()
 
@@ -320,6 +326,12 @@ class Station:
     def worker_changed(self, state: ev.WorkerState, detail: str) -> None:
         """Pass a change of the LLM worker on to the event stream."""
         self._emit(ev.WorkerChanged(state=state, detail=detail))
+
+    def _server_changed(
+        self, server: str, serves: tuple[ev.ServerUse, ...], state: ev.ServerState, detail: str
+    ) -> None:
+        """Pass a change of a model's server on to the event stream."""
+        self._emit(ev.ServerChanged(server=server, serves=serves, state=state, detail=detail))
 
     async def close(
         self, reason: str = "closed by the operator", *, judge_outcomes: bool = False

@@ -59,6 +59,9 @@ from pa_console.schema.events.session import (
     LogTroubled,
     Noticed,
     RulesReplaced,
+    ServerChanged,
+    ServerState,
+    ServerUse,
     SessionEnded,
     SessionResumed,
     SessionStarted,
@@ -113,6 +116,9 @@ __all__ = (
     "Role",
     "RulesReplaced",
     "RulesRetrieved",
+    "ServerChanged",
+    "ServerState",
+    "ServerUse",
     "SessionEnded",
     "SessionResumed",
     "SessionStarted",
@@ -127,6 +133,7 @@ __all__ = (
 
 EventPayload = Annotated[
     SessionStarted | TelemetryReceived | IncidentHappened | Noticed | WorkerChanged
+    | ServerChanged
     | AlarmRaised | AlarmAcknowledged | AlarmCleared | QueueChanged | MissionPreempted
     | WorkflowMoved | CommandResent | PlanHalted | MissionReceived | MissionStarted
     | QuestionAsked | OrderRead | RulesRetrieved | PictureDigested | PromptBuilt

@@ -56,6 +56,11 @@ class PromptBuilt(Payload):
     system: str
     user: str
     seconds: float
+    server: str = Field(
+        default="",
+        exclude_if=lambda server: not server,
+        description="the model on a server that it is for; empty for the session's own model",
+    )
 
 
 class TextStreamed(Payload):

@@ -13,6 +13,8 @@ from pa_console.schema.telemetry import Picture
 
 Level = Literal["info", "warning", "alarm"]
 IncidentSource = Literal["operator", "scenario"]
+ServerState = Literal["probing", "ready", "unconstrained", "away"]
+ServerUse = Literal["planner", "judge", "second reader"]
 WorkerState = Literal["loading", "ready", "slow", "dead", "unavailable"]
 
 
@@ -46,6 +48,11 @@ class SessionStarted(Payload):
         default="", description="the model that reads unclear orders again, with its SHA-256"
     )
     second_reader_sha256: str = ""
+    servers: dict[ServerUse, str] = Field(
+        default={},
+        exclude_if=lambda servers: not servers,
+        description="models on servers that are asked before the own one, by what they are to be",
+    )
 
 
 class SessionResumed(Payload):
@@ -106,6 +113,16 @@ class WorkerChanged(Payload):
 
     kind: Literal["worker"] = "worker"
     state: WorkerState
+    detail: str = ""
+
+
+class ServerChanged(Payload):
+    """A model's server is being tried, answers, holds no answer to its form, or gives none."""
+
+    kind: Literal["server"] = "server"
+    server: str = Field(description="openai:BASE_URL#NAME")
+    serves: tuple[ServerUse, ...] = Field(description="what it is asked to be")
+    state: ServerState
     detail: str = ""
 
 

@@ -6,7 +6,7 @@ A keyframe holds no picture, which the log has, and no mission, which are kept o
 import zlib
 from collections import deque
 from collections.abc import Callable, Iterator, MutableMapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 
 from pydantic import TypeAdapter
@@ -35,6 +35,7 @@ class Keyframe:
     open_alarms: dict[str, OpenAlarm]
     answers: dict[str, str]
     loose_orders: dict[str, CommandTrace]
+    servers: dict[str, ev.ServerChanged] = field(default_factory=dict[str, ev.ServerChanged])
 
 
 @cache
@@ -91,6 +92,7 @@ def pack_state(state: SessionState) -> bytes:
         ended=state.ended,
         tick=state.tick,
         worker=state.worker,
+        servers=state.servers,
         active=state.active,
         last_active=state.last_active,
         latest=state.latest,
@@ -114,6 +116,7 @@ def unpack_state(
         ended=frame.ended,
         tick=frame.tick,
         worker=frame.worker,
+        servers=frame.servers,
         missions=MissionShelf(missions[: frame.arrived], load),
         active=frame.active,
         last_active=frame.last_active,

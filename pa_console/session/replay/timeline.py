@@ -74,6 +74,8 @@ def _is_fault(data: ev.EventPayload) -> bool:
             return _breaks(incident)
         case ev.WorkerChanged(state=state):
             return state in ("dead", "unavailable")
+        case ev.ServerChanged(state=state):
+            return state == "away"
         case ev.CommandReplied(reply=reply):
             return reply.status in ("failed", "refused")
         case _:

@@ -74,6 +74,7 @@ class SessionState:
     tick: int = 0
     picture: Picture | None = None
     worker: ev.WorkerChanged | None = None
+    servers: dict[str, ev.ServerChanged] = field(default_factory=dict[str, ev.ServerChanged])
     missions: MutableMapping[str, MissionTrace] = field(default_factory=dict[str, MissionTrace])
     active: str | None = None
     last_active: str | None = None
@@ -144,6 +145,10 @@ class SessionState:
                 self.worker = event.data
                 level = "info" if state in ("loading", "ready", "slow") else "warning"
                 self._notice(event, level, "model", f"{state} {detail}".strip())
+            case ev.ServerChanged(server=server, state=state, detail=detail):
+                self.servers[server] = event.data
+                level = "info" if state in ("probing", "ready") else "warning"
+                self._notice(event, level, "model server", f"{server} {state}: {detail}")
             case ev.Noticed(level=level, subject=subject, text=text):
                 self._notice(event, level, subject, text)
             case ev.IncidentHappened(incident=incident, source=source):
@@ -167,7 +172,7 @@ class SessionState:
             case ev.SessionEnded(reason=reason):
                 self.ended = reason
             case ev.SessionResumed():
-                self.ended, self.worker = "", None
+                self.ended, self.worker, self.servers = "", None, {}
                 text = "goes on after its console ended without closing it"
                 self._notice(event, "warning", "session", text)
             case _:

@@ -69,6 +69,8 @@ class Attempt:
     """What the second reader said of the order, where it was asked."""
     told: float | None = None
     """How sure of its reading the operator was told that the console is."""
+    server: str = ""
+    """The model on a server that was asked for it; '' for the session's own."""
     as_chosen: bool = False
     """Whether it is for the reading of the mission that the operator chose."""
 
@@ -104,7 +106,8 @@ class Attempt:
         given = ", its commands given by the console" * self.given
         judged = ", as the judge read it" * self.as_judged
         judged += ", as the second reader read it" * self.as_read_again
-        return given + judged + ", as the operator meant it" * self.as_chosen
+        served = f", by {self.server}" if self.server else ""
+        return served + given + judged + ", as the operator meant it" * self.as_chosen
 
 
 @dataclass
@@ -249,6 +252,18 @@ def _apply_reading(trace: MissionTrace, data: ev.EventPayload) -> None:
             pass
 
 
+def _apply_prompt(trace: MissionTrace, data: ev.PromptBuilt) -> None:
+    """Step 4: an answer begins, maybe in place of one that was broken off."""
+    if data.role == "planner":
+        attempt, trace.stage = trace.attempt(data.attempt), "plan"
+        attempt.system, attempt.user, attempt.text = data.system, data.user, ""
+        attempt.server = data.server
+    elif data.role == "judge":
+        trace.stage = "judge"
+        if (judged := trace.find(data.attempt)) is not None:
+            judged.judge_text = ""
+
+
 def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
     """Steps 2 to 6."""
     match data:
@@ -264,12 +279,8 @@ def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
             trace.retrieval_s = seconds
         case ev.PictureDigested(digest=digest):
             trace.stage, trace.digest = "prompt", digest
-        case ev.PromptBuilt(role="planner", attempt=number, system=system, user=user):
-            trace.stage = "plan"
-            attempt = trace.attempt(number)
-            attempt.system, attempt.user = system, user
-        case ev.PromptBuilt(role="judge"):
-            trace.stage = "judge"
+        case ev.PromptBuilt():
+            _apply_prompt(trace, data)
         case ev.TextStreamed(role=role, attempt=number, text=text):
             attempt = trace.attempt(number)
             if role == "planner":
@@ -312,6 +323,7 @@ def _apply_decision(trace: MissionTrace, data: ev.EventPayload) -> None:
             trace.approval_state = data.state
             if (attempt := trace.find(number)) is not None:
                 attempt.if_halted, attempt.told = declared, data.confidence
+                attempt.gaps = data.gaps or attempt.gaps
         case ev.DecisionMade(attempt=number, decision=decision, accepted=accepted):
             trace.decisions.append(data)
             if accepted:

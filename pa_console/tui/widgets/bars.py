@@ -141,8 +141,18 @@ class StatusBar(Static):
             parts.append((f"  ▲ no telemetry for {silent_s:.0f} s", "bold $text-error"))
         if wide or worker.word != "ready":
             parts += [("  model ", QUIET), (f"{worker.glyph} {worker.word}", worker.style)]
+        parts += self._servers(state)
         parts += ["  ", self._gates(state), "  ", self._mission(state, mode)]
         self.update(Content.assemble(*parts), layout=False)
+
+    def _servers(self, state: SessionState) -> list[tuple[str, str] | Content | str]:
+        """Say how the models on servers are, the worst of them where there are several."""
+        if not state.servers:
+            return []
+        order = ("away", "probing", "unconstrained", "ready")
+        worst = min((one.state for one in state.servers.values()), key=order.index)
+        mark = term("server", worst)
+        return [("  server ", QUIET), (f"{mark.glyph} {mark.word}", mark.style)]
 
     def _mode(self, mode: str) -> Content:
         style = {"LIVE": "bold $text-success"}.get(mode, "bold reverse $text-warning")

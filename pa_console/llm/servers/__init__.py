@@ -1,0 +1,1 @@
+"""Models on another machine: servers that speak the OpenAI interface."""

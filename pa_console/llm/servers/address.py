@@ -1,0 +1,113 @@
+"""Which server a model is on, whether words may be sent there, and the key that it wants.
+
+A server is named as `openai:BASE_URL#NAME`. Nothing is sent to one that nobody named.
+"""
+
+import ipaddress
+import os
+from dataclasses import dataclass, field
+from importlib import import_module
+from importlib.util import find_spec
+from urllib.parse import urlsplit
+
+from pa_console.llm.errors import ModelError
+
+PREFIX = "openai:"
+FORM = "openai:BASE_URL#NAME, as in openai:http://127.0.0.1:8080/v1#qwen2.5-7b"
+USUAL_PATH = "/v1"
+KEY_VARIABLE = "PA_CONSOLE_SERVER_KEY"
+JUDGE_KEY_VARIABLE = "PA_CONSOLE_JUDGE_SERVER_KEY"
+READER_KEY_VARIABLE = "PA_CONSOLE_READER_SERVER_KEY"
+KEY_VARIABLES = (KEY_VARIABLE, JUDGE_KEY_VARIABLE, READER_KEY_VARIABLE)
+"""What holds the key for the server of the planner, the judge and the second reader."""
+KEYRING_SERVICE = "pa-console"
+
+
+def names_server(name: str | None) -> bool:
+    """Whether a model's `name` is that of a server."""
+    return name is not None and name.startswith(PREFIX)
+
+
+@dataclass(frozen=True)
+class ServerAddress:
+    """The model `name` of the server at `base_url`."""
+
+    base_url: str
+    name: str
+
+    @classmethod
+    def parse(cls, text: str) -> "ServerAddress":
+        """Read `openai:BASE_URL#NAME`; raises ModelError for what is no such address.
+
+        One that holds a password or a query is refused: it would be written to the session log.
+        """
+        try:
+            parts = urlsplit(text.removeprefix(PREFIX))
+            whole = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
+        except ValueError as error:
+            raise ModelError(f"no model on a server: {error}; write {FORM}") from error
+        if parts.username is not None or parts.password is not None or parts.query:
+            raise ModelError(
+                "the address of a model's server holds no key: write openai:BASE_URL#NAME, and put "
+                f"the key in {KEY_VARIABLE} or the keyring"
+            )
+        if not text.startswith(PREFIX) or not whole or not parts.fragment:
+            raise ModelError(f"{text!r} is no model on a server: write {FORM}")
+        path = parts.path.rstrip("/") or USUAL_PATH
+        return cls(f"{parts.scheme}://{parts.netloc}{path}", parts.fragment)
+
+    def __str__(self) -> str:
+        return f"{PREFIX}{self.base_url}#{self.name}"
+
+    @property
+    def private(self) -> bool:
+        """Whether nobody between here and the server reads what is sent: loopback, or https."""
+        parts = urlsplit(self.base_url)
+        return parts.scheme == "https" or _loopback(parts.hostname or "")
+
+    def allow(self, *, plain: bool) -> None:
+        """Raise ModelError where words would be sent in clear text, unless `plain` is allowed."""
+        if not self.private and not plain:
+            raise ModelError(
+                f"{self}: the operator's words and the picture would cross the network in clear; "
+                "use an https address, or allow it with the setting plain_servers"
+            )
+
+
+def _loopback(host: str) -> bool:
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+@dataclass(frozen=True)
+class ServerKey:
+    """The key that a server wants, and where it was found; it is never shown."""
+
+    source: str = "none"
+    secret: str = field(default="", repr=False)
+
+    @classmethod
+    def find(cls, address: ServerAddress, variable: str = KEY_VARIABLE) -> "ServerKey":
+        """Return the key in the environment's `variable`, else in the keyring, else none.
+
+        The keyring is looked in where the package `keyring` is installed: under the service
+        pa-console, for the address of the server as its user.
+        """
+        if secret := os.environ.get(variable, "").strip():
+            return cls(variable, secret)
+        if find_spec("keyring") is None:
+            return cls()
+        try:
+            keyring = import_module("keyring")
+            secret = str(keyring.get_password(KEYRING_SERVICE, address.base_url) or "").strip()
+        except Exception:  # a keyring that is locked or has no backend raises what it likes
+            return cls()
+        return cls("the keyring", secret) if secret else cls()
+
+    def hidden_in(self, text: str) -> str:
+        """Return `text` without the key, whoever wrote it there."""
+        return text.replace(self.secret, "[key]") if self.secret else text

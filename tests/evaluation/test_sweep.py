@@ -1,0 +1,138 @@
+"""A sweep on Dask comes to what a single run does, though workers die and schedulers restart."""
+
+import os
+import signal
+from collections.abc import AsyncGenerator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+from distributed import Scheduler, Worker
+
+from pa_console.evaluation.runs.jobs import Job, LoadedSet, find_variant, plan_jobs
+from pa_console.evaluation.runs.memo_engine import MemoEngine
+from pa_console.evaluation.runs.run_record import EvaluationFolder, RunRecord, read_runs
+from pa_console.evaluation.runs.runner import Runner
+from pa_console.evaluation.runs.sweep import RemoteRun, Sweep, SweepError, Workers, cluster
+from pa_console.orchestrator.station.assembly import Site
+from pa_console.schema.evaluation import MissionCase, MissionSet
+from tests.scripted import SUCCESS, ScriptedEngine, plan
+
+PRINTS = {"scripted": "0" * 64}
+SPARE = plan(("Drone_T04", "move_to EastGate"))
+
+
+def scripted_engine(_model: str, _lane: int = 0) -> MemoEngine:
+    return MemoEngine(ScriptedEngine([SPARE], [SUCCESS]).engine(), reuse=False)
+
+
+def jobs(site: Site, count: int) -> list[Job]:
+    cases = tuple(
+        MissionCase(
+            id=f"C{number}",
+            category="test",
+            command="a drone to the east gate",
+            success=("run.final.assets['Drone_T04'].at == 'EastGate'",),
+            watch_s=5.0 + 10.0 * (number % 2),
+            expect="execute",
+        )
+        for number in range(count)
+    )
+    loaded = LoadedSet(MissionSet(name="test", missions=cases), {"": site})
+    return plan_jobs([loaded], ["scripted"], [find_variant("one-plan")], [0])
+
+
+async def single(folder: Path, planned: list[Job]) -> list[RunRecord]:
+    results = EvaluationFolder(folder)
+    made = [record async for record in Runner(results, scripted_engine).run(planned)]
+    assert len(made) == len(planned)
+    return read_runs(folder)
+
+
+def same(made: list[RunRecord], expected: list[RunRecord]) -> bool:
+    pairs = zip(made, expected, strict=True)
+    return all(one.same_as(other) and one.run == other.run for one, other in pairs)
+
+
+async def test_two_workers_one_of_them_killed_come_to_what_one_process_does(
+    tmp_path: Path, site: Site
+) -> None:
+    planned = jobs(site, 8)
+    results = EvaluationFolder(tmp_path / "swept")
+    sweep = Sweep(results, scripted_engine, PRINTS)
+    killed = 0
+    async with cluster(Workers(count=2)) as target:
+        async for _ in sweep.run_on(target, planned):
+            if not killed:
+                killed = target.workers[0].pid
+                os.kill(killed, signal.SIGKILL)
+    assert killed
+    made = read_runs(tmp_path / "swept")
+    assert same(made, await single(tmp_path / "single", planned))
+    assert all((tmp_path / "swept" / record.log).stat().st_size for record in made)
+
+
+@asynccontextmanager
+async def scheduling(port: int = 0) -> AsyncGenerator[str]:
+    """A scheduler with one worker in this process."""
+    options: dict[str, Any] = {"dashboard": False, "host": "127.0.0.1", "port": port}
+    async with (
+        cast(Any, Scheduler)(**options) as scheduler,
+        cast(Any, Worker)(scheduler.address, nthreads=1, dashboard=False),
+    ):
+        yield str(scheduler.address)
+
+
+async def test_a_scheduler_that_is_restarted_is_sent_what_is_missing(
+    tmp_path: Path, site: Site
+) -> None:
+    planned = jobs(site, 4)
+    said: list[str] = []
+    results = EvaluationFolder(tmp_path / "swept")
+    sweep = Sweep(results, scripted_engine, PRINTS, told=said.append, again_s=0.001)
+    made: list[RunRecord] = []
+    first = scheduling()
+    address = await first.__aenter__()
+    records = sweep.run_on(address, planned)
+    made.append(await anext(records))
+    await first.__aexit__(None, None, None)
+    async with scheduling(int(address.rpartition(":")[2])):
+        made += [record async for record in records]
+    assert len(made) == len({record.run for record in made}) == 4
+    assert any("sent again" in text for text in said)
+    assert same(read_runs(tmp_path / "swept"), await single(tmp_path / "single", planned))
+
+
+async def test_an_address_at_which_there_is_no_scheduler_is_told(
+    tmp_path: Path, site: Site
+) -> None:
+    sweep = Sweep(EvaluationFolder(tmp_path), scripted_engine, PRINTS)
+    with pytest.raises(SweepError, match="no scheduler answers at tcp"):
+        _ = [record async for record in sweep.run_on("tcp://127.0.0.1:1", jobs(site, 1))]
+
+
+async def test_what_is_there_is_not_made_again(tmp_path: Path, site: Site) -> None:
+    planned = jobs(site, 2)
+    await single(tmp_path, planned)
+    sweep = Sweep(EvaluationFolder(tmp_path), scripted_engine, PRINTS)
+    assert [record async for record in sweep.run_on("tcp://127.0.0.1:1", planned)] == []
+
+
+def test_a_run_has_one_key_and_another_rule_file_another(tmp_path: Path, site: Site) -> None:
+    job = jobs(site, 1)[0]
+    one = RemoteRun.of(job, "f", keep_log=True)
+    assert one.key == RemoteRun.of(job, "f", keep_log=True).key
+    assert one.key != RemoteRun.of(job, "other weights", keep_log=True).key
+    assert one.key.startswith(job.run)
+
+
+async def test_the_file_does_not_depend_on_who_was_first(tmp_path: Path, site: Site) -> None:
+    planned = jobs(site, 2)
+    await single(tmp_path, planned)
+    results = EvaluationFolder(tmp_path)
+    before = (tmp_path / "runs.jsonl").read_bytes()
+    results.arrange([job.run for job in reversed(planned)])
+    assert (tmp_path / "runs.jsonl").read_bytes() != before
+    results.arrange([job.run for job in planned])
+    assert (tmp_path / "runs.jsonl").read_bytes() == before
