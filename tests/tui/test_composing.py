@@ -25,6 +25,7 @@ from tests.tui import crowd, living, story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, notices, settle
 from tests.tui.site import WORLD
 from tests.tui.story import stamped
+from tests.tui.test_approval_state import as_a_terminal_sends
 
 SIZE = (120, 36)
 
@@ -159,15 +160,16 @@ def test_templates_are_of_what_the_world_can_do() -> None:
 # Examples
 
 
+@pytest.mark.parametrize("key", [["alt+2"], as_a_terminal_sends("\x1b2")])
 @pytest.mark.parametrize("size", [(80, 24), SIZE])
 async def test_an_example_is_typed_by_its_key_or_a_click_and_not_sent(
-    tmp_path: Path, size: tuple[int, int]
+    tmp_path: Path, size: tuple[int, int], key: list[str]
 ) -> None:
     app, station, clock = opened(tmp_path)
     async with app.run_test(size=size) as pilot:
         await settle(pilot, station)
         orders = example_orders(WORLD)
-        await pilot.press("alt+2", "enter")  # the Enter may have been meant for something else
+        await pilot.press(*key, "enter")  # the Enter may have been meant for something else
         assert field(app).text == orders[1]
         lines = list(app.screen.query(ExampleLine))
         assert await pilot.click(lines[0])

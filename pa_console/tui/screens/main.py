@@ -38,6 +38,12 @@ PLAY_FRAME_S = 0.1
 
 LEAST_SIZE = (60, 18)
 WIDE_SIZE = (100, 30)
+_HELPING_TO_WRITE = (
+    ("history", "earlier orders"),
+    ("favourites", "favourites and templates"),
+    ("thing", "assets and places"),
+)
+"""Actions that type an order, as the prompt names them."""
 _KEYS_GO_TO = {"trace": "#trace-body", "assets": "#asset-rows"}
 """Which part of a view takes the keys, where it is not the view itself."""
 
@@ -132,6 +138,13 @@ class MainScreen(Screen[None]):
         """Take the user's hold delay, and after how long telemetry is called stale; in seconds."""
         self.query_one(ApprovalPanel).arm_delay_s = approval_s
         self.query_one(StatusBar).stale_after_s = stale_s
+
+    def name_keys(self) -> None:
+        """Say at the prompt which of the user's keys help to write an order."""
+        if not self._closed_why:
+            keys = cast(KeysHost, self.app).keys
+            named = (f"{first_own_key(name, keys)} {what}" for name, what in _HELPING_TO_WRITE)
+            self.query_one(MissionPrompt).show_keys(" · ".join(named))
 
     @property
     def compact(self) -> bool:
@@ -286,11 +299,18 @@ class MainScreen(Screen[None]):
 
     def action_numbered(self, number: int) -> None:
         """Type the example of that number where examples are shown; else it is a decision's key."""
+        if not self.type_example(number):
+            self.action_where_to_decide()
+
+    def type_example(self, number: int) -> bool:
+        """Type an example by its number; returns whether it is shown and nothing else is typed."""
         for examples in self.query(ExampleOrders):
-            if examples.display and number <= len(examples.orders):
-                self.query_one(MissionPrompt).put(examples.orders[number - 1])
-                return
-        self.action_where_to_decide()
+            prompt = self.query_one(MissionPrompt)
+            free = prompt.draft.strip() in ("", *examples.orders)
+            if examples.display and free and number <= len(examples.orders):
+                prompt.put(examples.orders[number - 1])
+                return True
+        return False
 
     def on_example_orders_taken(self, message: ExampleOrders.Taken) -> None:
         """Type the example that was clicked."""

@@ -246,7 +246,7 @@ class MissionPrompt(Horizontal):
         super().__init__(id="prompt")
         self._history, self._closed_why = history, closed
         self._names, self._clock = names, clock
-        self._waiting = self._hint = ""
+        self._waiting = self._hint = self._keys = ""
 
     def compose(self) -> ComposeResult:
         """Yield the label and the field."""
@@ -290,6 +290,11 @@ class MissionPrompt(Horizontal):
             self._hint = f"{{{slot.kind}}}:{fitting} · type it or click it; Tab: next slot"
         else:
             self._hint = ""
+        self._say_above()
+
+    def show_keys(self, text: str) -> None:
+        """Say in the line above which keys help to write, while nothing else is said there."""
+        self._keys = text
         self._say_above()
 
     def put(self, text: str) -> None:
@@ -337,7 +342,7 @@ class MissionPrompt(Horizontal):
     def _say_above(self) -> None:
         """Say in the line above what Tab does, else what is waited for."""
         above = bool(self.styles.border_top[0])
-        retitle(self, (self._hint or self._waiting) if above else "")
+        retitle(self, (self._hint or self._waiting or self._keys) if above else "")
         for field in self.query(MissionInput):
             field.say_instead("" if above else self._waiting)
 
