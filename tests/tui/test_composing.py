@@ -1,14 +1,17 @@
 """Orders that are typed with help: names that complete, slots, earlier orders, favourites."""
 
+import random
 from pathlib import Path
+from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from textual.pilot import Pilot
 
 from pa_console.schema.document import DocumentError
 from pa_console.session.replay.player import Player
+from pa_console.settings.sources import load_settings
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.composing.card import Card
 from pa_console.tui.composing.choose_line import ChooseLine, LineRows
@@ -21,11 +24,13 @@ from pa_console.tui.widgets.assets import AssetTable
 from pa_console.tui.widgets.example_orders import ExampleLine, ExampleOrders
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import PUT_S, MissionInput
+from tests.session.logs import write_log
 from tests.tui import crowd, living, story
-from tests.tui.scripted import FakeClock, ScriptedStation, console, notices, settle
+from tests.tui.scripted import FakeClock, ScriptedStation, console, notices, settle, until
 from tests.tui.site import WORLD
 from tests.tui.story import stamped
 from tests.tui.test_approval_state import as_a_terminal_sends
+from tests.tui.test_replay import happened
 
 SIZE = (120, 36)
 
@@ -34,11 +39,13 @@ def field(app: ConsoleApp) -> MissionInput:
     return app.screen.query_one(MissionInput)
 
 
-def opened(tmp: Path, told: str = "opening") -> tuple[ConsoleApp, ScriptedStation, FakeClock]:
+def opened(
+    tmp: Path, told: str = "opening", **options: Any
+) -> tuple[ConsoleApp, ScriptedStation, FakeClock]:
     """A console before its first mission, or while one is `told`."""
     payloads = story.opening() if told == "opening" else story.told(told)
     station, clock = ScriptedStation(payloads), FakeClock()
-    return console(station, tmp, clock), station, clock
+    return console(station, tmp, clock, **options), station, clock
 
 
 # Names
@@ -182,6 +189,37 @@ async def test_an_example_is_typed_by_its_key_or_a_click_and_not_sent(
         assert station.submitted == [orders[0]]
 
 
+@pytest.mark.parametrize("seed", range(4))
+async def test_no_keys_that_help_to_write_send_anything(tmp_path: Path, seed: int) -> None:
+    """At most the Enter of a deliberate operator does, who has seen what was typed for him."""
+    app, station, _ = opened(tmp_path)
+    keys = ("ctrl+r", "ctrl+t", "ctrl+o", "ctrl+s", "alt+1", "alt+4", "tab", "right", "down", "1",
+            "4", "enter", "enter", "escape", "f3")  # fmt: skip
+    draw = random.Random(seed)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        for _ in range(40):
+            await pilot.press(draw.choice(keys))
+        await settle(pilot, station)
+        digits = [text for text in station.submitted if not text.strip("14")]
+        assert station.submitted == digits  # a digit typed into the field is the operator's text
+        assert station.decisions == []
+
+
+async def test_an_enter_that_is_held_sends_nothing_that_was_typed_for_the_operator(
+    tmp_path: Path,
+) -> None:
+    app, station, clock = opened(tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("alt+1")
+        for _ in range(8):
+            clock.now += PUT_S / 2
+            await pilot.press("enter")
+        await settle(pilot, station)
+        assert station.submitted == []
+
+
 async def test_examples_are_gone_once_there_is_a_mission(tmp_path: Path) -> None:
     app, station, _ = opened(tmp_path, "approval")
     async with app.run_test(size=SIZE) as pilot:
@@ -223,6 +261,22 @@ async def test_earlier_orders_are_searched_and_typed(tmp_path: Path) -> None:
         assert field(app).text == "draft"
 
 
+async def test_orders_of_recorded_sessions_are_found_with_their_end(tmp_path: Path) -> None:
+    logs = tmp_path / "logs"
+    logs.mkdir()
+    write_log(logs / "one.jsonl", happened())
+    app, station, _ = opened(tmp_path, settings=load_settings({"logs": str(logs)}))
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("ctrl+r")
+        await until(pilot, lambda: app.screen.query_one(LineRows).keys)
+        rows = app.screen.query_one(LineRows)
+        assert any(status in rows.text for status in ("verified", "unverified", "open"))
+        await pilot.press("enter")
+        await pilot.pause()
+        assert field(app).text == rows.keys[0]
+
+
 # Favourites
 
 
@@ -244,6 +298,7 @@ async def test_an_order_is_kept_chosen_and_removed(tmp_path: Path) -> None:
     assert Favourites(tmp_path / "favourites.yaml").orders() == ()
 
 
+@settings(max_examples=25)
 @given(
     st.lists(
         st.text(st.characters(codec="utf-8", categories=("L", "P", "Zs")), min_size=1)

@@ -16,7 +16,7 @@ from pa_console.tui.status_words import NOTE, QUIET
 from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.row_views import VirtualRows
 
-PLAIN_HINT = "any words narrow the list · ↑ ↓ point · Enter chooses · Esc goes back"
+PLAIN_HINT = "↑ ↓ point · Enter chooses · Esc goes back"
 
 
 class Line(NamedTuple):
@@ -87,7 +87,7 @@ class ChooseLine(ModalScreen[str | None]):
     def compose(self) -> ComposeResult:
         """Yield the field, the list and what can be done."""
         with Vertical(id="choose"):
-            yield LineField(compact=True, id="choose-words", placeholder="words")
+            yield LineField(compact=True, id="choose-words", placeholder="type any words of it")
             yield LineRows(id="choose-list")
             yield Static(id="choose-note", markup=False)
 
@@ -133,7 +133,7 @@ class ChooseLine(ModalScreen[str | None]):
         self.query_one(LineRows).show(found)
         note = self.query_one("#choose-note", Static)
         if found:
-            keys = PLAIN_HINT + (" · Del removes a favourite" if self._remove else "")
+            keys = PLAIN_HINT + (" · Del removes it" if self._remove else "")
             note.update("reading earlier sessions …" if self._reads else keys)
         else:
             none = "nothing has these words" if words else self._nothing

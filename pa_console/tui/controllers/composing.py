@@ -196,7 +196,7 @@ class ComposingController:
             self._open_card(name, None)
 
         if not isinstance(self._app.screen, ChooseLine | Card):
-            title = "What is it about?"
+            title = "Assets, tracks and places"
             self._app.push_screen(ChooseLine(title, lines, nothing="nothing is here"), chosen)
 
     def _about(self, name: str, picture: Picture | None) -> str:

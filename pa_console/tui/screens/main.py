@@ -214,7 +214,7 @@ class MainScreen(Screen[None]):
         if "trace" in views:
             self.query_one(TracePane).show(self.selected(state))
             for examples in self.query(ExampleOrders):
-                examples.display = not state.missions
+                examples.set_class(bool(state.missions) or state.stop is not None, "-over")
             self._show_approval(state)
 
     def show_waiting(self, text: str) -> None:

@@ -11,7 +11,7 @@ from textual.widgets import Static
 from pa_console.tui.actions.registry import key_text
 from pa_console.tui.status_words import NOTE, QUIET
 
-HEADING = "Or take one; it is typed, and Enter sends it:"
+HEADING = "To begin: a key types the order, Enter sends it"
 
 
 class ExampleLine(Static):

@@ -29,7 +29,8 @@ _HERE = "Say in plain words what is to be done; Enter sends it"
 
 
 PUT_S = 0.5
-"""An `Enter` sooner than this after a text was put here does not send it."""
+"""An `Enter` sooner than this, in seconds, after a text was put here, or after another `Enter` that
+came so soon, does not send it."""
 
 MOST_SHOWN = 6
 """So many names that fit a slot are shown; the rest are counted."""
@@ -99,9 +100,15 @@ class MissionInput(TextField):
         return super().check_action(action, parameters)
 
     def action_send(self) -> None:
-        """Tell that the text is to be sent; not by a key that was pressed for something else."""
-        put_s, self._put_at_s = self._put_at_s, None
-        if put_s is None or self._clock() - put_s >= PUT_S:
+        """Tell that the text is to be sent; not by a key that is held, or was for something else.
+
+        Such a key begins the wait anew.
+        """
+        now_s = self._clock()
+        if self._put_at_s is not None and now_s - self._put_at_s < PUT_S:
+            self._put_at_s = now_s
+        else:
+            self._put_at_s = None
             self.post_message(self.Sent())
 
     # Texts that are put here
@@ -276,6 +283,14 @@ class MissionPrompt(Horizontal):
         elif self.draft.strip():
             self.post_message(self.Given(self.draft))
 
+    def on_descendant_focus(self) -> None:
+        """Say what helps to write."""
+        self._say_above()
+
+    def on_descendant_blur(self) -> None:
+        """Say nothing of it while keys go elsewhere."""
+        self._say_above()
+
     def on_mission_input_cursor_moved(self, event: MissionInput.CursorMoved) -> None:
         """Say what Tab does where the cursor is."""
         event.stop()
@@ -342,7 +357,10 @@ class MissionPrompt(Horizontal):
     def _say_above(self) -> None:
         """Say in the line above what Tab does, else what is waited for."""
         above = bool(self.styles.border_top[0])
-        retitle(self, (self._hint or self._waiting or self._keys) if above else "")
+        keys = self._keys if self.has_cursor and not self.draft else ""
+        said = self._hint or self._waiting
+        self.set_class(not said, "-keys")
+        retitle(self, (said or keys) if above else "")
         for field in self.query(MissionInput):
             field.say_instead("" if above else self._waiting)
 
