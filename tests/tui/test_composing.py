@@ -277,6 +277,22 @@ async def test_orders_of_recorded_sessions_are_found_with_their_end(tmp_path: Pa
         assert field(app).text == rows.keys[0]
 
 
+@pytest.mark.parametrize("key", ["ctrl+r", "ctrl+t", "ctrl+o"])
+async def test_over_another_screen_nothing_is_chosen_that_could_not_be_seen(
+    tmp_path: Path, key: str
+) -> None:
+    app, station, _ = opened(tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("f6")
+        await pilot.pause()
+        above = app.screen
+        await pilot.press(key)
+        await pilot.pause()
+        assert app.screen is above
+        assert any("Esc goes back to the session" in text for text in notices(app))
+
+
 # Favourites
 
 
@@ -397,6 +413,20 @@ async def test_the_card_of_an_asset_types_an_order_and_a_click_on_a_gate_fills_i
         await pilot.press("enter")
         await settle(pilot, station)
         assert station.submitted == ["Send Drone_T02 to WestGate."]
+
+
+async def test_every_gate_is_found_by_its_sign_and_by_its_name(tmp_path: Path) -> None:
+    app, station, _ = opened(tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        view = app.screen.query_one(MapView)
+        rows = view.text().splitlines()
+        for gate in WORLD.gates:
+            row = next(number for number, line in enumerate(rows) if gate in line)
+            first = rows[row].index(gate)
+            for column in range(first, first + len(gate)):
+                assert gate in view.names_at((column, row))
+        assert view.names_at((0, len(rows) - 1)) == ()  # the legend is no place
 
 
 async def test_the_card_offers_only_what_the_asset_can_do(tmp_path: Path) -> None:

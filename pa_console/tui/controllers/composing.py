@@ -120,8 +120,16 @@ class ComposingController:
         self._session.tell(order, "Kept as a favourite" if new else "It is a favourite already")
 
     def _choose(self, screen: ChooseLine) -> None:
-        if not isinstance(self._app.screen, ChooseLine | Card):
+        if self._on_session:
             self._app.push_screen(screen, self._type)
+
+    @property
+    def _on_session(self) -> bool:
+        """Whether the session is in front, with the field that orders are typed into."""
+        front = self._app.screen is self._session.shown
+        if not front and not isinstance(self._app.screen, ChooseLine | Card):
+            self._session.tell("Esc goes back to the session, where orders are typed", "Orders")
+        return front
 
     def _type(self, order: str | None) -> None:
         """Type an order into the mission field; what stood there is not lost."""
@@ -195,7 +203,7 @@ class ComposingController:
                 return
             self._open_card(name, None)
 
-        if not isinstance(self._app.screen, ChooseLine | Card):
+        if self._on_session:
             title = "Assets, tracks and places"
             self._app.push_screen(ChooseLine(title, lines, nothing="nothing is here"), chosen)
 

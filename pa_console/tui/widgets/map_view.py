@@ -254,17 +254,20 @@ class MapView(Widget):
                 self.post_message(self.Picked(names, event.screen_offset, menu=menu))
 
     def names_at(self, cell: Cell) -> tuple[str, ...]:
-        """Return what is in a cell: things whose marker or name is there, then the frame."""
+        """Return what is in a cell: things whose marker or name is there, then the frames."""
         canvas = self._canvas
         names = dict.fromkeys(canvas.marks.get(cell, ()))
         for at, written in canvas.labels.items():
             if any(cell in cells for cells in written):
                 names.update(dict.fromkeys(canvas.marks[at]))
-        if self._view is not None:
+        if self._view is not None and canvas.holds(cell):
             x, y = self._view.centre(cell)
+            line = "".join(canvas.glyphs[cell[1]])
             for name, frame in self._world.frames.items():
                 away = hypot(frame.at[0] - x, frame.at[1] - y)
-                if self._view.cell(frame.at) == cell or away <= frame.radius_m:
+                written = line.rfind(name, 0, cell[0] + len(name))
+                on_name = written >= 0 and written <= cell[0] < written + len(name)
+                if on_name or self._view.cell(frame.at) == cell or away <= frame.radius_m:
                     names[name] = None
         return tuple(names)
 
