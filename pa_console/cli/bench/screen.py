@@ -37,6 +37,8 @@ LEGEND = (
     "console itself computed at most; the rest is other work on the machine."
 )
 LOOK_S = 0.05
+PAINT_S = 1.0
+"""So long after it came a plan is on the screen."""
 
 
 class ScreenReport(StrictModel):
@@ -146,6 +148,7 @@ async def _scenes(app: "ConsoleApp", site: Site, seconds: float, name: str) -> l
     async with LoopWatch(f"planning{name}") as planning:
         app.controllers.commands.submit(example_orders(site.world)[0])
         await _until(lambda: _waits(app))
+        await asyncio.sleep(PAINT_S)
     async with LoopWatch(f"a picture of the screen{name}") as picture:
         app.export_screenshot()
     return [idle.blocks, planning.blocks, picture.blocks]

@@ -207,7 +207,7 @@ class MainScreen(Screen[None]):
         if "assets" in views:
             self.query_one(AssetPane).show(state.picture)
         if "alarms" in views:
-            self.set_class(bool(state.alarms or state.queue), "-alarmed")
+            self._mark_lower("-alarmed", bool(state.alarms or state.queue))
             self.query_one(AlarmPane).show(state)
         if "events" in views:
             self.query_one(EventList).show(state.notices)
@@ -292,10 +292,14 @@ class MainScreen(Screen[None]):
         elif playback is None and self._play_timer is not None:
             self._play_timer.stop()
             self._play_timer = None
-        self.set_class(self._plan is not None, "-planned")
+        self._mark_lower("-planned", self._plan is not None)
         self.query_one(MapView).show_plan(self._plan, moment_s)
         self.query_one("#schedule", PlanSchedule).show(self._plan, moment_s)
         self.query_one(ApprovalPanel).show_moment(self._plan, moment_s)
+
+    def _mark_lower(self, name: str, on: bool) -> None:
+        """Give the panes below the map a style class; one of the whole screen's costs far more."""
+        self.query_one("#lower").set_class(on, name)
 
     def action_numbered(self, number: int) -> None:
         """Type the example of that number where examples are shown; else it is a decision's key."""

@@ -78,6 +78,7 @@ class MapView(Widget):
         self._rows: list[list[Run]] = []
         self._canvas = Canvas(0, 0)
         self._view: Projection | None = None
+        self._is_due = False
         self._styles: dict[str, Style] = {}
         self._zoom = 1.0
         self._centre: Point | None = None
@@ -99,7 +100,7 @@ class MapView(Widget):
         self._picture = picture
         self._trails.add(picture if live else None)
         if self.is_on_screen and self.content_size.height > 1:
-            self._draw()
+            self._draw_next()
 
     def show_plan(self, plan: PlanPreview | None, moment_s: float | None = None) -> None:
         """Draw over the picture a plan that has not run; everything else is dimmed.
@@ -113,7 +114,7 @@ class MapView(Widget):
         self.set_class(plan is not None, "-plan")
         self.set_class(moment_s is not None, "-rehearsal")
         if self.is_on_screen:
-            self._draw()
+            self._draw_next()
 
     def zoom_by(self, factor: float) -> None:
         """Go nearer or farther; at 1 the whole site is shown."""
@@ -214,7 +215,14 @@ class MapView(Widget):
         super().notify_style_update()
         self._styles = {}
 
+    def _draw_next(self) -> None:
+        """Draw once all that has changed with this frame is known, as its next message."""
+        if not self._is_due:
+            self._is_due = True
+            self.call_next(self._draw)
+
     def _draw(self) -> None:
+        self._is_due = False
         self._label()
         width, height = self.content_size
         if width < 2 or height < 2:
