@@ -47,6 +47,7 @@ EXAMPLES = {
     "bench judge": "pa-console bench judge results/night --every 5",
     "bench load": "pa-console bench load --beside 0 --beside 2",
     "bench start": "pa-console bench start --runs 10",
+    "bench screen": "pa-console bench screen --seconds 10",
     "scenarios": "pa-console scenarios list",
     "scenarios list": "pa-console scenarios list --world my-world",
     "scenarios show": "pa-console scenarios show situation-2",

@@ -22,11 +22,13 @@ from pa_console.tui.actions.registry import (
     find_action,
     key_text,
 )
+from pa_console.tui.composing.favourites import Favourites, favourites_file
 from pa_console.tui.contrast import readable
 from pa_console.tui.controllers.approval import ApprovalController
 from pa_console.tui.controllers.attention import AttentionController
 from pa_console.tui.controllers.browsing import BrowsingController
 from pa_console.tui.controllers.commands import CommandController
+from pa_console.tui.controllers.composing import ComposingController
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.controllers import Controllers
 from pa_console.tui.controllers.copying import CopyController
@@ -45,6 +47,7 @@ from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.theme import VARIABLES
 from pa_console.tui.visible_lines import VisibleLines
 from pa_console.tui.widgets.approval import ApprovalPanel
+from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
 from pa_console.tui.widgets.row_views import VirtualRows
 
@@ -81,6 +84,7 @@ class ConsoleApp(App[None]):
         clock: Clock = time.monotonic,
         key_time: KeyTime = attrgetter("time"),
         history: Path | None = None,
+        favourites: Path | None = None,
         copies: Path | None = None,
         evaluations: Path | None = None,
         settings: Loaded | None = None,
@@ -113,8 +117,11 @@ class ConsoleApp(App[None]):
         self._log_alarm = LogAlarmController(session)
         self._attention = AttentionController(session, user, to_terminal or self._to_terminal)
         self._typing = TypingController(session, user, key_time)
+        browsing = BrowsingController(session, user, evaluations, copies)
+        kept = Favourites(favourites or favourites_file())
         self.controllers = Controllers(
-            browsing=BrowsingController(session, user, evaluations, copies),
+            browsing=browsing,
+            composing=ComposingController(session, browsing, user, kept),
             copying=CopyController(session, rules, copies),
             replay=ReplayController(session),
             commands=commands,
@@ -204,9 +211,9 @@ class ConsoleApp(App[None]):
         else:
             mode, closed = ("READ-ONLY", READ_ONLY) if session.readonly else ("LIVE", "")
             kept = self.controllers.settings.loaded.values.history_kept
-            history = History(None if closed else self._history or history_file(), kept)
+            session.typed = History(None if closed else self._history or history_file(), kept)
             main = MainScreen(
-                session.world, rules, history, closed=closed, mode=mode, clock=session.clock
+                session.world, rules, session.typed, closed=closed, mode=mode, clock=session.clock
             )
         session.main = main
         self.push_screen(main)
@@ -243,7 +250,11 @@ class ConsoleApp(App[None]):
 
     @on(VirtualRows.Chosen)
     def _row_chosen(self, message: VirtualRows.Chosen) -> None:
-        self.controllers.browsing.follow_row(message)
+        self.controllers.composing.row_chosen(message)
+
+    @on(MapView.Picked)
+    def _picked(self, message: MapView.Picked) -> None:
+        self.controllers.composing.picked(message.names, message.at, menu=message.menu)
 
     @on(MissionPrompt.Typed)
     def _typed(self, message: MissionPrompt.Typed) -> None:

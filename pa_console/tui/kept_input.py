@@ -97,6 +97,11 @@ class History:
                 make_private_folder(self._file.parent)
                 replace_private(self._file, "".join(map(_written, self._texts)).encode())
 
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """Every text, the newest first."""
+        return tuple(reversed(self._texts))
+
     def _newest(self, texts: list[str]) -> list[str]:
         return texts[-self._kept :] if self._kept else []
 

@@ -216,6 +216,7 @@ def console(
         clock=clock or FakeClock(),
         key_time=key_time or Deliberate(),
         history=tmp / "history.txt",
+        favourites=tmp / "favourites.yaml",
         copies=tmp / "copies",
         drafts=tmp / "drafts",
         **options,

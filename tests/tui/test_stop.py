@@ -31,16 +31,16 @@ async def test_a_stop_is_released_by_its_key_and_a_yes_and_by_nothing_less(tmp_p
         await settle(pilot, station)
         bar, status = app.screen.query_one(AlarmBar), app.screen.query_one(StatusBar)
         assert "ALL STOPPED" in str(bar.render())
-        assert "STOPPED: ^r releases it" in str(status.render())
+        assert "STOPPED: ^l releases it" in str(status.render())
         for answer in ("n", "escape", "enter"):
-            await pilot.press("ctrl+r")
+            await pilot.press("ctrl+l")
             await pilot.pause()
             assert isinstance(app.screen, Confirm)
             await pilot.press(answer)
             await settle(pilot, station)
             assert not isinstance(app.screen, Confirm)
         assert station.released == 0
-        await pilot.press("ctrl+r")
+        await pilot.press("ctrl+l")
         await pilot.pause()
         question = str(app.screen.query("Static").first().render())
         assert "7 assets confirmed" in question
@@ -50,7 +50,7 @@ async def test_a_stop_is_released_by_its_key_and_a_yes_and_by_nothing_less(tmp_p
         assert station.released == 1
         assert "ALL STOPPED" not in str(bar.render())
         assert "STOPPED" not in str(status.render())
-        await pilot.press("ctrl+r")
+        await pilot.press("ctrl+l")
         await settle(pilot, station)
         assert station.released == 1, "there is nothing to release"
 
@@ -62,7 +62,7 @@ async def test_whoever_stops_everything_is_told_how_to_release_it(tmp_path: Path
         await settle(pilot, station)
         await pilot.press("f9")
         await settle(pilot, station)
-        assert any("release the stop (^r)" in text for text in notices(app))
+        assert any("release the stop (^l)" in text for text in notices(app))
 
 
 async def test_a_refused_mission_stays_in_its_field(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from rich.text import Text
 from pa_console.benchmarks.machine import Machine, describe_machine
 from pa_console.benchmarks.speed.compare import Bench, BenchReport, Comparison, Unit, Way
 from pa_console.benchmarks.speed.parts import PARTS, Part, choose_parts
-from pa_console.cli.bench import degradation, judge, load, retrieval, scale, start, twins
+from pa_console.cli.bench import degradation, judge, load, retrieval, scale, screen, start, twins
 from pa_console.cli.observing import observing
 from pa_console.cli.output import (
     JsonOption,
@@ -76,6 +76,7 @@ app.command("twins")(twins.twins)
 app.command("degradation")(degradation.degradation)
 app.command("judge")(judge.judge)
 app.command("start")(start.start)
+app.command("screen")(screen.screen)
 
 COLUMNS = (BarColumn(20), TimeElapsedColumn(), TextColumn("{task.description}", markup=False))
 

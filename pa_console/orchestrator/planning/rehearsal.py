@@ -27,7 +27,9 @@ from pa_console.schema.world import World
 
 HORIZON_S = 240.0
 SETTLE_S = 2.0
-STEPS_PER_SLICE = 60
+MOST_STEPS_PER_SLICE = 60
+ASSET_STEPS_PER_SLICE = 6000
+"""A slice has so many steps times assets at most: a few milliseconds."""
 
 
 def device_commands(plan: Plan, prefix: str) -> tuple[DeviceCommand, ...]:
@@ -61,7 +63,7 @@ async def rehearse(outlook: Outlook, plan: Plan) -> Rehearsal:
     """Run `plan` in a forecast until every command has ended, at most HORIZON_S seconds.
 
     The forecast knows what the picture shows and nothing of the truth. The event loop gets its
-    turn every STEPS_PER_SLICE steps, so a screen stays alive meanwhile.
+    turn after every slice of steps, so a screen stays alive meanwhile.
     """
     before = outlook.picture()
     forecast = outlook.forecast()
@@ -71,6 +73,8 @@ async def rehearse(outlook: Outlook, plan: Plan) -> Rehearsal:
         forecast.send(command)
     pending = {command.command_id for command in commands}
     start, end = forecast.time_s, None
+    few = ASSET_STEPS_PER_SLICE // len(forecast.world.assets)
+    steps_per_slice = min(max(few, 1), MOST_STEPS_PER_SLICE)
     every = max(1, round(forecast.world.telemetry_period_s / forecast.world.dt_s))
     for step in range(1, round(HORIZON_S / forecast.world.dt_s) + 1):
         for reply in forecast.step():
@@ -83,7 +87,7 @@ async def rehearse(outlook: Outlook, plan: Plan) -> Rehearsal:
             recorder.sample(forecast.picture(), forecast.time_s - start)
             if end is not None and forecast.time_s >= end:
                 break
-        if step % STEPS_PER_SLICE == 0:
+        if step % steps_per_slice == 0:
             await asyncio.sleep(0)
     return recorder.result(forecast.time_s - start)
 

@@ -11,7 +11,6 @@ from pa_console.tui.widgets.alarms import AlarmPane
 from pa_console.tui.widgets.assets import AssetPane
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
-from pa_console.tui.widgets.row_views import VirtualRows
 
 
 class BrowsingController:
@@ -103,16 +102,9 @@ class BrowsingController:
         if not subject or subject == view.followed:
             view.follow("")
         else:
-            self._follow(subject)
+            self.follow(subject)
 
-    def follow_row(self, message: VirtualRows.Chosen) -> None:
-        """Follow what the chosen row is about."""
-        rows = message.rows
-        name = rows.subject if isinstance(rows, AlarmPane) else message.key
-        if name:
-            self._follow(name)
-
-    def _follow(self, name: str) -> None:
+    def follow(self, name: str) -> None:
         """Keep something in view on the map, and go to the map."""
         shown = self._session.shown
         if shown is not None:

@@ -10,6 +10,7 @@ from pa_console.schema.world import World
 from pa_console.session.replay.player import Player
 from pa_console.session.state.fold import SessionState
 from pa_console.tui.actions.registry import ActionContext, ConsoleAction
+from pa_console.tui.kept_input import History
 from pa_console.tui.protocols import Clock, LiveStation
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.screens.recording import RecordingScreen
@@ -34,6 +35,9 @@ class ConsoleSession:
         self.readonly, self.clock = readonly, clock
         self.rate = station.rate if station else 1.0
         self.main: MainScreen | None = None
+        self.typed = History()
+        """What was typed into the mission field, in this and in earlier sessions."""
+
         self.folded = SessionState()
         """What the station's events come to; the player folds its own."""
 

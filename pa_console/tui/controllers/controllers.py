@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pa_console.tui.controllers.approval import ApprovalController
 from pa_console.tui.controllers.browsing import BrowsingController
 from pa_console.tui.controllers.commands import CommandController
+from pa_console.tui.controllers.composing import ComposingController
 from pa_console.tui.controllers.copying import CopyController
 from pa_console.tui.controllers.leaving import LeavingController
 from pa_console.tui.controllers.replay import ReplayController
@@ -17,6 +18,7 @@ class Controllers:
     """Who carries out what the operator asks for."""
 
     browsing: BrowsingController
+    composing: ComposingController
     copying: CopyController
     replay: ReplayController
     commands: CommandController

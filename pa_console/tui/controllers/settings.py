@@ -43,6 +43,7 @@ class SettingsController:
             self._app.set_keymap(self.keys)
         if self._session.main is not None:
             self._session.main.use_delays(values.approval_delay_s, values.stale_after_s)
+            self._session.main.name_keys()
 
     def _cannot_use(self, what: str, problem: str) -> None:
         title = f"Your {what} cannot be used; the console's own is"

@@ -59,7 +59,7 @@ class TypingController:
 
     async def _takes(self, event: events.Key, chosen: _Chosen | None) -> bool:
         time_s = self._key_time(event)
-        if self._looks_at_reading(event):
+        if self._takes_alt_digit(event):
             return True
         if not _prints(event):
             return await self._takes_other(event, chosen, time_s)
@@ -77,14 +77,19 @@ class TypingController:
             return True
         return self._chooses(event, time_s)
 
-    def _looks_at_reading(self, event: events.Key) -> bool:
-        """Whether the key is an Alt and a digit for the panel, as some terminals send them."""
-        panel = self._panel
-        if panel is None or event.key not in ALT_DIGITS or isinstance(self._app.focused, Input):
+    def _takes_alt_digit(self, event: events.Key) -> bool:
+        """Whether the key is an Alt and a digit, as some terminals send them, that does something.
+
+        At the approval panel it looks at a reading, in the empty mission field it types an example.
+        """
+        if event.key not in ALT_DIGITS:
             return False
-        self._typed.forget()
-        panel.action_look_at(ALT_DIGITS.index(event.key) + 1)
-        return True
+        number, panel, main = ALT_DIGITS.index(event.key) + 1, self._panel, self._session.main
+        if panel is not None and not isinstance(self._app.focused, Input):
+            self._typed.forget()
+            panel.action_look_at(number)
+            return True
+        return main is not None and self._app.screen is main and main.type_example(number)
 
     def forget(self) -> None:
         """Begin anew: the operator uses the mouse."""

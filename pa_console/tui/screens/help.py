@@ -24,6 +24,8 @@ _APPROVAL = (
 _PROMPT = (
     ("Enter", "Send the mission; ^j or alt+Enter begins a new line"),
     ("↑ ↓", "Missions typed before"),
+    ("Tab →", "Take the name that is shown in grey; Tab again tries the next, or goes to a slot"),
+    ("Alt+1 … 4", "Before the first mission: type an example"),
     ("Esc", "Leave the field; the text stays"),
 )
 

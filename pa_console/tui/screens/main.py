@@ -16,6 +16,8 @@ from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
 from pa_console.session.state.fold import MissionTrace, SessionState
 from pa_console.tui.actions.keymap import READING_KEYS, KeysHost, first_own_key
+from pa_console.tui.composing.examples import example_orders
+from pa_console.tui.composing.names import OrderNames
 from pa_console.tui.kept_input import History
 from pa_console.tui.plan_preview.playback import Playback
 from pa_console.tui.plan_preview.preview import PlanPreview, waiting_plan
@@ -25,6 +27,7 @@ from pa_console.tui.widgets.approval import DECISION_KEYS, ApprovalPanel
 from pa_console.tui.widgets.assets import AssetPane
 from pa_console.tui.widgets.bars import VIEWS, KeyFooter, StatusBar, ViewBar
 from pa_console.tui.widgets.event_list import EventList
+from pa_console.tui.widgets.example_orders import ExampleOrders
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
 from pa_console.tui.widgets.plan_schedule import PlanSchedule
@@ -35,6 +38,12 @@ PLAY_FRAME_S = 0.1
 
 LEAST_SIZE = (60, 18)
 WIDE_SIZE = (100, 30)
+_HELPING_TO_WRITE = (
+    ("history", "earlier orders"),
+    ("favourites", "favourites and templates"),
+    ("thing", "assets and places"),
+)
+"""Actions that type an order, as the prompt names them."""
 _KEYS_GO_TO = {"trace": "#trace-body", "assets": "#asset-rows"}
 """Which part of a view takes the keys, where it is not the view itself."""
 
@@ -46,7 +55,13 @@ TOO_SMALL = (
 class MainScreen(Screen[None]):
     """Lays the panes out for the terminal's size and passes the state on to them."""
 
-    BINDINGS = [Binding(",".join((*DECISION_KEYS, *READING_KEYS)), "where_to_decide", show=False)]
+    BINDINGS = [
+        Binding(",".join(DECISION_KEYS), "where_to_decide", show=False),
+        *(
+            Binding(key, f"numbered({number})", show=False)
+            for number, key in enumerate(READING_KEYS, start=1)
+        ),
+    ]
 
     def __init__(
         self,
@@ -62,6 +77,7 @@ class MainScreen(Screen[None]):
         super().__init__()
         self._world, self._rules, self._history = world, rules, history
         self._closed_why, self.mode, self._clock = closed, mode, clock
+        self._names = OrderNames(world)
         self._view = "map"
         self._selected: str | None = None
         self._waits: tuple[ApprovalRequested, PlanPreview | None] | None = None
@@ -84,9 +100,11 @@ class MainScreen(Screen[None]):
                     yield EventList(all_known=self.mode == "REPLAY", id="events")
             with Vertical(id="right"):
                 yield TracePane(self._rules, self._before_missions, id="trace")
+                if not self._closed_why:
+                    yield ExampleOrders(example_orders(self._world), id="examples")
                 yield ApprovalPanel(self._clock, decides=not self._closed_why)
         yield from self.replay_line()
-        yield MissionPrompt(self._history, self._closed_why)
+        yield MissionPrompt(self._history, self._names, self._clock, self._closed_why)
         yield KeyFooter()
         yield Static(id="too-small", markup=False)
 
@@ -120,6 +138,13 @@ class MainScreen(Screen[None]):
         """Take the user's hold delay, and after how long telemetry is called stale; in seconds."""
         self.query_one(ApprovalPanel).arm_delay_s = approval_s
         self.query_one(StatusBar).stale_after_s = stale_s
+
+    def name_keys(self) -> None:
+        """Say at the prompt which of the user's keys help to write an order."""
+        if not self._closed_why:
+            keys = cast(KeysHost, self.app).keys
+            named = (f"{first_own_key(name, keys)} {what}" for name, what in _HELPING_TO_WRITE)
+            self.query_one(MissionPrompt).show_keys(" · ".join(named))
 
     @property
     def compact(self) -> bool:
@@ -177,16 +202,19 @@ class MainScreen(Screen[None]):
             bar.show(state, self._world.title, self.mode, rate, silent_s)
             self.query_one(AlarmBar).show(state)
         if "map" in views:
+            self._names.use_tracks(state.picture.tracks if state.picture is not None else ())
             self.query_one(MapView).show(state.picture, live=self.mode == "LIVE")
         if "assets" in views:
             self.query_one(AssetPane).show(state.picture)
         if "alarms" in views:
-            self.set_class(bool(state.alarms or state.queue), "-alarmed")
+            self._mark_lower("-alarmed", bool(state.alarms or state.queue))
             self.query_one(AlarmPane).show(state)
         if "events" in views:
             self.query_one(EventList).show(state.notices)
         if "trace" in views:
             self.query_one(TracePane).show(self.selected(state))
+            for examples in self.query(ExampleOrders):
+                examples.set_class(bool(state.missions) or state.stop is not None, "-over")
             self._show_approval(state)
 
     def show_waiting(self, text: str) -> None:
@@ -264,10 +292,34 @@ class MainScreen(Screen[None]):
         elif playback is None and self._play_timer is not None:
             self._play_timer.stop()
             self._play_timer = None
-        self.set_class(self._plan is not None, "-planned")
+        self._mark_lower("-planned", self._plan is not None)
         self.query_one(MapView).show_plan(self._plan, moment_s)
         self.query_one("#schedule", PlanSchedule).show(self._plan, moment_s)
         self.query_one(ApprovalPanel).show_moment(self._plan, moment_s)
+
+    def _mark_lower(self, name: str, on: bool) -> None:
+        """Give the panes below the map a style class; one of the whole screen's costs far more."""
+        self.query_one("#lower").set_class(on, name)
+
+    def action_numbered(self, number: int) -> None:
+        """Type the example of that number where examples are shown; else it is a decision's key."""
+        if not self.type_example(number):
+            self.action_where_to_decide()
+
+    def type_example(self, number: int) -> bool:
+        """Type an example by its number; returns whether it is shown and nothing else is typed."""
+        for examples in self.query(ExampleOrders):
+            prompt = self.query_one(MissionPrompt)
+            free = prompt.draft.strip() in ("", *examples.orders)
+            if examples.display and free and number <= len(examples.orders):
+                prompt.put(examples.orders[number - 1])
+                return True
+        return False
+
+    def on_example_orders_taken(self, message: ExampleOrders.Taken) -> None:
+        """Type the example that was clicked."""
+        message.stop()
+        self.query_one(MissionPrompt).put(message.order)
 
     def action_where_to_decide(self) -> None:
         """Say where the key of a decision decides something."""

@@ -320,7 +320,7 @@ class ApprovalPanel(Vertical, can_focus=True):
             return
         why = self._why_not()
         self.query_one("#approve", Button).disabled = bool(why)
-        waiting = "" if self.armed else "one moment: keys are ignored until you have seen this"
+        waiting = "" if self.armed else "keys are ignored for a moment"
         line = "decision sent" if self._sent else why or waiting or self._next_key()
         self.border_subtitle = "Space stops the rehearsal" if self._playing else line
         self._tell_state()

@@ -1,16 +1,19 @@
 """The live map: only rows that changed are painted again; it can be zoomed and follow something."""
 
+from math import hypot
+
 from rich.segment import Segment
 from rich.style import Style
 from textual import events
-from textual.geometry import Region
+from textual.geometry import Offset, Region
+from textual.message import Message
 from textual.strip import Strip
 from textual.widget import Widget
 
 from pa_console.schema.base import Point
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
-from pa_console.tui.map.canvas import Run
+from pa_console.tui.map.canvas import Canvas, Cell, Run
 from pa_console.tui.map.plan_layer import PlanLayer
 from pa_console.tui.map.projection import Projection
 from pa_console.tui.map.scene import ROLES, MapScene, Window
@@ -37,6 +40,8 @@ LEGEND = (
 LEGEND_FROM_ROWS = 13
 """A map with fewer rows needs them all."""
 
+RIGHT_BUTTON = 3
+
 MOST_ZOOM = 16.0
 FOLLOW_ZOOM = 2.0
 """Following something brings the map at least this near."""
@@ -55,12 +60,25 @@ class MapView(Widget):
     can_focus = True
     COMPONENT_CLASSES = {f"map--{role}" for role in ROLES}
 
+    class Picked(Message):
+        """What is in the cell that was clicked, tracks and assets first; nothing is possible.
+
+        `at` is the cell of the screen; `menu` says that it was the right button.
+        """
+
+        def __init__(self, names: tuple[str, ...], at: Offset, *, menu: bool) -> None:
+            super().__init__()
+            self.names, self.at, self.menu = names, at, menu
+
     def __init__(self, world: World, **kwargs: str) -> None:
         super().__init__(id=kwargs.get("id"))
         self._world = world
         self._scene = MapScene(world)
         self._picture: Picture | None = None
         self._rows: list[list[Run]] = []
+        self._canvas = Canvas(0, 0)
+        self._view: Projection | None = None
+        self._is_due = False
         self._styles: dict[str, Style] = {}
         self._zoom = 1.0
         self._centre: Point | None = None
@@ -82,7 +100,7 @@ class MapView(Widget):
         self._picture = picture
         self._trails.add(picture if live else None)
         if self.is_on_screen and self.content_size.height > 1:
-            self._draw()
+            self._draw_next()
 
     def show_plan(self, plan: PlanPreview | None, moment_s: float | None = None) -> None:
         """Draw over the picture a plan that has not run; everything else is dimmed.
@@ -96,7 +114,7 @@ class MapView(Widget):
         self.set_class(plan is not None, "-plan")
         self.set_class(moment_s is not None, "-rehearsal")
         if self.is_on_screen:
-            self._draw()
+            self._draw_next()
 
     def zoom_by(self, factor: float) -> None:
         """Go nearer or farther; at 1 the whole site is shown."""
@@ -197,7 +215,14 @@ class MapView(Widget):
         super().notify_style_update()
         self._styles = {}
 
+    def _draw_next(self) -> None:
+        """Draw once all that has changed with this frame is known, as its next message."""
+        if not self._is_due:
+            self._is_due = True
+            self.call_next(self._draw)
+
     def _draw(self) -> None:
+        self._is_due = False
         self._label()
         width, height = self.content_size
         if width < 2 or height < 2:
@@ -214,8 +239,9 @@ class MapView(Widget):
             trails=trails, sensors=self._sensors, plan=layer, fit=fit,
         )  # fmt: skip
         rows = [canvas.runs(row) for row in range(room)]
+        self._canvas, self._view = canvas, Projection(self._world, width, room, *window, fit)
         if room < height:
-            scale = Projection(self._world, width, room, *window, fit).columns_per_metre
+            scale = self._view.columns_per_metre
             rows.append(legend(width, {role for row in rows for _, role in row}, scale))
         if len(rows) != len(self._rows):
             self._rows = rows
@@ -225,6 +251,33 @@ class MapView(Widget):
         self._rows = rows
         if changed:
             self.refresh(*changed)
+
+    def on_click(self, event: events.Click) -> None:
+        """Tell what is in the cell that was clicked."""
+        place = event.get_content_offset(self)
+        if place is not None and event.chain == 1:
+            names = self.names_at((place.x, place.y))
+            if names or event.button == RIGHT_BUTTON:
+                menu = event.button == RIGHT_BUTTON
+                self.post_message(self.Picked(names, event.screen_offset, menu=menu))
+
+    def names_at(self, cell: Cell) -> tuple[str, ...]:
+        """Return what is in a cell: things whose marker or name is there, then the frames."""
+        canvas = self._canvas
+        names = dict.fromkeys(canvas.marks.get(cell, ()))
+        for at, written in canvas.labels.items():
+            if any(cell in cells for cells in written):
+                names.update(dict.fromkeys(canvas.marks[at]))
+        if self._view is not None and canvas.holds(cell):
+            x, y = self._view.centre(cell)
+            line = "".join(canvas.glyphs[cell[1]])
+            for name, frame in self._world.frames.items():
+                away = hypot(frame.at[0] - x, frame.at[1] - y)
+                written = line.rfind(name, 0, cell[0] + len(name))
+                on_name = written >= 0 and written <= cell[0] < written + len(name)
+                if on_name or self._view.cell(frame.at) == cell or away <= frame.radius_m:
+                    names[name] = None
+        return tuple(names)
 
     def render_line(self, y: int) -> Strip:
         """Return line `y` of the content."""

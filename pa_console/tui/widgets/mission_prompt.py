@@ -1,4 +1,11 @@
-"""Where missions are typed, in as many lines as they need, with a history."""
+"""Where missions are typed, in as many lines as they need, with a history and names that complete.
+
+What is put here by a menu, an example or an earlier order is only typed: `Enter` sends it, and not
+the `Enter` that may have been meant for the menu.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
 
 from textual.app import ComposeResult
 from textual.binding import Binding
@@ -6,8 +13,12 @@ from textual.containers import Horizontal
 from textual.content import Content
 from textual.message import Message
 from textual.widgets import Static, TextArea
+from textual.widgets.text_area import Selection
 
+from pa_console.tui.composing.names import Completion, OrderNames
+from pa_console.tui.composing.templates import Slot, next_slot, slots
 from pa_console.tui.kept_input import History
+from pa_console.tui.protocols import Clock
 from pa_console.tui.refresh import retitle
 from pa_console.tui.widgets.fields import TextField
 
@@ -17,10 +28,28 @@ ELSEWHERE = "Say in plain words what is to be done; / brings you here"
 _HERE = "Say in plain words what is to be done; Enter sends it"
 
 
+PUT_S = 0.5
+"""An `Enter` sooner than this, in seconds, after a text was put here, or after another `Enter` that
+came so soon, does not send it."""
+
+MOST_SHOWN = 6
+"""So many names that fit a slot are shown; the rest are counted."""
+
+
+class _Tried(NamedTuple):
+    """A name that was written, number `number` of those found, and how the field then was."""
+
+    found: Completion
+    number: int
+    text: str
+    cursor: tuple[int, int]
+
+
 class MissionInput(TextField):
     """A few lines of text; what was typed is kept until the mission was taken."""
 
     BINDINGS = [
+        Binding("tab", "complete", "Complete the name, or go to the next slot", show=False),
         Binding("enter", "send", "Send", show=False),
         Binding("ctrl+j,alt+enter,shift+enter", "new_line", "New line", show=False),
         Binding("up", "earlier", "Earlier mission", show=False),
@@ -30,9 +59,15 @@ class MissionInput(TextField):
     class Sent(Message):
         """Enter was pressed."""
 
+    class CursorMoved(Message):
+        """The cursor stands elsewhere, or another text stands round it."""
+
     _instead = ""
 
-    def __init__(self, history: History) -> None:
+    def __init__(self, history: History, names: OrderNames, clock: Clock) -> None:
+        self._names, self._clock = names, clock
+        self._put_at_s: float | None = None
+        self._tried: _Tried | None = None
         super().__init__(
             compact=True,
             id="mission-input",
@@ -65,8 +100,113 @@ class MissionInput(TextField):
         return super().check_action(action, parameters)
 
     def action_send(self) -> None:
-        """Tell that the text is to be sent."""
-        self.post_message(self.Sent())
+        """Tell that the text is to be sent; not by a key that is held, or was for something else.
+
+        Such a key begins the wait anew.
+        """
+        now_s = self._clock()
+        if self._put_at_s is not None and now_s - self._put_at_s < PUT_S:
+            self._put_at_s = now_s
+        else:
+            self._put_at_s = None
+            self.post_message(self.Sent())
+
+    # Texts that are put here
+
+    def put(self, text: str) -> None:
+        """Type `text` in place of what stands here, which `ctrl+z` brings back."""
+        if self.text:
+            self.replace(text, self.document.start, self.document.end)
+        else:
+            self.insert(text)
+        self._put_at_s = self._clock()
+        if not self.select_slot(0):
+            self.move_cursor(self.document.end)
+
+    @property
+    def slot(self) -> Slot | None:
+        """The open slot that the cursor is in, else the next one behind it, else the first."""
+        start = min(self._index(self.selection.start), self._index(self.selection.end))
+        return next_slot(self.text, start)
+
+    def select_slot(self, after: int) -> bool:
+        """Select the first open slot at or behind the index `after`; returns whether there is one.
+
+        What is typed then takes its place.
+        """
+        slot = next_slot(self.text, after)
+        if slot is not None:
+            self.selection = Selection(self._location(slot.start), self._location(slot.end))
+        return slot is not None
+
+    def fill(self, slot: Slot, name: str) -> None:
+        """Put `name` into an open slot and go to the next."""
+        self.replace(name, self._location(slot.start), self._location(slot.end))
+        self._put_at_s = self._clock()
+        if not self.select_slot(slot.start + len(name)):
+            self.move_cursor(self.document.end)
+
+    def _index(self, location: tuple[int, int]) -> int:
+        row, column = location
+        return sum(len(line) + 1 for line in self.text.split("\n")[:row]) + column
+
+    def _location(self, index: int) -> tuple[int, int]:
+        before = self.text[:index]
+        return before.count("\n"), index - before.rfind("\n") - 1
+
+    # Names
+
+    def update_suggestion(self) -> None:
+        """Show what is missing of the name that is being typed."""
+        found = self._completion()
+        self.suggestion = found.rest if found is not None else ""
+        self.post_message(self.CursorMoved())
+
+    def on_text_area_selection_changed(self) -> None:
+        """Show no name where the cursor was."""
+        self.update_suggestion()
+
+    def _completion(self) -> Completion | None:
+        row, column = self.cursor_location
+        line = self.document.get_line(row)
+        inside = line[column : column + 1]
+        if not self.selection.is_empty or inside.isalnum() or inside == "_":
+            return None
+        return self._names.completion(line[:column])
+
+    def action_complete(self) -> None:
+        """Complete the name; go to the next slot; try the next name; or leave the field."""
+        found, tried = self._completion(), self._tried
+        if found is not None:
+            self._write_name(found, 0, len(found.typed))
+        elif slots(self.text):
+            self.select_slot(max(map(self._index, self.selection)))
+        elif (
+            tried is not None
+            and (self.text, self.cursor_location) == tried[2:]
+            and len(tried.found.names) > 1
+        ):
+            names = tried.found.names
+            number = (tried.number + 1) % len(names)
+            self._write_name(tried.found, number, len(names[tried.number]))
+        else:
+            self.screen.focus_next()
+
+    def action_cursor_right(self, select: bool = False) -> None:
+        """Take the name that is shown, else go right."""
+        found = self._completion()
+        if found is not None and not select:
+            self._write_name(found, 0, len(found.typed))
+            return
+        self.suggestion = ""
+        super().action_cursor_right(select)
+
+    def _write_name(self, found: Completion, number: int, written: int) -> None:
+        """Write a name in place of the `written` characters before the cursor."""
+        row, column = self.cursor_location
+        self.replace(found.names[number], (row, column - written), (row, column))
+        self._tried = _Tried(found, number, self.text, self.cursor_location)
+        self.suggestion = ""
 
     def action_new_line(self) -> None:
         """Begin a new line."""
@@ -108,10 +248,12 @@ class MissionPrompt(Horizontal):
             super().__init__()
             self.text = text
 
-    def __init__(self, history: History, closed: str = "") -> None:
+    def __init__(self, history: History, names: OrderNames, clock: Clock, closed: str = "") -> None:
         """`closed` is the reason why no missions are taken, empty for an open prompt."""
         super().__init__(id="prompt")
         self._history, self._closed_why = history, closed
+        self._names, self._clock = names, clock
+        self._waiting = self._hint = self._keys = ""
 
     def compose(self) -> ComposeResult:
         """Yield the label and the field."""
@@ -119,7 +261,7 @@ class MissionPrompt(Horizontal):
             yield Static(Content.styled(f" {self._closed_why} ", "bold"), id="prompt-closed")
         else:
             yield Static("Mission ❯ ", id="prompt-label")
-            yield MissionInput(self._history)
+            yield MissionInput(self._history, self._names, self._clock)
 
     def on_text_area_changed(self, event: TextArea.Changed) -> None:
         """Tell that a mission is on its way."""
@@ -130,8 +272,74 @@ class MissionPrompt(Horizontal):
     def on_mission_input_sent(self, event: MissionInput.Sent) -> None:
         """Pass the text on; an empty field is nothing."""
         event.stop()
-        if self.draft.strip():
+        field = self.query_one(MissionInput)
+        if slots(self.draft):
+            field.select_slot(0)
+            assert field.slot is not None
+            self.notify(
+                f"{{{field.slot.kind}}} is still open: type a name, or click it on the map",
+                title="Not sent", severity="warning", markup=False,
+            )  # fmt: skip
+        elif self.draft.strip():
             self.post_message(self.Given(self.draft))
+
+    def on_descendant_focus(self) -> None:
+        """Say what helps to write."""
+        self._say_above()
+
+    def on_descendant_blur(self) -> None:
+        """Say nothing of it while keys go elsewhere."""
+        self._say_above()
+
+    def on_mission_input_cursor_moved(self, event: MissionInput.CursorMoved) -> None:
+        """Say what Tab does where the cursor is."""
+        event.stop()
+        field = self.query_one(MissionInput)
+        slot = field.slot
+        if field.suggestion:
+            self._hint = "Tab or → completes the name, Tab again tries the next"
+        elif slot is not None:
+            names = self._names.for_slot(slot.kind)
+            more = f" and {len(names) - MOST_SHOWN} more" if len(names) > MOST_SHOWN else ""
+            fitting = f" {', '.join(names[:MOST_SHOWN])}{more}" if names else " any words"
+            self._hint = f"{{{slot.kind}}}:{fitting} · type it or click it; Tab: next slot"
+        else:
+            self._hint = ""
+        self._say_above()
+
+    def show_keys(self, text: str) -> None:
+        """Say in the line above which keys help to write, while nothing else is said there."""
+        self._keys = text
+        self._say_above()
+
+    def put(self, text: str) -> None:
+        """Type a text into the field in place of what stands there; nothing is sent."""
+        if not self._closed_why:
+            self.query_one(MissionInput).put(text)
+            self.take_cursor()
+
+    def fill(self, names: Sequence[str]) -> bool:
+        """Put the first of `names` that fits into an open slot; returns whether one did."""
+        fitting = self.fitting(names)
+        if fitting is None:
+            return False
+        field = self.query_one(MissionInput)
+        field.fill(*fitting)
+        self.take_cursor()
+        return True
+
+    def fitting(self, names: Sequence[str]) -> tuple[Slot, str] | None:
+        """Return the open slot that one of `names` fits, and that name; the cursor's slot first."""
+        if self._closed_why:
+            return None
+        field = self.query_one(MissionInput)
+        first = field.slot
+        others = (slot for slot in slots(field.text) if slot != first)
+        for slot in (first, *others) if first is not None else ():
+            for name in names:
+                if self._names.fits(name, slot.kind):
+                    return slot, name
+        return None
 
     def taken(self, text: str) -> None:
         """Clear the field after `text` was accepted, and remember it."""
@@ -143,11 +351,18 @@ class MissionPrompt(Horizontal):
 
         A text that is being typed is never covered.
         """
-        shown = f"◔ {text}" if text else ""
+        self._waiting = f"◔ {text}" if text else ""
+        self._say_above()
+
+    def _say_above(self) -> None:
+        """Say in the line above what Tab does, else what is waited for."""
         above = bool(self.styles.border_top[0])
-        retitle(self, shown if above else "")
+        keys = self._keys if self.has_cursor and not self.draft else ""
+        said = self._hint or self._waiting
+        self.set_class(not said, "-keys")
+        retitle(self, (said or keys) if above else "")
         for field in self.query(MissionInput):
-            field.say_instead("" if above else shown)
+            field.say_instead("" if above else self._waiting)
 
     @property
     def draft(self) -> str:

@@ -1,0 +1,167 @@
+"""The card of a thing on the map: what is known of it, and what may be ordered or looked at."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from textual import events
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.containers import Vertical
+from textual.content import Content
+from textual.geometry import Offset
+from textual.screen import ModalScreen
+from textual.widgets import OptionList, Static
+from textual.widgets.option_list import Option
+
+from pa_console.schema.telemetry import AssetTelemetry, Track
+from pa_console.schema.world import PLAIN_KINDS, World
+from pa_console.tui.composing.templates import forms_for
+from pa_console.tui.words import KIND_WORDS
+
+WIDTH = 46
+"""Cells of a card; it is as high as what is on it."""
+
+
+class Choice(NamedTuple):
+    """A line of the card: it types `order`, or is the console's own action `does`."""
+
+    name: str
+    order: str = ""
+    does: str = ""
+
+
+FOLLOW = Choice("Follow on the map", does="follow")
+MAP_CHOICES = (
+    Choice("Nearer", does="zoom_in"),
+    Choice("Farther", does="zoom_out"),
+    Choice("What sensors see", does="sensors"),
+)
+"""What can be done with the map where nothing is."""
+
+
+def asset_choices(asset: AssetTelemetry) -> list[Choice]:
+    """Return what this asset can be told; one that has failed can only be looked at."""
+    if asset.status == "failed":
+        return [FOLLOW]
+    orders = [
+        Choice(form.name, form.text.replace("{asset}", asset.id)) for form in forms_for(asset.kind)
+    ]
+    return [*orders, FOLLOW]
+
+
+def track_choices(track: Track, world: World) -> list[Choice]:
+    """Return what the team can do about a track."""
+    kinds = {spec.kind for spec in world.assets.values()}
+    found: list[Choice] = []
+    if "uav" in kinds:
+        found.append(Choice("Look at it", f"Send a drone to look at {track.gate}."))
+    if "robot" in kinds:
+        about = f"{track.id} at {track.gate}"
+        found.append(Choice("Identify it", f"Send a robot to identify {about}."))
+        if track.identity != "authorized":
+            found.append(Choice("Warn it", f"Send a robot to warn {about}."))
+    return [*found, FOLLOW]
+
+
+def frame_choices(name: str, world: World) -> list[Choice]:
+    """Return what can be ordered for a place."""
+    kinds = {spec.kind for spec in world.assets.values()}
+    found = [Choice("Send … here", f"Send {{asset}} to {name}.")]
+    if name in world.gates:
+        if "uav" in kinds:
+            found.append(Choice("Look", f"Send a drone to look at {name}."))
+        if "ugv" in kinds:
+            found.append(Choice("Block", f"Let {{{PLAIN_KINDS['ugv']}}} block {name}."))
+        found.append(Choice("Report", f"Report on {name}."))
+    return [*found, FOLLOW]
+
+
+def asset_lines(asset: AssetTelemetry) -> list[str]:
+    """Return what the last report says of an asset."""
+    where = f"at {asset.at}" if asset.at else f"to {asset.post}" if asset.post else "between posts"
+    return [
+        f"{KIND_WORDS[asset.kind]} {where}, {asset.task}",
+        f"{asset.status}, battery {asset.battery_pct:.0f} %, link {asset.comms}",
+    ]
+
+
+def track_lines(track: Track) -> list[str]:
+    """Return what the sensors say of a track."""
+    return [
+        f"{track.identity} {track.kind}, intent {track.intent}",
+        f"{track.distance_m:.0f} m from {track.gate}, {track.status}",
+    ]
+
+
+class Card(ModalScreen[Choice | None]):
+    """Returns the choice, or None. Choosing gives no command: an order is typed, not sent."""
+
+    BINDINGS = [
+        Binding("escape", "leave", "Back"),
+        *(Binding(str(number), f"pick({number})", show=False) for number in range(1, 10)),
+    ]
+
+    def __init__(
+        self, title: str, lines: Sequence[str], choices: Sequence[Choice], at: Offset | None = None
+    ) -> None:
+        """`at` is the cell of the screen beside which it opens, None for the middle."""
+        super().__init__()
+        self._title, self._lines, self._choices, self._at = title, lines, choices, at
+
+    def compose(self) -> ComposeResult:
+        """Yield what is known and what can be chosen."""
+        with Vertical(id="card"):
+            yield Static("\n".join(self._lines), id="card-lines", markup=False)
+            yield OptionList(
+                *(
+                    Option(Content(f"{number} {choice.name}"))
+                    for number, choice in enumerate(self._choices, start=1)
+                ),
+                id="card-choices",
+                compact=True,
+            )
+
+    def on_mount(self) -> None:
+        """Name the card and say what choosing does."""
+        card = self.query_one("#card", Vertical)
+        card.border_title = Content(self._title)
+        if any(choice.order for choice in self._choices):
+            card.border_subtitle = "an order is typed; you send it"
+        self.query_one("#card-lines").display = bool(self._lines)
+        self.query_one(OptionList).focus()
+        self._place()
+
+    def on_resize(self) -> None:
+        """Stay on the screen."""
+        self._place()
+
+    def _place(self) -> None:
+        height = len(self._lines) + len(self._choices) + 2
+        width, rows = self.app.size
+        if self._at is None:
+            x, y = (width - WIDTH) // 2, (rows - height) // 2
+        else:
+            x, y = self._at.x + 2, self._at.y + 1
+        self.query_one("#card").styles.offset = (
+            max(0, min(x, width - WIDTH)),
+            max(0, min(y, rows - height)),
+        )
+
+    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
+        """Return what was chosen."""
+        event.stop()
+        self.dismiss(self._choices[event.option_index])
+
+    def on_click(self, event: events.Click) -> None:
+        """Go back when the click is beside the card."""
+        if event.widget is self:
+            self.dismiss(None)
+
+    def action_pick(self, number: int) -> None:
+        """Choose by the number of the line."""
+        if number <= len(self._choices):
+            self.dismiss(self._choices[number - 1])
+
+    def action_leave(self) -> None:
+        """Return nothing."""
+        self.dismiss(None)

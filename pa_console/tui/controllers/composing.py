@@ -1,0 +1,249 @@
+"""Types orders for the operator: earlier ones, favourites, and what is chosen on the map.
+
+Nothing here gives a command. What is chosen is typed into the mission field, and goes the way of
+every mission once the operator sends it.
+"""
+
+from collections.abc import Iterator, Sequence
+
+from textual.geometry import Offset
+
+from pa_console.schema.document import DocumentError
+from pa_console.schema.telemetry import Picture
+from pa_console.tui.composing.card import (
+    MAP_CHOICES,
+    Card,
+    Choice,
+    asset_choices,
+    asset_lines,
+    frame_choices,
+    track_choices,
+    track_lines,
+)
+from pa_console.tui.composing.choose_line import ChooseLine, Line
+from pa_console.tui.composing.favourites import Favourites
+from pa_console.tui.composing.past_orders import PastOrder, logged_orders, merged
+from pa_console.tui.composing.templates import templates
+from pa_console.tui.controllers.browsing import BrowsingController
+from pa_console.tui.controllers.console_session import ConsoleSession
+from pa_console.tui.controllers.settings import SettingsController
+from pa_console.tui.widgets.alarms import AlarmPane
+from pa_console.tui.widgets.assets import AssetTable
+from pa_console.tui.widgets.mission_prompt import MissionPrompt
+from pa_console.tui.widgets.row_views import VirtualRows
+from pa_console.tui.words import KIND_WORDS
+
+TEMPLATE, FAVOURITE = "template", "favourite"
+
+
+class ComposingController:
+    """Opens what orders are chosen from, and types what was chosen."""
+
+    def __init__(
+        self,
+        session: ConsoleSession,
+        browsing: BrowsingController,
+        settings: SettingsController,
+        favourites: Favourites,
+    ) -> None:
+        self._session, self._app, self._browsing = session, session.app, browsing
+        self._settings, self._favourites = settings, favourites
+
+    # Earlier orders, favourites and templates
+
+    def search_history(self) -> None:
+        """Let the operator search the orders of this and of earlier sessions."""
+        typed = self._session.typed.texts
+        lines = [Line(text) for text in typed]
+        found = ChooseLine(
+            "Earlier orders", lines, nothing="no order was given yet", more=self._with_logs
+        )
+        self._choose(found)
+
+    def _with_logs(self) -> Iterator[list[Line]]:
+        from pa_console.session.log.writer import default_folder  # noqa: PLC0415
+
+        folder = self._settings.loaded.values.logs or default_folder()
+        known: list[PastOrder] = []
+        for orders in logged_orders(folder):
+            known += orders
+            yield [
+                Line(order.text, order.note) for order in merged(self._session.typed.texts, known)
+            ]
+
+    def choose_favourite(self) -> None:
+        """Let the operator choose a favourite order, or a template of the world."""
+        try:
+            lines = self._favourite_lines()
+        except (DocumentError, OSError) as error:
+            self._session.tell(
+                f"{error}\nNothing in the file was changed; the templates are offered alone.",
+                "Favourites cannot be read",
+                bad=True,
+            )
+            lines = [Line(text, TEMPLATE) for text in templates(self._session.world)]
+        chooser = ChooseLine(
+            "Favourites and templates", lines, nothing="there is none", remove=self._without
+        )
+        self._choose(chooser)
+
+    def _favourite_lines(self) -> list[Line]:
+        kept = self._favourites.orders()
+        given = [text for text in templates(self._session.world) if text not in kept]
+        return [
+            *(Line(text, FAVOURITE) for text in kept),
+            *(Line(text, TEMPLATE) for text in given),
+        ]
+
+    def _without(self, order: str) -> list[Line]:
+        try:
+            if order not in self._favourites.orders():
+                raise ValueError("a template belongs to the console and stays")
+            self._favourites.remove(order)
+            return self._favourite_lines()
+        except DocumentError as error:
+            raise ValueError(str(error)) from error
+
+    def keep_favourite(self) -> None:
+        """Keep the order in the field, or the last one that was given, as a favourite."""
+        main = self._session.main
+        draft = main.query_one(MissionPrompt).draft.strip() if main is not None else ""
+        order = draft or next(iter(self._session.typed.texts), "")
+        if not order:
+            self._session.tell("type an order first, or give one", "No favourite", bad=True)
+            return
+        try:
+            new = self._favourites.keep(order)
+        except (DocumentError, ValueError, OSError) as error:
+            self._session.tell(f"{error}\nThe file was not changed.", "Not kept", bad=True)
+            return
+        self._session.tell(order, "Kept as a favourite" if new else "It is a favourite already")
+
+    def _choose(self, screen: ChooseLine) -> None:
+        if self._on_session:
+            self._app.push_screen(screen, self._type)
+
+    @property
+    def _on_session(self) -> bool:
+        """Whether the session is in front, with the field that orders are typed into."""
+        front = self._app.screen is self._session.shown
+        if not front and not isinstance(self._app.screen, ChooseLine | Card):
+            self._session.tell("Esc goes back to the session, where orders are typed", "Orders")
+        return front
+
+    def _type(self, order: str | None) -> None:
+        """Type an order into the mission field; what stood there is not lost."""
+        main = self._session.main
+        if not order or main is None:
+            return
+        prompt = main.query_one(MissionPrompt)
+        if prompt.draft.strip() not in ("", order):
+            self._session.tell("^z brings back what stood in the field", "Order typed")
+        prompt.put(order)
+
+    # Things on the map and in the table
+
+    def choose_thing(self) -> None:
+        """Let the operator choose among everything that has a name."""
+        picture, world = self._session.shown_state.picture, self._session.world
+        tracks = tuple(picture.tracks) if picture is not None else ()
+        self._choose_one((*tracks, *world.frames, *world.assets))
+
+    def row_chosen(self, message: VirtualRows.Chosen) -> None:
+        """Open the card of a row of the table; follow what a row of the alarms is about."""
+        rows = message.rows
+        if isinstance(rows, AssetTable):
+            if message.key in self._session.world.cameras:
+                self._browsing.follow(message.key)
+            else:
+                self.picked((message.key,), None, menu=False)
+        elif isinstance(rows, AlarmPane) and rows.subject:
+            self._browsing.follow(rows.subject)
+
+    def picked(self, names: Sequence[str], at: Offset | None, *, menu: bool) -> None:
+        """Fill the open slot of the mission field with what was picked, else open its card.
+
+        Of several that would do, the operator chooses one. Where nothing is there is a menu of the
+        map.
+        """
+        if self._app.screen is not self._session.shown:
+            return
+        main = self._session.main
+        if self._commands and main is not None and not menu:
+            prompt = main.query_one(MissionPrompt)
+            fitting = [name for name in names if prompt.fitting((name,)) is not None]
+            if len(fitting) == 1:
+                prompt.fill(fitting)
+                return
+            if fitting:
+                self._choose_one(fitting)
+                return
+        if len(names) > 1:
+            self._choose_one(names)
+        elif names:
+            self._open_card(names[0], at)
+        else:
+            self._app.push_screen(Card("Map", (), MAP_CHOICES, at), self._map_choice)
+
+    @property
+    def _commands(self) -> bool:
+        """Whether missions can be given here."""
+        now = self._session.situation
+        return not (now.replay or now.readonly)
+
+    def _choose_one(self, names: Sequence[str]) -> None:
+        picture = self._session.shown_state.picture
+        lines = [Line(name, self._about(name, picture)) for name in names]
+
+        def chosen(name: str | None) -> None:
+            main = self._session.main
+            if name is None:
+                return
+            if self._commands and main is not None and main.query_one(MissionPrompt).fill((name,)):
+                return
+            self._open_card(name, None)
+
+        if self._on_session:
+            title = "Assets, tracks and places"
+            self._app.push_screen(ChooseLine(title, lines, nothing="nothing is here"), chosen)
+
+    def _about(self, name: str, picture: Picture | None) -> str:
+        if picture is not None and name in picture.assets:
+            asset = picture.assets[name]
+            where = asset.at or f"to {asset.post}" if asset.at or asset.post else "between posts"
+            return f"{KIND_WORDS[asset.kind]}, {where}, {asset.battery_pct:.0f} %"
+        if picture is not None and name in picture.tracks:
+            track = picture.tracks[name]
+            return f"{track.identity} {track.kind} at {track.gate}"
+        frame = self._session.world.frames.get(name)
+        return frame.kind if frame is not None else ""
+
+    def _open_card(self, name: str, at: Offset | None) -> None:
+        picture, world = self._session.shown_state.picture, self._session.world
+        lines: list[str] = []
+        if picture is not None and name in picture.assets:
+            lines, choices = asset_lines(picture.assets[name]), asset_choices(picture.assets[name])
+        elif picture is not None and name in picture.tracks:
+            track = picture.tracks[name]
+            lines, choices = track_lines(track), track_choices(track, world)
+        elif name in world.frames:
+            lines, choices = [world.frames[name].kind], frame_choices(name, world)
+        else:
+            self._session.tell(f"nothing was reported of {name} yet", name, bad=True)
+            return
+        if not self._commands:
+            choices = [choice for choice in choices if not choice.order]
+
+        def chosen(choice: Choice | None) -> None:
+            if choice is not None and choice.does == "follow":
+                self._browsing.follow(name)
+            elif choice is not None:
+                self._type(choice.order)
+
+        self._app.push_screen(Card(name, lines, choices, at), chosen)
+
+    def _map_choice(self, choice: Choice | None) -> None:
+        if choice is not None and choice.does == "sensors":
+            self._browsing.next_sensors()
+        elif choice is not None:
+            self._browsing.zoom(2.0 if choice.does == "zoom_in" else 0.5)
