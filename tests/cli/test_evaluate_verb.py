@@ -79,7 +79,7 @@ def test_ctrl_c_keeps_what_was_made_and_says_how_to_go_on(tmp_path: Path, missio
     missions.write_text(HEAD + REFUSED + ANSWERED)
     asked = ["eval", "--missions", str(missions), *MODEL, "--out", str(out), "--repeat", "50"]
     process = subprocess.Popen(
-        [sys.executable, "-m", "pa_console.cli", *asked], stderr=subprocess.PIPE, text=True
+        [sys.executable, "-m", "pa_console", *asked], stderr=subprocess.PIPE, text=True
     )
     assert process.stderr is not None
     for line in process.stderr:

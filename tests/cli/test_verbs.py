@@ -22,7 +22,7 @@ RULE = "{id: WF-99, domain: WF, priority: high, text: t, check: CHECK, message: 
 
 def run(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     """Run `pa-console` with `words` as a process; fails the test when a traceback shows."""
-    command = [sys.executable, "-m", "pa_console.cli", *words]
+    command = [sys.executable, "-m", "pa_console", *words]
     done = subprocess.run(command, capture_output=True, text=True, cwd=cwd, check=False)
     assert "Traceback" not in done.stderr + done.stdout
     return done
@@ -98,7 +98,7 @@ def test_every_example_is_a_call_that_the_verb_takes(example: str) -> None:
 
 def test_the_shell_is_told_what_verbs_there_are() -> None:
     asked = {"_PA_CONSOLE_COMPLETE": "complete_bash", "COMP_WORDS": "pa-console set"}
-    command = [sys.executable, "-m", "pa_console.cli"]
+    command = [sys.executable, "-m", "pa_console"]
     done = subprocess.run(
         command, env={**os.environ, **asked, "COMP_CWORD": "1"}, capture_output=True, text=True,
         check=False,

@@ -21,7 +21,7 @@ from tests.golden.stored import compare, read, write
 
 ON = "PA_GOLDEN_OUTCOMES"
 FILE = "outcomes.json"
-CLI = [sys.executable, "-m", "pa_console.cli"]
+CLI = [sys.executable, "-m", "pa_console"]
 SETS = {"paper": [], "field": ["--every", "3"]}
 """The mission sets with the words that choose their missions."""
 KEPT = (

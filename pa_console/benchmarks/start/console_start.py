@@ -14,7 +14,7 @@ from contextlib import suppress
 from time import perf_counter
 from typing import Self
 
-COMMAND = (sys.executable, "-P", "-m", "pa_console.cli")
+COMMAND = (sys.executable, "-P", "-m", "pa_console")
 SIZE = (36, 120)
 """Rows and columns of the terminal."""
 

@@ -120,7 +120,7 @@ def serve(
 
 def _console(context: typer.Context) -> list[str]:
     """Return what opens the console with the options that were given to `context`."""
-    words = [sys.executable, "-m", "pa_console.cli"]
+    words = [sys.executable, "-m", "pa_console"]
     words += [word for given in given_words(context) for word in ("--set", given)]
     words += ["console", "--new"]
     for name, value in context.params.items():
