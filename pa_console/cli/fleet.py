@@ -14,7 +14,8 @@ from pa_console.sim.worlds.world_file import open_world
 
 if TYPE_CHECKING:
     from pa_console.fleets.bus.address import BrokerAddress, Credentials
-    from pa_console.fleets.bus.mqtt_fleet import Joined, MqttFleet
+    from pa_console.fleets.bus.joining import Joined
+    from pa_console.fleets.bus.mqtt_fleet import MqttFleet
     from pa_console.fleets.station_authority import StationAuthority
     from pa_console.orchestrator.station.assembly import Site
 
@@ -37,11 +38,9 @@ class FoundFleet:
         """
         if self.joined is None:
             return None
-        from pa_console.fleets.bus.mqtt_fleet import nobody  # noqa: PLC0415
         from pa_console.fleets.bus.opening import fleet_of  # noqa: PLC0415
 
-        authorize = authority.authorize if authority is not None else nobody
-        return fleet_of(self.joined, site.world, self.world_sha256, authorize)
+        return fleet_of(self.joined, site.world, self.world_sha256, authority)
 
     def clock(self, own: Clock) -> Clock:
         """Return the clock of the robots on the bus, `own` without one.
@@ -66,7 +65,7 @@ def find_fleet(
     if not url:
         return FoundFleet(world)
     from pa_console.fleets.bus.address import BrokerAddress  # noqa: PLC0415
-    from pa_console.fleets.bus.mqtt_fleet import join  # noqa: PLC0415
+    from pa_console.fleets.bus.joining import join  # noqa: PLC0415
     from pa_console.fleets.bus.newcomers import with_newcomers  # noqa: PLC0415
     from pa_console.sim.worlds.world_generator import world_yaml  # noqa: PLC0415
 

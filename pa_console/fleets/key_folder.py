@@ -16,6 +16,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from filelock import FileLock, Timeout
 
 from pa_console.fleets.authorization import (
+    KINDS_OF_TRUST,
     EnrolledRules,
     Person,
     Role,
@@ -38,7 +39,6 @@ from pa_console.private_files import (
 from pa_console.signing import LOCK_SECONDS, SITE_OWNER, SigningError, site_keys
 
 OWNER = "owner"
-MESSAGES = ("roster", "revocation", "takeover")
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
 Ask = Callable[[str], str]
@@ -84,7 +84,12 @@ class KeyFolder:
     @property
     def messages(self) -> tuple[str, ...]:
         """The newest signed roster, revocation and takeover that are here."""
-        return tuple(message for name in MESSAGES if (message := self._message(name)))
+        return tuple(self.newest.values())
+
+    @property
+    def newest(self) -> dict[str, str]:
+        """The same by kind."""
+        return {name: message for name in KINDS_OF_TRUST if (message := self._message(name))}
 
     def trust(self) -> Trust:
         """Return what the signed messages come to.
@@ -96,7 +101,7 @@ class KeyFolder:
             trust = Trust(self.owner)
         except ValueError as error:
             raise SigningError(f"{self.path}/{SITE_OWNER}: no public key: {error}") from error
-        for name in MESSAGES:
+        for name in KINDS_OF_TRUST:
             message = self._message(name)
             if message and (why := trust.take(message)) and name != "takeover":
                 raise SigningError(f"{self.path}/{name}.jwt: it does not hold: {why}")
@@ -245,7 +250,7 @@ class KeyFolder:
             if why := trust.take(message):
                 return why
             after = trust.roster.serial, trust.revocation, trust.takeover.epoch
-            for name, one, other in zip(MESSAGES, before, after, strict=True):
+            for name, one, other in zip(KINDS_OF_TRUST, before, after, strict=True):
                 if one != other:
                     self._keep(name, message)
             return ""

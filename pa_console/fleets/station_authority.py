@@ -2,7 +2,7 @@
 
 import hashlib
 from collections import OrderedDict
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from itertools import chain
 
@@ -13,6 +13,7 @@ from pa_console.fleets.authorization import (
     Grounds,
     Kind,
     RefusedError,
+    SignedMessages,
     Trust,
     Verifier,
     public_of,
@@ -49,14 +50,21 @@ class StationAuthority:
     `take` that another one has taken over, and moves nothing from then on.
     """
 
-    def __init__(self, keys: Keys, commanded: Iterable[str] = ()) -> None:
+    def __init__(
+        self,
+        keys: Keys,
+        commanded: Iterable[str] = (),
+        keep: Callable[[str], object] = lambda _message: None,
+    ) -> None:
         """`commanded` are the vehicles that were given an order in an earlier session.
 
-        Raises ValueError when the site's roster does not hold.
+        `keep` is given every signed message that comes later and is taken. Raises ValueError when
+        the site's roster does not hold.
         """
         self.keys, self._public = keys, public_of(keys.station)
         self.trust = Trust(keys.owner)
-        problems = [why for message in keys.messages if (why := self.trust.take(message))]
+        self._signed, self._keep = SignedMessages(self.trust.take), keep
+        problems = [why for message in keys.messages if (why := self._signed.hear(message))]
         if not self.trust.roster.serial:
             why = "; ".join(problems) or "there is none"
             raise ValueError(f"the roster of this site does not hold: {why}")
@@ -84,7 +92,17 @@ class StationAuthority:
 
     def take(self, message: str) -> str:
         """Accept a signed roster, revocation or takeover; return why not, '' when it is taken."""
-        return self.trust.take(message)
+        known = set(self._signed.newest.values())
+        why = self._signed.hear(message)
+        for taken in self._signed.newest.values():
+            if taken not in known:
+                self._keep(taken)
+        return why
+
+    @property
+    def newest(self) -> Mapping[str, str]:
+        """The newest signed message of each kind, which vehicles go by."""
+        return self._signed.newest
 
     @property
     def refusal(self) -> str:
@@ -203,11 +221,21 @@ class Vehicles:
         `messages` are the signed ones that they are told first.
         """
         self._verifiers = {agent: Verifier(agent, owner, now=now) for agent in agents}
+        self._signed = SignedMessages(self._tell)
         for message in messages:
             self.take(message)
 
+    @property
+    def in_command(self) -> str:
+        """The station that the vehicles follow, in words."""
+        first = next(iter(self._verifiers.values()), None)
+        return first.trust.in_command if first is not None else "there is no vehicle"
+
     def take(self, message: str) -> str:
         """Tell every vehicle of a signed message; return why one does not take it, '' if all do."""
+        return self._signed.hear(message)
+
+    def _tell(self, message: str) -> str:
         found = [verifier.take(message) for verifier in self._verifiers.values()]
         return next(filter(None, found), "")
 

@@ -12,7 +12,8 @@ from threading import Event, Thread
 
 from pa_console.fleets.bus.address import BrokerAddress
 from pa_console.fleets.bus.client import BusClient, Received, Sent
-from pa_console.fleets.bus.mqtt_fleet import MqttFleet, join
+from pa_console.fleets.bus.joining import join
+from pa_console.fleets.bus.mqtt_fleet import MqttFleet
 from pa_console.fleets.vda5050 import messages
 from pa_console.fleets.vda5050.asset_state import state_of
 from pa_console.fleets.vda5050.numbers import Numbers

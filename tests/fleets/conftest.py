@@ -9,8 +9,10 @@ from contextlib import contextmanager
 import pytest
 
 from pa_console.fleets.bus.address import BrokerAddress
-from pa_console.fleets.bus.mqtt_fleet import Authorize, MqttFleet, join, nobody
+from pa_console.fleets.bus.joining import join
+from pa_console.fleets.bus.mqtt_fleet import MqttFleet
 from pa_console.fleets.bus.opening import fleet_of
+from pa_console.fleets.bus.trust_topics import Keys
 from pa_console.fleets.site.simulated_site import SimulatedSite, SiteOptions
 from pa_console.fleets.vda5050.additions import SITE
 from pa_console.resources import find_data
@@ -92,9 +94,7 @@ def running(
 
 
 @contextmanager
-def joined(
-    world: World, address: BrokerAddress, authorize: Authorize = nobody
-) -> Generator[MqttFleet]:
+def joined(world: World, address: BrokerAddress, keys: Keys | None = None) -> Generator[MqttFleet]:
     """Yield the fleet of the site at `address`, once the site is there."""
     for _ in range(20):
         found = join(address)
@@ -103,7 +103,7 @@ def joined(
         found.link.close()
     else:
         raise TimeoutError(f"no site at {address}")
-    fleet = fleet_of(found, world, SHA, authorize)
+    fleet = fleet_of(found, world, SHA, keys)
     try:
         yield fleet
     finally:

@@ -1,5 +1,7 @@
 """The token of a command travels with it, and the vehicle that looks at it may refuse."""
 
+from collections.abc import Mapping
+
 from pa_console.fleets.bus.address import BrokerAddress
 from pa_console.schema.command import DeviceCommand, Verb
 from pa_console.schema.world import World
@@ -11,8 +13,17 @@ def test_each_sending_has_a_token_of_its_own_and_a_refusal_comes_back(
 ) -> None:
     seen: list[tuple[str | None, DeviceCommand]] = []
 
-    def authorize(command: DeviceCommand) -> str:
-        return f"signed {command.verb}"
+    class Signing:
+        """Signs everything, and goes by nobody."""
+
+        refusal = ""
+        newest: Mapping[str, str] = {}
+
+        def authorize(self, command: DeviceCommand) -> str:
+            return f"signed {command.verb}"
+
+        def take(self, message: str) -> str:
+            return ""
 
     def verify(token: str | None, command: DeviceCommand) -> str:
         seen.append((token, command))
@@ -26,7 +37,7 @@ def test_each_sending_has_a_token_of_its_own_and_a_refusal_comes_back(
     commands = [ordered(number, verb) for number, verb in enumerate(("observe", "move_to"))]
     with (
         running(world, address, paced=True, verify=verify),
-        joined(world, address, authorize) as fleet,
+        joined(world, address, Signing()) as fleet,
     ):
         said: list[tuple[str, str]] = []
         for command in (*commands, ordered(2, "report"), ordered(3, "hold")):

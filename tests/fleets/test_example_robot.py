@@ -1,23 +1,34 @@
 """The robot of the manual joins a site, is commanded as far as it can, and refuses the rest."""
 
+import json
+import os
 import re
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from pa_console.fleets.bus.address import BrokerAddress
-from pa_console.fleets.bus.mqtt_fleet import Joined, MqttFleet, join
+from pa_console.fleets.bus.joining import Joined, join
+from pa_console.fleets.bus.mqtt_fleet import MqttFleet
 from pa_console.fleets.bus.newcomers import with_newcomers
 from pa_console.schema.command import CommandReply, DeviceCommand, Verb
 from pa_console.schema.world import World
 from pa_console.sim.worlds.world_file import load_world
 from pa_console.sim.worlds.world_generator import world_yaml
 from tests.fleets.intruder import intruder
+from tests.fleets.keyring import (
+    PUBLIC,
+    SIGNED_ROSTER,
+    TO_NORTH,
+    TO_SOUTH,
+    approval_of,
+    token_of,
+)
 from tests.fleets.schemas import TOPICS, problems
 
 PAGE = Path(__file__).parents[2] / "pa_console" / "manual" / "connect-a-robot.md"
@@ -25,18 +36,20 @@ ROBOT = "Robot_T03"
 LIMIT_S = 60.0
 
 
-def program() -> str:
-    found = re.search(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
-    assert found is not None
-    return found[1]
+def program(number: int = 0) -> str:
+    return re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)[number]
 
 
 @pytest.fixture
-def robot(address: BrokerAddress, tmp_path: Path) -> Iterator[None]:
-    file = tmp_path / "robot.py"
-    file.write_text(program(), encoding="utf-8")
-    words = [sys.executable, str(file), address.host, str(address.port), address.site, ROBOT]
-    process = subprocess.Popen(words)
+def robot(address: BrokerAddress, tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[None]:
+    """The robot of the manual; the one that checks where a test is parametrised with `owner`."""
+    owner = getattr(request, "param", "")
+    (tmp_path / "robot.py").write_text(program(), encoding="utf-8")
+    (tmp_path / "checking_robot.py").write_text(program(1), encoding="utf-8")
+    file = "checking_robot.py" if owner else "robot.py"
+    words = [sys.executable, file, address.host, str(address.port), address.site, ROBOT]
+    environment = {**os.environ, "PYTHONPATH": str(PAGE.parents[2])}
+    process = subprocess.Popen([*words, *filter(None, (owner,))], cwd=tmp_path, env=environment)
     yield
     process.kill()
     process.wait()
@@ -129,6 +142,43 @@ def test_a_robot_that_the_session_began_without_is_announced(found: Joined, worl
 
         driven.until(announced)
         assert ROBOT not in fleet.picture().assets
+
+
+@pytest.mark.parametrize("robot", [PUBLIC["owner"]], ids=["owner"], indirect=True)
+def test_one_that_checks_takes_what_the_station_in_command_has_signed_and_nothing_else(
+    found: Joined, world: World, address: BrokerAddress
+) -> None:
+    larger, _ = with_newcomers(world, found)
+    orders = tuple(f"{ROBOT} move_to Base" for _ in range(2))
+
+    class North:
+        """Signs what Ann has approved, once a commander has put it in command."""
+
+        refusal = ""
+        newest: Mapping[str, str] = {"takeover": TO_NORTH, "roster": SIGNED_ROSTER}
+
+        def authorize(self, command: DeviceCommand) -> str | None:
+            if command.target == "WestGate":
+                return None
+            now = time.time()
+            approvals = {"ann": approval_of("ann", *orders, now=now)}
+            return token_of(command, now=now, approvals=approvals, serial=ROBOT)
+
+        def take(self, message: str) -> str:
+            return ""
+
+    with intruder(address) as evil, closing(MqttFleet(larger, found, North())) as fleet:
+        driven = Driven(fleet)
+        driven.until(lambda: fleet.picture().assets[ROBOT].available)
+        evil.send(evil.topic("trust", "roster"), b"garbage", retain=True)
+        assert driven.end(driven.order(1, "move_to", "Base")) == "done"
+        assert driven.end(driven.order(2, "move_to", "WestGate")) == "refused"
+        taken = json.loads(evil.heard[evil.topic("trust", "takeover")]) | {"message": TO_SOUTH}
+        evil.send(evil.topic("trust", "takeover"), json.dumps(taken).encode(), retain=True)
+        assert driven.end(driven.order(3, "move_to", "Base")) == "refused"
+        details = [reply.detail for reply in driven.replies if reply.status == "refused"]
+        assert details[0] == "it has no authorization"
+        assert "south is in command since epoch 2" in details[-1]
 
 
 def test_it_needs_nothing_of_ours_and_is_short() -> None:

@@ -29,8 +29,11 @@ def test_files_are_private_and_what_is_there_stays(tmp_path: Path) -> None:
 
 def test_a_robot_s_topics_are_those_of_its_own_name() -> None:
     lines = [line for line in access("yard").splitlines() if line.startswith("pattern")]
-    assert all("/v3/+/%u/" in line for line in lines)
-    assert len(lines) == len(ROBOT_WRITES) + len(ROBOT_READS)
+    own = [line for line in lines if "/v3/+/%u/" in line]
+    assert len(own) == len(ROBOT_WRITES) + len(ROBOT_READS)
+    everybody = [line for line in lines if line not in own]
+    trust = "pattern read yard/v3/pa-console/trust"
+    assert everybody == [f"{trust}/{name}" for name in ("roster", "revocation", "takeover")]
 
 
 def test_the_broker_lets_a_robot_speak_for_itself_alone(tmp_path: Path) -> None:
@@ -51,12 +54,16 @@ def test_the_broker_lets_a_robot_speak_for_itself_alone(tmp_path: Path) -> None:
             drone.send(drone.topic("Drone_T02", "state"), b"forged")
             drone.send(drone.topic("Drone_T02", "order"), b"forged")
             drone.send(drone.topic("site", "clock"), b"forged")
+            drone.send(drone.topic("trust", "takeover"), b"forged")
             ear.send(ear.topic("Drone_T01", "state"), b"forged")
             drone.send(drone.topic("Drone_T01", "state"), b"true")
             while ear.topic("Drone_T01", "state") not in ear.heard:
                 pass
             assert [payload for _, payload in ear.all] == [b"true"]
             assert drone.all == []
+            ear.send(ear.topic("trust", "takeover"), b"signed")
+            while drone.topic("trust", "takeover") not in drone.heard:
+                pass
             drone.close()
             ear.close()
             with pytest.raises(ssl.SSLError):

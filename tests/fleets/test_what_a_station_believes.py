@@ -156,7 +156,7 @@ def test_a_robot_that_is_gone_is_lost_at_once_and_commands_to_it_are_no_secret(
 def joined_without_site(world: World, address: BrokerAddress) -> Any:
     from contextlib import closing  # noqa: PLC0415
 
-    from pa_console.fleets.bus.mqtt_fleet import join  # noqa: PLC0415
+    from pa_console.fleets.bus.joining import join  # noqa: PLC0415
 
     return closing(MqttFleet(world, join(address)))
 

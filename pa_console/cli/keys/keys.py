@@ -10,8 +10,9 @@ from typing import Annotated, cast
 import typer
 from rich.table import Table
 
+from pa_console.cli.keys.on_the_bus import on_bus
 from pa_console.cli.keys.site_keys import ask_passphrase
-from pa_console.cli.output import JsonOption, errors, out, print_json
+from pa_console.cli.output import CertificatesOption, JsonOption, errors, out, print_json
 from pa_console.fleets.authorization import EnrolledRules
 from pa_console.fleets.key_folder import KeyFolder
 from pa_console.orchestrator.station.assembly import open_rules
@@ -52,6 +53,12 @@ def _new_passphrase(*, wanted: bool) -> str:
 
 PassphraseOption = Annotated[
     bool, typer.Option("--passphrase", help="Protect the new key with a passphrase.")
+]
+
+
+BusOption = Annotated[
+    str,
+    typer.Option("--fleet", metavar="URL", help="Tell vehicles and stations on this bus at once."),
 ]
 
 
@@ -98,9 +105,17 @@ def make(
 
 
 @app.command("list")
-def list_keys(json: JsonOption = False) -> None:
-    """List people, stations and rule sets of the site, who is in command, and what was revoked."""
-    _show(KeyFolder(), json=json)
+def list_keys(
+    fleet: BusOption = "", certificates: CertificatesOption = None, json: JsonOption = False
+) -> None:
+    """List people, stations and rule sets of the site, who is in command, and what was revoked.
+
+    With --fleet, what is newer on the bus is taken from there first.
+    """
+    folder = KeyFolder()
+    with on_bus(folder, fleet, certificates):
+        pass
+    _show(folder, json=json)
 
 
 @app.command()
@@ -111,30 +126,36 @@ def enrol(
         str | None, typer.Argument(help="The public key of a person or station.")
     ] = None,
     role: Annotated[RoleOption, typer.Option(help="The role of a person.")] = RoleOption.operator,
+    fleet: BusOption = "",
+    certificates: CertificatesOption = None,
 ) -> None:
     """Take a person, a station or a rule set into the roster, which the owner's key signs.
 
     Of rule sets of one name vehicles take the one that was enrolled last.
     """
     folder = KeyFolder(ask=ask_passphrase)
-    if kind is Enrolled.rules:
-        folder.enrol_rules(*_enrolled(open_rules(name)[0]))
-    elif key is None:
+    if key is None and kind is not Enrolled.rules:
         raise ValueError(f"give the public key of the {kind.value}, which 'keys make' has printed")
-    elif kind is Enrolled.person:
-        folder.enrol_person(name, _public(key), role.value)
-    else:
-        folder.enrol_station(name, _public(key))
+    with on_bus(folder, fleet, certificates):
+        if key is None:
+            folder.enrol_rules(*_enrolled(open_rules(name)[0]))
+        elif kind is Enrolled.person:
+            folder.enrol_person(name, _public(key), role.value)
+        else:
+            folder.enrol_station(name, _public(key))
     _show(folder)
 
 
 @app.command()
 def revoke(
     name: Annotated[str, typer.Argument(help="A person or a station.")],
+    fleet: BusOption = "",
+    certificates: CertificatesOption = None,
 ) -> None:
     """Revoke the key of a person or station for ever."""
     folder = KeyFolder(ask=ask_passphrase)
-    folder.revoke(name)
+    with on_bus(folder, fleet, certificates):
+        folder.revoke(name)
     _show(folder)
 
 
@@ -142,23 +163,29 @@ def revoke(
 def rotate(
     name: Annotated[str, typer.Argument(help="A person or a station with a key on this machine.")],
     passphrase: PassphraseOption = False,
+    fleet: BusOption = "",
+    certificates: CertificatesOption = None,
 ) -> None:
     """Make a new key for a person or station, and revoke the one before."""
     folder = KeyFolder(ask=ask_passphrase)
-    folder.rotate(name, _new_passphrase(wanted=passphrase))
+    with on_bus(folder, fleet, certificates):
+        folder.rotate(name, _new_passphrase(wanted=passphrase))
     _show(folder)
 
 
 @app.command()
 def takeover(
     station: Annotated[str, typer.Argument(help="The station that is in command from now on.")],
+    fleet: BusOption = "",
+    certificates: CertificatesOption = None,
 ) -> None:
     """Put a station in command; a commander's key signs the next epoch.
 
     Vehicles that have heard of it take nothing of the station before.
     """
     folder = KeyFolder(ask=ask_passphrase)
-    folder.take_over(station)
+    with on_bus(folder, fleet, certificates):
+        folder.take_over(station)
     _show(folder)
 
 

@@ -22,7 +22,8 @@ def load_authority() -> "StationAuthority | None":
     from pa_console.fleets.key_folder import KeyFolder  # noqa: PLC0415 - where there are keys only
     from pa_console.fleets.station_authority import StationAuthority  # noqa: PLC0415
 
-    return StationAuthority(KeyFolder(ask=ask_passphrase).keys())
+    folder = KeyFolder(ask=ask_passphrase)
+    return StationAuthority(folder.keys(), keep=folder.take)
 
 
 def ask_passphrase(name: str) -> str:

@@ -3,6 +3,7 @@
 import asyncio
 import hashlib
 import time
+from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
@@ -26,10 +27,11 @@ from pa_console.fleets.site.embedded_broker import EmbeddedBroker
 from pa_console.fleets.site.simulated_site import SimulatedSite, SiteOptions
 from pa_console.fleets.site.site_files import RESERVED, default_hosts, write_site
 from pa_console.fleets.station_authority import Vehicles
-from pa_console.fleets.vda5050.vehicle import Verify, anybody
+from pa_console.fleets.vda5050.vehicle import anybody
 from pa_console.schema.base import Name
 from pa_console.schema.document import read_bytes
 from pa_console.schema.quantities import count
+from pa_console.schema.visible_text import visible
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.scenario_file import open_scenario
@@ -76,12 +78,14 @@ def site(
 
     loaded, path = open_world(world)
     played = open_scenario(loaded, path, scenario).scenario if scenario else None
+    vehicles = _vehicles(loaded)
     options = SiteOptions(
         world_sha256=hashlib.sha256(read_bytes(path)).hexdigest(),
         scenario=played.name if played is not None else "",
         paced=paced,
         rate=rate,
-        verify=_verify(loaded),
+        verify=vehicles.verify if vehicles is not None else anybody,
+        take=_telling(vehicles) if vehicles is not None else lambda _message: None,
         credentials=let_in,
     )
     checkpoint = Checkpoint(loaded, seed, played)
@@ -138,15 +142,30 @@ def init(
     )
 
 
-def _verify(world: World) -> Verify:
+def _vehicles(world: World) -> Vehicles | None:
     """Return what the vehicles check commands with: the site's keys, where this machine has them.
 
     They go by wall time, as the station that signs does, however fast the site is.
     """
     folder = KeyFolder()
     if not folder.made:
-        return anybody
-    return Vehicles(world.assets, folder.owner, folder.messages, time.time).verify
+        return None
+    return Vehicles(world.assets, folder.owner, folder.messages, time.time)
+
+
+def _telling(vehicles: Vehicles) -> Callable[[str], None]:
+    """Return what lets `vehicles` take signed messages, and says so when that changes anything."""
+    told = vehicles.in_command
+
+    def take(message: str) -> None:
+        nonlocal told
+        why = vehicles.take(message)
+        line = f"a signed message changes nothing: {why}" if why else vehicles.in_command
+        if line != told:
+            told = line
+            errors.print(visible(line), markup=False, soft_wrap=True)
+
+    return take
 
 
 def _check_serial(serial: str) -> None:

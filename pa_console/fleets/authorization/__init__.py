@@ -34,12 +34,13 @@ from pa_console.fleets.authorization.messages import (
     sign_takeover,
     words,
 )
-from pa_console.fleets.authorization.trust import Takeover, Trust
+from pa_console.fleets.authorization.trust import KINDS_OF_TRUST, SignedMessages, Takeover, Trust
 from pa_console.fleets.authorization.verifier import Verifier
 
 __all__ = (
     "APPROVAL_S",
     "KINDS",
+    "KINDS_OF_TRUST",
     "LEEWAY_S",
     "MOST_CHARACTERS",
     "MOST_USED",
@@ -57,6 +58,7 @@ __all__ = (
     "RefusedError",
     "Role",
     "Roster",
+    "SignedMessages",
     "Takeover",
     "Trust",
     "Verifier",

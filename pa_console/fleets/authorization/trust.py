@@ -1,11 +1,13 @@
 """What a vehicle or a station goes by: the roster, what was revoked, who is in command."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from pa_console.fleets.authorization.messages import (
     APPROVAL_S,
     ROLES,
     Claims,
+    Message,
     Person,
     RefusedError,
     Roster,
@@ -16,6 +18,11 @@ from pa_console.fleets.authorization.messages import (
     unverified,
     whole_number,
 )
+
+KINDS_OF_TRUST: tuple[Message, ...] = ("roster", "revocation", "takeover")
+"""The kinds of messages that change whom one goes by."""
+
+MOST_REFUSED = 16
 
 
 @dataclass(frozen=True)
@@ -131,3 +138,45 @@ class Trust:
         if taken.epoch <= self.takeover.epoch:
             raise RefusedError(f"epoch {taken.epoch} is not newer; {self.in_command}")
         self.takeover = taken
+
+
+class SignedMessages:
+    """Takes signed messages in, in whatever order they come, as from a bus that retains them.
+
+    A takeover may come before the roster that names its commander. So the last MOST_REFUSED that
+    were refused are tried again when another message is taken.
+    """
+
+    def __init__(self, take: Callable[[str], str]) -> None:
+        """`take` accepts one message; it returns why not, '' when it is taken."""
+        self._take = take
+        self.newest: dict[str, str] = {}
+        """The message of each kind that was taken last."""
+        self._refused: dict[str, str] = {}
+        """The kind of each message that was refused lately."""
+
+    def hear(self, message: str) -> str:
+        """Take `message` if it is newer than what is known; return why not, '' when it is taken."""
+        try:
+            kind = kind_of(message)
+        except Exception as error:
+            return f"it cannot be read: {error}"
+        if self.newest.get(kind) == message:
+            return ""
+        if why := self._take(message):
+            if kind in KINDS_OF_TRUST:
+                self._refused[message] = kind
+            if len(self._refused) > MOST_REFUSED:
+                del self._refused[next(iter(self._refused))]
+            return why
+        self.newest[kind] = message
+        self._try_again()
+        return ""
+
+    def _try_again(self) -> None:
+        for message, kind in tuple(self._refused.items()):
+            if not self._take(message):
+                del self._refused[message]
+                self.newest[kind] = message
+                self._try_again()
+                return

@@ -6,20 +6,18 @@ arrival; one from the future, or of a time before the last, is not believed.
 
 import math
 import secrets
-from collections.abc import Callable
-from dataclasses import dataclass
 from datetime import UTC, datetime
-from time import monotonic
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from pa_console.fleets.bus.address import BrokerAddress, Credentials
 from pa_console.fleets.bus.client import Sent
+from pa_console.fleets.bus.joining import Joined
 from pa_console.fleets.bus.reported_picture import ReportedPicture
 from pa_console.fleets.bus.robots import Robot
-from pa_console.fleets.bus.station_link import Delivery, StationLink
+from pa_console.fleets.bus.station_link import Delivery
 from pa_console.fleets.bus.told import Told
+from pa_console.fleets.bus.trust_topics import Keys, signed_messages
 from pa_console.fleets.fleet import Forecast, Received
 from pa_console.fleets.vda5050 import additions, commands, messages
 from pa_console.fleets.vda5050.asset_state import telemetry_of
@@ -34,98 +32,27 @@ from pa_console.schema.telemetry import Picture, Weather
 from pa_console.schema.world import World
 from pa_console.sim.picture import picture as station_side
 
-Authorize = Callable[[DeviceCommand], str | None]
-"""Returns the token that a command travels with, None for one without."""
-
-HEARD = (
-    messages.Connection,
-    messages.State,
-    Factsheet,
-    additions.Detections,
-    additions.SiteDescription,
-    additions.ClockDone,
-    additions.IncidentDone,
-    additions.Told,
-)
-CONNECT_S = 5.0
-RETAINED_S = 0.3
-"""What is retained has come when nothing of it did for so long; live messages never end."""
-MOST_RETAINED_S = 10.0
-"""A bus that keeps on delivering what is retained is listened to for so long."""
-
 AHEAD_S = 2.0
 """A message that claims to be from so far in the future comes from a wrong clock."""
 
-SUBJECT = "bus"
+SUBJECT, KEYS_SUBJECT = "bus", "keys"
 _HAPPENED: TypeAdapter[IncidentHappened | Noticed] = TypeAdapter(IncidentHappened | Noticed)
 
 
-def nobody(_command: DeviceCommand) -> str | None:
-    """Sign no command, as on a site that has no keys."""
-    return None
-
-
-@dataclass(frozen=True)
-class Joined:
-    """What was found on a bus before a fleet is made of it."""
-
-    link: StationLink
-    site: additions.SiteDescription | None
-    factsheets: dict[Identity, Factsheet]
-    online: frozenset[Identity]
-    """Whoever is connected."""
-    deliveries: tuple[Delivery, ...]
-
-
-def join(address: BrokerAddress, credentials: Credentials | None = None) -> Joined:
-    """Connect to the broker and hear what is retained there; raises ValueError without a broker."""
-    link = StationLink(address, f"station-{secrets.token_hex(4)}", HEARD, credentials)
-    if not link.wait_connected(CONNECT_S):
-        problem = link.problem
-        link.close()
-        raise ValueError(f"no broker lets us in at {address}: {problem}")
-    deliveries = _retained(link)
-    site: additions.SiteDescription | None = None
-    factsheets: dict[Identity, Factsheet] = {}
-    states: dict[Identity, messages.ConnectionState] = {}
-    for delivery in deliveries:
-        match delivery.message:
-            case additions.SiteDescription() if delivery.topic.identity == additions.SITE:
-                site = delivery.message
-            case Factsheet():
-                factsheets.setdefault(delivery.topic.identity, delivery.message)
-            case messages.Connection():
-                states[delivery.topic.identity] = delivery.message.connection_state
-            case _:
-                pass
-    online = frozenset(identity for identity, state in states.items() if state == "ONLINE")
-    return Joined(link, site, factsheets, online, tuple(deliveries))
-
-
-def _retained(link: StationLink) -> list[Delivery]:
-    """Return what comes until all that is retained has come, live messages among it."""
-    deliveries: list[Delivery] = []
-    now = monotonic()
-    end, quiet = now + MOST_RETAINED_S, now + RETAINED_S
-    while (left := min(end, quiet) - monotonic()) > 0:
-        link.wait_news(left)
-        taken = link.take()
-        deliveries += taken
-        if any(delivery.retained for delivery in taken):
-            quiet = monotonic() + RETAINED_S
-    return deliveries
-
-
 class MqttFleet:
-    """Drives the robots of one site; `authorize` gives the token that a command travels with."""
+    """Drives the robots of one site; with `keys`, commands travel with tokens.
 
-    def __init__(self, world: World, joined: Joined, authorize: Authorize = nobody) -> None:
-        self._link, self._authorize = joined.link, authorize
+    Then it tells the robots of the newest roster, revocation and takeover that it knows of, and
+    goes by newer ones that others tell of.
+    """
+
+    def __init__(self, world: World, joined: Joined, keys: Keys | None = None) -> None:
+        self._link, self._keys = joined.link, keys
         self._rate = joined.site.rate if joined.site is not None else 1.0
         self._known = ReportedPicture(world)
         self._period = station_side.period_ticks(world)
         self._robots: dict[str, Robot] = {}
-        self._numbers = Numbers()
+        self._numbers, self._signed_numbers = Numbers(), Numbers()
         self._session, self._asked_states = secrets.token_hex(4), 0
         self._told, self._dropped = Told(), 0
         self._replies: list[CommandReply] = []
@@ -135,6 +62,7 @@ class MqttFleet:
             self._take(delivery)
         self._ready = True
         self._request_states()
+        self._publish_signed()
         self._known.show(self._weather)
 
     @property
@@ -192,7 +120,7 @@ class MqttFleet:
         if commands.is_order(command):
             self._order(robot, command)
         else:
-            token = None if command.verb == "hold" else self._authorize(command)
+            token = None if command.verb == "hold" else self._token(command)
             robot.held = robot.held or command.verb == "hold"
             self._send(robot, self._at_once(robot, *commands.actions_at_once(command, token)))
 
@@ -210,6 +138,9 @@ class MqttFleet:
     def wait(self, seconds: float) -> bool:
         """Wait until a message has come, for `seconds` at most; return whether one has."""
         return self._link.wait_news(seconds)
+
+    def _token(self, command: DeviceCommand) -> str | None:
+        return self._keys.authorize(command) if self._keys is not None else None
 
     def _receive(self) -> None:
         """Take in what has come."""
@@ -237,7 +168,7 @@ class MqttFleet:
             self.world,
             (place.x, place.y) if place is not None else None,
             robot.state.last_node_id if robot.state is not None else "",
-            self._authorize(command),
+            self._token(command),
         )
         header = self._header(robot.identity, messages.Order.TOPIC)
         order = messages.Order(
@@ -300,6 +231,7 @@ class MqttFleet:
             else:
                 self._say("info", SUBJECT, "connected to the broker again", "up")
                 self._request_states()
+                self._publish_signed()
         if dropped > self._dropped:
             text = f"{dropped - self._dropped} messages came too fast and were dropped"
             self._dropped = dropped
@@ -319,6 +251,26 @@ class MqttFleet:
         )
         zones = zone_set(self.world, self._header(robot.identity, messages.ZoneSet.TOPIC))
         self._send(robot, zones, self._at_once(robot, request))
+
+    def _publish_signed(self) -> None:
+        """Retain what robots go by on the bus: it may have got lost, or be older there."""
+        if self._keys is not None:
+            site, newest = self._link.address.site, self._keys.newest
+            self._link.send(*signed_messages(site, newest, self._signed_numbers, self.now()))
+
+    def _take_signed(self, message: additions.SignedMessage) -> None:
+        """Go by a signed message; say so when it changes whether this station may command."""
+        if self._keys is None:
+            return
+        before = self._keys.refusal
+        why, refusal = self._keys.take(message.message), self._keys.refusal
+        if why and self._ready:
+            text = f"a signed {message.TOPIC} changes nothing: {why}"
+            self._say("warning", KEYS_SUBJECT, text, message.TOPIC)
+        if refusal and refusal != before:
+            self._say("alarm", KEYS_SUBJECT, f"nothing is sent from here: {refusal}")
+        elif before and not refusal:
+            self._say("info", KEYS_SUBJECT, "this station is in command")
 
     def _take(self, delivery: Delivery) -> None:
         """Take in one message; what cannot be believed is told, and changes nothing."""
@@ -343,6 +295,8 @@ class MqttFleet:
                 self._weather = message.weather
             case additions.Told() if topic.identity == additions.SITE:
                 self._take_told(message)
+            case additions.SignedMessage() if topic.identity == additions.TRUST:
+                self._take_signed(message)
             case _:
                 self._take_more(topic.identity, message)
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from pydantic import TypeAdapter, ValidationError
 
-from pa_console.fleets.bus.mqtt_fleet import Joined
+from pa_console.fleets.bus.joining import Joined
 from pa_console.fleets.vda5050.factsheet import Factsheet
 from pa_console.schema.base import Name
 from pa_console.schema.world import AssetKind, AssetSpec, World

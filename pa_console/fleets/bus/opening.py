@@ -1,13 +1,15 @@
 """Makes a fleet of what is found on a bus: simulated or real."""
 
-from pa_console.fleets.bus.mqtt_fleet import Authorize, Joined, MqttFleet, nobody
+from pa_console.fleets.bus.joining import Joined
+from pa_console.fleets.bus.mqtt_fleet import MqttFleet
 from pa_console.fleets.bus.site_fleet import SiteFleet
+from pa_console.fleets.bus.trust_topics import Keys
 from pa_console.fleets.vda5050.additions import SITE
 from pa_console.schema.world import World
 
 
 def fleet_of(
-    joined: Joined, world: World, world_sha256: str, authorize: Authorize = nobody
+    joined: Joined, world: World, world_sha256: str, keys: Keys | None = None
 ) -> MqttFleet:
     """Return the fleet of `world` on the bus that was joined.
 
@@ -15,7 +17,7 @@ def fleet_of(
     """
     site = joined.site
     if site is None:
-        return MqttFleet(world, joined, authorize)
+        return MqttFleet(world, joined, keys)
     if SITE not in joined.online:
         joined.link.close()
         raise ValueError(f"the site of {site.world!r} at {joined.link.address} is not running now")
@@ -25,4 +27,4 @@ def fleet_of(
             f"the site on this bus has another world: {site.world!r}, whose file has the "
             f"SHA-256 {site.world_sha256[:12]}; ours has {world_sha256[:12]}; give its --world"
         )
-    return SiteFleet(world, joined, site, authorize)
+    return SiteFleet(world, joined, site, keys)

@@ -5,7 +5,9 @@ from datetime import datetime, timedelta
 from time import monotonic
 
 from pa_console.fleets.bus.client import Sent
-from pa_console.fleets.bus.mqtt_fleet import Authorize, Joined, MqttFleet, nobody
+from pa_console.fleets.bus.joining import Joined
+from pa_console.fleets.bus.mqtt_fleet import MqttFleet
+from pa_console.fleets.bus.trust_topics import Keys
 from pa_console.fleets.vda5050 import additions
 from pa_console.fleets.vda5050.topics import Identity, Topic
 from pa_console.fleets.vda5050.wire import Header
@@ -23,7 +25,7 @@ class SiteFleet(MqttFleet):
         world: World,
         joined: Joined,
         site: additions.SiteDescription,
-        authorize: Authorize = nobody,
+        keys: Keys | None = None,
     ) -> None:
         """Raises ValueError when a paced site does not answer."""
         self._site, self._site_tick = site, -1
@@ -32,7 +34,7 @@ class SiteFleet(MqttFleet):
         self._began, self._moved = site.tick, False
         self._after: dict[str, int] = {}
         self._incidents, self._problems = 0, dict[int, str]()
-        super().__init__(world, joined, authorize)
+        super().__init__(world, joined, keys)
         if site.paced:
             self._move_site(0)
             self._began = self._site_tick

@@ -6,6 +6,7 @@ The radio model stays in force: it lies between an asset and the gateway that sp
 import asyncio
 import math
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from time import perf_counter
@@ -13,10 +14,12 @@ from time import perf_counter
 from pydantic import TypeAdapter, ValidationError
 
 from pa_console.fleets.bus.address import BrokerAddress, Credentials
-from pa_console.fleets.bus.client import say_nothing
+from pa_console.fleets.bus.client import BusClient, Received, say_nothing
 from pa_console.fleets.site.gateway import CameraSpeaker, Gateway, OnBus, Speaker
 from pa_console.fleets.vda5050.additions import (
+    SIGNED,
     SITE,
+    TRUST,
     ClockDone,
     ClockMessage,
     Detections,
@@ -24,12 +27,14 @@ from pa_console.fleets.vda5050.additions import (
     IncidentMessage,
     SeenContact,
     SeenRobot,
+    SignedMessage,
     SiteDescription,
     Told,
 )
 from pa_console.fleets.vda5050.numbers import Numbers
+from pa_console.fleets.vda5050.topics import Topic
 from pa_console.fleets.vda5050.vehicle import Verify, anybody
-from pa_console.fleets.vda5050.wire import Header, in_milliseconds
+from pa_console.fleets.vda5050.wire import Header, UnreadableError, in_milliseconds
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events.event import IncidentHappened, Noticed
 from pa_console.schema.incident import Incident
@@ -55,6 +60,8 @@ class SiteOptions:
     paced: bool = False
     rate: float = 1.0
     verify: Verify = anybody
+    take: Callable[[str], object] = lambda _message: None
+    """Is given every signed roster, revocation and takeover that comes over the bus."""
     credentials: Callable[[str], Credentials | None] = lambda _name: None
     """Returns the certificates of whoever is on the bus under a name."""
 
@@ -82,6 +89,14 @@ class SimulatedSite:
         self._site = _SiteSpeaker(SITE.serial_number, bus)
         self._site.arrived = self._describe
         self._site.listener = self._ask
+        self._trust = BusClient(
+            address,
+            f"{address.site}-{TRUST.serial_number}",
+            self._hear_signed,
+            lambda _connected, _why: None,
+            [str(Topic(address.site, TRUST, kind.TOPIC)) for kind in SIGNED],
+            credentials=options.credentials(SITE.serial_number),
+        )
 
     def now(self) -> datetime:
         """Return what time it is at the site (UTC)."""
@@ -91,7 +106,8 @@ class SimulatedSite:
         """Be on the bus until cancelled; raises ValueError when no broker lets everybody in."""
         asyncio.get_running_loop().set_exception_handler(say_nothing)
         speakers: list[Speaker] = [*self.robots.values(), *self._cameras.values()]
-        running = [asyncio.create_task(speaker.client.run()) for speaker in speakers]
+        running = [asyncio.create_task(self._trust.run())]
+        running += [asyncio.create_task(speaker.client.run()) for speaker in speakers]
         try:
             await self._all_up(speakers)
             for name, said in self.checkpoint.picture().assets.items():
@@ -288,6 +304,11 @@ class SimulatedSite:
             qos=1,
             retain=True,
         )
+
+    def _hear_signed(self, received: Received) -> None:
+        """Let the vehicles go by a signed message; what cannot be read changes nothing."""
+        with suppress(UnreadableError):
+            self._options.take(SignedMessage.read(received.payload).message)
 
     def _forward(self, command: DeviceCommand) -> None:
         self.checkpoint.send(command)

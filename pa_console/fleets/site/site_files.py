@@ -17,11 +17,12 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from pa_console.fleets.bus.address import CA_FILE
-from pa_console.fleets.vda5050.additions import SITE
+from pa_console.fleets.vda5050.additions import SIGNED, SITE, TRUST
+from pa_console.fleets.vda5050.topics import Topic
 from pa_console.private_files import make_private_folder, replace_private
 
 CA_KEY, BROKER, STATION = "ca.key", "broker", "station"
-RESERVED = ("ca", BROKER, STATION, SITE.serial_number)
+RESERVED = ("ca", BROKER, STATION, SITE.serial_number, TRUST.serial_number)
 CONFIGURATION, ACCESS = "mosquitto.conf", "access.txt"
 CA_YEARS, YEARS = 10, 2
 EARLIER = timedelta(days=1)
@@ -95,10 +96,13 @@ def access(site: str) -> str:
     """Return who may write and read which topics; %u is the name in a certificate."""
     robot = f"{site}/v3/+/%u"
     own = f"{site}/v3/{SITE.manufacturer}/{SITE.serial_number}"
+    trust = [str(Topic(site, TRUST, kind.TOPIC)) for kind in SIGNED]
     lines = [
         "# Everybody writes and reads the topics of the serial number in their certificate.",
         *(f"pattern write {robot}/{topic}" for topic in ROBOT_WRITES),
         *(f"pattern read {robot}/{topic}" for topic in ROBOT_READS),
+        "# Everybody reads who belongs to the site and who commands it.",
+        *(f"pattern read {topic}" for topic in trust),
         "",
         f"user {SITE.serial_number}",
         *(f"topic write {own}/{topic}" for topic in SITE_WRITES),
@@ -108,6 +112,7 @@ def access(site: str) -> str:
         f"topic read {site}/v3/#",
         *(f"topic write {site}/v3/+/+/{topic}" for topic in ROBOT_READS),
         *(f"topic write {own}/{topic}" for topic in SITE_READS),
+        *(f"topic write {topic}" for topic in trust),
     ]
     return "\n".join(lines) + "\n"
 

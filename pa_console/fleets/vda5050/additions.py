@@ -1,12 +1,13 @@
 """What the standard does not have: detections of sensors, and the words between a site and station.
 
 Detections go to `<interface>/v3/<manufacturer>/<name>/detections`, from robots and from cameras. A
-site that simulates says so on `site`, as `pa-console`/`site`, and takes `incident` and `clock`.
+site that simulates says so on `site`, as `pa-console`/`site`, and takes `incident` and `clock`. Who
+belongs to a site and who commands it is retained as `pa-console`/`trust`.
 """
 
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Field, StringConstraints
 
 from pa_console.fleets.vda5050.topics import Identity
 from pa_console.fleets.vda5050.wire import MOST_ITEMS, Count, Finite, Header, Id, Text, Wire
@@ -16,6 +17,9 @@ from pa_console.schema.telemetry import Intent, Weather
 
 MANUFACTURER = "pa-console"
 SITE = Identity(MANUFACTURER, "site")
+TRUST = Identity(MANUFACTURER, "trust")
+"""Whoever publishes them, what counts in these messages is who has signed them."""
+
 Metres = Annotated[float, Field(ge=0.0, le=1e5)]
 
 
@@ -113,3 +117,31 @@ class Told(Header):
 
     TOPIC: ClassVar[str] = "told"
     event: Text
+
+
+class SignedMessage(Header):
+    """A message that somebody of the site has signed, a JWT; retained, the newest of its kind."""
+
+    message: Annotated[str, StringConstraints(max_length=65_536)]
+
+
+class SignedRoster(SignedMessage):
+    """Who and what belongs to the site, signed by its owner."""
+
+    TOPIC: ClassVar[str] = "roster"
+
+
+class SignedRevocation(SignedMessage):
+    """Which keys count no more, signed by the owner of the site."""
+
+    TOPIC: ClassVar[str] = "revocation"
+
+
+class SignedTakeover(SignedMessage):
+    """Which station is in command, signed by a commander."""
+
+    TOPIC: ClassVar[str] = "takeover"
+
+
+SIGNED: tuple[type[SignedMessage], ...] = (SignedRoster, SignedRevocation, SignedTakeover)
+"""In the order in which each can be checked by those before it."""

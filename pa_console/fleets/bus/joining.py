@@ -1,0 +1,79 @@
+"""Joins a bus: connects to its broker and hears what is retained there."""
+
+import secrets
+from dataclasses import dataclass
+from time import monotonic
+
+from pa_console.fleets.bus.address import BrokerAddress, Credentials
+from pa_console.fleets.bus.station_link import Delivery, StationLink
+from pa_console.fleets.vda5050 import additions, messages
+from pa_console.fleets.vda5050.factsheet import Factsheet
+from pa_console.fleets.vda5050.topics import Identity
+
+HEARD = (
+    messages.Connection,
+    messages.State,
+    Factsheet,
+    additions.Detections,
+    additions.SiteDescription,
+    additions.ClockDone,
+    additions.IncidentDone,
+    additions.Told,
+    *additions.SIGNED,
+)
+CONNECT_S = 5.0
+RETAINED_S = 0.3
+"""What is retained has come when nothing of it did for so long; live messages never end."""
+MOST_RETAINED_S = 10.0
+"""A bus that keeps on delivering what is retained is listened to for so long."""
+
+
+@dataclass(frozen=True)
+class Joined:
+    """What was found on a bus before a fleet is made of it."""
+
+    link: StationLink
+    site: additions.SiteDescription | None
+    factsheets: dict[Identity, Factsheet]
+    online: frozenset[Identity]
+    """Whoever is connected."""
+    deliveries: tuple[Delivery, ...]
+
+
+def join(address: BrokerAddress, credentials: Credentials | None = None) -> Joined:
+    """Connect to the broker and hear what is retained there; raises ValueError without a broker."""
+    link = StationLink(address, f"station-{secrets.token_hex(4)}", HEARD, credentials)
+    if not link.wait_connected(CONNECT_S):
+        problem = link.problem
+        link.close()
+        raise ValueError(f"no broker lets us in at {address}: {problem}")
+    deliveries = take_retained(link)
+    site: additions.SiteDescription | None = None
+    factsheets: dict[Identity, Factsheet] = {}
+    states: dict[Identity, messages.ConnectionState] = {}
+    for delivery in deliveries:
+        match delivery.message:
+            case additions.SiteDescription() if delivery.topic.identity == additions.SITE:
+                site = delivery.message
+            case Factsheet():
+                factsheets.setdefault(delivery.topic.identity, delivery.message)
+            case messages.Connection():
+                states[delivery.topic.identity] = delivery.message.connection_state
+            case _:
+                pass
+    online = frozenset(identity for identity, state in states.items() if state == "ONLINE")
+    return Joined(link, site, factsheets, online, tuple(deliveries))
+
+
+def take_retained(link: StationLink) -> list[Delivery]:
+    """Return what comes until all that is retained has come, live messages among it."""
+    deliveries: list[Delivery] = []
+    now = monotonic()
+    end, quiet = now + MOST_RETAINED_S, now + RETAINED_S
+    while (left := min(end, quiet) - monotonic()) > 0:
+        link.wait_news(left)
+        taken = link.take()
+        deliveries += taken
+        if any(delivery.retained for delivery in taken):
+            quiet = monotonic() + RETAINED_S
+    return deliveries
