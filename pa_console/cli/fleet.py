@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from pa_console.fleets.station_authority import StationAuthority
     from pa_console.orchestrator.station.assembly import Site
 
-STATION = "station"
+STATION, JOINED = "station", "joined"
+"""Whose certificate a station is let in with, and a console that joins its session."""
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from typing import Self
 from rich.progress import (
     BarColumn,
     DownloadColumn,
+    MofNCompleteColumn,
     Progress,
     ProgressColumn,
     TextColumn,
@@ -66,6 +67,19 @@ class LoadingBar(LiveBar):
 
     def show(self, done: int, total: int) -> None:
         """Note that `done` of `total` bytes were read."""
+        self._progress.update(self._task, completed=done, total=total)
+
+
+class RecordsBar(LiveBar):
+    """Counts the records of a shared session that have come, on a terminal."""
+
+    def __init__(self) -> None:
+        """Show that a session is waited for."""
+        self._progress = transient_bar(MofNCompleteColumn())
+        self._task = self._progress.add_task("reading the session", total=None)
+
+    def show(self, done: int, total: int) -> None:
+        """Note that `done` of `total` records have come."""
         self._progress.update(self._task, completed=done, total=total)
 
 

@@ -15,12 +15,22 @@ from pa_console.schema.world import World
 
 
 @dataclass(frozen=True)
+class Countersigned:
+    """What a second person has signed elsewhere for a plan that waits here; a valid signature."""
+
+    request_id: str
+    person: str
+    signature: str
+
+
+@dataclass(frozen=True)
 class Received:
     """What came in during one step, in order of arrival."""
 
     replies: tuple[CommandReply, ...] = ()
     told: tuple[IncidentHappened | Noticed, ...] = ()
     """What else the fleet tells of; the session log says so too."""
+    countersigned: tuple[Countersigned, ...] = ()
 
 
 class Forecast(Protocol):

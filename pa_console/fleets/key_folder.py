@@ -123,6 +123,11 @@ class KeyFolder:
             self.messages,
         )
 
+    def person(self) -> tuple[str, Ed25519PrivateKey]:
+        """Return name and key of the first person in the roster whose key is here."""
+        name = self._first("person", self.trust().roster.people)
+        return name, self._load("person", name)
+
     def make_site(
         self, person: str, station: str, rules: Mapping[str, EnrolledRules], passphrase: str = ""
     ) -> None:

@@ -3,7 +3,7 @@
 import hashlib
 from collections import OrderedDict
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -11,7 +11,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from pa_console.fleets.authorization import (
     Approval,
     Grounds,
-    Kind,
+    Records,
     RefusedError,
     SignedMessages,
     Trust,
@@ -19,6 +19,7 @@ from pa_console.fleets.authorization import (
     public_of,
     sign_approval,
     sign_command,
+    sign_records,
     words,
 )
 from pa_console.policy.rulebook import Rulebook
@@ -125,6 +126,31 @@ class StationAuthority:
             "enrolled; pa-console keys enrol rules FILE does that"
         )
 
+    def objection_to(self, request_id: str, person: str, signature: str) -> str:
+        """Return why a signature from elsewhere does not count for a request here, '' if it may.
+
+        Whether it approves the very plan of that request is for `valid` to say.
+        """
+        try:
+            approval, _ = self.trust.approval(person, signature, self.now())
+            given = [approval[part] for part in ("station", "session", "request")]
+        except RefusedError as refused:
+            return str(refused)
+        except (ValueError, KeyError, TypeError) as error:
+            return f"it cannot be read: {error}"
+        if given != [self._public, self._session, request_id]:
+            return f"{person} has signed something else"
+        return ""
+
+    def vouch(self, records: Records) -> str:
+        """Return this station's signature under records of its log that it shares."""
+        return sign_records(self.keys.station, records, self.now())
+
+    @property
+    def name(self) -> str:
+        """The name of this station in the roster, '' when it is not in it."""
+        return self.trust.roster.station_of(self._public)
+
     def fresh(self, agents: Collection[str]) -> frozenset[str]:
         """Return those of `agents` to whom no order was ever sent."""
         return frozenset(agents) - self._commanded
@@ -147,7 +173,7 @@ class StationAuthority:
         for name, signature in decision.signatures.items():
             try:
                 approval, key = self.trust.approval(name, signature, self.now())
-            except RefusedError:
+            except (RefusedError, ValueError, KeyError, TypeError):
                 continue
             same = all(
                 approval[part] == getattr(wanted, part)
@@ -194,20 +220,36 @@ class StationAuthority:
         self, request: ApprovalRequested, decision: Decision, rules: Rulebook
     ) -> Approval:
         """Return what the person here approves of `request` with `decision`."""
-        acts = {"override": request.needs_override, "acknowledge": bool(request.acknowledge)}
-        kind: Kind = "override" if request.needs_override else "operator"
-        actions = chain(request.plan.actions, request.if_halted)
-        return Approval(
+        approval = approval_of(
+            request,
             person=self.keys.person,
             station=self._public,
             session=self._session,
-            request=request.request_id,
-            orders=tuple(f"{action.agent} {action.command}" for action in actions),
-            plan=hashlib.sha256(request.plan.answer.encode()).hexdigest(),
             rules=rules.seal.content_sha256,
-            kind="standing" if decision.standing else kind,
-            acts=tuple(act for act, asked in acts.items() if asked),
         )
+        return replace(approval, kind="standing") if decision.standing else approval
+
+
+def approval_of(
+    request: ApprovalRequested, *, person: str, station: str, session: str, rules: str
+) -> Approval:
+    """Return what `person` approves of a `request` of the station with that public key.
+
+    `rules` is the SHA-256 of the rule set that its plan was checked by.
+    """
+    acts = {"override": request.needs_override, "acknowledge": bool(request.acknowledge)}
+    actions = chain(request.plan.actions, request.if_halted)
+    return Approval(
+        person=person,
+        station=station,
+        session=session,
+        request=request.request_id,
+        orders=tuple(f"{action.agent} {action.command}" for action in actions),
+        plan=hashlib.sha256(request.plan.answer.encode()).hexdigest(),
+        rules=rules,
+        kind="override" if request.needs_override else "operator",
+        acts=tuple(act for act, asked in acts.items() if asked),
+    )
 
 
 class Vehicles:

@@ -12,6 +12,9 @@ MAX_MISSION_TEXT = 2000
 STANDING = "standing instruction"
 """How whoever decided is named where that was done beforehand, and nobody looked at the plan."""
 
+ELSEWHERE = "at another station"
+"""What the name of somebody who has signed there is followed by."""
+
 DecisionKind = Literal["approve", "reject", "modify", "choose", "answer"]
 ApprovalState = Literal[
     "approve",  # understood, and all of it is planned

@@ -41,17 +41,25 @@ from pa_console.tui.controllers.settings import SettingsController
 from pa_console.tui.controllers.typing import KeyTime, TypingController
 from pa_console.tui.kept_input import History, history_file
 from pa_console.tui.plain_output import PlainConsole
-from pa_console.tui.protocols import Clock, LiveStation, RuleScorer, ShownRules
+from pa_console.tui.protocols import Clock, JoinedTo, LiveStation, RuleScorer, ShownRules
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.theme import VARIABLES
 from pa_console.tui.visible_lines import VisibleLines
 from pa_console.tui.widgets.approval import ApprovalPanel
+from pa_console.tui.widgets.bars import JOINED
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
 from pa_console.tui.widgets.row_views import VirtualRows
 
 READ_ONLY = "READ-ONLY: every command is refused"
+
+
+def closed_by(joined: JoinedTo) -> str:
+    """Return why no mission is taken where another station's session is shown."""
+    may = "you may countersign" if joined.signer else "you may only watch"
+    return f"The session of {joined.station}: it is commanded there, {may}"
+
 
 Opening = Callable[["ConsoleApp"], None]
 """Shows the screens that a console begins with."""
@@ -80,6 +88,7 @@ class ConsoleApp(App[None]):
         retriever: RuleScorer,
         *,
         readonly: bool = False,
+        joined: JoinedTo | None = None,
         player: Player | None = None,
         clock: Clock = time.monotonic,
         key_time: KeyTime = attrgetter("time"),
@@ -96,6 +105,7 @@ class ConsoleApp(App[None]):
     ) -> None:
         """A live console needs `station`, a replay `player`; tests replace `clock` and `key_time`.
 
+        A console that has `joined` another station's session commands nothing.
         Paths and settings that are None are the user's own, in the platform's folders. Rules can be
         edited in the `rules_file` that they are from. `opening` shows other screens than the
         session. `usual` are the seconds that each step of a mission usually takes; codes that call
@@ -108,7 +118,7 @@ class ConsoleApp(App[None]):
         self._visible_lines = VisibleLines()
         self._history, self._opening = history, opening
         self.session = session = ConsoleSession(
-            self, world, station, player, readonly=readonly, clock=clock
+            self, world, station, player, readonly=readonly, clock=clock, joined=joined
         )
         self.feed = SessionFeed(session, self._painted, Waiting(usual))
         user = SettingsController(session, settings or load_settings())
@@ -210,10 +220,18 @@ class ConsoleApp(App[None]):
             main = RecordingScreen(session.world, rules, session.player, session.clock)
         else:
             mode, closed = ("READ-ONLY", READ_ONLY) if session.readonly else ("LIVE", "")
+            if session.joined is not None:
+                mode, closed = f"{JOINED} {session.joined.station}", closed_by(session.joined)
             kept = self.controllers.settings.loaded.values.history_kept
             session.typed = History(None if closed else self._history or history_file(), kept)
             main = MainScreen(
-                session.world, rules, session.typed, closed=closed, mode=mode, clock=session.clock
+                session.world,
+                rules,
+                session.typed,
+                closed=closed,
+                mode=mode,
+                clock=session.clock,
+                joined=session.joined,
             )
         session.main = main
         self.push_screen(main)

@@ -1,6 +1,7 @@
 """What the console needs of its surroundings, as protocols, so that every screen stands alone."""
 
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 from pa_console.schema.events.event import Event
@@ -11,6 +12,14 @@ from pa_console.schema.rule import Rule, RuleHit, RulesSeal
 
 Clock = Callable[[], float]
 """Seconds that only grow; replaced in tests so that no test has to wait."""
+
+
+@dataclass(frozen=True)
+class JoinedTo:
+    """Another station's session: its name, and who may countersign here, '' for nobody."""
+
+    station: str
+    signer: str = ""
 
 
 class LiveStation(Protocol):

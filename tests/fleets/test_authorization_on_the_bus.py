@@ -25,6 +25,9 @@ def test_each_sending_has_a_token_of_its_own_and_a_refusal_comes_back(
         def take(self, message: str) -> str:
             return ""
 
+        def objection_to(self, request_id: str, person: str, signature: str) -> str:
+            return ""
+
     def verify(token: str | None, command: DeviceCommand) -> str:
         seen.append((token, command))
         return "nobody has approved it" if command.verb == "observe" else ""

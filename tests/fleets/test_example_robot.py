@@ -167,6 +167,9 @@ def test_one_that_checks_takes_what_the_station_in_command_has_signed_and_nothin
         def take(self, message: str) -> str:
             return ""
 
+        def objection_to(self, request_id: str, person: str, signature: str) -> str:
+            return ""
+
     with intruder(address) as evil, closing(MqttFleet(larger, found, North())) as fleet:
         driven = Driven(fleet)
         driven.until(lambda: fleet.picture().assets[ROBOT].available)

@@ -44,6 +44,15 @@ def console(
     seed: SeedOption = 0,
     fleet: FleetOption = "",
     certificates: CertificatesOption = None,
+    join: Annotated[
+        str,
+        typer.Option(
+            "--join",
+            metavar="URL",
+            help="Watch the session of the station in command on a message bus, and countersign "
+            "what it takes two people for; nothing is commanded from here.",
+        ),
+    ] = "",
     alarms: Annotated[
         bool, typer.Option("--alarms/--no-alarms", help="Alarms become missions by themselves.")
     ] = True,
@@ -89,6 +98,13 @@ def console(
         traces=traces,
         metrics_port=metrics_port,
     )
+    if join:
+        if fleet or scenario or plain or readonly:
+            raise ValueError("--join goes with --certificates, --world, --rules and --mouse alone")
+        from pa_console.cli.console.joined_session import Joining, run_joined  # noqa: PLC0415 - then
+
+        run_joined(Joining(join, certificates, world, rules), settings)
+        return
     with Runner() as loop, ExitStack() as observes:
         with (
             ThreadPoolExecutor(1) as hashing,

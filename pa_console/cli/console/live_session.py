@@ -18,11 +18,12 @@ from pa_console.orchestrator.station.rules_in_force import RulesWatch
 from pa_console.orchestrator.station.station import Station
 from pa_console.orchestrator.station.ticking import RealTimeClock
 from pa_console.policy.trust.pinned_rules import RefusedRulesError, RulesPins
-from pa_console.session.log.writer import default_folder
+from pa_console.session.log.writer import LogWriter, default_folder
 from pa_console.settings.schema import Settings
 from pa_console.sim.worlds.scenario_file import open_scenario
 
 if TYPE_CHECKING:
+    from pa_console.fleets.bus.mqtt_fleet import MqttFleet
     from pa_console.fleets.station_authority import StationAuthority
 
 
@@ -53,7 +54,20 @@ class LiveSession:
     site: Site
     station: Station
     log: Path | None
+    fleet: "MqttFleet | None" = None
+    """What is driven on a message bus."""
     authority: "StationAuthority | None" = None
+
+    def share(self, writer: LogWriter) -> None:
+        """Share the session that `writer` logs with others on the bus, where the site has keys."""
+        if self.fleet is None or self.authority is None or not self.authority.name:
+            return
+        from pa_console.fleets.bus.session_sharing import SharedSession  # noqa: PLC0415 - on a bus
+
+        authority = self.authority
+        shared = SharedSession(writer.session, authority.name, writer.path, authority.vouch)
+        writer.on_record = shared.add
+        self.fleet.share(shared)
 
 
 def open_live(
@@ -81,6 +95,7 @@ def open_live(
         chosen = choose_session(folder, site, engine.model.sha256, asked.scenario, asked.resume)
     resumed, log = chosen if chosen is not None else (None, None)
     authority = load_authority()
+    fleet = on_bus.drive(site, authority)
     station = open_station(
         site,
         engine,
@@ -92,11 +107,11 @@ def open_live(
         watch=watch,
         resumed=resumed,
         authority=authority,
-        fleet=on_bus.drive(site, authority),
+        fleet=fleet,
         servers=servers,
     )
     station.rate = settings.speed
-    return LiveSession(site, station, log, authority)
+    return LiveSession(site, station, log, fleet, authority)
 
 
 def _open_site(asked: Asked, pins: RulesPins, deadline_s: float) -> Site:

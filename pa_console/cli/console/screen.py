@@ -39,6 +39,7 @@ def run_screen(
         witness,
         resumed=opened.log is not None,
     )
+    opened.share(writer)
     app = ConsoleApp(
         site.world,
         station,

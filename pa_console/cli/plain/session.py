@@ -44,6 +44,7 @@ def run_plain(
         witness,
         resumed=opened.log is not None,
     )
+    opened.share(writer)
 
     def call() -> None:
         if values.bell and sys.stdout.isatty():

@@ -23,7 +23,7 @@ Kind = Literal["operator", "override", "standing"]
 KINDS: tuple[Kind, ...] = ("operator", "override", "standing")
 """How a person approved: after looking, against the judge with a reason, or beforehand."""
 
-Message = Literal["command", "approval", "roster", "revocation", "takeover"]
+Message = Literal["command", "approval", "roster", "revocation", "takeover", "records"]
 UNSIGNED = frozenset(("hold",))
 """The commands that never need a token: nothing may stand in the way of a stop."""
 
@@ -32,6 +32,9 @@ TOKEN_S = 30.0
 
 APPROVAL_S = 3600.0
 """How long what people approved may be carried out, at most: a plan, and its way to safety."""
+
+RECORDS_S = 10.0
+"""How long records of a session log that a station shares may be on their way."""
 
 LEEWAY_S = 2.0
 """So far may the clocks of a station and a vehicle be apart."""
@@ -215,6 +218,21 @@ def sign_revocation(owner: Ed25519PrivateKey, serial: int, keys: Sequence[str]) 
 def sign_takeover(commander: Ed25519PrivateKey, person: str, epoch: int, station: str) -> str:
     """Return the message with which a commander puts the station of that key in command."""
     return sign("takeover", {"person": person, "epoch": epoch, "station": station}, commander)
+
+
+@dataclass(frozen=True)
+class Records:
+    """A part of the session log that a station shares: which records, and the hash of the last."""
+
+    session: str
+    first: int
+    last: int
+    head: str
+
+
+def sign_records(key: Ed25519PrivateKey, records: Records, now: float) -> str:
+    """Return the message with which the station that has `key` vouches for `records`."""
+    return sign("records", {**asdict(records), "nbf": now, "exp": now + RECORDS_S}, key)
 
 
 class RefusedError(Exception):

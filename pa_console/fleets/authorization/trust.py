@@ -5,10 +5,12 @@ from dataclasses import dataclass
 
 from pa_console.fleets.authorization.messages import (
     APPROVAL_S,
+    RECORDS_S,
     ROLES,
     Claims,
     Message,
     Person,
+    Records,
     RefusedError,
     Roster,
     check_time,
@@ -106,6 +108,22 @@ class Trust:
         if approval["person"] != name or type(approval["orders"]) is not list:
             raise RefusedError(f"{what} is not what it should be")
         return approval, person.key
+
+    def records(self, station: str, message: str, now: float) -> Records:
+        """Return the records that the station called `station` vouches for at `now`.
+
+        Raises RefusedError for what it has not signed, and for what is out of date.
+        """
+        key, what = self.roster.stations.get(station), f"the signature of {station}"
+        if key is None or key in self.revoked:
+            raise RefusedError(f"{station} is no station of this site")
+        try:
+            claims = open_message(message, "records", public_key(key), what)
+            check_time(claims, what, RECORDS_S, now)
+            first, last = whole_number(claims["first"]), whole_number(claims["last"])
+            return Records(str(claims["session"]), first, last, str(claims["head"]))
+        except (ValueError, KeyError, TypeError) as error:
+            raise RefusedError(f"{what} is not what it should be: {error}") from error
 
     def _take_roster(self, claims: Claims) -> None:
         roster = Roster.of(claims)

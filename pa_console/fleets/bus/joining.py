@@ -8,6 +8,7 @@ from pa_console.fleets.bus.address import BrokerAddress, Credentials
 from pa_console.fleets.bus.station_link import Delivery, StationLink
 from pa_console.fleets.vda5050 import additions, messages
 from pa_console.fleets.vda5050.factsheet import Factsheet
+from pa_console.fleets.vda5050.session_messages import Countersignature, RecordsAsked
 from pa_console.fleets.vda5050.topics import Identity
 
 HEARD = (
@@ -20,6 +21,8 @@ HEARD = (
     additions.IncidentDone,
     additions.Told,
     *additions.SIGNED,
+    RecordsAsked,
+    Countersignature,
 )
 CONNECT_S = 5.0
 RETAINED_S = 0.3

@@ -15,14 +15,16 @@ from pa_console.fleets.bus.client import Sent
 from pa_console.fleets.bus.joining import Joined
 from pa_console.fleets.bus.reported_picture import ReportedPicture
 from pa_console.fleets.bus.robots import Robot
+from pa_console.fleets.bus.session_sharing import SharedSession
 from pa_console.fleets.bus.station_link import Delivery
 from pa_console.fleets.bus.told import Told
 from pa_console.fleets.bus.trust_topics import Keys, signed_messages
-from pa_console.fleets.fleet import Forecast, Received
+from pa_console.fleets.fleet import Countersigned, Forecast, Received
 from pa_console.fleets.vda5050 import additions, commands, messages
 from pa_console.fleets.vda5050.asset_state import telemetry_of
 from pa_console.fleets.vda5050.factsheet import Factsheet
 from pa_console.fleets.vda5050.numbers import Numbers
+from pa_console.fleets.vda5050.session_messages import Countersignature, RecordsAsked
 from pa_console.fleets.vda5050.topics import Identity, Topic
 from pa_console.fleets.vda5050.vehicle import EXPIRY_S, STATE_REQUEST
 from pa_console.fleets.vda5050.wire import Header, UnreadableError
@@ -56,6 +58,8 @@ class MqttFleet:
         self._session, self._asked_states = secrets.token_hex(4), 0
         self._told, self._dropped = Told(), 0
         self._replies: list[CommandReply] = []
+        self._shared: SharedSession | None = None
+        self._countersigned: list[Countersigned] = []
         self._weather: Weather = joined.site.weather if joined.site is not None else "clear"
         self._tick, self._connected, self._ready = 0, True, False
         for delivery in joined.deliveries:
@@ -132,8 +136,14 @@ class MqttFleet:
         self._receive()
         if self._tick % self._period == 0:
             self._known.show(self._weather)
+        self._share()
         replies, self._replies = tuple(self._replies), []
-        return Received(replies, self._told.take())
+        countersigned, self._countersigned = tuple(self._countersigned), []
+        return Received(replies, self._told.take(), countersigned)
+
+    def share(self, session: SharedSession) -> None:
+        """Publish the records of a session, and take what others sign for its plans."""
+        self._shared = session
 
     def wait(self, seconds: float) -> bool:
         """Wait until a message has come, for `seconds` at most; return whether one has."""
@@ -149,6 +159,7 @@ class MqttFleet:
 
     def close(self) -> None:
         """Let go of the bus; the robots do what they do without a station."""
+        self._share()
         self._link.close()
 
     def _order(self, robot: Robot, command: DeviceCommand) -> None:
@@ -272,6 +283,26 @@ class MqttFleet:
         elif before and not refusal:
             self._say("info", KEYS_SUBJECT, "this station is in command")
 
+    def _share(self) -> None:
+        """Publish what is new in the session, and what was asked for."""
+        if self._shared is not None:
+            self._link.send(*self._shared.step(self._link.address.site, self.now()))
+
+    def _shares(self, station: Identity) -> bool:
+        """Whether `station` is this one, and its session is shared."""
+        return self._shared is not None and self._shared.identity == station
+
+    def _take_countersignature(self, message: Countersignature) -> None:
+        """Take in what a person has signed elsewhere, if that person may, for this session."""
+        request, person, signature = message.request_id, message.person, message.approval
+        if self._keys is None:
+            return
+        if why := self._keys.objection_to(request, person, signature):
+            text = f"a signature from elsewhere does not count: {why}"
+            self._say("warning", KEYS_SUBJECT, text, "countersignature")
+            return
+        self._countersigned.append(Countersigned(request, person, signature))
+
     def _take(self, delivery: Delivery) -> None:
         """Take in one message; what cannot be believed is told, and changes nothing."""
         topic, message = delivery.topic, delivery.message
@@ -297,6 +328,13 @@ class MqttFleet:
                 self._take_told(message)
             case additions.SignedMessage() if topic.identity == additions.TRUST:
                 self._take_signed(message)
+            case RecordsAsked() if self._shares(topic.identity):
+                if self._shared is not None:
+                    self._shared.ask(message)
+            case Countersignature() if self._shares(topic.identity):
+                self._take_countersignature(message)
+            case RecordsAsked() | Countersignature():
+                pass
             case _:
                 self._take_more(topic.identity, message)
 

@@ -32,6 +32,10 @@ class Keys(Protocol):
         """Accept a signed roster, revocation or takeover; return why not, '' when it is taken."""
         ...
 
+    def objection_to(self, request_id: str, person: str, signature: str) -> str:
+        """Return why a signature from elsewhere does not count for a request here, '' if it may."""
+        ...
+
 
 def signed_messages(
     site: str, messages: Mapping[str, str], numbers: Numbers, sent: datetime

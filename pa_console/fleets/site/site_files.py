@@ -18,11 +18,16 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from pa_console.fleets.bus.address import CA_FILE
 from pa_console.fleets.vda5050.additions import SIGNED, SITE, TRUST
+from pa_console.fleets.vda5050.session_messages import (
+    Countersignature,
+    RecordsAsked,
+    SessionRecords,
+)
 from pa_console.fleets.vda5050.topics import Topic
 from pa_console.private_files import make_private_folder, replace_private
 
-CA_KEY, BROKER, STATION = "ca.key", "broker", "station"
-RESERVED = ("ca", BROKER, STATION, SITE.serial_number, TRUST.serial_number)
+CA_KEY, BROKER, STATION, JOINED = "ca.key", "broker", "station", "joined"
+RESERVED = ("ca", BROKER, STATION, JOINED, SITE.serial_number, TRUST.serial_number)
 CONFIGURATION, ACCESS = "mosquitto.conf", "access.txt"
 CA_YEARS, YEARS = 10, 2
 EARLIER = timedelta(days=1)
@@ -71,7 +76,7 @@ def write_site(
     authority = _authority(folder, site)
     made: list[str] = []
     kept: list[str] = []
-    for name in (BROKER, STATION, SITE.serial_number, *names):
+    for name in (BROKER, STATION, JOINED, SITE.serial_number, *names):
         if (folder / f"{name}.crt").exists():
             kept.append(name)
             continue
@@ -96,6 +101,7 @@ def access(site: str) -> str:
     """Return who may write and read which topics; %u is the name in a certificate."""
     robot = f"{site}/v3/+/%u"
     own = f"{site}/v3/{SITE.manufacturer}/{SITE.serial_number}"
+    station = f"{site}/v3/{SITE.manufacturer}/+"
     trust = [str(Topic(site, TRUST, kind.TOPIC)) for kind in SIGNED]
     lines = [
         "# Everybody writes and reads the topics of the serial number in their certificate.",
@@ -113,6 +119,11 @@ def access(site: str) -> str:
         *(f"topic write {site}/v3/+/+/{topic}" for topic in ROBOT_READS),
         *(f"topic write {own}/{topic}" for topic in SITE_READS),
         *(f"topic write {topic}" for topic in trust),
+        f"topic write {station}/{SessionRecords.TOPIC}",
+        "",
+        f"user {JOINED}",
+        f"topic read {site}/v3/#",
+        *(f"topic write {station}/{kind.TOPIC}" for kind in (RecordsAsked, Countersignature)),
     ]
     return "\n".join(lines) + "\n"
 

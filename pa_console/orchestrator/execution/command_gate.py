@@ -97,14 +97,20 @@ class CommandGate:
     ) -> Decision:
         """Return `decision` with the signature of whoever sits at this station, if it has keys.
 
-        Of one that was signed elsewhere the signatures stay that are valid.
+        Of one that was signed elsewhere the signatures stay that are valid; who has signed so has
+        accepted what the request names.
         """
         if self._authority is None or decision.kind != "approve":
             return decision
         if not decision.signatures:
             return self._authority.signed(request, decision, rules)
         valid = self._authority.valid(request, decision, rules)
-        return decision.model_copy(update={"signatures": valid})
+        update = {
+            "signatures": valid,
+            "acknowledged": request.acknowledge if valid else (),
+            "override_judge": bool(valid) and request.needs_override,
+        }
+        return decision.model_copy(update=update)
 
     def inadmissible(
         self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook

@@ -4,10 +4,11 @@ Which of several readings is right cannot be told from the models' own chances (
 the operator knows what was meant.
 """
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from itertools import islice
 
+from pa_console.fleets.fleet import Countersigned
 from pa_console.llm.roles.grammar import PLANNED
 from pa_console.orchestrator.execution.premises import way_to_safety
 from pa_console.orchestrator.mission.services import MissionContext
@@ -27,7 +28,7 @@ from pa_console.orders.order import Task
 from pa_console.orders.reading import asked_words, read_asked
 from pa_console.schema.events import event as ev
 from pa_console.schema.events.event import MOST_READINGS, UNSURE
-from pa_console.schema.mission import Decision, MissionStatus
+from pa_console.schema.mission import ELSEWHERE, Decision, MissionStatus
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.world import World
 
@@ -115,16 +116,17 @@ async def ask_operator(
         judging=context.services.variant.judging,
         if_halted=_way_to_safety(shown, context.services.fleet.world),
     )
-    return await _answered(context, request, decide)
+    return await answered(context, request, decide)
 
 
-async def _answered(
+async def answered(
     context: MissionContext, request: ev.ApprovalRequested, decide: Decide
 ) -> Decided:
     """Tell of `request` and wait for an admissible decision on it, of as many as it takes.
 
-    What somebody has approved who is not enough alone stands until the request is answered. A plan
-    that this station could not send is blocked.
+    What somebody has approved who is not enough alone stands until the request is answered. Who
+    signs elsewhere can only be one more: nothing is approved without the operator here. A plan that
+    this station could not send is blocked.
     """
     gate, rules = context.services.gate, context.services.rulebook
     request = request.model_copy(update={"approvals": gate.needed(request, rules)})
@@ -133,13 +135,23 @@ async def _answered(
         request = request.model_copy(update={"blocked_by": blocked, "state": "blocked"})
     context.emit(request)
     signatures: dict[str, str] = {}
+    here: Decision | None = None
     while True:
         with context.stopwatch.time("decision_s"):
-            decision = gate.signed(request, await decide(), rules)
+            given = await decide()
+        decision, elsewhere = gate.signed(request, given, rules), bool(given.signatures)
+        if elsewhere and not _countersigns(request, decision, signatures):
+            continue
         if decision.kind == "approve" and not inadmissible(request, decision):
             signatures.update(decision.signatures)
+            if not elsewhere:
+                here = decision
+            elif here is not None:
+                decision = here.model_copy(update={"by": f"{here.by}, {decision.by}"})
             decision = decision.model_copy(update={"signatures": signatures.copy()})
         problem = gate.inadmissible(request, decision, rules)
+        if elsewhere and here is None:
+            problem = problem or "the operator of this station has not approved it"
         context.emit(
             ev.DecisionMade(
                 attempt=request.attempt, decision=decision, accepted=not problem, detail=problem
@@ -147,6 +159,28 @@ async def _answered(
         )
         if not problem:
             return Decided(request, decision)
+
+
+def countersignature(signed: Countersigned) -> Decision:
+    """Return what a person has signed elsewhere as the decision that it adds to."""
+    return Decision(
+        kind="approve",
+        request_id=signed.request_id,
+        by=f"{signed.person} {ELSEWHERE}",
+        reason=f"signed by {signed.person} {ELSEWHERE}",
+        signatures={signed.person: signed.signature},
+    )
+
+
+def _countersigns(
+    request: ev.ApprovalRequested, decision: Decision, before: Mapping[str, str]
+) -> bool:
+    """Whether a decision from elsewhere adds a signature where more than one person is asked for.
+
+    `before` are the signatures that there are.
+    """
+    same = decision.request_id == request.request_id
+    return same and bool(request.approvals) and not before.keys() >= decision.signatures.keys()
 
 
 async def ask_back(
@@ -163,7 +197,7 @@ async def ask_back(
         CheckedPlan(Plan(reason="", actions=())),
         OrderAsRead(question=asked.question),
     )
-    decided = await _answered(context, request, decide)
+    decided = await answered(context, request, decide)
     if decided.decision.kind == "answer":
         return " ".join(decided.decision.asked.split())
     return NotApproved("held", "; ".join(decided.request.blocked_by))

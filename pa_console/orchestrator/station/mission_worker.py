@@ -1,9 +1,11 @@
 """Works on missions, one at a time, in the queue's order."""
 
 import asyncio
+from collections import deque
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 
+from pa_console.fleets.fleet import Countersigned
 from pa_console.orchestrator.execution.emergency_stop import EmergencyStop
 from pa_console.orchestrator.execution.step_feed import StepFeed
 from pa_console.orchestrator.intake.intake import Intake
@@ -11,11 +13,13 @@ from pa_console.orchestrator.mission.mission_run import MissionRun, StationSide
 from pa_console.orchestrator.mission.outcome import Outcome
 from pa_console.orchestrator.mission.outcome_verdicts import OutcomeVerdicts
 from pa_console.orchestrator.mission.services import Services
+from pa_console.orchestrator.planning.decision import countersignature
 from pa_console.orchestrator.station.background import Background
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision, Mission
 from pa_console.schema.telemetry import Picture
 
+MOST_COUNTERSIGNED = 16
 EmitFor = Callable[[ev.EventPayload, str | None], None]
 """Tells what happens, and in which mission."""
 
@@ -51,6 +55,7 @@ class MissionWorker:
         self._work: asyncio.Task[None] | None = None
         self._gives_way = False
         self._answer: asyncio.Future[Decision] | None = None
+        self._countersigned: deque[Decision] = deque(maxlen=MOST_COUNTERSIGNED)
 
     @property
     def busy(self) -> bool:
@@ -117,6 +122,12 @@ class MissionWorker:
             raise ValueError("no plan waits for a decision")
         self._answer.set_result(decision)
 
+    def countersign(self, signed: Countersigned) -> None:
+        """Take in what a second person has signed elsewhere, for the plan that waits or will."""
+        self._countersigned.append(countersignature(signed))
+        if self._answer is not None and not self._answer.done():
+            self._answer.set_result(self._countersigned.popleft())
+
     def cancel(self) -> None:
         """Cancel the active mission, even one that was about to give way to an emergency.
 
@@ -179,6 +190,8 @@ class MissionWorker:
     async def _decided(self) -> Decision:
         """Wait for `decide`; meanwhile nobody needs the model."""
         self._verdicts.go_on()
+        if self._countersigned:
+            return self._countersigned.popleft()
         self._answer = asyncio.get_running_loop().create_future()
         try:
             return await self._answer

@@ -116,6 +116,8 @@ class Ticking:
                 self._feed.publish(self._fleet.tick, received.replies)
                 for told in received.told:
                     self.happened(told)
+                for signed in received.countersigned:
+                    self._worker.countersign(signed)
                 for payload in self._emergency_stop.step((self._fleet.tick, received.replies)):
                     self._emit(payload, None)
                 if self._fleet.tick % every == 0:

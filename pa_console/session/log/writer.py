@@ -135,6 +135,8 @@ class LogWriter:
             self._file.close()
             raise os_error(head_path(path), "write the signed head", error) from error
         self._open = True
+        self.on_record: Callable[[str, str], None] = _nobody
+        """Is told every record from now on, without its line end, and its hash."""
 
     @property
     def lines(self) -> int:
@@ -262,6 +264,7 @@ class LogWriter:
             event, session=self.session, seq=self._seq + 1, prev=self._hash, signer=signer
         )
         self._seq += 1
+        self.on_record(line, self._hash)
         self._records += 1
         self._unsigned += 1
         self._pending += line.encode() + b"\n"
@@ -310,6 +313,10 @@ class LogWriter:
             raise problem from error
         if not told:
             self._on_error(problem)
+
+
+def _nobody(_line: str, _digest: str) -> None:
+    pass
 
 
 def open_session_log(

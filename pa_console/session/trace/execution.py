@@ -43,7 +43,11 @@ def decisions(made: Sequence[DecisionMade], voided: str) -> Section:
             blocks.append(labelled("meant", plain_reading(given.asked), depth=1))
         if given.reason:
             blocks.append(labelled("reason", given.reason, depth=1))
-        if not item.accepted:
+        if len(given.signatures) > 1:
+            blocks.append(labelled("signed", ", ".join(given.signatures), depth=1))
+        if not item.accepted and given.signatures:
+            blocks.append(_below(f"not enough yet: {item.detail}"))
+        elif not item.accepted:
             blocks.append(Line((Span(f"not accepted: {item.detail}", "bad"),), depth=1))
     if voided:
         blocks.append(said(f"plan void: {voided}", "bad"))

@@ -13,6 +13,7 @@ Need = Literal[
     "live",
     "replay",
     "writable",
+    "decides",
     "mission",
     "idle_trace",
     "approval",
@@ -32,6 +33,7 @@ class ActionContext:
 
     replay: bool = False
     readonly: bool = False
+    decides: bool = True
     mission: bool = False
     traced: bool = False
     approval: bool = False
@@ -103,6 +105,7 @@ def _refusal(need: Need, now: ActionContext) -> str:
         "live": (not now.replay, "not in a replay"),
         "replay": (now.replay, "only in a replay"),
         "writable": (not now.readonly, "the console is read-only"),
+        "decides": (now.decides, "nothing is decided here"),
         "mission": (now.mission, "no mission is active"),
         "idle_trace": (now.traced, "there is no mission yet"),
         "approval": (now.approval, "nothing waits for approval"),
@@ -145,7 +148,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction(
         "approval", "f7,g", "To approval", "Go to the plan that waits for a decision",
         "Mission",
-        lambda to: to.approval.go_to_it(), needs=("live", "writable", "approval"), footer=True,
+        lambda to: to.approval.go_to_it(), needs=("live", "decides", "approval"), footer=True,
     ),
     ConsoleAction(
         "cancel", "f8,c", "Cancel", "Cancel the active mission, in any stage",

@@ -27,7 +27,7 @@ class AttentionController:
     def look(self) -> None:
         """Tell of what has begun to wait since the last look."""
         session, write = self._session, self._write
-        if write is None or session.player is not None or session.readonly:
+        if write is None or session.player is not None or not session.decides:
             return
         now = what_waits(session.folded)
         new = [text for key, text in now.items() if key not in self._waits]

@@ -21,8 +21,8 @@ class CommandController:
 
     def attempt(self, title: str, command: Callable[[LiveStation], object]) -> bool:
         """Give a command; returns whether it was taken."""
-        station = self._session.station
-        if station is None or self._session.readonly:
+        station, joined = self._session.station, self._session.joined
+        if station is None or (self._session.readonly and joined is None):
             self._session.tell("the console is read-only", f"{title} refused", bad=True)
             return False
         try:

@@ -11,7 +11,7 @@ from pa_console.session.replay.player import Player
 from pa_console.session.state.fold import SessionState
 from pa_console.tui.actions.registry import ActionContext, ConsoleAction
 from pa_console.tui.kept_input import History
-from pa_console.tui.protocols import Clock, LiveStation
+from pa_console.tui.protocols import Clock, JoinedTo, LiveStation
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.screens.recording import RecordingScreen
 
@@ -28,11 +28,12 @@ class ConsoleSession:
         *,
         readonly: bool,
         clock: Clock,
+        joined: JoinedTo | None = None,
     ) -> None:
-        """A live console has a `station`, a replay a `player`."""
+        """A live console has a `station`, a replay a `player`; one may have `joined` another."""
         self.app, self.world = app, world
         self.station, self.player = station, player
-        self.readonly, self.clock = readonly, clock
+        self.readonly, self.clock, self.joined = readonly or joined is not None, clock, joined
         self.rate = station.rate if station else 1.0
         self.main: MainScreen | None = None
         self.typed = History()
@@ -62,6 +63,11 @@ class ConsoleSession:
         """The session that is looked at: the recording's, else the session's own."""
         return self.recording.state if self.recording else self.state
 
+    @property
+    def decides(self) -> bool:
+        """Whether something may be decided here: that is a signature where another was joined."""
+        return bool(self.joined.signer) if self.joined is not None else not self.readonly
+
     def is_open(self, kind: type[Screen[Any]]) -> bool:
         """Return whether a screen of this kind is open, on top or below another one."""
         return any(isinstance(screen, kind) for screen in self.app.screen_stack)
@@ -84,6 +90,7 @@ class ConsoleSession:
         return ActionContext(
             replay=recorded,
             readonly=self.readonly or self.station is None,
+            decides=self.decides and self.station is not None,
             mission=state.active is not None,
             traced=current is not None,
             approval=current is not None and current.approval is not None,

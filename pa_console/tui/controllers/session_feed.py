@@ -125,7 +125,7 @@ class SessionFeed:
         current = session.state.current
         waits = current is not None and current.approval is not None
         away = session.main is not None and self._app.screen is not session.main
-        if waits and not self._waited and away and not (session.readonly or session.player):
+        if waits and not self._waited and away and session.decides and not session.player:
             text = "A plan waits for your decision: Esc goes back to it"
             self._app.notify(text, title="Approval")
         self._waited = waits

@@ -13,7 +13,7 @@ from pa_console.orders.clauses import ASKED
 from pa_console.orders.plain_words import plain_reading
 from pa_console.orders.reading import asked_words
 from pa_console.schema.events.event import UNSURE, ApprovalRequested
-from pa_console.schema.mission import Mission
+from pa_console.schema.mission import ELSEWHERE, Mission
 from pa_console.session.state.mission_trace import Attempt, MissionTrace
 from pa_console.session.wording import safety_in_words
 from pa_console.tui.plan_preview.action_rows import action_rows, cover_row, unrehearsed_row
@@ -32,7 +32,7 @@ def approval_rows(trace: MissionTrace, preview: PlanPreview | None = None) -> It
         return
     attempt = trace.find(request.attempt)
     refused = trace.decisions[-1] if trace.decisions and not trace.decisions[-1].accepted else None
-    if refused is not None:
+    if refused is not None and not refused.decision.signatures:
         yield row("✘ ", (f"not accepted: {refused.detail}", BAD))
     yield from _order(trace, request)
     if request.state == "not_understood":
@@ -49,6 +49,7 @@ def approval_rows(trace: MissionTrace, preview: PlanPreview | None = None) -> It
         yield row(("✘ ", BAD), ("Blocked  ", f"bold {BAD}"), (reason, BAD))
     if request.approvals:
         yield row(("▲ ", WARN), ("People  ", f"bold {WARN}"), people_words(request.approvals))
+        yield from _signed(trace, request)
     for rule_id in request.acknowledge:
         yield row(("▲ ", WARN), (f"{rule_id}  ", f"bold {WARN}"), _message(trace, rule_id))
     yield _judge(attempt, request)
@@ -85,6 +86,19 @@ def _because(unmet: str) -> str:
     """Return what cannot be done and why, which are told apart by a colon, as one sentence."""
     what, colon, why = unmet.partition(": ")
     return f"{what}, because {why}" if colon else what
+
+
+def _signed(trace: MissionTrace, request: ApprovalRequested) -> Iterator[Row]:
+    """Yield who has approved the plan so far, and that it takes more."""
+    made = [each for each in trace.decisions if each.attempt == request.attempt]
+    signers = dict.fromkeys(name for each in made for name in each.decision.signatures)
+    if not signers:
+        return
+    away = {name for name in signers if any(f"{name} {ELSEWHERE}" in d.decision.by for d in made)}
+    said = ", ".join(f"{name} {ELSEWHERE}" if name in away else name for name in signers)
+    yield row(("✔ ", GOOD), ("Signed  ", f"bold {GOOD}"), (said, GOOD))
+    if not made[-1].accepted:
+        yield row("  ", (f"{made[-1].detail}; others sign with console --join", NOTE))
 
 
 def _phase(trace: MissionTrace, attempt: Attempt | None) -> Iterator[Row]:

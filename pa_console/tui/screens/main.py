@@ -21,7 +21,7 @@ from pa_console.tui.composing.names import OrderNames
 from pa_console.tui.kept_input import History
 from pa_console.tui.plan_preview.playback import Playback
 from pa_console.tui.plan_preview.preview import PlanPreview, waiting_plan
-from pa_console.tui.protocols import Clock
+from pa_console.tui.protocols import Clock, JoinedTo
 from pa_console.tui.widgets.alarms import AlarmBar, AlarmPane
 from pa_console.tui.widgets.approval import DECISION_KEYS, ApprovalPanel
 from pa_console.tui.widgets.assets import AssetPane
@@ -72,9 +72,16 @@ class MainScreen(Screen[None]):
         closed: str,
         mode: str,
         clock: Clock,
+        joined: JoinedTo | None = None,
     ) -> None:
-        """`closed` says why no mission is taken here, `mode` is LIVE, READ-ONLY or REPLAY."""
+        """`closed` says why no mission is taken here.
+
+        `mode` is LIVE, READ-ONLY, REPLAY or JOINED with the name of the station whose session is
+        shown, which is that of `joined`.
+        """
         super().__init__()
+        self._joined = joined
+        self._decides = bool(joined.signer) if joined is not None else not closed
         self._world, self._rules, self._history = world, rules, history
         self._closed_why, self.mode, self._clock = closed, mode, clock
         self._names = OrderNames(world)
@@ -102,7 +109,7 @@ class MainScreen(Screen[None]):
                 yield TracePane(self._rules, self._before_missions, id="trace")
                 if not self._closed_why:
                     yield ExampleOrders(example_orders(self._world), id="examples")
-                yield ApprovalPanel(self._clock, decides=not self._closed_why)
+                yield ApprovalPanel(self._clock, decides=self._decides, joined=self._joined)
         yield from self.replay_line()
         yield MissionPrompt(self._history, self._names, self._clock, self._closed_why)
         yield KeyFooter()
@@ -203,7 +210,9 @@ class MainScreen(Screen[None]):
             self.query_one(AlarmBar).show(state)
         if "map" in views:
             self._names.use_tracks(state.picture.tracks if state.picture is not None else ())
-            self.query_one(MapView).show(state.picture, live=self.mode == "LIVE")
+            self.query_one(MapView).show(
+                state.picture, live=self.mode == "LIVE" or self._joined is not None
+            )
         if "assets" in views:
             self.query_one(AssetPane).show(state.picture)
         if "alarms" in views:
@@ -230,7 +239,7 @@ class MainScreen(Screen[None]):
         appeared = panel.show(state.current, plan)
         if appeared or not panel.display:
             self.show_plan(plan)
-        if self._closed_why:
+        if not self._decides:
             return
         if appeared:
             self._selected = None
@@ -245,7 +254,7 @@ class MainScreen(Screen[None]):
         elif not panel.display and had_keys:
             if prompt.draft or in_reason:  # what is typed next is no mission
                 self.focus_view(self._view)
-            else:
+            elif not self._closed_why:
                 prompt.take_cursor()
 
     def _plan_that_waits(self, state: SessionState) -> PlanPreview | None:
@@ -323,7 +332,7 @@ class MainScreen(Screen[None]):
 
     def action_where_to_decide(self) -> None:
         """Say where the key of a decision decides something."""
-        if self._closed_why:
+        if not self._decides:
             self.notify(self._closed_why, title="Decision", severity="warning", markup=False)
         elif self.query_one(ApprovalPanel).display:
             where = f"{self._key_to_approval} goes to the plan that waits; the key decides there"

@@ -22,7 +22,7 @@ from pa_console.tui.plan_preview.approval_rows import (
     reading_rows,
 )
 from pa_console.tui.plan_preview.preview import PlanPreview
-from pa_console.tui.protocols import Clock
+from pa_console.tui.protocols import Clock, JoinedTo
 from pa_console.tui.status_words import term
 from pa_console.tui.widgets.fields import CheckBox, LineField
 from pa_console.tui.widgets.plan_schedule import PlanSchedule
@@ -107,9 +107,17 @@ class ApprovalPanel(Vertical, can_focus=True):
             super().__init__()
             self.asked = asked
 
-    def __init__(self, clock: Clock = time.monotonic, *, decides: bool = True) -> None:
-        super().__init__(id="approval", classes="" if decides else "-closed")
-        self._clock, self._decides = clock, decides
+    def __init__(
+        self,
+        clock: Clock = time.monotonic,
+        *,
+        decides: bool = True,
+        joined: JoinedTo | None = None,
+    ) -> None:
+        """Where another station's session was `joined` a plan is countersigned, or it is not."""
+        shown = "-joined" if joined is not None else ""
+        super().__init__(id="approval", classes=shown if decides else "-closed")
+        self._clock, self._decides, self._joined = clock, decides, joined
         self.can_focus = decides
         self.arm_delay_s = ARM_DELAY_S
         self._trace: MissionTrace | None = None
@@ -137,7 +145,8 @@ class ApprovalPanel(Vertical, can_focus=True):
         with Horizontal(id="approval-buttons"):
             yield Button("Reject (r)", id="reject", variant="error", compact=True)
             yield Button("Modify (m)", id="modify", compact=True)
-            yield Button("Approve (a)", id="approve", variant="success", compact=True)
+            label = "Countersign (a)" if self._joined is not None else "Approve (a)"
+            yield Button(label, id="approve", variant="success", compact=True)
 
     def on_mount(self) -> None:
         """Hide until a plan waits."""
@@ -296,8 +305,9 @@ class ApprovalPanel(Vertical, can_focus=True):
         body.scroll_to(y=body.scroll_offset.y + pages * step, animate=False)
 
     def take_focus(self) -> None:
-        """Put the focus on Reject, the safe answer."""
-        self.query_one("#reject", Button).focus()
+        """Put the focus on Reject, the safe answer; where there is none, on the panel itself."""
+        safe = self if self._joined is not None else self.query_one("#reject", Button)
+        safe.focus()
 
     def _disarm(self) -> None:
         self._quiet_since = self._clock()
@@ -328,12 +338,14 @@ class ApprovalPanel(Vertical, can_focus=True):
     def _next_key(self) -> str:
         """Return what the next key does, where the focus alone does not say it."""
         if self.has_focus:
-            return "r, m or a goes to a button"
+            joined = self._joined is not None
+            return "a goes to Countersign" if joined else "r, m or a goes to a button"
         if self._looked_at:
             return "Enter reads the order so, Esc goes back to the plan"
         approve = self.query_one("#approve", Button)
         if approve.has_focus:
-            return "Enter approves, r goes back to Reject"
+            joined = self._joined is not None
+            return "Enter signs it" if joined else "Enter approves, r goes back to Reject"
         return "Space plays it on the map" if self.has_focus_within else ""
 
     def on_descendant_focus(self) -> None:
@@ -397,9 +409,20 @@ class ApprovalPanel(Vertical, can_focus=True):
         request = self._trace.approval if self._trace else None
         if request is None:
             return "no plan waits"
+        if self._joined is not None and (why := self._not_to_sign(self._joined, request)):
+            return why
         left = [box.name or "" for box in self.query(CheckBox) if not box.ticked]
         why = blocked_reason(request, left, self.query_one(f"#{REASON}", Input).value)
         return why or ("✘ Approve: read to the end first (PgDn)" if self._unseen else "")
+
+    def _not_to_sign(self, joined: JoinedTo, request: ApprovalRequested) -> str:
+        """Return why nothing is to be signed here for another station, '' where something is."""
+        if not request.approvals:
+            return f"one person is enough: {joined.station} decides"
+        made = self._trace.decisions if self._trace is not None else []
+        now = [each.decision for each in made if each.attempt == request.attempt]
+        signed = any(joined.signer in decision.signatures for decision in now)
+        return f"you have signed; {joined.station} decides" if signed else ""
 
     def on_key(self, event: events.Key) -> None:
         """Drop keys typed ahead; each makes the panel wait anew."""
@@ -431,7 +454,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         if request is None or not self.armed:
             return
         target: Widget = self.query_one(f"#{button}", Button)
-        if target.disabled:
+        if target.disabled or (self._joined is not None and button != "approve"):
             target = self._needed(request) if button == "approve" else self
         self.screen.set_focus(target)
 
@@ -510,6 +533,8 @@ class ApprovalPanel(Vertical, can_focus=True):
     def _choose(self, choice: str) -> None:
         request = self._trace.approval if self._trace else None
         if request is None or not self.armed:
+            return
+        if self._joined is not None and choice != "approve":
             return
         reason = self.query_one(f"#{REASON}", Input).value.strip()
         if choice == "modify" and request.state != "not_understood":

@@ -110,6 +110,9 @@ class ViewBar(Static):
 STALE_AFTER_S = 5.0
 """Wall seconds without telemetry after which the stream is called stale; the user may change it."""
 
+JOINED = "JOINED"
+"""How the mode of a console begins that shows another station's session; its name follows."""
+
 UNLOGGED = " LOG NOT WRITTEN: NOTHING IS DISPATCHED "
 
 
@@ -124,7 +127,7 @@ class StatusBar(Static):
         """Show the session; `silent_s` is the wall time since the last telemetry."""
         wide = self.size.width >= 100
         time = clock_text(state.picture.time_s) if state.picture else "--:--"
-        stale = silent_s > self.stale_after_s and mode == "LIVE"
+        stale = silent_s > self.stale_after_s and (mode == "LIVE" or mode.startswith(JOINED))
         worker = term("worker", state.worker.state if state.worker else "none")
         parts: list[tuple[str, str] | Content | str] = []
         if wide:
@@ -187,6 +190,9 @@ class StatusBar(Static):
             return Content.styled("no mission", QUIET)
         trace = state.missions[state.active]
         waiting = " ▲ WAITS FOR YOU" if trace.approval else ""
+        if trace.approval and mode.startswith(JOINED):
+            station = mode.removeprefix(JOINED).strip()
+            waiting = " ▲ TO SIGN" if trace.approval.approvals else f" waits for {station}"
         phase = f" {trace.phase}:" if trace.phase else ""
         return Content.assemble(
             f"{trace.mission.id}{phase} {trace.stage}", (waiting, "bold $text-accent")

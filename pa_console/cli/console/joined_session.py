@@ -1,0 +1,104 @@
+"""The session of another station on this console's screen: watched, and countersigned."""
+
+import secrets
+from dataclasses import dataclass
+from pathlib import Path
+
+import typer
+
+from pa_console.cli.fleet import JOINED, credentials_of
+from pa_console.cli.keys.site_keys import ask_passphrase
+from pa_console.cli.output import require_keys
+from pa_console.cli.progress_bars import RecordsBar
+from pa_console.end_signals import end_signals, exit_code_of
+from pa_console.fleets.bus.address import BrokerAddress
+from pa_console.fleets.bus.station_link import StationLink
+from pa_console.fleets.key_folder import KeyFolder
+from pa_console.orchestrator.joined.joined_station import JoinedStation, Signatory
+from pa_console.orchestrator.joined.shared_log import HEARD, SharedLog, read_so_far
+from pa_console.orchestrator.station.assembly import open_world
+from pa_console.orchestrator.station.session_site import SessionSites
+from pa_console.policy.retrieval.retriever import Retriever
+from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.events.event import Event, SessionStarted
+from pa_console.schema.world import World
+from pa_console.session.log.writer import default_folder
+from pa_console.settings.sources import Loaded
+
+CONNECT_S = 5.0
+
+
+@dataclass(frozen=True)
+class Joining:
+    """Where the session is that is joined, and where its world and its rules are."""
+
+    url: str
+    certificates: Path | None
+    world: str
+    rules: str
+
+
+def run_joined(asked: Joining, settings: Loaded) -> None:
+    """Show the session until it is left; raises ValueError when there is none, or no key here."""
+    require_keys("a console that joins needs a screen")
+    folder = KeyFolder(ask=ask_passphrase)
+    if not folder.made:
+        raise ValueError(
+            "joining takes the keys of the site: 'pa-console keys make NAME --join OWNER_KEY' "
+            "makes them here, and the owner enrols them"
+        )
+    address = BrokerAddress.parse(asked.url)
+    credentials = credentials_of(address, asked.certificates, JOINED)
+    link = StationLink(address, f"{JOINED}-{secrets.token_hex(4)}", HEARD, credentials)
+    try:
+        if not link.wait_connected(CONNECT_S):
+            raise ValueError(f"no broker lets us in at {address}: {link.problem}")
+        log = SharedLog(link, folder.trust(), folder.take)
+        with RecordsBar() as bar:
+            events = read_so_far(log, bar.show)
+        signatory = Signatory(*folder.person())
+        world, rules = _site_of(events, asked, settings)
+        station = JoinedStation(log, events, Retriever(rules.rules), signatory)
+        _show(station, world, rules, settings)
+    finally:
+        link.close()
+
+
+def _show(station: JoinedStation, world: World, rules: Rulebook, settings: Loaded) -> None:
+    from pa_console.tui.app import ConsoleApp  # noqa: PLC0415 - Textual
+    from pa_console.tui.protocols import JoinedTo  # noqa: PLC0415
+
+    app = ConsoleApp(
+        world,
+        station,
+        rules,
+        station.retriever,
+        joined=JoinedTo(station.station, station.signer),
+        settings=settings,
+    )
+    leaving = app.controllers.leaving
+    with end_signals(leaving.end):
+        app.run(mouse=settings.values.mouse)
+    if leaving.ended_by:
+        raise typer.Exit(exit_code_of(leaving.ended_by))
+
+
+def _site_of(events: list[Event], asked: Joining, settings: Loaded) -> tuple[World, Rulebook]:
+    """Return the world and the rules of the session; raises ValueError where they are not here."""
+    started = events[0].data
+    if not isinstance(started, SessionStarted):
+        raise ValueError("what is shared does not begin with the start of a session")
+    near = (settings.values.logs or default_folder()) / "log"
+    sites = SessionSites((asked.world,), (asked.rules,))
+    found, rules = sites.world_file(started, near), sites.rules_of(started)
+    if found is None:
+        raise ValueError(
+            f"the world {started.world!r} of this session is not here as it is there (SHA-256 "
+            f"{started.world_sha256[:12]}); give its file with --world"
+        )
+    if rules is None:
+        raise ValueError(
+            f"the rules {started.rules!r} of this session are not here as they are there; "
+            "give their file with --rules"
+        )
+    return open_world(str(found))[0], rules

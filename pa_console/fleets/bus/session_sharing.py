@@ -1,0 +1,102 @@
+"""Shares the log of a session on the bus: its records as they are written, and those asked for."""
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from datetime import datetime
+from pathlib import Path
+
+from pa_console.fleets.authorization import Records
+from pa_console.fleets.bus.client import Sent
+from pa_console.fleets.vda5050.additions import MANUFACTURER
+from pa_console.fleets.vda5050.numbers import Numbers
+from pa_console.fleets.vda5050.session_messages import RecordsAsked, SessionRecords, pack
+from pa_console.fleets.vda5050.topics import Identity, Topic
+from pa_console.fleets.vda5050.wire import MOST_BYTES
+
+RECENT = 512
+"""So many records are at hand; what is older is read from the file, where it is by then."""
+
+PIECE_BYTES = 1 << 20
+"""A message has records of about so many bytes."""
+
+MOST_ASKED = 16
+Vouch = Callable[[Records], str]
+"""Signs for records that the station shares."""
+
+
+class SharedSession:
+    """The log of a session as it goes on the bus, in the name of the station called `station`.
+
+    `path` is the log's file, which was empty when this began.
+    """
+
+    def __init__(self, session: str, station: str, path: Path, vouch: Vouch) -> None:
+        self.identity, self._session = Identity(MANUFACTURER, station), session
+        self._path, self._vouch, self._numbers = path, vouch, Numbers()
+        self._ends = [0]
+        """Where each record ends in the file, in bytes."""
+        self._hashes = [""]
+        self._recent: deque[bytes] = deque(maxlen=RECENT)
+        self._told = 0
+        """So many records have been published."""
+        self._asked: deque[int] = deque(maxlen=MOST_ASKED)
+
+    def add(self, line: str, digest: str) -> None:
+        """Note one more record of the log, without its line end, and its hash."""
+        text = line.encode() + b"\n"
+        self._recent.append(text)
+        self._ends.append(self._ends[-1] + len(text))
+        self._hashes.append(digest)
+
+    def ask(self, message: RecordsAsked) -> None:
+        """Note that somebody lacks records; with the next step they get some of them."""
+        known = message.session == self._session and 1 <= message.first < len(self._ends)
+        if known and message.first not in self._asked:
+            self._asked.append(message.first)
+
+    def step(self, site: str, now: datetime) -> Iterator[Sent]:
+        """Yield what is to be published now: what is new, and some of what was asked for."""
+        while self._told < len(self._ends) - 1:
+            last = self._piece(self._told + 1)
+            yield from self._message(site, now, self._told + 1, last)
+            self._told = last
+        if self._asked:
+            first = self._asked.popleft()
+            yield from self._message(site, now, first, self._piece(first))
+
+    def _piece(self, first: int) -> int:
+        """Return the last record of a message that begins with the record `first`."""
+        last, limit = first, self._ends[first - 1] + PIECE_BYTES
+        while last + 1 < len(self._ends) and self._ends[last + 1] <= limit:
+            last += 1
+        return last
+
+    def _message(self, site: str, now: datetime, first: int, last: int) -> Iterator[Sent]:
+        """Yield the records, if they can be read and sent; whoever lacks them asks again."""
+        lines = self._lines(first, last)
+        packed = pack(lines)
+        if not lines or len(packed) > MOST_BYTES * 3 // 4:
+            return
+        message = SessionRecords(
+            **self._numbers.header(self.identity, SessionRecords.TOPIC, now),
+            session=self._session,
+            first=first,
+            last=last,
+            packed=packed,
+            signature=self._vouch(Records(self._session, first, last, self._hashes[last])),
+        )
+        topic = Topic(site, self.identity, SessionRecords.TOPIC)
+        yield Sent(str(topic), message.write(), qos=1)
+
+    def _lines(self, first: int, last: int) -> bytes:
+        """Return lines with their ends; nothing where the file does not have them."""
+        oldest = len(self._ends) - len(self._recent)
+        if first >= oldest:
+            return b"".join(list(self._recent)[first - oldest : last - oldest + 1])
+        try:
+            with self._path.open("rb") as file:
+                file.seek(self._ends[first - 1])
+                found = file.read(self._ends[last] - self._ends[first - 1])
+        except OSError:
+            return b""
+        return found if found.endswith(b"\n") else b""

@@ -1,0 +1,1 @@
+"""A console that has joined the session of another station."""

@@ -1,0 +1,241 @@
+"""A console that has joined another station's session: it watches, and a second person signs.
+
+Nothing is commanded from here. What a person signs goes to the station whose session it is, which
+counts it, and from there to the vehicle, which checks it again.
+"""
+
+import asyncio
+import time
+from collections.abc import AsyncGenerator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from time import monotonic
+
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
+from pa_console.fleets.authorization import RefusedError, sign_approval
+from pa_console.fleets.bus.told import Told
+from pa_console.fleets.station_authority import approval_of
+from pa_console.fleets.vda5050.session_messages import Countersignature
+from pa_console.fleets.vda5050.vehicle import EXPIRY_S
+from pa_console.orchestrator.joined.shared_log import LOOK_S, SharedLog
+from pa_console.orchestrator.planning.approval import inadmissible
+from pa_console.policy.retrieval.retriever import Retriever
+from pa_console.schema.events import event as ev
+from pa_console.schema.incident import Incident
+from pa_console.schema.mission import Decision, Mission
+from pa_console.schema.rehearsal import RehearsedReading
+from pa_console.session.state.fold import SessionState
+
+SILENT_S = 5.0
+SUBJECT = "joined"
+
+
+@dataclass(frozen=True)
+class Signatory:
+    """Who sits at a console that has joined, and the key that this person signs with."""
+
+    name: str
+    key: Ed25519PrivateKey
+
+
+class JoinedStation:
+    """What a console shows of a session that it has joined; a second person may sign there."""
+
+    rate = 1.0
+
+    def __init__(
+        self,
+        log: SharedLog,
+        before: Sequence[ev.Event],
+        retriever: Retriever,
+        signatory: Signatory,
+    ) -> None:
+        """`before` is what has happened so far; `retriever` finds among the session's rules."""
+        self._log, self._before, self.retriever = log, before, retriever
+        self._signatory, self._state = signatory, SessionState()
+        self._news = _ConnectionNews(log)
+        self._closing = False
+
+    @property
+    def station(self) -> str:
+        """The name of the station whose session it is."""
+        return self._log.stream.station
+
+    @property
+    def signer(self) -> str:
+        """The name of whoever sits here and may sign; '' for somebody who may only watch."""
+        try:
+            self._log.trust.approver(self._signatory.name)
+        except RefusedError:
+            return ""
+        return self._signatory.name
+
+    async def run(self) -> AsyncGenerator[ev.Event]:
+        """Yield every event of the session, and what is to be known of the connection to it."""
+        events, self._before = self._before, ()
+        try:
+            while not self._closing:
+                for event in _without_old_pictures(events):
+                    self._state.apply(event)
+                    yield event
+                for told in self._news.take(heard=bool(events)):
+                    yield ev.Event(t=datetime.now(UTC), tick=self._state.tick, data=told)
+                if self._state.ended:
+                    return
+                await asyncio.sleep(LOOK_S)
+                events = self._log.take()
+        finally:
+            await asyncio.to_thread(self._log.link.close)
+
+    def decide(self, decision: Decision) -> None:
+        """Sign the plan that waits for a second person, and send the signature to its station.
+
+        Raises ValueError for every other decision, and when nothing can be signed or sent.
+        """
+        log, name, started = self._log, self._signatory.name, self._state.started
+        request = self._to_sign(decision)
+        seal = started.rules_seal if started is not None else None
+        approval = approval_of(
+            request,
+            person=name,
+            station=log.trust.roster.stations[self.station],
+            session=log.stream.session,
+            rules=seal.content_sha256 if seal is not None else "",
+        )
+        message = Countersignature(
+            **log.header(Countersignature),
+            session=log.stream.session,
+            request_id=request.request_id,
+            person=name,
+            approval=sign_approval(self._signatory.key, approval, time.time()),
+        )
+        if not log.send(message, round(EXPIRY_S)):
+            raise ValueError(f"nothing reaches the broker: {log.link.problem}")
+
+    def _to_sign(self, decision: Decision) -> ev.ApprovalRequested:
+        """Return the request that `decision` approves; raises ValueError unless it may here."""
+        trace = self._state.current
+        request = trace.approval if trace is not None else None
+        if decision.kind != "approve":
+            raise ValueError(f"{self.station} decides; here a plan is countersigned, or it is not")
+        if request is None:
+            raise ValueError("no plan waits for a signature")
+        if not request.approvals:
+            raise ValueError(f"this plan takes one person, who is at {self.station}")
+        if problem := inadmissible(request, decision):
+            raise ValueError(problem)
+        if self.station not in self._log.trust.roster.stations:
+            raise ValueError(f"{self.station} is no station of this site any more")
+        try:
+            self._log.trust.approver(self._signatory.name)
+        except RefusedError as refused:
+            raise ValueError(str(refused)) from refused
+        return request
+
+    async def close(self, reason: str = "") -> None:  # noqa: ARG002 - the session goes on
+        """Leave; the session goes on without this console."""
+        self._closing = True
+
+    async def look_at(self, mission: Mission, asked: str) -> RehearsedReading | None:  # noqa: ARG002
+        """Rehearse nothing: there is no model here."""
+        return None
+
+    def typing(self, text: str) -> None:
+        """Take no notice."""
+
+    def point(self, name: str) -> None:
+        """Take no notice."""
+
+    # What only the station whose session it is can do: each raises ValueError
+
+    def submit(self, text: str) -> Mission:  # noqa: ARG002, D102
+        raise self._refusal
+
+    def cancel(self) -> None:  # noqa: D102
+        raise self._refusal
+
+    def stop_all(self) -> None:  # noqa: D102
+        raise self._refusal
+
+    def release(self) -> None:  # noqa: D102
+        raise self._refusal
+
+    def acknowledge(self, alarm_id: str) -> None:  # noqa: ARG002, D102
+        raise self._refusal
+
+    def move(self, mission_id: str, by: int) -> None:  # noqa: ARG002, D102
+        raise self._refusal
+
+    def defer(self, mission_id: str) -> None:  # noqa: ARG002, D102
+        raise self._refusal
+
+    def withdraw(self, mission_id: str) -> None:  # noqa: ARG002, D102
+        raise self._refusal
+
+    def inject(self, incident: Incident) -> None:  # noqa: ARG002, D102
+        raise self._refusal
+
+    async def reload_rules(self) -> None:  # noqa: D102
+        raise self._refusal
+
+    async def accept_rules(self) -> None:  # noqa: D102
+        raise self._refusal
+
+    rules_offered = ""
+
+    @property
+    def _refusal(self) -> ValueError:
+        return ValueError(f"this is the session of {self.station}: it is commanded there")
+
+
+class _ConnectionNews:
+    """Says once what has changed in the connection, and in who commands."""
+
+    def __init__(self, log: SharedLog) -> None:
+        self._log, self._told = log, Told()
+        self._problem, self._epoch = "", log.trust.takeover.epoch
+        self._heard = monotonic()
+        self._silent = self._lacks = False
+
+    def take(self, *, heard: bool) -> Sequence[ev.IncidentHappened | ev.Noticed]:
+        """Return what is to be told now; `heard` is whether records have come just now."""
+        log, station, now_s = self._log, self._log.stream.station, monotonic()
+        if (problem := log.link.problem) != self._problem:
+            self._problem = problem
+            if problem:
+                self._say("alarm", f"no connection to the broker: {problem}")
+            else:
+                self._say("info", "connected to the broker again")
+        self._heard = now_s if heard else self._heard
+        if (silent := now_s - self._heard > SILENT_S) != self._silent:
+            self._silent = silent
+            if silent:
+                self._say("alarm", f"nothing has come from {station} for {SILENT_S:.0f} s")
+            else:
+                self._say("info", f"{station} is heard again")
+        if (lacks := log.stream.missing > 0) != self._lacks:
+            self._lacks = lacks
+            if lacks:
+                self._say("warning", f"{log.stream.missing} records are missing and are asked for")
+            else:
+                self._say("info", "no record is missing any more")
+        if log.problem:
+            self._say("warning", f"not believed: {log.problem}")
+            log.problem = ""
+        if (epoch := log.trust.takeover.epoch) != self._epoch:
+            self._epoch = epoch
+            in_command = log.trust.roster.station_of(log.trust.takeover.station)
+            more = "" if in_command == station else f"; {station} moves nothing any more"
+            self._say("alarm", f"{log.trust.in_command}{more}")
+        return self._told.take()
+
+    def _say(self, level: ev.Level, text: str) -> None:
+        self._told.say(level, SUBJECT, text, monotonic())
+
+
+def _without_old_pictures(events: Sequence[ev.Event]) -> list[ev.Event]:
+    """Return `events` with the last picture alone: what came before it is shown no more."""
+    pictures = [n for n, event in enumerate(events) if event.data.kind == "telemetry"]
+    old = frozenset(pictures[:-1])
+    return [event for number, event in enumerate(events) if number not in old]

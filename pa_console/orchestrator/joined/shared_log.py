@@ -1,0 +1,104 @@
+"""Follows the session that a station shares on a bus, and asks for what is missing of its log."""
+
+import time
+from collections.abc import Callable
+from datetime import UTC, datetime
+from time import monotonic
+from typing import Any
+
+from pa_console.fleets.authorization import SignedMessages, Trust
+from pa_console.fleets.bus.client import Sent
+from pa_console.fleets.bus.station_link import Delivery, StationLink
+from pa_console.fleets.vda5050.additions import MANUFACTURER, SIGNED, TRUST, SignedMessage
+from pa_console.fleets.vda5050.numbers import Numbers
+from pa_console.fleets.vda5050.session_messages import RecordsAsked, SessionRecords
+from pa_console.fleets.vda5050.topics import Identity, Topic
+from pa_console.fleets.vda5050.wire import Header, UnreadableError
+from pa_console.orchestrator.joined.record_stream import NotBelievedError, RecordStream
+from pa_console.schema.events.event import Event
+
+HEARD = (SessionRecords, *SIGNED)
+LOOK_S = 0.1
+ASK_AGAIN_S = 1.0
+FOUND_S = 10.0
+"""Whoever joins waits so long for the first records of a session."""
+
+
+class SharedLog:
+    """The log of a session as far as it has come; `problem` is what was not believed last."""
+
+    def __init__(self, link: StationLink, trust: Trust, keep: Callable[[str], object]) -> None:
+        """`keep` is given every newer roster, revocation and takeover that is taken."""
+        self.link, self.trust, self._keep = link, trust, keep
+        self.stream = RecordStream(trust, time.time)
+        self.problem = ""
+        self._signed, self._numbers = SignedMessages(trust.take), Numbers()
+        self._asked, self._asked_at = 0, 0.0
+
+    def take(self) -> list[Event]:
+        """Return what has happened in the session since the last call, in order."""
+        events: list[Event] = []
+        for delivery in self.link.take():
+            events += self._events_of(delivery)
+        self._ask()
+        return events
+
+    def send(self, message: Header, expiry_s: int | None = None) -> bool:
+        """Send `message` to the station; return False without a connection."""
+        topic = Topic(self.link.address.site, self._identity, message.TOPIC)
+        return self.link.send(Sent(str(topic), message.write(), qos=1, expiry_s=expiry_s))
+
+    def header(self, kind: type[Header]) -> dict[str, Any]:
+        """Return the header of the next message of a kind to the station."""
+        return self._numbers.header(self._identity, kind.TOPIC, datetime.now(UTC))
+
+    @property
+    def _identity(self) -> Identity:
+        return Identity(MANUFACTURER, self.stream.station)
+
+    def _events_of(self, delivery: Delivery) -> list[Event]:
+        identity = delivery.topic.identity
+        match delivery.message:
+            case UnreadableError() as error:
+                self.problem = f"{identity.serial_number}: {error}"
+            case SignedMessage() as signed if identity == TRUST:
+                if not self._signed.hear(signed.message):
+                    self._keep(signed.message)
+            case SessionRecords() as records if identity.manufacturer == MANUFACTURER:
+                try:
+                    return self.stream.take(identity.serial_number, records)
+                except NotBelievedError as error:
+                    self.problem = str(error)
+            case _:
+                pass
+        return []
+
+    def _ask(self) -> None:
+        """Ask for what is missing, again when it does not come."""
+        wanted, now = self.stream.wanted, monotonic()
+        if self.stream.missing and (wanted != self._asked or now - self._asked_at > ASK_AGAIN_S):
+            self._asked, self._asked_at = wanted, now
+            header = self.header(RecordsAsked)
+            self.send(RecordsAsked(**header, session=self.stream.session, first=wanted))
+
+
+def read_so_far(log: SharedLog, progress: Callable[[int, int], object]) -> list[Event]:
+    """Wait for the session that is shared and return what has happened in it so far.
+
+    `progress` is told how many records have come, of how many. Raises ValueError when none comes.
+    """
+    events: list[Event] = []
+    until = monotonic() + FOUND_S
+    while not events or log.stream.missing:
+        log.link.wait_news(LOOK_S)
+        if taken := log.take():
+            events += taken
+            until = monotonic() + FOUND_S
+            progress(log.stream.wanted - 1, log.stream.seen)
+        if monotonic() > until:
+            why = log.problem or log.link.problem
+            raise ValueError(
+                f"no station shares a session at {log.link.address}{f': {why}' if why else ''}; "
+                "the one in command does with 'pa-console console --fleet'"
+            )
+    return events

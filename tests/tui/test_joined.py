@@ -1,0 +1,87 @@
+"""A console that has joined another station's session says whose it is, and can only sign."""
+
+from pathlib import Path
+
+import pytest
+from textual.widgets import Button
+
+from pa_console.schema.events import event as ev
+from pa_console.schema.mission import Decision
+from pa_console.tui.protocols import JoinedTo
+from pa_console.tui.widgets.approval import ARM_DELAY_S, ApprovalPanel
+from pa_console.tui.widgets.bars import StatusBar
+from pa_console.tui.widgets.row_views import TextRows
+from tests.tui import story
+from tests.tui.scripted import FakeClock, ScriptedStation, console, settle
+
+SIZE = (120, 36)
+BOB = JoinedTo("north", "bob")
+
+
+def waiting(people: int) -> list[ev.EventPayload]:
+    """A session with a plan that waits for so many people."""
+    asked = {"observe": people} if people > 1 else {}
+    return [
+        each.model_copy(update={"approvals": asked})
+        if isinstance(each, ev.ApprovalRequested)
+        else each
+        for each in story.told("approval")
+    ]
+
+
+async def test_it_names_the_session_and_signs_what_takes_two_people(tmp_path: Path) -> None:
+    station, clock = ScriptedStation(waiting(2)), FakeClock()
+    app = console(station, tmp_path, clock, joined=BOB)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        assert "JOINED north" in str(app.screen.query_one(StatusBar).render())
+        assert "TO SIGN" in str(app.screen.query_one(StatusBar).render())
+        panel = app.screen.query_one(ApprovalPanel)
+        shown = [button.id for button in panel.query(Button) if button.display]
+        assert shown == ["approve"]
+        assert app.focused is panel, "Enter signs nothing by itself"
+        clock.now += ARM_DELAY_S
+        await pilot.press("enter", "r", "enter", "m", "enter")
+        await settle(pilot, station)
+        assert station.decisions == []
+        await pilot.press("a", "enter")
+        await settle(pilot, station)
+        assert [decision.kind for decision in station.decisions] == ["approve"]
+        await pilot.press("f9", "f8")
+        await settle(pilot, station)
+        assert (station.stopped, station.cancelled) == (0, 0)
+
+
+@pytest.mark.parametrize(("joined", "people"), [(BOB, 1), (JoinedTo("north", ""), 2)])
+async def test_nothing_is_signed_that_takes_one_person_or_by_an_observer(
+    tmp_path: Path, joined: JoinedTo, people: int
+) -> None:
+    station, clock = ScriptedStation(waiting(people)), FakeClock()
+    app = console(station, tmp_path, clock, joined=joined)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        clock.now += ARM_DELAY_S
+        await pilot.press("a", "enter", "f7", "a", "enter")
+        await settle(pilot, station)
+        assert station.decisions == []
+        assert app.screen.query_one("#approve", Button).disabled or not joined.signer
+
+
+async def test_both_screens_say_who_has_signed(tmp_path: Path) -> None:
+    station, clock = ScriptedStation(waiting(2)), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        signed = Decision(kind="approve", by="bob at another station", signatures={"bob": "s"})
+        detail = "observe needs 2 people to approve, so far there is 1"
+        station.emit(ev.DecisionMade(attempt=1, decision=signed, accepted=False, detail=detail))
+        await settle(pilot, station)
+        rows = app.screen.query_one("#approval-text", TextRows)
+        told = "\n".join(strip.text for strip in map(rows.render_line, range(rows.size.height)))
+        assert "Signed  bob at another station" in told
+        assert "so far" in told
+        assert "not accepted" not in told
+        clock.now += ARM_DELAY_S
+        await pilot.press("a", "enter")
+        await settle(pilot, station)
+        assert len(station.decisions) == 1
