@@ -5,10 +5,14 @@ from datetime import datetime, timedelta
 from random import Random
 from typing import Any, cast
 
-NAMES = ("Drone_T01", "Ugv_T01", "NorthCamera", "site", "Nobody", "station", "__class__", "x" * 64)
+NAMES = (
+    "Drone_T01", "Ugv_T01", "NorthCamera", "site", "trust", "Nobody", "station", "__class__",
+    "x" * 64,
+)  # fmt: skip
 TOPICS = (
     "state", "connection", "factsheet", "detections", "site", "clockDone", "incidentDone", "told",
-    "order", "nonsense",
+    "order", "roster", "revocation", "takeover", "records", "recordsAsked", "countersignature",
+    "nonsense",
 )  # fmt: skip
 WRONG: tuple[Any, ...] = (
     None, True, -1, 2**70, 1e308, "", "x" * 3000, [], {}, [[[[]]]], {"a": {"b": []}}, "\x1b]52;c;A",

@@ -1,5 +1,6 @@
 """Somebody on the bus who sends what they like, and hears everything."""
 
+import socket
 import ssl
 import threading
 from collections.abc import Generator
@@ -28,6 +29,7 @@ class Intruder:
         if address.tls:
             context = credentials.context() if credentials else ssl.create_default_context()
             self._client.tls_set_context(context)
+        self._client.on_socket_open = _at_once
         self._client.connect(address.host, address.port)
         self._client.loop_start()
         self._client.subscribe(f"{address.site}/#", qos=1)
@@ -53,6 +55,12 @@ class Intruder:
         """Leave the bus."""
         self._client.disconnect()
         self._client.loop_stop()
+
+
+def _at_once(_client: Client, _data: object, opened: object) -> None:
+    """Let no message wait for the one before it to be acknowledged."""
+    if isinstance(opened, socket.socket):
+        opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
 
 @contextmanager
