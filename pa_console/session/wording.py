@@ -1,7 +1,7 @@
 """Says in one short line what an event, an incident, an order or a decision is."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from pa_console.orders.plain_words import plain_reading
 from pa_console.schema.alarm import Alarm
@@ -10,6 +10,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident, Reaction, RevealTrack, SpawnTrack
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
+from pa_console.schema.standing import StandingOrder
 from pa_console.schema.telemetry import Picture, TrackStatus
 from pa_console.session.status_words import status_of
 
@@ -139,6 +140,20 @@ def references_in_words(references: Sequence[ev.Reference]) -> str:
     return "; ".join(f"“{one.said}” = {one.means}" for one in references)
 
 
+def standing_in_words(order: StandingOrder) -> str:
+    """Return a standing order in plain words, in one line."""
+    return f"{order.id}: whenever {order.words}: {order.order_in_words}"
+
+
+def asked_in_words(order: StandingOrder, allowed: Collection[str]) -> str:
+    """Return who approves the missions that `order` starts; the rules leave it `allowed`."""
+    if not order.unasked:
+        return "each mission waits for your approval"
+    if not allowed:
+        return "it says that nobody need be asked; the rules do not allow that: you are asked"
+    return f"unasked where a plan only gives {', '.join(allowed)}; else you are asked"
+
+
 def kind_in_words(kind: str) -> str:
     """Return the name of a kind of event as words."""
     return kind.replace("_", " ")
@@ -186,7 +201,24 @@ def event_in_words(data: ev.EventPayload) -> str:
         case ev.QueueChanged(entries=entries):
             said = ", ".join(entry.mission.id for entry in entries) or "empty"
         case _:
-            said = _planned(data) or _done(data)
+            said = _standing(data) or _planned(data) or _done(data)
+    return said
+
+
+def _standing(data: ev.EventPayload) -> str:
+    """Return the words of what standing orders do."""
+    said = ""
+    match data:
+        case ev.StandingOrderRead(order=order) | ev.StandingOrderApproved(order=order):
+            said = standing_in_words(order)
+        case ev.StandingOrderStarted(order_id=name, subject=subject):
+            said = f"by {name} for {subject}"
+        case ev.StandingOrderWithheld(order_id=name, subject=subject, reason=reason):
+            said = f"{name}{f' for {subject}' if subject else ''}: {reason}"
+        case ev.StandingOrderRevoked(order_id=name, by=who, reason=reason):
+            said = f"{name} by {who}{f': {reason}' if reason else ''}"
+        case _:
+            pass
     return said
 
 

@@ -7,8 +7,9 @@ import pytest
 from pa_console.fleets import authorization as auth
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.fleets.station_authority import Keys, StationAuthority, Vehicles
+from pa_console.orchestrator.planning.standing_approval import Approver, standing_approver
 from pa_console.orchestrator.station.assembly import Site, open_station
-from pa_console.orchestrator.station.headless import Approver, run_missions, standing_approver
+from pa_console.orchestrator.station.headless import run_missions
 from pa_console.orchestrator.station.station import Station
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.schema.command import DeviceCommand

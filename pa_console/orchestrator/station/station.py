@@ -31,6 +31,7 @@ from pa_console.schema.world import World
 READ_ONLY = "this console is read-only: commands are refused"
 NOT_SIMULATED = "incidents can only be made to happen in a simulated fleet"
 INTERRUPTED = "the console ended while it was under way; give it again if it is still wanted"
+NOT_KEPT = "a standing order ends with its console; give it again if it is still wanted"
 IS_STOPPED = "everything is stopped: no mission is taken until the stop is released"
 
 
@@ -84,6 +85,7 @@ class Station:
         """The missions that open alarms become once more."""
         if resumed is not None:
             self._gate.resume(resumed.stops, stopped=resumed.stopped)
+            services.standing.skip_ids(resumed.standing_ids)
             self._again = self._intake.take_up(
                 resumed.alarms, resumed.waiting, resumed.missions, resumed.unanswered
             )
@@ -182,6 +184,12 @@ class Station:
         self._emit(ev.TelemetryReceived(picture=self._ticking.first))
         for name in resumed.interrupted:
             held = ev.MissionFinished(status="held", reason=INTERRUPTED, metrics=Metrics())
+            self._emit(held, name)
+        for name in resumed.standing:
+            ended = ev.StandingOrderRevoked(order_id=name, by="the console", reason=NOT_KEPT)
+            self._emit(ended)
+        for name in resumed.started_by_standing:
+            held = ev.MissionFinished(status="held", reason=NOT_KEPT, metrics=Metrics())
             self._emit(held, name)
         for payload, mission in self._again:
             self._emit(payload, mission)
@@ -296,6 +304,18 @@ class Station:
         self._emit(ev.StopReleased(by=by))
         for payload, mission in self._intake.resume(self._worker.handled):
             self._emit(payload, mission)
+        self._worker.queue_changed()
+
+    def revoke(self, order_id: str, by: str = "operator") -> None:
+        """Take a standing order out of force, and what it has started out of the queue.
+
+        A mission of its that has begun goes on. Raises ValueError when it is not in force.
+        """
+        self._writable()
+        self._services.standing.revoke(order_id)
+        self._emit(ev.StandingOrderRevoked(order_id=order_id, by=by))
+        for mission in self._intake.of_standing(order_id):
+            self._worker.drop(mission, f"standing order {order_id} was revoked")
         self._worker.queue_changed()
 
     def inject(self, incident: Incident) -> None:
