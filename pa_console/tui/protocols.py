@@ -81,6 +81,10 @@ class LiveStation(Protocol):
         """Take a waiting mission out of the queue; raises ValueError when it does not wait."""
         ...
 
+    def revoke(self, order_id: str) -> None:
+        """Take a standing order out of force; raises ValueError when it is not in force."""
+        ...
+
     async def reload_rules(self) -> None:
         """Take the rules as their file has them now; why they cannot be taken is an event."""
         ...

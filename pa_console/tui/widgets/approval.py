@@ -334,7 +334,9 @@ class ApprovalPanel(Vertical, can_focus=True):
         approve = self.query_one("#approve", Button)
         if approve.has_focus:
             return "Enter approves, r goes back to Reject"
-        return "Space plays it on the map" if self.has_focus_within else ""
+        request = self._trace.approval if self._trace else None
+        plays = request is not None and request.standing is None and self.has_focus_within
+        return "Space plays it on the map" if plays else ""
 
     def on_descendant_focus(self) -> None:
         """Look at a reading no more whose button has no focus, and say what the next key does.
@@ -390,7 +392,8 @@ class ApprovalPanel(Vertical, can_focus=True):
         refused = request is not None and bool(request.blocked_by) and state != "not_understood"
         self.set_class(refused or state == "judge_objects", "-blocked")
         self.set_class(state == "approve", "-sure")
-        self.query_one("#modify", Button).disabled = state == "not_understood"
+        standing = request is not None and request.standing is not None
+        self.query_one("#modify", Button).disabled = standing or state == "not_understood"
 
     def _why_not(self) -> str:
         """Return why Approve is not admissible, apart from the arm delay."""
@@ -512,7 +515,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         if request is None or not self.armed:
             return
         reason = self.query_one(f"#{REASON}", Input).value.strip()
-        if choice == "modify" and request.state != "not_understood":
+        if choice == "modify" and request.standing is None and request.state != "not_understood":
             self.post_message(self.ModifyAsked())
         elif answer := self._answer_of(choice):
             self._answer(answer)
