@@ -145,10 +145,15 @@ def standing_in_words(order: StandingOrder) -> str:
     return f"{order.id}: whenever {order.words}: {order.order_in_words}"
 
 
-def asked_in_words(order: StandingOrder, allowed: Collection[str]) -> str:
-    """Return who approves the missions that `order` starts; the rules leave it `allowed`."""
+def asked_in_words(order: StandingOrder, allowed: Collection[str] | None = None) -> str:
+    """Return who approves the missions that `order` starts.
+
+    The rules leave it the commands that are `allowed`, None where that is not told.
+    """
     if not order.unasked:
         return "each mission waits for your approval"
+    if allowed is None:
+        return "nobody is asked where the rules allow that"
     if not allowed:
         return "it says that nobody need be asked; the rules do not allow that: you are asked"
     return f"unasked where a plan only gives {', '.join(allowed)}; else you are asked"

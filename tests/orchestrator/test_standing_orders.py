@@ -8,19 +8,27 @@ from pathlib import Path
 
 import pytest
 
+from pa_console.evaluation.runs.twin import resimulate
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.orchestrator.planning.standing_approval import Approver, standing_approver
-from pa_console.orchestrator.station.assembly import Site
+from pa_console.orchestrator.station.assembly import Site, open_station
 from pa_console.orchestrator.station.headless import run_missions
 from pa_console.orchestrator.station.station import Station
+from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import SetBattery
 from pa_console.schema.mission import Decision
 from pa_console.schema.rule import StandingLimits
+from pa_console.session.log.reader import read_log
+from pa_console.session.log.verification import verify
+from pa_console.session.log.writer import LogWriter
 from pa_console.session.state.fold import SessionState
 from pa_console.session.wording import event_in_words
+from pa_console.signing import KEY_VARIABLE, load_signer
 from tests.orchestrator.conftest import Rig
+from tests.orchestrator.test_authorized_session import authority_of
+from tests.orchestrator.test_resumed_session import SEND, killed, open_again
 from tests.scripted import ScriptedEngine, plan
 
 ORDER = "Whenever a drone is below 20 %, relieve it."
@@ -299,3 +307,82 @@ async def test_a_doubtful_plan_of_it_waits_for_the_operator(rig: Rig) -> None:
     await play(rig, looks, UNASKED, engine=ScriptedEngine([other]))
     assert len(asked) == 2
     assert not told(rig, ev.CommandSent)
+
+
+async def test_its_missions_are_signed_as_standing_where_there_are_keys(site: Site) -> None:
+    allowed = allowing(site, "move_to", "return_to_base")
+    authority = authority_of(allowed)
+    engine = sure_engine()
+    station = open_station(allowed, engine.engine(), SteppedClock(), authority=authority)
+    made: list[ev.DecisionMade] = []
+
+    def sink(event: ev.Event, _: SessionState) -> None:
+        low_once_in_force(event, station)
+        if isinstance(event.data, ev.DecisionMade):
+            made.append(event.data)
+
+    _, trace = await run_missions(station, [UNASKED], but_for_missions, sink, duration_s=20.0)
+    assert trace.status == "verified", trace.reason
+    kinds = [
+        authority.trust.approval("ann", each.decision.signatures["ann"], authority.now())[0]["kind"]
+        for each in made
+    ]
+    assert kinds == ["operator", "standing"]
+
+
+async def test_the_log_tells_of_it_holds_and_comes_to_the_same_in_a_replay(
+    rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "key" / "key.pem"))
+    station = rig.station(sure_engine())
+    log = tmp_path / "one.jsonl"
+    live = SessionState()
+
+    def sink(event: ev.Event, state: SessionState) -> None:
+        nonlocal live
+        live = state
+        low_once_in_force(event, station)
+
+    with LogWriter(log, station.session, signer=load_signer()) as writer:
+        station.write_to(writer)
+        await run_missions(station, [ORDER], person, sink, duration_s=20.0)
+    assert verify(log).intact
+    again, events = SessionState(), list(read_log(log))
+    for event in events:
+        again.apply(event)
+    assert again.standing == live.standing
+    assert again.standing["S1"].started == 1
+    assert resimulate(events, rig.site.world).equal
+
+
+async def test_none_goes_on_with_a_session_whose_console_was_killed(
+    site: Site, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "key" / "key.pem"))
+
+    def waits(event: ev.Event, station: Station) -> bool:
+        if event.data.kind == "session_started":
+            station.submit(ORDER)
+            station.submit(SEND)
+        low_once_in_force(event, station)
+        if isinstance(event.data, ev.ApprovalRequested):
+            station.decide(person(event.data))
+        waiting = event.data.entries if isinstance(event.data, ev.QueueChanged) else ()
+        return any(entry.mission.standing for entry in waiting)
+
+    found = await killed(site, tmp_path, waits)
+    assert len(found.started_by_standing) == 1
+    station = open_again(site, found, ScriptedEngine([RELIEF]))
+    happened: list[ev.Event] = []
+
+    def sink(event: ev.Event, _: SessionState) -> None:
+        happened.append(event)
+
+    await run_missions(station, [ORDER], but_for_missions, sink)
+    told = [event.data for event in happened]
+    (ended,) = [data for data in told if isinstance(data, ev.StandingOrderRevoked)]
+    assert (ended.order_id, ended.by) == ("S1", "the console")
+    held = [e.mission for e in happened if isinstance(e.data, ev.MissionFinished)]
+    assert found.started_by_standing[0] in held
+    (anew,) = [data for data in told if isinstance(data, ev.StandingOrderApproved)]
+    assert anew.order.id != "S1", "given again it is another one"

@@ -16,6 +16,7 @@ from pa_console.schema.events.event import (
     Event,
     EventPayload,
     MissionFinished,
+    StandingOrderRevoked,
     StopReleased,
 )
 from pa_console.schema.incident import Incident
@@ -68,6 +69,7 @@ class ScriptedStation:
         self.moved: list[tuple[str, int]] = []
         self.deferred: list[str] = []
         self.withdrawn: list[str] = []
+        self.revoked: list[str] = []
         self.closed = False
         self.refuse = self.offered = ""
         self.rehearsed: dict[str, RehearsedReading] = {}
@@ -110,6 +112,12 @@ class ScriptedStation:
     def rules_offered(self) -> str:
         """Say why the rules of the file wait, as the test has it."""
         return self.offered
+
+    def revoke(self, order_id: str) -> None:
+        """Record that a standing order was revoked, and end it."""
+        self._refuse()
+        self.revoked.append(order_id)
+        self.emit(StandingOrderRevoked(order_id=order_id, by="operator"), mission=None)
 
     async def accept_rules(self) -> None:
         """Count what was accepted."""

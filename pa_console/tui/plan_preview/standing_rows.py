@@ -23,7 +23,7 @@ def offered_rows(read: StandingOrderRead) -> Iterator[Row]:
         yield row(_lead("now"), "it would start nothing: the condition holds of nobody")
 
 
-def order_rows(order: StandingOrder, allowed: Collection[str]) -> Iterator[Row]:
+def order_rows(order: StandingOrder, allowed: Collection[str] | None = None) -> Iterator[Row]:
     """Yield what an order waits for, in words and as CEL, what it starts and who is asked."""
     yield row(_lead("whenever"), (order.words, "bold"))
     yield row(_lead("in CEL"), (order.condition, CALM))

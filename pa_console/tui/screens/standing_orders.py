@@ -25,7 +25,7 @@ class StandingOrdersScreen(Screen[None]):
 
     BINDINGS = [
         Binding("escape", "dismiss", "Back"),
-        Binding("delete,x", "revoke", "Revoke", key_display="x"),
+        Binding("x,delete", "revoke", "Revoke"),
     ]
 
     def __init__(
@@ -54,8 +54,8 @@ class StandingOrdersScreen(Screen[None]):
     def on_mount(self) -> None:
         """Show what there is, and from now on what becomes of it."""
         self.listing.focus()
-        self._look()
-        self.set_interval(LOOK_S, self._look)
+        self.look()
+        self.set_interval(LOOK_S, self.look)
 
     def on_resize(self, _event: events.Resize) -> None:
         """Lay out for the new width."""
@@ -70,9 +70,10 @@ class StandingOrdersScreen(Screen[None]):
             self.notify(f"{trace.order.id} is not in force", title="Revoke", markup=False)
             return
         self._revoke(trace.order.id)
-        self._look()
+        self.look()
 
-    def _look(self) -> None:
+    def look(self) -> None:
+        """Show what is new since the last look."""
         orders = self._state().standing
         now = [(each.order.id, each.started, each.ended, each.withheld) for each in orders.values()]
         if now == self._shown:

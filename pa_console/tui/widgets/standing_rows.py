@@ -67,7 +67,7 @@ class StandingRows(PointedRows):
             )
             return
         yield row(("typed     ", QUIET), trace.order.text)
-        yield from order_rows(trace.order, ())
+        yield from order_rows(trace.order)
         yield row(("approved  ", QUIET), f"by {trace.by}, {self._when(trace.since_tick)}")
         if trace.ended:
             yield row(("over      ", QUIET), (trace.ended, BAD))
