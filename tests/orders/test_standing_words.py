@@ -24,6 +24,8 @@ READ = {
     "If any asset is ever low on battery, then relieve it": ("it.low_battery", "Relieve {it}."),
     "Whenever uav 4's battery is less than 20 %, send a drone to its post": (
         f"id == 'Drone_T04' && {LOW}", "Send a drone to {place}."),
+    "Whenever you see that a gate has no guard, send the nearest drone there.": (
+        BARE, "Send the nearest drone to {it}."),
     "Every time a gate has no guard, send the nearest drone there.": (
         BARE, "Send the nearest drone to {it}."),
     "Send Drone_T04 to the west gate whenever the west gate is uncovered": (
@@ -44,6 +46,7 @@ ORDERS = (
     "Every time I hear Drone_T01 hum I think of bees.",
     "If Drone_T01 is low, relieve it.",
     "Has anybody ever seen Drone_T03?",
+    "if it were up to me nothing would ever stand empty, so let Drone_T04 fill in at WestGate",
 )
 ASKED = (
     "Whenever the moon is full, relieve a drone.",

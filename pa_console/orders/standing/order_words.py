@@ -18,10 +18,13 @@ from pa_console.schema.standing import MOST_STARTS, PLACE, SUBJECT, SubjectKind
 
 _OPENING = re.compile(
     r"\s*(?:(?:please|ok|okay|from now on|as a standing order|standing order)\b[\s,:]*)*"
-    r"(?:whenever|each time|every time|any ?time)\b[\s,]*(?:that\b\s*)?",
+    r"(?:whenever|each time|every time|any ?time)\b[\s,]*"
+    r"(?:(?:you|we) (?:see|notice|hear|find)\b\s*)?(?:that\b\s*)?",
     re.IGNORECASE,
 )
 _IF_EVER = re.compile(r"\s*(?:please[\s,]+)?if\b(?P<before>[^,]*?)\bever\b", re.IGNORECASE)
+_TALK = re.compile(r"\b(?:i|me|my|would|were|could|might)\b", re.IGNORECASE)
+"""What stands before an *ever* that is no condition: *if it were up to me nothing would ever ...*."""
 _WITHIN = re.compile(r"\b(?:whenever|each time|every time|if ever)\b", re.IGNORECASE)
 _NO_CONDITION = re.compile(
     r"\s*(?:i|i'm|i'd|we|you|he|she|they|people|it suits|possible|convenient|ready"
@@ -107,7 +110,8 @@ def _parts(text: str) -> list[tuple[str, str]] | None:
     ever = _IF_EVER.match(text)
     if ever is not None:
         rest = f"{ever['before']} {text[ever.end() :]}".strip()
-        return None if _NO_CONDITION.match(rest) else [*_first_condition(rest)]
+        talk = _NO_CONDITION.match(rest) or _TALK.search(ever["before"])
+        return None if talk else [*_first_condition(rest)]
     within = _WITHIN.search(text)
     if within is None or _NO_CONDITION.match(text[within.end() :].lstrip(" ,")):
         return None
