@@ -6,6 +6,7 @@ from typing import Protocol
 from pa_console.schema.events.event import Event
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Mission
+from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.rule import Rule, RuleHit, RulesSeal
 
@@ -51,6 +52,12 @@ class LiveStation(Protocol):
 
     async def look_at(self, mission: Mission, asked: str) -> RehearsedReading | None:
         """Rehearse what another reading of a mission would lead to; None where that is unknown."""
+        ...
+
+    def other_ways(
+        self, mission: Mission, asked: str, but: Plan
+    ) -> AsyncIterator[RehearsedReading]:
+        """Rehearse sound plans for a reading of a mission that are not the plan `but`."""
         ...
 
     def cancel(self) -> None:

@@ -21,6 +21,7 @@ from pa_console.schema.events.event import (
 )
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Metrics, Mission
+from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World
 from pa_console.tui.app import ConsoleApp
@@ -73,6 +74,10 @@ class ScriptedStation:
         self.closed = False
         self.refuse = self.offered = ""
         self.rehearsed: dict[str, RehearsedReading] = {}
+        self.ways: list[RehearsedReading] = []
+        self.slow = asyncio.Event()
+        """Other ways come once this is set."""
+        self.slow.set()
         self.accepted = 0
         self.typed = self.reloads = 0
         self.retriever: RuleScorer = WordRetriever()
@@ -145,6 +150,14 @@ class ScriptedStation:
         self.decisions.append(decision)
         if decision.kind != "modify":
             self.emit(DecisionMade(attempt=1, decision=decision, accepted=True))
+
+    async def other_ways(
+        self, mission: Mission, asked: str, but: Plan
+    ) -> AsyncIterator[RehearsedReading]:
+        """Yield the other ways that the test has made up."""
+        for found in self.ways:
+            await self.slow.wait()
+            yield found
 
     def cancel(self) -> None:
         """Finish the mission."""

@@ -12,11 +12,13 @@ from pa_console.schema.plan import Plan
 from pa_console.schema.standing import StandingOrder, StandingStart
 from pa_console.session.state.waiting import Waiting
 from pa_console.tui.app import ConsoleApp
-from pa_console.tui.screens.standing_orders import StandingOrdersScreen
+from pa_console.tui.standing_orders.screen import StandingOrdersScreen
 from pa_console.tui.widgets.approval import ARM_DELAY_S, ApprovalPanel
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, settle
+
+pytestmark = pytest.mark.long
 
 TEXT = "Whenever a drone is below 20 %, relieve it."
 ORDER = StandingOrder(
@@ -87,7 +89,7 @@ async def test_it_is_shown_in_words_and_as_cel_and_approved_or_rejected_as_it_is
         assert station.decisions[0].request_id == REQUEST.request_id
 
 
-@pytest.mark.parametrize("size", [(60, 18), (80, 24), (120, 36)])
+@pytest.mark.parametrize("size", [(60, 18), (120, 36)])
 async def test_all_are_listed_with_what_they_have_started_and_can_be_revoked(
     tmp_path: Path, size: tuple[int, int]
 ) -> None:

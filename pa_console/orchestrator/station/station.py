@@ -13,7 +13,10 @@ from pa_console.orchestrator.intake.intake import Intake
 from pa_console.orchestrator.mission.outcome_verdicts import OutcomeVerdicts
 from pa_console.orchestrator.mission.services import Services
 from pa_console.orchestrator.planning.read_ahead import ReadAhead
-from pa_console.orchestrator.planning.reading_rehearsal import rehearse_reading
+from pa_console.orchestrator.planning.reading_rehearsal import (
+    rehearse_other_ways,
+    rehearse_reading,
+)
 from pa_console.orchestrator.station.background import Background
 from pa_console.orchestrator.station.journal import Log
 from pa_console.orchestrator.station.mission_worker import MissionWorker, StationParts
@@ -25,6 +28,7 @@ from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Metrics, Mission
+from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World
 
@@ -250,6 +254,15 @@ class Station:
         None where the console cannot tell what would serve it.
         """
         return await rehearse_reading(self._reload.services, mission, asked)
+
+    def other_ways(
+        self, mission: Mission, asked: str, but: Plan
+    ) -> AsyncGenerator[RehearsedReading]:
+        """Rehearse what else would serve a reading of a mission than the plan `but`.
+
+        No model is asked, and nothing is decided by that.
+        """
+        return rehearse_other_ways(self._reload.services, mission, asked, but)
 
     def cancel(self) -> None:
         """Cancel the mission being worked on; assets under way for it go to a safe state.

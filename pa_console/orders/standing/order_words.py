@@ -24,7 +24,7 @@ _OPENING = re.compile(
 )
 _IF_EVER = re.compile(r"\s*(?:please[\s,]+)?if\b(?P<before>[^,]*?)\bever\b", re.IGNORECASE)
 _TALK = re.compile(r"\b(?:i|me|my|would|were|could|might)\b", re.IGNORECASE)
-"""What stands before an *ever* that is no condition: *if it were up to me nothing would ever ...*."""
+"""What stands before an *ever* that is no condition: *if it were up to me nothing would ever*."""
 _WITHIN = re.compile(r"\b(?:whenever|each time|every time|if ever)\b", re.IGNORECASE)
 _NO_CONDITION = re.compile(
     r"\s*(?:i|i'm|i'd|we|you|he|she|they|people|it suits|possible|convenient|ready"

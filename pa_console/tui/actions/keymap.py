@@ -45,7 +45,7 @@ def refused_command(key: str, keymap: Mapping[str, str]) -> str:
 
 RESERVED = {
     **dict.fromkeys(("tab", "shift+tab", "enter", "up", "down"), "moving about needs it"),
-    **dict.fromkeys(("r", "m", "a", *READING_KEYS), "the approval panel answers to it"),
+    **dict.fromkeys(("r", "m", "a", "alt+c", *READING_KEYS), "the approval panel answers to it"),
     "ctrl+c": "the terminal's own interrupt",
 }
 _MODIFIERS = frozenset(("ctrl", "shift", "alt", "super", "hyper", "meta"))

@@ -99,7 +99,7 @@ class CommandController:
 
     def show_standing_orders(self) -> None:
         """Show the standing orders of the session that is looked at."""
-        from pa_console.tui.screens.standing_orders import StandingOrdersScreen  # noqa: PLC0415
+        from pa_console.tui.standing_orders.screen import StandingOrdersScreen  # noqa: PLC0415
 
         session = self._session
         if not session.is_open(StandingOrdersScreen):

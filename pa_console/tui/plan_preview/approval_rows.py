@@ -18,7 +18,7 @@ from pa_console.session.state.mission_trace import Attempt, MissionTrace
 from pa_console.session.wording import safety_in_words
 from pa_console.tui.plan_preview.action_rows import action_rows, cover_row, unrehearsed_row
 from pa_console.tui.plan_preview.preview import PlanPreview
-from pa_console.tui.plan_preview.standing_rows import offered_rows
+from pa_console.tui.standing_orders.rows import offered_rows
 from pa_console.tui.status_words import BAD, GOOD, NOTE, QUIET, WARN, term
 from pa_console.tui.trace.rows import Row, row
 

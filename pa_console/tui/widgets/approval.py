@@ -81,6 +81,7 @@ class ApprovalPanel(Vertical, can_focus=True):
             for n, key in enumerate(READING_KEYS, start=1)
         ),
         Binding("space", "play", "Play the rehearsal", show=False),
+        Binding("alt+c", "compare", "Plans side by side", show=False, priority=True),
         Binding("pagedown", "scroll_plan(1)", "Rest of the plan", show=False),
         Binding("pageup", "scroll_plan(-1)", "Back in the plan", show=False),
         Binding("tab", "cycle(1)", "Next field", show=False),
@@ -99,6 +100,9 @@ class ApprovalPanel(Vertical, can_focus=True):
 
     class PlayAsked(Message):
         """The operator wants to see the rehearsal on the map, or no more of it."""
+
+    class CompareAsked(Message):
+        """The operator wants to see other plans beside the one that waits."""
 
     class LookedAt(Message):
         """The operator looks at another reading of the order, or with '' at the plan again."""
@@ -336,7 +340,7 @@ class ApprovalPanel(Vertical, can_focus=True):
             return "Enter approves, r goes back to Reject"
         request = self._trace.approval if self._trace else None
         plays = request is not None and request.standing is None and self.has_focus_within
-        return "Space plays it on the map" if plays else ""
+        return "Space plays it, Alt+C compares plans" if plays else ""
 
     def on_descendant_focus(self) -> None:
         """Look at a reading no more whose button has no focus, and say what the next key does.
@@ -467,6 +471,13 @@ class ApprovalPanel(Vertical, can_focus=True):
         """Play the rehearsal of what is looked at on the map, or stop it."""
         if self.armed:
             self.post_message(self.PlayAsked())
+
+    def action_compare(self) -> None:
+        """Show other plans beside the one that waits."""
+        if self.armed:
+            self.post_message(self.CompareAsked())
+        else:
+            self.type_ahead()
 
     def type_ahead(self) -> None:
         """Drop a key that came too early; the panel waits anew."""

@@ -12,9 +12,9 @@ from textual.widgets import Static
 
 from pa_console.schema.quantities import count
 from pa_console.session.state.fold import SessionState
+from pa_console.tui.standing_orders.listing import StandingRows
 from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.row_views import TextRows
-from pa_console.tui.widgets.standing_rows import StandingRows
 
 LOOK_S = 0.5
 """How often the screen looks for what is new."""
