@@ -171,7 +171,7 @@ ACTS = (
     "acknowledge",
     "first_order",
 )
-"""What may need more than one person: a command that moves somebody, overruling the judge,
+"""What may need more than one person: a command that moves somebody, overriding the judge,
 acknowledging a broken Medium rule, and the first order to a vehicle that had none before."""
 
 MOST_PEOPLE = 9

@@ -99,15 +99,15 @@ def overriding(decision: Decision) -> str:
     """Return in what the operator decided otherwise than the console proposed, empty if in nothing.
 
     That is a changed plan, another reading of the order, an objection of the judge that was
-    overruled, or an accepted breach.
+    overridden, or an accepted breach.
     """
     said: list[str] = []
     if decision.kind == "modify":
         said.append("the plan was changed")
     if decision.kind == "choose":
-        said.append(f"the order was read as {plain_reading(decision.asked)!r}")
+        said.append(f"the order was read as “{plain_reading(decision.asked)}”")
     if decision.kind == "approve" and decision.override_judge:
-        said.append("the judge was overruled")
+        said.append("the judge was overridden")
     if decision.kind == "approve" and decision.acknowledged:
         said.append(f"broken {', '.join(decision.acknowledged)} accepted")
     if not said:

@@ -129,7 +129,7 @@ def people_needed(
 
 
 _ACTS = {
-    "override": "overruling the judge",
+    "override": "overriding the judge",
     "acknowledge": "acknowledging a broken rule",
     "first_order": "the first order to a vehicle",
 }

@@ -192,5 +192,5 @@ def find_session(folder: Path, name: str) -> Path:
         return found[0]
     if found:
         names = ", ".join(sorted(log.stem for log in found)[:6])
-        raise ValueError(f"{name!r} stands for {len(found)} sessions: {names}")
-    raise ValueError(f"there is no session {name!r} in {folder}; pa-console sessions lists them")
+        raise ValueError(f"“{name}” stands for {len(found)} sessions: {names}")
+    raise ValueError(f"there is no session “{name}” in {folder}; pa-console sessions lists them")

@@ -117,6 +117,6 @@ def _check_key(name: str, key: str) -> None:
     *modifiers, plain = key.split("+")
     known = plain in _NAMED or key_to_character(plain) is not None
     if not known or not _MODIFIERS.issuperset(modifiers):
-        raise KeymapError(name, f"{key!r} is not a key; write it like f11, ctrl+x, X or plus")
+        raise KeymapError(name, f"“{key}” is not a key; write it like f11, ctrl+x, X or plus")
     if key in RESERVED:
         raise KeymapError(name, f"{key_text(key)} cannot be used: {RESERVED[key]}")
