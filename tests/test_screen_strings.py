@@ -31,8 +31,8 @@ SYNONYMS = {
 }
 """Words that are not used, and the word of the glossary for that thing."""
 IDENTIFIER = re.compile(r"(?<![\w.-])[a-z]+(?:_[a-z0-9]+)+(?!\w)")
-FIELDS = frozenset(("at_s", "radius_m"))
-"""Fields of files that people write, named where such a file is wrong."""
+FIELDS = frozenset(("at_s", "radius_m", "judge_server"))
+"""Fields of files that people write and settings, named where one is wrong."""
 QUOTED = ("pa_console/tui/", "pa_console/session/")
 """Where values are quoted as people quote them."""
 
