@@ -24,7 +24,8 @@ from pa_console.llm.models.catalogue import find_model
 from pa_console.llm.servers.servers import NO_SERVERS, Servers
 from pa_console.llm.servers.session_models import session_models
 from pa_console.orchestrator.planning.safeguards import examine
-from pa_console.orchestrator.station import assembly, headless
+from pa_console.orchestrator.planning.standing_approval import standing_approver
+from pa_console.orchestrator.station import assembly
 from pa_console.orchestrator.station import station as stations
 from pa_console.orchestrator.station.assembly import Site
 from pa_console.orchestrator.station.ticking import RealTimeClock, SteppedClock
@@ -123,7 +124,7 @@ def auto_approver(request: ev.ApprovalRequested) -> Decision:
     Warnings are acknowledged. A judge's Failure is never overridden, and an order that planner or
     judge may have misread (less sure than STANDING_CONFIDENCE) is not carried out.
     """
-    approver = headless.standing_approver("auto", least=STANDING_CONFIDENCE, given="auto_approver")
+    approver = standing_approver("auto", least=STANDING_CONFIDENCE, given="auto_approver")
     return approver(request)
 
 

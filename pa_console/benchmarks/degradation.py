@@ -10,8 +10,9 @@ from pydantic import ValidationError
 from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.true_outcome import RunResult, TruthWatch
 from pa_console.fleets.simulated import SimulatedFleet
+from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.orchestrator.station.assembly import Site, open_station
-from pa_console.orchestrator.station.headless import run_missions, standing_approver
+from pa_console.orchestrator.station.headless import run_missions
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.schema.base import NonNegative, StrictModel
 from pa_console.schema.evaluation import Variant

@@ -116,8 +116,7 @@ def _show(log: Path, json: bool) -> None:
     missions = Table(box=None, show_header=False, pad_edge=False)
     for mission in summary.missions:
         told = status_of("mission", mission.status or "open")
-        origin = "by alarm: " if mission.by_alarm else ""
-        text = Text(visible(f"{origin}{mission.said}"))
+        text = Text(visible(f"{mission.origin}{mission.said}"))
         if mission.reason:
             text.append(f"\n{visible(mission.reason)}", "dim")
         missions.add_row(mission.id, Text(told.text, COLOURS[told.tone]), text)

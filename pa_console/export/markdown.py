@@ -176,6 +176,7 @@ def _pinned(trace: MissionTrace, started: SessionStarted) -> str:
     rows = [
         ("given", f"{mission.created:%Y-%m-%d %H:%M:%S} UTC by {mission.source}"),
         ("alarm", mission.alarm),
+        ("standing order", mission.standing),
         ("about", mission.subject),
         ("gate", mission.gate),
         ("session", started.session),

@@ -16,6 +16,7 @@ from pa_console.policy.expressions.expression import (
 )
 from pa_console.policy.expressions.fields import Fields, united
 from pa_console.policy.trust.rule_seal import seal_of
+from pa_console.schema.command import Verb
 from pa_console.schema.document import Document, FieldPath
 from pa_console.schema.rule import Ordering, Rule, RuleSet, RulesSeal, Workflow
 
@@ -196,6 +197,11 @@ class Rulebook:
     def approvals(self) -> Mapping[str, int]:
         """How many people must approve what; one, where it is not named."""
         return self.rule_set.approvals if self.rule_set is not None else {}
+
+    @property
+    def unasked(self) -> tuple[Verb, ...]:
+        """The commands that a standing order may have carried out without an approval of theirs."""
+        return self.rule_set.standing.allowed if self.rule_set is not None else ()
 
     def get(self, rule_id: str) -> Rule:
         """Return the rule `rule_id`; raises KeyError when it is not in force."""

@@ -37,9 +37,14 @@ class Mission(StrictModel):
     id: str
     text: str = Field(min_length=1, max_length=MAX_MISSION_TEXT)
     typed: str = Field(default="", description="what was typed, where words of it were misspelt")
-    source: Literal["operator", "alarm"] = "operator"
+    source: Literal["operator", "alarm", "standing"] = "operator"
     created: datetime
     alarm: str = Field(default="", description="id of the alarm that it answers")
+    standing: str = Field(
+        default="",
+        exclude_if=lambda name: not name,
+        description="id of the standing order that started it",
+    )
     subject: Name | None = Field(default=None, description="track, asset or gate it is about")
     gate: Name | None = Field(default=None, description="the gate concerned, if one is")
 
@@ -69,6 +74,11 @@ class Decision(StrictModel):
         default={},
         exclude_if=lambda signatures: not signatures,
         description="the signed approval of everybody who approved, by name, where there are keys",
+    )
+    standing_order: str = Field(
+        default="",
+        exclude_if=lambda name: not name,
+        description="id of the standing order by which it was given, and nobody was asked",
     )
 
     @property

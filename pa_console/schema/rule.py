@@ -171,7 +171,7 @@ ACTS = (
     "acknowledge",
     "first_order",
 )
-"""What may need more than one person: a command that moves somebody, overruling the judge,
+"""What may need more than one person: a command that moves somebody, overriding the judge,
 acknowledging a broken Medium rule, and the first order to a vehicle that had none before."""
 
 MOST_PEOPLE = 9
@@ -194,10 +194,23 @@ def approvals_in_words(approvals: Mapping[str, int]) -> str:
     return ", ".join(f"{act} {people}" for act, people in approvals.items() if people > 1)
 
 
+class StandingLimits(StrictModel):
+    """What standing orders may do by themselves; by default nothing without approval.
+
+    A plan that a standing order started, and that says of itself that nobody need be asked, is
+    carried out unasked if every command in it that moves somebody is `allowed`.
+    """
+
+    allowed: tuple[Verb, ...] = Field(
+        default=(), description="commands that need no approval of their own"
+    )
+
+
 class RuleSet(StrictModel):
     """A rule file: every rule in force, and the workflows that they prescribe.
 
-    `approvals` says what more than one person must approve, and how many.
+    `approvals` says what more than one person must approve, and how many; `standing` what standing
+    orders may do unasked.
     """
 
     name: str
@@ -205,6 +218,11 @@ class RuleSet(StrictModel):
     source: str = ""
     approvals: Annotated[dict[str, int], AfterValidator(_people)] = Field(
         default={}, description="act -> people who must approve it, where that is not one"
+    )
+    standing: StandingLimits = Field(
+        default_factory=StandingLimits,
+        exclude_if=lambda limits: not limits.allowed,
+        description="what standing orders may do unasked",
     )
     rules: tuple[Rule, ...] = Field(min_length=1)
     workflows: tuple[Workflow, ...] = ()

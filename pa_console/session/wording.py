@@ -1,7 +1,7 @@
 """Says in one short line what an event, an incident, an order or a decision is."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from pa_console.orders.plain_words import plain_reading
 from pa_console.schema.alarm import Alarm
@@ -10,6 +10,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident, Reaction, RevealTrack, SpawnTrack
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
+from pa_console.schema.standing import StandingOrder
 from pa_console.schema.telemetry import Picture, TrackStatus
 from pa_console.session.status_words import status_of
 
@@ -98,15 +99,15 @@ def overriding(decision: Decision) -> str:
     """Return in what the operator decided otherwise than the console proposed, empty if in nothing.
 
     That is a changed plan, another reading of the order, an objection of the judge that was
-    overruled, or an accepted breach.
+    overridden, or an accepted breach.
     """
     said: list[str] = []
     if decision.kind == "modify":
         said.append("the plan was changed")
     if decision.kind == "choose":
-        said.append(f"the order was read as {plain_reading(decision.asked)!r}")
+        said.append(f"the order was read as “{plain_reading(decision.asked)}”")
     if decision.kind == "approve" and decision.override_judge:
-        said.append("the judge was overruled")
+        said.append("the judge was overridden")
     if decision.kind == "approve" and decision.acknowledged:
         said.append(f"broken {', '.join(decision.acknowledged)} accepted")
     if not said:
@@ -137,6 +138,25 @@ def order_in_words(command: DeviceCommand | Action) -> str:
 def references_in_words(references: Sequence[ev.Reference]) -> str:
     """Return what an order points at and what that is: *"it" = Drone_T04; "there" = EastGate*."""
     return "; ".join(f"“{one.said}” = {one.means}" for one in references)
+
+
+def standing_in_words(order: StandingOrder) -> str:
+    """Return a standing order in plain words, in one line."""
+    return f"{order.id}: whenever {order.words}: {order.order_in_words}"
+
+
+def asked_in_words(order: StandingOrder, allowed: Collection[str] | None = None) -> str:
+    """Return who approves the missions that `order` starts.
+
+    The rules leave it the commands that are `allowed`, None where that is not told.
+    """
+    if not order.unasked:
+        return "each mission waits for your approval"
+    if allowed is None:
+        return "nobody is asked where the rules allow that"
+    if not allowed:
+        return "it says that nobody need be asked; the rules do not allow that: you are asked"
+    return f"unasked where a plan only gives {', '.join(allowed)}; else you are asked"
 
 
 def kind_in_words(kind: str) -> str:
@@ -186,7 +206,24 @@ def event_in_words(data: ev.EventPayload) -> str:
         case ev.QueueChanged(entries=entries):
             said = ", ".join(entry.mission.id for entry in entries) or "empty"
         case _:
-            said = _planned(data) or _done(data)
+            said = _standing(data) or _planned(data) or _done(data)
+    return said
+
+
+def _standing(data: ev.EventPayload) -> str:
+    """Return the words of what standing orders do."""
+    said = ""
+    match data:
+        case ev.StandingOrderRead(order=order) | ev.StandingOrderApproved(order=order):
+            said = standing_in_words(order)
+        case ev.StandingOrderStarted(order_id=name, subject=subject):
+            said = f"by {name} for {subject}"
+        case ev.StandingOrderWithheld(order_id=name, subject=subject, reason=reason):
+            said = f"{name}{f' for {subject}' if subject else ''}: {reason}"
+        case ev.StandingOrderRevoked(order_id=name, by=who, reason=reason):
+            said = f"{name} by {who}{f': {reason}' if reason else ''}"
+        case _:
+            pass
     return said
 
 

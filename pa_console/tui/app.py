@@ -248,7 +248,7 @@ class ConsoleApp(App[None]):
 
     def _painted(self) -> None:
         self._attention.look()
-        self.controllers.approval.close_void_editor()
+        self.controllers.approval.close_void()
         self._log_alarm.show()
 
     def on_unmount(self) -> None:
@@ -285,6 +285,10 @@ class ConsoleApp(App[None]):
     @on(ApprovalPanel.Decided)
     def _decided(self, message: ApprovalPanel.Decided) -> None:
         self.controllers.approval.decide(message.decision)
+
+    @on(ApprovalPanel.CompareAsked)
+    def _compare_asked(self) -> None:
+        self.controllers.approval.compare()
 
     @on(ApprovalPanel.LookedAt)
     def _looked_at(self, message: ApprovalPanel.LookedAt) -> None:

@@ -7,6 +7,7 @@ from typing import Protocol
 from pa_console.schema.events.event import Event
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Mission
+from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.rule import Rule, RuleHit, RulesSeal
 
@@ -62,6 +63,12 @@ class LiveStation(Protocol):
         """Rehearse what another reading of a mission would lead to; None where that is unknown."""
         ...
 
+    def other_ways(
+        self, mission: Mission, asked: str, but: Plan
+    ) -> AsyncIterator[RehearsedReading]:
+        """Rehearse sound plans for a reading of a mission that are not the plan `but`."""
+        ...
+
     def cancel(self) -> None:
         """Cancel the active mission at once, in any stage; ValueError when none is active."""
         ...
@@ -88,6 +95,10 @@ class LiveStation(Protocol):
 
     def withdraw(self, mission_id: str) -> None:
         """Take a waiting mission out of the queue; raises ValueError when it does not wait."""
+        ...
+
+    def revoke(self, order_id: str) -> None:
+        """Take a standing order out of force; raises ValueError when it is not in force."""
         ...
 
     async def reload_rules(self) -> None:

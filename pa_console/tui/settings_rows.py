@@ -79,7 +79,7 @@ def unknown(name: str, value: str) -> str:
             return str(error)
         return ""
     found = value in theme_names() if name == "theme" else _is_installed(name, value)
-    return "" if found else f"there is no {name} {value!r}; known: {', '.join(known_values(name))}"
+    return "" if found else f"there is no {name} “{value}”; known: {', '.join(known_values(name))}"
 
 
 @dataclass(frozen=True)

@@ -44,9 +44,9 @@ def editor_command() -> list[str]:
     try:
         words = shlex.split(given)
     except ValueError as error:
-        raise ValueError(f"{given!r} is not a command ({error}); {NO_EDITOR}") from error
+        raise ValueError(f"“{given}” is not a command ({error}); {NO_EDITOR}") from error
     if not words or shutil.which(words[0]) is None:
-        raise ValueError(f"there is no editor {given!r}; {NO_EDITOR}")
+        raise ValueError(f"there is no editor “{given}”; {NO_EDITOR}")
     return words
 
 

@@ -15,8 +15,8 @@ from time import perf_counter
 
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.engine.protocol import Completed, Request
+from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.orchestrator.station.assembly import Site, load_site, open_station
-from pa_console.orchestrator.station.headless import standing_approver
 from pa_console.orchestrator.station.station import Station
 from pa_console.schema.command import COMMANDS, CommandReply, DeviceCommand, Verb
 from pa_console.schema.evaluation import Variant

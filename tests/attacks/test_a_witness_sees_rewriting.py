@@ -117,7 +117,7 @@ def test_heads_of_other_keys_and_sessions_and_rubbish_say_nothing(tmp_path: Path
     witness.write_bytes(noise + witness.read_bytes() + noise)
     assert held(log, witness) == Statement(sound, verify(log, KNOWN).lines)
     witness.write_bytes(noise)
-    assert "no head of session 'S1'" in held(log, witness).problem
+    assert "no head of session “S1”" in held(log, witness).problem
 
 
 def test_verify_names_the_first_head_that_is_gone(

@@ -14,7 +14,7 @@ from pa_console.cli.mission import session as mission_session
 from pa_console.llm.engine.protocol import Completed, Request
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.orchestrator.planning.approval import CheckedPlan, OrderAsRead, request_approval
-from pa_console.orchestrator.station.headless import standing_approver
+from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.schema.events.event import UNSURE
 from pa_console.schema.finding import Verdict
 from pa_console.schema.plan import Plan

@@ -13,8 +13,9 @@ import pa_console.orchestrator
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.orchestrator.execution.execution import Execution
 from pa_console.orchestrator.planning.rehearsal import device_commands
+from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.orchestrator.station.assembly import Site, open_station
-from pa_console.orchestrator.station.headless import exit_code, run_missions, standing_approver
+from pa_console.orchestrator.station.headless import exit_code, run_missions
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev

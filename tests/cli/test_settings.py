@@ -36,7 +36,7 @@ def test_show_says_what_is_chosen_and_where(
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("theme: nrod\n", "settings.yaml:1: theme: there is no theme 'nrod'"),
+        ("theme: nrod\n", "settings.yaml:1: theme: there is no theme “nrod”"),
         ("keys: {stop: f8}\n", "settings.yaml:1: keys.stop: F8 is the key of cancel"),
         ("keys: {stopp: f11}\n", "did you mean stop"),
         ("model: smollm\n", "smollm2-135m"),

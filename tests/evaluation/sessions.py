@@ -3,8 +3,9 @@
 from collections.abc import Callable
 from pathlib import Path
 
+from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.orchestrator.station.assembly import Site, open_station
-from pa_console.orchestrator.station.headless import run_missions, standing_approver
+from pa_console.orchestrator.station.headless import run_missions
 from pa_console.orchestrator.station.station import Station
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.schema.events.event import Event

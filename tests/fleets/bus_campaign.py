@@ -19,8 +19,9 @@ from pa_console.fleets.vda5050.asset_state import state_of
 from pa_console.fleets.vda5050.numbers import Numbers
 from pa_console.fleets.vda5050.topics import Identity, Topic
 from pa_console.fleets.vda5050.vehicle import Vehicle
+from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.orchestrator.station.assembly import Site, load_site, open_station
-from pa_console.orchestrator.station.headless import run_missions, standing_approver
+from pa_console.orchestrator.station.headless import run_missions
 from pa_console.orchestrator.station.ticking import DevicesClock
 from pa_console.schema.command import COMMANDS, FINAL_REPLIES, CommandReply, DeviceCommand
 from pa_console.schema.events import event as ev

@@ -27,8 +27,9 @@ from pa_console.llm.roles.grammar import (
 from pa_console.llm.roles.prompts import Prompt, paper_prompt
 from pa_console.orchestrator.planning.digest import digest_picture
 from pa_console.orchestrator.planning.picture_selection import select
+from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.orchestrator.station.assembly import Site, load_site, open_station
-from pa_console.orchestrator.station.headless import run_missions, standing_approver
+from pa_console.orchestrator.station.headless import run_missions
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.orchestrator.tasking.command_choices import commands_serving
 from pa_console.orders.canonical_words import canonical_meaning, canonical_order

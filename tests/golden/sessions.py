@@ -12,8 +12,8 @@ from contextlib import aclosing
 from pathlib import Path
 from typing import Any, cast
 
+from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.orchestrator.station.assembly import load_site, open_station
-from pa_console.orchestrator.station.headless import standing_approver
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset, SpawnTrack

@@ -4,8 +4,9 @@ from collections.abc import Callable, Sequence
 
 import pytest
 
+from pa_console.orchestrator.planning.standing_approval import Approver, standing_approver
 from pa_console.orchestrator.station.assembly import Site, load_site, open_station
-from pa_console.orchestrator.station.headless import Approver, run_missions, standing_approver
+from pa_console.orchestrator.station.headless import run_missions
 from pa_console.orchestrator.station.station import Station
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.schema.evaluation import Variant

@@ -7,8 +7,9 @@ import pytest
 from pa_console.fleets import authorization as auth
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.fleets.station_authority import Keys, StationAuthority, Vehicles
+from pa_console.orchestrator.planning.standing_approval import Approver, standing_approver
 from pa_console.orchestrator.station.assembly import Site, open_station
-from pa_console.orchestrator.station.headless import Approver, run_missions, standing_approver
+from pa_console.orchestrator.station.headless import run_missions
 from pa_console.orchestrator.station.station import Station
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.schema.command import DeviceCommand
@@ -136,7 +137,7 @@ async def test_overruling_the_judge_takes_two_people_and_the_second_may_sit_else
     trace = await session.run(decide)
     made = [told for told in session.told if isinstance(told, ev.DecisionMade)]
     assert [(one.decision.by, one.accepted) for one in made] == [("ann", False), ("bob", True)]
-    assert made[0].detail == "overruling the judge needs 2 people to approve, so far there is 1"
+    assert made[0].detail == "overriding the judge needs 2 people to approve, so far there is 1"
     assert set(made[1].decision.signatures) == {"ann", "bob"}
     assert trace.status == "verified", trace.reason
 

@@ -8,7 +8,7 @@ import pytest
 from pa_console.orchestrator.planning.candidate import Candidate
 from pa_console.orchestrator.planning.planning import MOST_SERVED
 from pa_console.orchestrator.planning.safeguards import Examination
-from pa_console.orchestrator.station.headless import standing_approver
+from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.finding import Verdict
 from pa_console.schema.plan import Action, Plan

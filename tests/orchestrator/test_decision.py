@@ -2,8 +2,9 @@
 
 import pytest
 
+from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.orchestrator.station.assembly import open_station
-from pa_console.orchestrator.station.headless import run_missions, standing_approver
+from pa_console.orchestrator.station.headless import run_missions
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events import event as ev

@@ -14,9 +14,10 @@ from pa_console.llm.roles.dialect import DIALECTS
 from pa_console.llm.roles.planner import Planner
 from pa_console.orchestrator.mission.services import Services
 from pa_console.orchestrator.planning.proposal import ask_for_plan
+from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.orchestrator.planning.understanding import Retrieved
 from pa_console.orchestrator.station.assembly import Site, open_station
-from pa_console.orchestrator.station.headless import run_missions, standing_approver
+from pa_console.orchestrator.station.headless import run_missions
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.orders.reading import asked_words, read_asked
 from pa_console.schema.events.event import Event

@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
+from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.orchestrator.station.assembly import Site, load_site, open_station
-from pa_console.orchestrator.station.headless import run_missions, standing_approver
+from pa_console.orchestrator.station.headless import run_missions
 from pa_console.orchestrator.station.session_site import SessionSites
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.policy.rulebook import CompiledRule, Rulebook, compile_rule, load_rules

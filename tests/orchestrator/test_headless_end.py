@@ -2,7 +2,8 @@
 
 import pytest
 
-from pa_console.orchestrator.station.headless import run_missions, standing_approver
+from pa_console.orchestrator.planning.standing_approval import standing_approver
+from pa_console.orchestrator.station.headless import run_missions
 from pa_console.schema.events import event as ev
 from pa_console.session.state.fold import SessionState
 from tests.orchestrator.conftest import MISSION, Rig

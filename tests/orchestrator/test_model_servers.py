@@ -11,8 +11,9 @@ from pa_console.llm.servers.address import ServerAddress, ServerKey
 from pa_console.llm.servers.client import ServerClient
 from pa_console.llm.servers.engine import ServerEngine
 from pa_console.llm.servers.servers import Servers
+from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.orchestrator.station.assembly import open_station
-from pa_console.orchestrator.station.headless import run_missions, standing_approver
+from pa_console.orchestrator.station.headless import run_missions
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision

@@ -8,8 +8,9 @@ import pytest
 
 from pa_console.llm.engine.protocol import Completed, Request
 from pa_console.llm.errors import EngineDiedError
+from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.orchestrator.station.assembly import open_station
-from pa_console.orchestrator.station.headless import run_missions, standing_approver
+from pa_console.orchestrator.station.headless import run_missions
 from pa_console.orchestrator.station.station import Station
 from pa_console.orchestrator.station.ticking import RealTimeClock
 from pa_console.schema.events import event as ev

@@ -5,8 +5,9 @@ from collections.abc import Sequence
 import pytest
 
 from pa_console.fleets.fleet import Received
+from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.orchestrator.station.assembly import Site, open_station
-from pa_console.orchestrator.station.headless import run_missions, standing_approver
+from pa_console.orchestrator.station.headless import run_missions
 from pa_console.orchestrator.station.station import Station
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.schema.command import CommandReply, DeviceCommand

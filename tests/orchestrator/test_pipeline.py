@@ -3,7 +3,7 @@
 import pytest
 
 from pa_console.llm.errors import EngineDiedError
-from pa_console.orchestrator.station.headless import standing_approver
+from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.orchestrator.station.station import Station
 from pa_console.schema.events.event import ApprovalRequested, Event
 from pa_console.schema.incident import FailAsset, SpawnTrack

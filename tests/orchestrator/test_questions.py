@@ -3,7 +3,8 @@
 import pytest
 
 from pa_console.orchestrator.planning.approval import inadmissible
-from pa_console.orchestrator.station.headless import Approver, run_missions, standing_approver
+from pa_console.orchestrator.planning.standing_approval import Approver, standing_approver
+from pa_console.orchestrator.station.headless import run_missions
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import Decision

@@ -6,8 +6,9 @@ from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.roles.dialect import DIALECTS
 from pa_console.orchestrator.mission.services import Services
 from pa_console.orchestrator.planning.read_ahead import ReadAhead
+from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.orchestrator.station.assembly import Site, open_station
-from pa_console.orchestrator.station.headless import run_missions, standing_approver
+from pa_console.orchestrator.station.headless import run_missions
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.schema.events.event import Event, Role
 from pa_console.schema.incident import FailAsset

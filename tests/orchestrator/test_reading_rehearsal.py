@@ -41,3 +41,18 @@ async def test_what_cannot_be_read_is_not_rehearsed(rig: Rig) -> None:
     reading = read_asked(asked)
     assert reading is None or not reading.readable
     assert await rig.station(ScriptedEngine([])).look_at(TASK, asked) is None
+
+
+async def test_other_ways_give_the_same_commands_to_others_without_a_model(rig: Rig) -> None:
+    engine = ScriptedEngine([])
+    station, asked = rig.station(engine), "asked: 1 drone to EastGate"
+    first = await station.look_at(TASK, asked)
+    assert first is not None
+    ways = [way async for way in station.other_ways(TASK, asked, first.plan)]
+    given = [{(a.agent, a.command) for a in way.plan.actions} for way in (first, *ways)]
+    assert all(other not in given[:at] for at, other in enumerate(given)), "each is another plan"
+    assert all("move_to EastGate" in {command for _, command in each} for each in given)
+    assert all(not way.faults for way in ways)
+    assert engine.requests == engine.several == []
+    unreadable = station.other_ways(TASK, "asked: dance at EastGate tonight", first.plan)
+    assert [way async for way in unreadable] == []

@@ -9,7 +9,7 @@ import pytest
 
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.orchestrator.planning.decision import distinct
-from pa_console.orchestrator.station.headless import Approver, standing_approver
+from pa_console.orchestrator.planning.standing_approval import Approver, standing_approver
 from pa_console.orchestrator.station.station import Station
 from pa_console.orders.clause_grammar import exactly
 from pa_console.schema.events import event as ev

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from pa_console.evaluation.runs.twin import resimulate
+from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.orchestrator.station.assembly import Site, open_station
-from pa_console.orchestrator.station.headless import standing_approver
 from pa_console.orchestrator.station.resumed_session import (
     NotResumableError,
     UnclosedSession,

@@ -19,8 +19,8 @@ from pa_console.orchestrator.planning.approval import (
     request_approval,
 )
 from pa_console.orchestrator.planning.rehearsal import device_commands
+from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.orchestrator.station.assembly import Site
-from pa_console.orchestrator.station.headless import standing_approver
 from pa_console.orchestrator.station.journal import Journal
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Verdict

@@ -113,8 +113,8 @@ def test_words_that_only_lists_have_are_found() -> None:
     decision = Decision(kind="approve", by="operator", reason="seen", override_judge=True)
     made = ev.DecisionMade(attempt=1, decision=decision, accepted=True)
     told = [*kept(), kept()[2].model_copy(update={"data": made})]
-    assert "overruled" in event_in_words(made)
-    hits = search(Recording(told), "JUDGE overruled", 0, len(told))
+    assert "overridden" in event_in_words(made)
+    hits = search(Recording(told), "JUDGE overridden", 0, len(told))
     assert [hit.index for hit in hits] == [len(told) - 1]
 
 

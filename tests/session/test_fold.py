@@ -95,7 +95,7 @@ def test_an_incident_is_noticed_in_plain_words(incident: inc.Incident, words: st
         (Decision(kind="modify", plan=PLAN), "plan 2: the plan was changed by operator"),
         (
             Decision(kind="approve", override_judge=True, acknowledged=("R-1",), reason="seen"),
-            "plan 2: the judge was overruled, broken R-1 accepted by operator: seen",
+            "plan 2: the judge was overridden, broken R-1 accepted by operator: seen",
         ),
     ],
 )

@@ -148,7 +148,7 @@ def test_a_log_that_does_not_end_soundly_is_not_written_to(tmp_path: Path) -> No
         assert caught.value.line == bad.count(b"\n")
         assert path.read_bytes() == bad
     path.write_bytes(good)
-    with pytest.raises(LogError, match="belongs to session 's'"):
+    with pytest.raises(LogError, match="belongs to session “s”"):
         LogWriter(path, "another")
 
 

@@ -158,7 +158,7 @@ def test_a_log_is_not_gone_on_with_by_another_key_or_with_another_head(tmp_path:
         LogWriter(log, "S1", signer=OTHER)
     other = write_signed(tmp_path / "other.jsonl", "S2")
     head_path(other).replace(head_path(log))
-    with pytest.raises(LogError, match="session 'S2'"):
+    with pytest.raises(LogError, match="session “S2”"):
         LogWriter(log, "S1", signer=MINE)
     head_path(log).write_bytes(b"{}")
     with pytest.raises(LogError, match="not a signed head"):

@@ -78,5 +78,5 @@ def test_a_session_is_found_by_its_id_by_how_it_begins_and_as_the_last(tmp_path:
     assert find_session(tmp_path, "last") == logs[1]
     with pytest.raises(ValueError, match="2 sessions: 20260101, 20260102"):
         find_session(tmp_path, "2026")
-    with pytest.raises(ValueError, match="there is no session 'x'"):
+    with pytest.raises(ValueError, match="there is no session “x”"):
         find_session(tmp_path, "x")

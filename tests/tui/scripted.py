@@ -16,10 +16,12 @@ from pa_console.schema.events.event import (
     Event,
     EventPayload,
     MissionFinished,
+    StandingOrderRevoked,
     StopReleased,
 )
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Metrics, Mission
+from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World
 from pa_console.tui.app import ConsoleApp
@@ -68,9 +70,14 @@ class ScriptedStation:
         self.moved: list[tuple[str, int]] = []
         self.deferred: list[str] = []
         self.withdrawn: list[str] = []
+        self.revoked: list[str] = []
         self.closed = False
         self.refuse = self.offered = ""
         self.rehearsed: dict[str, RehearsedReading] = {}
+        self.ways: list[RehearsedReading] = []
+        self.slow = asyncio.Event()
+        """Other ways come once this is set."""
+        self.slow.set()
         self.accepted = 0
         self.typed = self.reloads = 0
         self.retriever: RuleScorer = WordRetriever()
@@ -111,6 +118,12 @@ class ScriptedStation:
         """Say why the rules of the file wait, as the test has it."""
         return self.offered
 
+    def revoke(self, order_id: str) -> None:
+        """Record that a standing order was revoked, and end it."""
+        self._refuse()
+        self.revoked.append(order_id)
+        self.emit(StandingOrderRevoked(order_id=order_id, by="operator"), mission=None)
+
     async def accept_rules(self) -> None:
         """Count what was accepted."""
         self._refuse()
@@ -137,6 +150,14 @@ class ScriptedStation:
         self.decisions.append(decision)
         if decision.kind != "modify":
             self.emit(DecisionMade(attempt=1, decision=decision, accepted=True))
+
+    async def other_ways(
+        self, mission: Mission, asked: str, but: Plan
+    ) -> AsyncIterator[RehearsedReading]:
+        """Yield the other ways that the test has made up."""
+        for found in self.ways:
+            await self.slow.wait()
+            yield found
 
     def cancel(self) -> None:
         """Finish the mission."""

@@ -267,7 +267,7 @@ async def test_no_map_is_drawn_for_a_recording_whose_world_is_not_here(
         await settle(pilot)
         assert "first difference" in str(app.screen.query_one("#compare-title", Static).render())
         name = str(app.screen.query_one("#compare-name-1", Static).render())
-        assert "its world 'yard' is not here" in name
+        assert "its world “yard” is not here" in name
         assert [view.id for view in app.screen.query(MapView)] == ["compare-map-0"]
         said = app.screen.query_one(".compare-no-map", Static)
         assert "pa-console replay other.jsonl --world FILE" in str(said.render())
@@ -288,7 +288,7 @@ def test_the_world_of_a_compared_log_is_taken_by_its_hash_and_a_changed_one_is_t
     installed = open_compared(same, KnownWorld(WORLD, "another"))
     assert installed.world is not None
     assert installed.world is not WORLD
-    assert "its world 'checkpoint' has changed since" in installed.note
+    assert "its world “checkpoint” has changed since" in installed.note
     gone = open_compared(write_log(tmp_path / "gone.jsonl", elsewhere(), "S3"), known)
     assert gone.world is None
 

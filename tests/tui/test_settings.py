@@ -188,7 +188,7 @@ async def test_what_cannot_be_used_does_not_keep_the_console_from_starting(
         ({"stop": "f8"}, "F8 is the key of cancel"),
         ({"stop": "a"}, "the approval panel"),
         ({"stop": "enter"}, "moving about"),
-        ({"stop": "f99"}, "'f99' is not a key"),
+        ({"stop": "f99"}, "“f99” is not a key"),
         ({"stop": ""}, "expected key names"),
         ({"stop": "f11", "cancel": "f11"}, "F11 is the key of"),
         ({"stop": "f11,S"}, "S is the key of stop.also"),

@@ -48,7 +48,7 @@ def mission(
         ),
     ] = Approve.ask,
     override_reason: Annotated[
-        str, typer.Option(help="With --approve auto: overrule a judge's Failure, for this reason.")
+        str, typer.Option(help="With --approve auto: override a judge's Failure, for this reason.")
     ] = "",
     event: Annotated[
         list[str] | None,

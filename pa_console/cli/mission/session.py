@@ -29,13 +29,9 @@ from pa_console.end_signals import EndableRun, end_signals, exit_code_of, leave_
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.observability.observers import Observer, unobserved
+from pa_console.orchestrator.planning.standing_approval import ApprovalMode, standing_approver
 from pa_console.orchestrator.station.assembly import load_site, open_station
-from pa_console.orchestrator.station.headless import (
-    ApprovalMode,
-    exit_code,
-    run_missions,
-    standing_approver,
-)
+from pa_console.orchestrator.station.headless import exit_code, run_missions
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.policy.trust.pinned_rules import RulesPins
 from pa_console.schema.document import Document

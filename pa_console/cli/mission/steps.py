@@ -5,6 +5,9 @@ from pa_console.session.wording import event_in_words
 
 _TOLD: dict[str, str] = {
     "mission_received": "mission",
+    "standing_order_read": "standing order",
+    "standing_order_approved": "in force",
+    "standing_order_started": "started",
     "rules_retrieved": "rules found",
     "plan_proposed": "plan",
     "plan_checked": "safeguards",

@@ -48,7 +48,7 @@ def ask_decision(request: ApprovalRequested, trace: MissionTrace | None) -> Deci
             if not Confirm.ask("Approve?", console=errors, default=False):
                 return Decision(kind="reject", reason="rejected at the terminal")
             while request.needs_override and not reason:
-                why = "The judge said Failure. Reason for overruling it"
+                why = "The judge said Failure. Reason for overriding it"
                 reason = Prompt.ask(why, console=errors).strip()
     except EOFError:
         return Decision(kind="reject", reason="nobody answered at the terminal")

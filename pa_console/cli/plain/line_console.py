@@ -8,7 +8,13 @@ from time import monotonic
 
 from pa_console.cli.mission.steps import step_line
 from pa_console.cli.plain.answers import HOW, Answer, is_answer, read_answer, reason_of
-from pa_console.cli.plain.status import alarm_lines, asset_lines, queue_lines, status_lines
+from pa_console.cli.plain.status import (
+    alarm_lines,
+    asset_lines,
+    queue_lines,
+    standing_lines,
+    status_lines,
+)
 from pa_console.observability.observers import Observer, unobserved
 from pa_console.orchestrator.station.station import Station
 from pa_console.orders.plain_words import plain_reading
@@ -30,6 +36,7 @@ Type a mission in plain words, and Enter. Everything else is one of these lines:
   cancel            end the active mission, in any stage
   status            time, gates, stop, the active mission, what waits
   assets, alarms, queue, trace
+  standing          the standing orders in force; revoke S1 ends one
   seen              acknowledge the open alarms
   speed 2           simulated seconds per second, 1 to 8
   help, quit"""
@@ -42,6 +49,7 @@ TOLD_EVERY_S = 5.0
 
 _STOP = re.compile(r"(?i)\s*stop(\s+all)?\s*[.!]*\s*")
 _SPEED = re.compile(r"(?i)\s*speed\s+(\S+)\s*")
+_REVOKE = re.compile(r"(?i)\s*revoke\s+(\S+)\s*")
 _MISSION = re.compile(r"(?is)\s*mission\b[\s:]+(\S.*)")
 _LEVELS = ("warning", "alarm")
 
@@ -166,7 +174,8 @@ class LineConsole:
         if trace is not None:
             self._show_plan(trace, request.attempt)
         told = status_of("approval", request.state or "none")
-        self._say(f"A plan waits for you. {told.word}.")
+        what = "A plan" if request.standing is None else f"Standing order {request.standing.id}"
+        self._say(f"{what} waits for you. {told.word}.")
         for reason in request.blocked_by:
             self._say(f"blocked: {reason}")
         if request.acknowledge:
@@ -218,9 +227,9 @@ class LineConsole:
     def _simple(self, line: str) -> bool:
         """Carry out a line of one word, or `speed`; return whether it was one."""
         word = line.casefold()
-        speed = _SPEED.fullmatch(line)
+        speed, revoke = _SPEED.fullmatch(line), _REVOKE.fullmatch(line)
         tables = {"status": status_lines, "assets": asset_lines, "alarms": alarm_lines,
-                  "queue": queue_lines}  # fmt: skip
+                  "queue": queue_lines, "standing": standing_lines}  # fmt: skip
         if word in tables:
             for told in tables[word](self.state):
                 self._say(told)
@@ -238,6 +247,8 @@ class LineConsole:
             self._quit()
         elif speed is not None:
             self._speed(speed[1])
+        elif revoke is not None:
+            self._station.revoke(revoke[1].upper())
         else:
             return False
         return True

@@ -1,8 +1,9 @@
 """Says in lines how a session stands: no columns to be searched, one thing a line."""
 
-from pa_console.schema.quantities import clock_text
+from pa_console.schema.quantities import clock_text, count
 from pa_console.session.state.fold import SessionState
 from pa_console.session.trace.standing import progress
+from pa_console.session.wording import standing_in_words
 
 
 def status_lines(state: SessionState) -> list[str]:
@@ -60,3 +61,15 @@ def queue_lines(state: SessionState) -> list[str]:
     return [
         f"{entry.mission.id}: {entry.mission.said} ({entry.reason})" for entry in state.queue
     ] or ["no mission waits"]
+
+
+def standing_lines(state: SessionState) -> list[str]:
+    """Return two lines for each standing order in force: what it says, and what it has done."""
+    lines: list[str] = []
+    for trace in state.standing.values():
+        if not trace.in_force:
+            continue
+        last = f", last {trace.last.mission} for {trace.last.subject}" if trace.last else ""
+        lines.append(standing_in_words(trace.order))
+        lines.append(f"  {trace.order.condition}; {count(trace.started, 'start')}{last}")
+    return lines or ["no standing order is in force"]

@@ -39,7 +39,10 @@ def _how(rule: Rule) -> str:
 
 
 def _tell_approvals(book: Rulebook) -> None:
-    """Say what more than one person must approve, if there is anything."""
+    """Say what more than one person must approve and what standing orders may do unasked."""
+    if book.unasked:
+        told = f"standing orders may have carried out unasked: {', '.join(book.unasked)}"
+        out.print(told, markup=False, soft_wrap=True)
     if asked := approvals_in_words(book.approvals):
         out.print(f"people who must approve: {asked}", markup=False, soft_wrap=True)
 

@@ -10,8 +10,9 @@ from pa_console.evaluation.scoring.decided_runs import is_decided
 from pa_console.evaluation.scoring.oracle import find_breaches
 from pa_console.evaluation.scoring.score import RunRecorder, Score, score
 from pa_console.fleets.simulated import SimulatedFleet
+from pa_console.orchestrator.planning.standing_approval import Approver, standing_approver
 from pa_console.orchestrator.station.assembly import open_station
-from pa_console.orchestrator.station.headless import Approver, run_missions, standing_approver
+from pa_console.orchestrator.station.headless import run_missions
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.evaluation import MissionCase

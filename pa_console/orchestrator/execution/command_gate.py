@@ -4,8 +4,10 @@ from collections.abc import Collection
 from typing import Protocol
 
 from pa_console.fleets.fleet import Fleet
+from pa_console.orchestrator.intake.standing_orders import StandingOrders
 from pa_console.orchestrator.planning.approval import inadmissible, people_needed
 from pa_console.orchestrator.planning.rehearsal import device_commands
+from pa_console.orchestrator.planning.standing_approval import not_unasked
 from pa_console.orchestrator.station.journal import Journal
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.command import DeviceCommand
@@ -62,11 +64,20 @@ class CommandGate:
     decides by what it was shown, the request and the decision, and not by who calls it when. While
     the `journal` cannot be written nothing of a plan passes: nobody could tell later that it did.
     What the rules ask more than one person for passes once so many have signed that they approve
-    it. Without an `authority` nobody can sign, and whoever decides counts as one.
+    it. Without an `authority` nobody can sign, and whoever decides counts as one. A decision of one
+    of the `orders` that stand counts only for a mission that it started, while it is in force, and
+    for commands that the rules leave to standing orders.
     """
 
-    def __init__(self, fleet: Fleet, journal: Journal, authority: Authority | None = None) -> None:
+    def __init__(
+        self,
+        fleet: Fleet,
+        journal: Journal,
+        authority: Authority | None = None,
+        orders: StandingOrders | None = None,
+    ) -> None:
         self._fleet, self._journal, self._authority = fleet, journal, authority
+        self._standing_orders = orders or StandingOrders()
         self.stopped = False
         """Whether the stop is latched."""
         self._stops = 0
@@ -116,6 +127,8 @@ class CommandGate:
         self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook
     ) -> str:
         """Return why `decision` cannot be accepted for `request` under `rules`, or ''."""
+        if problem := self._not_unasked(request, decision, rules):
+            return problem
         if self._authority is None or decision.kind != "approve":
             return inadmissible(request, decision, self.needed(request, rules))
         if problem := self.objection(rules):
@@ -125,6 +138,19 @@ class CommandGate:
             return "nobody who may approve at this site has signed it"
         return inadmissible(request, decision, self.needed(request, rules), people)
 
+    def _not_unasked(
+        self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook
+    ) -> str:
+        """Return why a standing order may not decide so; '' where it may, or none does."""
+        name = decision.standing_order
+        if not name or decision.kind != "approve":
+            return ""
+        mission = request.request_id.rpartition(".")[0]
+        started = self._standing_orders.starter(mission) == name
+        order = self._standing_orders.find(name) if started else None
+        needed = request.model_copy(update={"approvals": self.needed(request, rules)})
+        return not_unasked(order, needed, rules.unasked)
+
     def grant(self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook) -> None:
         """Let the commands of an approved plan pass from now on, in place of the plan before.
 
@@ -132,6 +158,8 @@ class CommandGate:
         people as the `rules` ask for, and while everything is stopped.
         """
         problem = STOPPED if self.stopped else self.inadmissible(request, decision, rules)
+        if not problem and request.standing is not None:
+            problem = "a standing order has no plan; each mission that it starts has its own"
         if problem or decision.kind != "approve":
             raise ValueError(problem or f"the plan was not approved: {decision.kind}")
         if self._authority is not None:

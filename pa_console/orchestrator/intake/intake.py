@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 
 from pa_console.orchestrator.intake.alarms import AlarmBook
 from pa_console.orchestrator.intake.mission_queue import MissionQueue
+from pa_console.orchestrator.intake.standing_orders import Due
 from pa_console.policy.checks.plain_text import compatible_form
 from pa_console.schema.alarm import Alarm, QueueEntry
 from pa_console.schema.events import event as ev
@@ -101,6 +102,34 @@ class Intake:
         return mission, ev.MissionReceived(
             mission=mission, position=self._position(mission) + active
         )
+
+    def start(self, due: Due) -> tuple[Mission, ev.MissionReceived]:
+        """Queue the mission that a standing order starts."""
+        mission = Mission(
+            id=self._new_id(),
+            text=due.start.order[:MAX_MISSION_TEXT],
+            source="standing",
+            created=datetime.now(UTC),
+            standing=due.order.id,
+            subject=due.subject,
+            gate=due.gate,
+        )
+        self._queue.add(mission, None)
+        return mission, ev.MissionReceived(mission=mission, position=self._position(mission))
+
+    @property
+    def subjects(self) -> frozenset[str]:
+        """The assets, tracks and gates that the missions that wait are about."""
+        waiting = (entry.mission.subject for entry in self._queue.entries)
+        return frozenset(subject for subject in waiting if subject is not None)
+
+    def of_standing(self, order_id: str) -> tuple[Mission, ...]:
+        """Take what a standing order has started and still waits out of the queue."""
+        waiting = [entry.mission for entry in self._queue.entries]
+        found = tuple(mission for mission in waiting if mission.standing == order_id)
+        for mission in found:
+            self._queue.remove(mission.id)
+        return found
 
     def next(self) -> Mission | None:
         """Take the mission whose turn it is out of the queue."""

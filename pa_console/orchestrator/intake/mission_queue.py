@@ -172,6 +172,8 @@ def _reason(entry: _Waiting, before: _Waiting | None) -> str:
         return f"{entry.priority}, moved here by the operator"
     alarm = entry.alarm
     what = "the operator's own mission" if entry.mission.source == "operator" else entry.priority
+    if entry.mission.standing:
+        what = f"started by standing order {entry.mission.standing}"
     if alarm is not None and alarm.distance_m is not None:
         what += f", {alarm.distance_m:.0f} m from {alarm.gate or 'its gate'}"
     if entry.priority == "emergency" and before is None:

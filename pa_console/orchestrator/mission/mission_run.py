@@ -24,6 +24,7 @@ from pa_console.orchestrator.planning.decision import (
     Readings,
     ask_back,
     ask_operator,
+    offer_standing,
     reconsider,
     rejection,
 )
@@ -40,6 +41,7 @@ from pa_console.orchestrator.planning.understanding import (
     NotUnderstood,
     Refused,
     Retrieved,
+    StandingOffer,
     Understood,
     retrieve,
     understand,
@@ -143,6 +145,8 @@ class MissionRun:
                 case Understood() as understood:
                     self._begin_as(understood)
                     return None
+                case StandingOffer() as offered:
+                    return await self._offer(offered)
                 case NotUnderstood(question) if number == MOST_QUESTIONS:
                     return Outcome("held", f"not understood: {question}")
                 case NotUnderstood() as asked:
@@ -151,6 +155,14 @@ class MissionRun:
                         return Outcome(answer.status, answer.reason)
                     self._answered(asked, answer, answers)
         return None
+
+    async def _offer(self, offered: StandingOffer) -> Outcome:
+        """Put a standing order to the operator; it starts its missions by itself from then on."""
+        approved = await offer_standing(self._context, offered, self._station.decide)
+        if isinstance(approved, NotApproved):
+            return Outcome(approved.status, approved.reason)
+        name = approved.order.id
+        return Outcome("verified", f"standing order {name} is in force until it is revoked")
 
     def _answered(self, asked: NotUnderstood, answer: str, answers: dict[str, str]) -> None:
         """Let an answer join the order: for the words that were not clear, or for all of them.
@@ -185,6 +197,7 @@ class MissionRun:
     def close(self, outcome: Outcome) -> None:
         """Step 8: tell the report and the end of the mission."""
         facts, picture = self._facts, self._services.fleet.picture()
+        self._services.standing.ended(self.mission.id, picture.time_s)
         status, reason = outcome.status, outcome.reason
         if (read := self._understood) is not None:
             past = self._services.past
@@ -260,12 +273,18 @@ class MissionRun:
             shown = approved.planned.best
             fresh = await reexamine(self._context, retrieved.task, shown.examination.plan)
             if fresh is None:
-                return approved
+                return self._still_approved(approved)
             changed = f"the situation changed: {'; '.join(fresh.broken)}"
             self._emit(ev.PlanVoided(attempt=shown.attempt, reason=changed))
             reasons, previous = fresh.broken, fresh.plan.answer
             retrieved = approved.planned.answered.retrieved
         return NotApproved("held", changed)
+
+    def _still_approved(self, approved: Approved) -> Approved | NotApproved:
+        """Return what was approved, unless what it rests on has been taken back meanwhile."""
+        decided, services = approved.decided, self._services
+        why = services.gate.inadmissible(decided.request, decided.decision, services.rulebook)
+        return NotApproved("held", why) if why else approved
 
     async def _decide(self, planned: Planned | Unplanned) -> Approved | NotApproved:
         """Step 6: judge and ask; go round again for the operator's own plan, or reading."""
@@ -341,7 +360,9 @@ class MissionRun:
     async def _execute(self, approved: Approved, task: Mission) -> Executed:
         """Execute a plan and note for the report what became of it, also when it is cut short."""
         decided, shown = approved.decided, approved.planned.best
-        self._remember(shown)
+        ordered = self._remember(shown)
+        moved = {name for move in ordered for name in (move.agent, move.target, move.before)}
+        self._services.standing.moves(self.mission.id, moved)
         facts = PlanFacts(
             shown.examination.plan, task.text, decision=decided.decision, unmet=shown.unmet
         )
@@ -356,10 +377,11 @@ class MissionRun:
             self._results.verifications.append(verification)
         return executed
 
-    def _remember(self, shown: Candidate) -> None:
-        """Note what a plan orders, with where everybody is before it."""
-        picture = self._services.fleet.picture()
-        self._ordered += ordered_by(shown.examination.plan, picture)
+    def _remember(self, shown: Candidate) -> tuple[Move, ...]:
+        """Note what a plan orders, with where everybody is before it, and return that."""
+        ordered = ordered_by(shown.examination.plan, self._services.fleet.picture())
+        self._ordered += ordered
+        return ordered
 
     async def _watch_outcome(self, phase: str, task: Mission) -> None:
         """Let the world go on until `phase` or `task` is over and its outcome known.

@@ -18,9 +18,11 @@ from pa_console.orchestrator.execution.command_gate import Authority, CommandGat
 from pa_console.orchestrator.intake.order_language import is_english, question_back
 from pa_console.orchestrator.intake.past_orders import PastOrders
 from pa_console.orchestrator.intake.spelling_correction import respell
+from pa_console.orchestrator.intake.standing_orders import StandingOrders
 from pa_console.orchestrator.station.journal import Journal
 from pa_console.orders.references.outcome import Unclear
 from pa_console.orders.references.resolution import Answers, Resolved, resolve
+from pa_console.orders.standing.order_words import ReadStanding, read_standing
 from pa_console.policy.checks.sightings import Sightings
 from pa_console.policy.ordering.monitor import Monitor
 from pa_console.policy.retrieval.retriever import DEFAULT_METHOD, Retriever
@@ -54,6 +56,8 @@ class Services:
     """What every command to a device goes through: `fleet.send` is for the gate alone."""
     sightings: Sightings
     """What was seen where in this session; the station keeps it."""
+    standing: StandingOrders
+    """The standing orders in force in this session; the station keeps them."""
     second_reader: Judge | None = None
     """What reads an order again of which planner or judge is unsure."""
     servers: Servers = NO_SERVERS
@@ -86,7 +90,7 @@ class Services:
         second = engine.second_reader
         if retriever is None:
             retriever = Retriever(rulebook.rules, variant.method or DEFAULT_METHOD)
-        journal = Journal()
+        journal, standing = Journal(), StandingOrders()
         return cls(
             fleet=fleet,
             rulebook=with_core(rulebook),
@@ -97,8 +101,9 @@ class Services:
             dialect=dialect,
             variant=variant,
             journal=journal,
-            gate=CommandGate(fleet, journal, authority),
+            gate=CommandGate(fleet, journal, authority, standing),
             sightings=Sightings(fleet.world),
+            standing=standing,
             second_reader=Judge(second, max_tokens=dialect.verdict_tokens) if second else None,
             servers=servers,
         )
@@ -139,6 +144,10 @@ class Services:
     def resolve(self, text: str, answers: Answers) -> Resolved | Unclear:
         """Return an order with names for what it points at now, or what has to be asked first."""
         return resolve(self.past.scene(self.fleet.world, self.fleet.picture()), text, answers)
+
+    def read_standing(self, text: str) -> ReadStanding | Unclear | None:
+        """Return a standing order as it is read, what to ask about it, or None for none."""
+        return read_standing(self.past.scene(self.fleet.world, self.fleet.picture()), text)
 
     def question_back(self, mission: Mission, read: str) -> str:
         """Return what to ask of who gave `mission`, where that is no order; '' where it may be.

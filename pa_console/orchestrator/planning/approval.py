@@ -8,6 +8,8 @@ from pa_console.schema.finding import Finding, Verdict
 from pa_console.schema.mission import ApprovalState, Decision
 from pa_console.schema.plan import Action, Plan
 
+NOT_BEFOREHAND = "a standing order is approved by somebody who reads it, and nobody did"
+
 
 @dataclass(frozen=True)
 class CheckedPlan:
@@ -127,7 +129,7 @@ def people_needed(
 
 
 _ACTS = {
-    "override": "overruling the judge",
+    "override": "overriding the judge",
     "acknowledge": "acknowledging a broken rule",
     "first_order": "the first order to a vehicle",
 }
@@ -157,10 +159,8 @@ def inadmissible(
         return _not_answerable(request, decision)
     if request.state == "not_understood":
         return f"{'; '.join(request.blocked_by)} Reject it and say it anew"
-    if decision.kind == "modify":
-        return "" if decision.plan is not None else "a modified plan is missing"
-    if decision.kind == "choose":
-        return "" if decision.asked in request.readings else "no such reading was offered"
+    if decision.kind in ("modify", "choose"):
+        return _not_changeable(request, decision)
     if problem := _not_approvable(request, decision):
         return problem
     lacking = {act: asked for act, asked in (needed or {}).items() if people < asked}
@@ -173,7 +173,17 @@ def _not_answerable(request: ApprovalRequested, decision: Decision) -> str:
     return "" if decision.asked.strip() else "the answer is empty"
 
 
+def _not_changeable(request: ApprovalRequested, decision: Decision) -> str:
+    if request.standing is not None:
+        return "a standing order is taken as it is; reject it and say it anew"
+    if decision.kind == "modify":
+        return "" if decision.plan is not None else "a modified plan is missing"
+    return "" if decision.asked in request.readings else "no such reading was offered"
+
+
 def _not_approvable(request: ApprovalRequested, decision: Decision) -> str:
+    if request.standing is not None and decision.standing:
+        return NOT_BEFOREHAND
     if request.blocked_by:
         return f"the plan cannot be approved by anyone: {'; '.join(request.blocked_by)}"
     missing = [rule for rule in request.acknowledge if rule not in decision.acknowledged]

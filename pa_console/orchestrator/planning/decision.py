@@ -21,7 +21,8 @@ from pa_console.orchestrator.planning.approval import (
 from pa_console.orchestrator.planning.candidate import Candidate
 from pa_console.orchestrator.planning.planning import Planned
 from pa_console.orchestrator.planning.proposal import other_readings
-from pa_console.orchestrator.planning.understanding import NotUnderstood
+from pa_console.orchestrator.planning.standing_approval import unasked_decision
+from pa_console.orchestrator.planning.understanding import NotUnderstood, StandingOffer
 from pa_console.orders.distinct_readings import distinct
 from pa_console.orders.mention_check import check_mentions
 from pa_console.orders.order import Task
@@ -136,9 +137,11 @@ async def answered(
     context.emit(request)
     signatures: dict[str, str] = {}
     here: Decision | None = None
+    unasked = _unasked(context, request)
     while True:
         with context.stopwatch.time("decision_s"):
-            given = await decide()
+            given = unasked or await decide()
+        unasked = None
         decision, elsewhere = gate.signed(request, given, rules), bool(given.signatures)
         if elsewhere and not _countersigns(request, decision, signatures):
             continue
@@ -181,6 +184,46 @@ def _countersigns(
     """
     same = decision.request_id == request.request_id
     return same and bool(request.approvals) and not before.keys() >= decision.signatures.keys()
+
+
+def _unasked(context: MissionContext, request: ev.ApprovalRequested) -> Decision | None:
+    """Return what the standing order that started the mission decides; None where it may not."""
+    services, mission = context.services, context.mission
+    order = services.standing.find(mission.standing) if mission.standing else None
+    if order is None or request.state == "not_understood":
+        return None
+    return unasked_decision(order, request, services.rulebook.unasked)
+
+
+async def offer_standing(
+    context: MissionContext, offered: StandingOffer, decide: Decide
+) -> StandingOffer | NotApproved:
+    """Show a standing order, and return it once an operator has approved it.
+
+    It is in force then, and by nothing else. One that cannot be in force beside the others is
+    blocked.
+    """
+    order, standing = offered.order, context.services.standing
+    allowed = context.services.rulebook.unasked if order.unasked else ()
+    context.emit(ev.StandingOrderRead(order=order, now=offered.now, allowed=allowed))
+    refusal = standing.refusal(order)
+    request = request_approval(
+        f"{context.mission.id}.{order.id}",
+        0,
+        CheckedPlan(Plan(reason="a standing order moves nobody by itself", actions=())),
+        OrderAsRead(),
+        judging=False,
+    ).model_copy(update={"standing": order})
+    if refusal:
+        request = request.model_copy(update={"blocked_by": (refusal,), "state": "blocked"})
+    decided = await answered(context, request, decide)
+    if decided.decision.kind != "approve":
+        why = "; ".join(decided.request.blocked_by) or decided.decision.reason
+        status: MissionStatus = "held" if decided.request.blocked_by else "rejected"
+        return NotApproved(status, why or f"rejected by {decided.decision.by}")
+    standing.approve(offered.condition)
+    context.emit(ev.StandingOrderApproved(order=order, by=decided.decision.by))
+    return offered
 
 
 async def ask_back(

@@ -5,8 +5,8 @@ reading is chosen the planner may choose others.
 """
 
 import asyncio
-from collections.abc import Sequence
-from itertools import islice
+from collections.abc import AsyncGenerator, Iterator, Sequence
+from itertools import islice, product
 
 from pa_console.llm.roles.grammar import CommandSlot
 from pa_console.orchestrator.mission.services import Services
@@ -19,6 +19,10 @@ from pa_console.schema.rehearsal import RehearsedReading
 
 MOST_TRIED = 3
 """Plans that are examined at most, where the ones before are blocked."""
+
+
+MOST_ASSIGNED = 12
+"""Assignments of the same commands that are looked at for other ways to do what was asked."""
 
 
 async def rehearse_reading(
@@ -43,6 +47,45 @@ async def rehearse_reading(
             return rehearsed
         first = first or rehearsed
     return first
+
+
+async def rehearse_other_ways(
+    services: Services, task: Mission, asked: str, but: Plan
+) -> AsyncGenerator[RehearsedReading]:
+    """Yield sound plans that serve what was `asked` with other agents than the plan `but`.
+
+    The commands are those that the console itself would give, and nobody could say no to a plan
+    that is yielded. Nothing where the console cannot tell what would serve it.
+    """
+    fleet, reading = services.fleet, read_asked(asked)
+    if reading is None or not reading.readable:
+        return
+    first = await asyncio.to_thread(
+        lambda: next(commands_serving(reading, fleet.world, fleet.picture()), ())
+    )
+    known = {_orders(but)}
+    for actions in islice(_assignments(first), MOST_ASSIGNED):
+        plan = Plan(reason=asked, actions=actions)
+        if _orders(plan) in known:
+            continue
+        known.add(_orders(plan))
+        found = await examine(plan, task, fleet, services.rulebook, variant=services.variant)
+        if found.rehearsal is not None and not found.blocked:
+            yield RehearsedReading(plan=plan, rehearsal=found.rehearsal, faults=found.faults)
+
+
+def _orders(plan: Plan) -> frozenset[tuple[str, str]]:
+    return frozenset((action.agent, action.command) for action in plan.actions)
+
+
+def _assignments(slots: Sequence[CommandSlot]) -> Iterator[tuple[Action, ...]]:
+    """Yield who may have each of the commands, the best first; nobody has two."""
+    for agents in product(*(slot.agents for slot in slots)):
+        if len(set(agents)) == len(agents):
+            yield tuple(
+                Action(agent=agent, command=slot.command)
+                for agent, slot in zip(agents, slots, strict=True)
+            )
 
 
 def _assigned(slots: Sequence[CommandSlot]) -> tuple[Action, ...]:

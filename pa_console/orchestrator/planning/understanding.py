@@ -1,17 +1,20 @@
 """Steps 1 and 2: what the words of a mission rule out, and which rules concern them."""
 
 import asyncio
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 
+from pa_console.orchestrator.intake.standing_orders import example_subject, starts_now
 from pa_console.orchestrator.mission.services import MissionContext
 from pa_console.orders.references.outcome import Unclear
 from pa_console.orders.references.resolution import Answers
 from pa_console.policy.checks.rule_checks import check_mission
+from pa_console.policy.standing_conditions import StandingCondition
 from pa_console.schema.command import Verb
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import MAX_MISSION_TEXT, Mission
 from pa_console.schema.rule import RuleHit
+from pa_console.schema.standing import StandingOrder, StandingStart
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,19 @@ class Understood:
 
 
 @dataclass(frozen=True)
+class StandingOffer:
+    """A standing order to be put to the operator, and what it would start `now`."""
+
+    condition: StandingCondition
+    now: tuple[StandingStart, ...] = ()
+
+    @property
+    def order(self) -> StandingOrder:
+        """The order itself."""
+        return self.condition.order
+
+
+@dataclass(frozen=True)
 class Retrieved:
     """What the next plan is for, and the rules that the planner is told for it.
 
@@ -67,19 +83,65 @@ class Retrieved:
 
 async def understand(
     context: MissionContext, answers: Answers
-) -> Refused | NotUnderstood | Understood:
+) -> Refused | NotUnderstood | Understood | StandingOffer:
     """Step 1: decide what the mission's words alone rule out, and find what they point at.
 
     Ruled out is what the rules on words refuse, and what is no order. No model has been asked so
     far. `answers` are those to questions on its words.
     """
     refused = await _refused(context, context.mission)
-    if refused is not None or context.mission.source != "operator":
+    if refused is not None or context.mission.source == "alarm":
         return refused or Understood(context.mission)
+    if context.mission.source == "operator":
+        standing = await _standing(context)
+        if standing is not None:
+            return standing
     read = await asyncio.to_thread(_read, context, answers)
     if isinstance(read, Understood) and read.mission is not context.mission:
         return await _refused(context, read.mission) or read
     return read
+
+
+async def _standing(context: MissionContext) -> Refused | NotUnderstood | StandingOffer | None:
+    """Return a standing order to be approved, or what is wrong with one; None for none.
+
+    What it would order is looked at for one subject: an order that can never be read, or that the
+    rules on words refuse, is no standing order either.
+    """
+    services, mission = context.services, context.mission
+    found = services.read_standing(mission.text)
+    if found is None:
+        return None
+    if isinstance(found, Unclear):
+        return NotUnderstood(found.question)
+    order = StandingOrder(
+        id=services.standing.new_id(),
+        text=mission.said,
+        each=found.condition.each,
+        condition=found.condition.cel,
+        words=found.condition.words,
+        order=found.order,
+        unasked=found.unasked,
+        most_an_hour=found.most_an_hour,
+    )
+    world, picture = services.fleet.world, services.fleet.picture()
+    try:
+        condition = StandingCondition(order, world)
+        now = starts_now(condition, picture)
+    except ValueError as error:
+        return NotUnderstood(f"its condition cannot be used: {error}")
+    subject = example_subject(order, picture)
+    typed = services.read_standing(mission.said)
+    said = found.order if isinstance(typed, Unclear) or typed is None else typed.order
+    given = order.model_copy(update={"order": said}).order_for(*subject)
+    words = {"text": order.order_for(*subject), "typed": given}
+    sample = mission.model_copy(update=words)
+    if refused := await _refused(context, sample):
+        return refused
+    read = await asyncio.to_thread(_read, replace(context, mission=sample), {})
+    if isinstance(read, NotUnderstood) and not read.said:
+        return NotUnderstood(f"what it orders is not understood: {read.question}")
+    return StandingOffer(condition, now)
 
 
 def _read(context: MissionContext, answers: Answers) -> NotUnderstood | Understood:

@@ -3,94 +3,16 @@
 import asyncio
 from collections.abc import Callable, Sequence
 from contextlib import aclosing
-from typing import Literal
 
-from pa_console.orchestrator.planning.approval import people_words
+from pa_console.orchestrator.planning.standing_approval import Approver
 from pa_console.orchestrator.station.station import Station
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident
-from pa_console.schema.mission import STANDING, Decision, MissionStatus
+from pa_console.schema.mission import Decision, MissionStatus
 from pa_console.session.state.fold import MissionTrace, SessionState
-from pa_console.session.status_words import status_of
 
-Approver = Callable[[ev.ApprovalRequested], Decision]
 Sink = Callable[[ev.Event, SessionState], None]
-ApprovalMode = Literal["auto", "never"]
 SETUP_SETTLE_S = 2.0
-
-
-def standing_approver(
-    mode: ApprovalMode,
-    override_reason: str = "",
-    reading: int = 0,
-    *,
-    least: float | None = None,
-    given: str = "",
-) -> Approver:
-    """Return the approver that follows a standing instruction given before the mission.
-
-    Where other readings of the order are offered, it first chooses the one of that number, if
-    there are so many (evaluations only); 0 takes the order as it was read.
-
-    `auto` approves what may be approved and acknowledges warnings; a judge's Failure is only
-    overridden with `override_reason`, which stands with such a decision alone. `never` rejects
-    every plan.
-
-    Nobody watches a standing approval, so it takes a plan in the state `approve` alone, and none
-    for an order that may have been misread (`doubt`): both models have to be at least so sure, 0 to
-    1, as `least` says. None takes it all the same, for evaluations, where the truth of every plan
-    is wanted; what was not understood is taken by nobody.
-
-    The log names the instruction as it was `given`, by default as the command line's.
-    """
-    chosen: list[str] = []
-
-    def decide(request: ev.ApprovalRequested) -> Decision:
-        by = f"{STANDING}: {given or f'--approve {mode}'}"
-        others = request.readings[reading - 1 : reading] if reading and not chosen else ()
-        for asked in others:
-            chosen.append(asked)
-            return Decision(kind="choose", by=by, asked=asked)
-        if mode == "never":
-            return Decision(kind="reject", by=by, reason="plans are never approved in this run")
-        if request.blocked_by:
-            return Decision(kind="reject", by=by, reason="; ".join(request.blocked_by))
-        if request.approvals:
-            reason = f"{people_words(request.approvals)} to approve, and nobody looked at it"
-            return Decision(kind="reject", by=by, reason=reason)
-        if least is not None and (why := doubt(request, least)):
-            return Decision(kind="reject", by=by, reason=why)
-        if request.needs_override and not override_reason.strip():
-            reason = "the judge said Failure and no override reason was given"
-            return Decision(kind="reject", by=by, reason=reason)
-        return Decision(
-            kind="approve",
-            by=by,
-            reason=override_reason
-            if request.needs_override
-            else "approved by standing instruction",
-            override_judge=request.needs_override,
-            acknowledged=request.acknowledge,
-        )
-
-    return decide
-
-
-def doubt(request: ev.ApprovalRequested, least: float) -> str:
-    """Return why the order may have been misread, so that only an operator may approve; or ''.
-
-    Two models that agree may be wrong alike: the order's own words have to bear them out.
-    """
-    why = list(request.gaps)
-    if request.read_apart:
-        why.append("planner and judge have read the order apart")
-    if least > 0.0 and request.confidence is None:
-        why.append("not both models have told how sure they are of what was asked")
-    if request.confidence is not None and request.confidence < least:
-        why.append(f"read with {request.confidence:.0%} confidence, {least:.0%} are needed")
-    if not why and request.state not in ("approve", "judge_objects"):
-        why.append(status_of("approval", request.state or "none").word.lower())
-    return f"too doubtful for standing approval: {'; '.join(why)}" if why else ""
 
 
 async def run_missions(  # noqa: PLR0917

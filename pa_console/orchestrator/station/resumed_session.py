@@ -52,6 +52,17 @@ class UnclosedSession:
             entry
             for entry in self.state.queue
             if not self._begun(self.state.missions.get(entry.mission.id))
+            if not entry.mission.standing
+        )
+
+    @property
+    def started_by_standing(self) -> tuple[str, ...]:
+        """The missions that wait which standing orders had started."""
+        return tuple(
+            entry.mission.id
+            for entry in self.state.queue
+            if entry.mission.standing
+            if not self._begun(self.state.missions.get(entry.mission.id))
         )
 
     @property
@@ -81,7 +92,9 @@ class ResumedSession:
     """A session as it was at its last record.
 
     `missions` counts all so far and `stops` the stops; `interrupted` are the ids of the missions
-    that end with it, `unanswered` those of the alarms that one of them answered.
+    that end with it, `unanswered` those of the alarms that one of them answered. No standing order
+    goes on: `standing` are those that were in force, of the `standing_ids` that were given, and
+    `started_by_standing` the missions that wait which they had started.
     """
 
     started: ev.SessionStarted
@@ -94,6 +107,9 @@ class ResumedSession:
     missions: int
     stops: int
     stopped: bool
+    standing: tuple[str, ...] = ()
+    standing_ids: tuple[str, ...] = ()
+    started_by_standing: tuple[str, ...] = ()
 
 
 def find_unclosed(folder: Path, world_sha256: str) -> UnclosedSession | None:
@@ -175,4 +191,9 @@ def resume(found: UnclosedSession, world: World, scenario: Scenario | None) -> R
         missions=len(state.missions),
         stops=stops,
         stopped=state.stop is not None,
+        standing=tuple(each.order.id for each in state.standing.values() if each.in_force),
+        standing_ids=tuple(
+            trace.standing.order.id for trace in state.missions.values() if trace.standing
+        ),
+        started_by_standing=found.started_by_standing,
     )

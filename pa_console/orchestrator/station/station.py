@@ -13,7 +13,10 @@ from pa_console.orchestrator.intake.intake import Intake
 from pa_console.orchestrator.mission.outcome_verdicts import OutcomeVerdicts
 from pa_console.orchestrator.mission.services import Services
 from pa_console.orchestrator.planning.read_ahead import ReadAhead
-from pa_console.orchestrator.planning.reading_rehearsal import rehearse_reading
+from pa_console.orchestrator.planning.reading_rehearsal import (
+    rehearse_other_ways,
+    rehearse_reading,
+)
 from pa_console.orchestrator.station.background import Background
 from pa_console.orchestrator.station.journal import Log
 from pa_console.orchestrator.station.mission_worker import MissionWorker, StationParts
@@ -25,12 +28,14 @@ from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Metrics, Mission
+from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World
 
 READ_ONLY = "this console is read-only: commands are refused"
 NOT_SIMULATED = "incidents can only be made to happen in a simulated fleet"
 INTERRUPTED = "the console ended while it was under way; give it again if it is still wanted"
+NOT_KEPT = "a standing order ends with its console; give it again if it is still wanted"
 IS_STOPPED = "everything is stopped: no mission is taken until the stop is released"
 
 
@@ -84,6 +89,7 @@ class Station:
         """The missions that open alarms become once more."""
         if resumed is not None:
             self._gate.resume(resumed.stops, stopped=resumed.stopped)
+            services.standing.skip_ids(resumed.standing_ids)
             self._again = self._intake.take_up(
                 resumed.alarms, resumed.waiting, resumed.missions, resumed.unanswered
             )
@@ -183,6 +189,12 @@ class Station:
         for name in resumed.interrupted:
             held = ev.MissionFinished(status="held", reason=INTERRUPTED, metrics=Metrics())
             self._emit(held, name)
+        for name in resumed.standing:
+            ended = ev.StandingOrderRevoked(order_id=name, by="the console", reason=NOT_KEPT)
+            self._emit(ended)
+        for name in resumed.started_by_standing:
+            held = ev.MissionFinished(status="held", reason=NOT_KEPT, metrics=Metrics())
+            self._emit(held, name)
         for payload, mission in self._again:
             self._emit(payload, mission)
         self._worker.queue_changed()
@@ -243,6 +255,15 @@ class Station:
         """
         return await rehearse_reading(self._reload.services, mission, asked)
 
+    def other_ways(
+        self, mission: Mission, asked: str, but: Plan
+    ) -> AsyncGenerator[RehearsedReading]:
+        """Rehearse what else would serve a reading of a mission than the plan `but`.
+
+        No model is asked, and nothing is decided by that.
+        """
+        return rehearse_other_ways(self._reload.services, mission, asked, but)
+
     def cancel(self) -> None:
         """Cancel the mission being worked on; assets under way for it go to a safe state.
 
@@ -296,6 +317,18 @@ class Station:
         self._emit(ev.StopReleased(by=by))
         for payload, mission in self._intake.resume(self._worker.handled):
             self._emit(payload, mission)
+        self._worker.queue_changed()
+
+    def revoke(self, order_id: str, by: str = "operator") -> None:
+        """Take a standing order out of force, and what it has started out of the queue.
+
+        A mission of its that has begun goes on. Raises ValueError when it is not in force.
+        """
+        self._writable()
+        self._services.standing.revoke(order_id)
+        self._emit(ev.StandingOrderRevoked(order_id=order_id, by=by))
+        for mission in self._intake.of_standing(order_id):
+            self._worker.drop(mission, f"standing order {order_id} was revoked")
         self._worker.queue_changed()
 
     def inject(self, incident: Incident) -> None:

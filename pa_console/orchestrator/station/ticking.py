@@ -6,8 +6,10 @@ from time import perf_counter
 from typing import Protocol
 
 from pa_console.orchestrator.intake.notices import Noticer
+from pa_console.orchestrator.intake.standing_orders import Withheld
 from pa_console.orchestrator.station.mission_worker import MissionWorker, StationParts
 from pa_console.schema.events import event as ev
+from pa_console.schema.telemetry import Picture
 
 MAX_STEPS_AT_ONCE = 20
 IDLE_S = 0.005
@@ -146,5 +148,23 @@ class Ticking:
             self._emit(payload, mission)
         for mission in arrivals.obsolete:
             self._worker.drop(mission, "its cause is gone")
+        self._start_standing(picture, stopped=stopped)
         self._worker.queue_changed()
         self._worker.see(picture)
+
+    def _start_standing(self, picture: Picture, *, stopped: bool) -> None:
+        """Queue what standing orders start now, and tell what they do not start, and why."""
+        standing = self._services.standing
+        busy = self._worker.handled | self._intake.subjects
+        for found in standing.look(picture, busy, stopped=stopped):
+            if isinstance(found, Withheld):
+                told = ev.StandingOrderWithheld(
+                    order_id=found.order.id, subject=found.subject, reason=found.reason
+                )
+                self._emit(told, None)
+                continue
+            mission, received = self._intake.start(found)
+            standing.started(mission.id, found)
+            self._emit(received, mission.id)
+            began = ev.StandingOrderStarted(order_id=found.order.id, subject=found.subject)
+            self._emit(began, mission.id)

@@ -69,6 +69,13 @@ from pa_console.schema.events.session import (
     WorkerChanged,
     WorkerState,
 )
+from pa_console.schema.events.standing import (
+    StandingOrderApproved,
+    StandingOrderRead,
+    StandingOrderRevoked,
+    StandingOrderStarted,
+    StandingOrderWithheld,
+)
 
 __all__ = (
     "MOST_READINGS",
@@ -122,6 +129,11 @@ __all__ = (
     "SessionEnded",
     "SessionResumed",
     "SessionStarted",
+    "StandingOrderApproved",
+    "StandingOrderRead",
+    "StandingOrderRevoked",
+    "StandingOrderStarted",
+    "StandingOrderWithheld",
     "StopReleased",
     "TelemetryReceived",
     "TextStreamed",
@@ -141,7 +153,8 @@ EventPayload = Annotated[
     | RepairRequested | ApprovalRequested | DecisionMade | PlanVoided | CommandSent | CommandReplied
     | MissionVerified | OutcomeJudged | MissionReported | MissionFinished | AllStopped
     | StopReleased | CommandRefused | RulesReplaced | SessionEnded | SessionResumed | LogSigned
-    | LogTroubled,
+    | LogTroubled | StandingOrderRead | StandingOrderApproved | StandingOrderStarted
+    | StandingOrderWithheld | StandingOrderRevoked,
     Field(discriminator="kind"),
 ]  # fmt: skip
 

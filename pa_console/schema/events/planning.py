@@ -12,6 +12,7 @@ from pa_console.schema.mission import ApprovalState, Decision
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.rule import RuleHit
+from pa_console.schema.standing import StandingOrder
 from pa_console.schema.telemetry import Digest
 
 UNSURE = 0.5
@@ -206,6 +207,11 @@ class ApprovalRequested(Payload):
     state: ApprovalState | None = Field(
         default=None,
         description="what the operator has to know first; None in the log of an older console",
+    )
+    standing: StandingOrder | None = Field(
+        default=None,
+        exclude_if=lambda standing: standing is None,
+        description="the standing order that is to be approved, with no plan, or None for a plan",
     )
 
 

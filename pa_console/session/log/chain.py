@@ -127,7 +127,7 @@ def parse(line: bytes) -> Record:
         raise ValueError(f"not a record of a session log: its fields must be {', '.join(FIELDS)}")
     kind, data = fields["kind"], fields["data"]
     if not isinstance(kind, str) or kind not in KINDS:
-        raise ValueError(f"unknown kind of event {kind!r}")
+        raise ValueError(f"unknown kind of event “{kind}”")
     if not isinstance(data, dict):
         raise ValueError("data must be an object")
     content = {key: fields[key] for key in ("t", "tick", "mission")}
@@ -158,7 +158,7 @@ def link_problem(record: Record, before: Record | None) -> str:
     if fields["prev"] != prev:
         return "prev is not the hash of the record before: that record was replaced"
     if before is not None and fields["session"] != before.fields["session"]:
-        return f"the record is of another session, {fields['session']!r}"
+        return f"the record is of another session, “{fields['session']}”"
     return ""
 
 

@@ -139,7 +139,7 @@ class LogFile:
             record = parse(line)
             problem = own_problem(record)
             if not problem and record.fields["session"] != session:
-                problem = f"the log belongs to session {record.fields['session']!r}"
+                problem = f"the log belongs to session “{record.fields['session']}”"
         except ValueError as error:
             problem = str(error)
         else:

@@ -113,7 +113,7 @@ def require_head(log: Path, session: str, seq: int, public: str | None) -> Signe
     if head is None or (seq == 0 and head.session != mine):
         return None
     if head.session != mine:
-        problem = f"it is the head of the log of session {head.session!r}"
+        problem = f"it is the head of the log of session “{head.session}”"
     elif head.seq > seq:
         problem = f"the log was cut short: {head.seq} records were signed and {seq} are there"
     elif public is not None and head.key != public:

@@ -114,7 +114,7 @@ def _edited(
         return Damage("respelled", number, problem)
     for field, value in _wanted(sound).items():
         if digest({**record.fields, field: value}) == record.hash:
-            return Damage("edited-field", number, f"the field {field} was edited: it was {value!r}")
+            return Damage("edited-field", number, f"the field {field} was edited: it was “{value}”")
     witness = head.hash if head is not None and head.seq == number else ""
     if following is not None:
         witness = str(following.fields["prev"])
@@ -359,7 +359,7 @@ class _Chain:
         if (self.key and head.key != self.key) or (
             last is not None and last.fields["session"] != head.session
         ):
-            problem = f"{name} is the head of the log of session {head.session!r}"
+            problem = f"{name} is the head of the log of session “{head.session}”"
             return Damage("head-of-another-log", None, problem)
         if head.seq and not self.key and sound.lines >= FIRST_SIGNED:
             problem = f"its signatures were removed: {name} says that {head.seq} lines were signed"

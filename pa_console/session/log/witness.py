@@ -171,7 +171,7 @@ def check_witness(log: Path, session: str, witness: Path, known: Collection[str]
     """
     heads = _heads(witness, session, known)
     if not heads:
-        problem = f"the witness has no head of session {session!r} that a known key has signed"
+        problem = f"the witness has no head of session “{session}” that a known key has signed"
         return Statement(0, problem=problem)
     hashes = _hashes(log, {head.seq for _, head in heads})
     good = 0

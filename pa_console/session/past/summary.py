@@ -33,8 +33,16 @@ class PastMission:
     id: str
     said: str
     by_alarm: bool = False
+    standing: str = ""
+    """The standing order that started it."""
     status: MissionStatus | None = None
     reason: str = ""
+
+    @property
+    def origin(self) -> str:
+        """Who gave it if that was no operator, to be told before its words; '' for an operator."""
+        started = f"by standing order {self.standing}: " if self.standing else ""
+        return "by alarm: " if self.by_alarm else started
 
 
 @dataclass
@@ -60,7 +68,7 @@ class SessionSummary:
     @property
     def title(self) -> str:
         """The first order of the operator, else the scenario, else the first alarm's mission."""
-        own = (mission.said for mission in self.missions if not mission.by_alarm)
+        own = (mission.said for mission in self.missions if not mission.origin)
         first = next(iter(self.missions), None)
         return next(own, "") or self.scenario or (first.said if first else "no mission")
 
@@ -126,7 +134,10 @@ def _take(found: SessionSummary, missions: dict[str, PastMission], event: ev.Eve
             found.scenario, found.seed, found.readonly = data.scenario, data.seed, data.readonly
         case ev.MissionReceived(mission=mission):
             missions[mission.id] = PastMission(
-                mission.id, mission.said, by_alarm=mission.source == "alarm"
+                mission.id,
+                mission.said,
+                by_alarm=mission.source == "alarm",
+                standing=mission.standing,
             )
         case ev.MissionFinished(status=status, reason=reason) if event.mission in missions:
             mission = missions[event.mission]
@@ -181,5 +192,5 @@ def find_session(folder: Path, name: str) -> Path:
         return found[0]
     if found:
         names = ", ".join(sorted(log.stem for log in found)[:6])
-        raise ValueError(f"{name!r} stands for {len(found)} sessions: {names}")
-    raise ValueError(f"there is no session {name!r} in {folder}; pa-console sessions lists them")
+        raise ValueError(f"“{name}” stands for {len(found)} sessions: {names}")
+    raise ValueError(f"there is no session “{name}” in {folder}; pa-console sessions lists them")

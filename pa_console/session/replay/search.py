@@ -11,7 +11,7 @@ from pa_console.session.wording import event_in_words
 AROUND = 60
 """Characters of the text that are shown with a hit."""
 _REWORDED = tuple(f'"{kind}"' for kind in ("decision_made", "incident", "plan_checked"))
-"""Kinds of which lists say more than stands in the log: that the judge was overruled."""
+"""Kinds of which lists say more than stands in the log: that the judge was overridden."""
 
 
 @dataclass(frozen=True)

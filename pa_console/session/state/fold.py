@@ -9,6 +9,7 @@ from pa_console.schema.alarm import ALARM_PRIORITIES, Alarm, QueueEntry
 from pa_console.schema.events import event as ev
 from pa_console.schema.telemetry import Picture
 from pa_console.session.state.mission_trace import CommandTrace, MissionTrace, apply_to_mission
+from pa_console.session.state.standing_trace import StandingTrace, apply_to_standing
 from pa_console.session.wording import alarm_now, in_words, order_in_words, overriding
 
 NOTICES_KEPT = 500
@@ -85,6 +86,8 @@ class SessionState:
     open_alarms: dict[str, OpenAlarm] = field(default_factory=dict[str, OpenAlarm])
     answers: dict[str, str] = field(default_factory=dict[str, str])
     loose_orders: dict[str, CommandTrace] = field(default_factory=dict[str, CommandTrace])
+    standing: dict[str, StandingTrace] = field(default_factory=dict[str, StandingTrace])
+    """The standing orders that were approved, by their ids, the oldest first."""
 
     @property
     def current(self) -> MissionTrace | None:
@@ -125,6 +128,7 @@ class SessionState:
         self._apply_to_session(event)
         self._apply_to_alarms(event)
         self._apply_to_queue(event)
+        self._apply_to_standing(event)
         trace = self.missions.get(event.mission) if event.mission else None
         if trace is not None:
             apply_to_mission(trace, event.data)
@@ -207,6 +211,7 @@ class SessionState:
                 if mission.alarm:
                     self.answers[mission.alarm] = mission.id
                 origin = "by an alarm: " if mission.source == "alarm" else ""
+                origin += f"by standing order {mission.standing}: " * bool(mission.standing)
                 self._notice(event, "info", mission.id, f"{origin}{mission.said}")
             case ev.MissionStarted() if event.mission in self.missions:
                 self.active = self.last_active = event.mission
@@ -222,6 +227,9 @@ class SessionState:
             case ev.DecisionMade(accepted=True, decision=decision, attempt=number):
                 if said := overriding(decision):
                     self._notice(event, "warning", event.mission or "", f"plan {number}: {said}")
+                if decision.standing_order:
+                    said = f"approved by standing order {decision.standing_order}, unasked"
+                    self._notice(event, "warning", event.mission or "", f"plan {number}: {said}")
             case ev.OutcomeJudged(verdict=verdict, error=error):
                 if verdict is None or verdict.verdict == "Failure":
                     said = error if verdict is None else f"{verdict.verdict}: {verdict.feedback}"
@@ -232,6 +240,20 @@ class SessionState:
                 self._answered(event.mission)
                 level = "info" if status == "verified" else "warning"
                 self._notice(event, level, event.mission or "", f"{status}: {reason}")
+            case _:
+                pass
+
+    def _apply_to_standing(self, event: ev.Event) -> None:
+        apply_to_standing(self.standing, event)
+        match event.data:
+            case ev.StandingOrderApproved(order=order, by=by):
+                text = f"in force, approved by {by}: {order.text}"
+                self._notice(event, "warning", order.id, text)
+            case ev.StandingOrderWithheld(order_id=name, reason=reason, subject=subject):
+                what = f"nothing is started for {subject}" if subject else "nothing is started"
+                self._notice(event, "warning", name, f"{what}: {reason}")
+            case ev.StandingOrderRevoked(order_id=name) if name in self.standing:
+                self._notice(event, "warning", name, self.standing[name].ended)
             case _:
                 pass
 

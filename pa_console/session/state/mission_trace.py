@@ -159,6 +159,8 @@ class MissionTrace:
     """What was asked back before anything was planned."""
     references: tuple[ev.Reference, ...] = ()
     """What the order points at, and what that is."""
+    standing: ev.StandingOrderRead | None = None
+    """The standing order that it gives, and what that would start at once; None for a mission."""
     voided: str = ""
     preempted: str = ""
     commands: dict[str, CommandTrace] = field(default_factory=dict[str, CommandTrace])
@@ -248,6 +250,8 @@ def _apply_reading(trace: MissionTrace, data: ev.EventPayload) -> None:
             words = {"text": text, "typed": typed if typed != text else ""}
             trace.mission = trace.mission.model_copy(update=words)
             trace.references = references
+        case ev.StandingOrderRead():
+            trace.standing = data
         case _:
             pass
 

@@ -34,7 +34,7 @@ def decisions(made: Sequence[DecisionMade], voided: str) -> Section:
     for item in made:
         given = item.decision
         mark = sign(status_of("decision", given.kind))
-        blocks.append(Line((Span(f"by {given.by}, plan {item.attempt}"),), mark=mark))
+        blocks.append(Line((Span(f"by {given.by}, {_what(item.attempt)}"),), mark=mark))
         if given.override_judge:
             blocks.append(_below("the judge's Failure was overridden"))
         if given.acknowledged:
@@ -52,6 +52,11 @@ def decisions(made: Sequence[DecisionMade], voided: str) -> Section:
     if voided:
         blocks.append(said(f"plan void: {voided}", "bad"))
     return Section("decision", "Decision", tuple(blocks), step=6)
+
+
+def _what(attempt: int) -> str:
+    """Return what was decided on: a plan, or with 0 what has none, a question or standing order."""
+    return f"plan {attempt}" if attempt else "no plan"
 
 
 def _below(text: str) -> Line:

@@ -19,7 +19,7 @@ from pa_console.session.trace.parts import (
 )
 from pa_console.session.trace.planning import Rules
 from pa_console.session.trace.rounds import Round, chosen_attempt, rounds
-from pa_console.session.trace.standing import workflow
+from pa_console.session.trace.standing import standing_order, workflow
 
 
 def lay_out(trace: MissionTrace, rules: Rules, options: TraceOptions) -> list[Section]:
@@ -67,6 +67,8 @@ def lay_out_proposal(
 def _given(trace: MissionTrace, rules: Rules, options: TraceOptions) -> list[Section]:
     """Steps 2 and 3: what the mission was planned by."""
     result: list[Section] = []
+    if trace.standing is not None:
+        result.append(standing_order(trace.standing))
     if trace.hits:
         result.append(planning.retrieved_rules(trace, rules, options))
     if trace.digest is not None and options.detail >= Detail.FULL:

@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 
-from pa_console.schema.events.event import WorkflowMoved
+from pa_console.schema.events.event import StandingOrderRead, WorkflowMoved
+from pa_console.schema.quantities import count
 from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.session.status_words import Status, status_of
 from pa_console.session.trace.parts import (
@@ -17,7 +18,7 @@ from pa_console.session.trace.parts import (
     labelled,
     table,
 )
-from pa_console.session.wording import references_in_words
+from pa_console.session.wording import asked_in_words, references_in_words
 
 STEPS = (
     "queued", "retrieve", "picture", "prompt", "plan", "safeguards", "judge", "decide",
@@ -30,6 +31,8 @@ def headline(trace: MissionTrace) -> tuple[Spans, ...]:
     """Return the mission's id, origin and text, how it was read, and where it stands, by line."""
     mission = trace.mission
     origin = (Span(" by alarm", "warn"),) if mission.source == "alarm" else ()
+    if mission.standing:
+        origin = (Span(f" by standing order {mission.standing}", "warn"),)
     head = (Span(mission.id, "note", "bold"), *origin, Span(f" {mission.said}"))
     read = ((Span(f"read as: {mission.text}", "quiet"),),) if mission.typed else ()
     meant = references_in_words(trace.references)
@@ -108,6 +111,22 @@ def workflow(trace: MissionTrace, options: TraceOptions) -> Section:
         )
     rules = ", ".join(dict.fromkeys(move.rule_id for move in trace.workflow))
     return Section("workflow", "Workflow", tuple(blocks), step=1, note=f"by {rules}")
+
+
+def standing_order(read: StandingOrderRead) -> Section:
+    """A standing order as it was read: what it waits for, what it orders, what it would do now."""
+    order = read.order
+    blocks: list[Block] = [
+        labelled("whenever", order.words),
+        labelled("in CEL", order.condition, "calm"),
+        labelled("it starts", order.order_in_words),
+        labelled("approval", asked_in_words(order, read.allowed)),
+        labelled("limit", f"{count(order.most_an_hour, 'start')} an hour"),
+    ]
+    blocks += [labelled("now", f"{start.subject}: {start.order}", "warn") for start in read.now]
+    if not read.now:
+        blocks.append(labelled("now", "it would start nothing", "quiet"))
+    return Section("standing", f"Standing order {order.id}", tuple(blocks), step=1)
 
 
 def _phase(move: WorkflowMoved) -> str:

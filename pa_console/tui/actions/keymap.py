@@ -45,7 +45,7 @@ def refused_command(key: str, keymap: Mapping[str, str]) -> str:
 
 RESERVED = {
     **dict.fromkeys(("tab", "shift+tab", "enter", "up", "down"), "moving about needs it"),
-    **dict.fromkeys(("r", "m", "a", *READING_KEYS), "the approval panel answers to it"),
+    **dict.fromkeys(("r", "m", "a", "alt+c", *READING_KEYS), "the approval panel answers to it"),
     "ctrl+c": "the terminal's own interrupt",
 }
 _MODIFIERS = frozenset(("ctrl", "shift", "alt", "super", "hyper", "meta"))
@@ -117,6 +117,6 @@ def _check_key(name: str, key: str) -> None:
     *modifiers, plain = key.split("+")
     known = plain in _NAMED or key_to_character(plain) is not None
     if not known or not _MODIFIERS.issuperset(modifiers):
-        raise KeymapError(name, f"{key!r} is not a key; write it like f11, ctrl+x, X or plus")
+        raise KeymapError(name, f"“{key}” is not a key; write it like f11, ctrl+x, X or plus")
     if key in RESERVED:
         raise KeymapError(name, f"{key_text(key)} cannot be used: {RESERVED[key]}")

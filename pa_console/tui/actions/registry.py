@@ -145,6 +145,10 @@ ACTIONS: tuple[ConsoleAction, ...] = (
                   "Look at the recorded sessions: open, compare, export, run again", "View",
                   lambda to: to.browsing.show_sessions(),
                   words="export save replay recording history log"),
+    ConsoleAction("standing_orders", "V", "Standing orders",
+                  "Look at the standing orders, what they have started, and revoke one", "Mission",
+                  lambda to: to.commands.show_standing_orders(),
+                  words="whenever revoke automatic repeat"),
     ConsoleAction(
         "approval", "f7,g", "To approval", "Go to the plan that waits for a decision",
         "Mission",

@@ -9,7 +9,15 @@ from pa_console.schema.plan import Plan
 from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.tui.controllers.commands import CommandController
 from pa_console.tui.controllers.console_session import ConsoleSession
-from pa_console.tui.plan_preview.preview import PlanPreview
+from pa_console.tui.plan_preview.candidate import (
+    MOST_BESIDE,
+    other_reading,
+    other_way,
+    said_of,
+    waiting_candidate,
+)
+from pa_console.tui.plan_preview.comparison import PlanComparison
+from pa_console.tui.plan_preview.preview import PlanPreview, waiting_plan
 from pa_console.tui.widgets.approval import ApprovalPanel
 
 BACK_TO_PROPOSED = "back to the plan as it was proposed"
@@ -25,6 +33,7 @@ class ApprovalController:
         self._session, self._commands = session, commands
         self._drafts: dict[PlanKey, str] = {}
         self._editing: tuple[PlanKey, Screen[Plan | None]] | None = None
+        self._comparing: tuple[str, PlanComparison] | None = None
 
     def go_to_it(self) -> None:
         """Go to the plan that waits, from any screen that is not modal."""
@@ -47,6 +56,60 @@ class ApprovalController:
         """Show what another reading of the order would lead to; with '' the plan that waits."""
         self._session.app.run_worker(
             self._look_at(asked), group="reading", exclusive=True, exit_on_error=False
+        )
+
+    def compare(self) -> None:
+        """Show other plans beside the one that waits, as they are found."""
+        session, trace = self._session, self._session.state.current
+        request = trace.approval if trace is not None else None
+        waits = waiting_plan(session.world, trace) if trace is not None else None
+        if trace is None or request is None or waits is None:
+            session.tell("there is no plan to be compared with others", "Compare")
+            return
+        app = session.app
+
+        def chosen(decision: Decision | None) -> None:
+            if decision is not None:
+                self.decide(decision)
+
+        def ended() -> None:
+            self._comparing = None
+            app.workers.cancel_group(app, "comparison")
+
+        def begin(screen: PlanComparison) -> None:
+            looking = self._compare(screen, trace, request)
+            app.run_worker(looking, group="comparison", exclusive=True, exit_on_error=False)
+
+        screen = PlanComparison(waiting_candidate(trace, waits), begin, ended)
+        self._comparing = request.request_id, screen
+        app.push_screen(screen, chosen)
+
+    async def _compare(
+        self, screen: PlanComparison, trace: MissionTrace, request: ApprovalRequested
+    ) -> None:
+        """Rehearse other readings, then other ways, and add each to the screen."""
+        station, world = self._session.station, self._session.world
+        if station is None:
+            return
+        known, asked = 0, said_of(trace)
+        for reading in request.readings:
+            screen.tell(f"rehearsing: {plain_reading(reading)}; Esc ends that")
+            found = await station.look_at(trace.mission, reading)
+            if found is not None:
+                known += 1
+                screen.add(other_reading(known, reading, found, world, request.request_id))
+        ways = station.other_ways(trace.mission, asked, request.plan)
+        while known < MOST_BESIDE and asked:
+            screen.tell(f"rehearsing another way to {plain_reading(asked)}; Esc ends that")
+            found = await anext(ways, None)
+            if found is None:
+                break
+            known += 1
+            screen.add(other_way(known, asked, found, world, request.request_id))
+        screen.tell(
+            "Alt+1 to Alt+3 point at a plan, Enter chooses it: it is checked, judged and put to you"
+            if known
+            else "no other sound plan is known for this order"
         )
 
     async def _look_at(self, asked: str) -> None:
@@ -92,8 +155,19 @@ class ApprovalController:
 
         self._session.app.push_screen(editor, closed)
 
-    def close_void_editor(self) -> None:
-        """Close the editor when its plan no longer waits."""
+    def close_void(self) -> None:
+        """Close what is about a plan that no longer waits: the editor, the comparison."""
+        current = self._session.state.current
+        waiting = current.approval if current else None
+        if self._comparing is not None:
+            request_id, screen = self._comparing
+            gone = waiting is None or waiting.request_id != request_id
+            if gone and self._session.app.screen is screen:
+                screen.dismiss(None)
+                self._session.tell("the plan no longer waits for a decision", "Compare", bad=True)
+        self._close_void_editor()
+
+    def _close_void_editor(self) -> None:
         if self._editing is None:
             return
         current = self._session.state.current

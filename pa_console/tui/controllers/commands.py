@@ -95,6 +95,27 @@ class CommandController:
             pane.next_mission()
         self._session.tell(f"the pointer is on {pane.mission} now; press the key again", title)
 
+    # Standing orders
+
+    def show_standing_orders(self) -> None:
+        """Show the standing orders of the session that is looked at."""
+        from pa_console.tui.standing_orders.screen import StandingOrdersScreen  # noqa: PLC0415
+
+        session = self._session
+        if not session.is_open(StandingOrdersScreen):
+            screen = StandingOrdersScreen(
+                lambda: session.shown_state, session.world.dt_s, self.revoke
+            )
+            session.app.push_screen(screen)
+
+    def revoke(self, order_id: str) -> None:
+        """Take a standing order out of force."""
+        if self._session.recording is not None:
+            self._session.tell("nothing is revoked in a recording", "Revoke refused", bad=True)
+        elif self.attempt("Revoke", lambda station: station.revoke(order_id)):
+            told = f"{order_id} starts nothing any more; what it had started and waits is cancelled"
+            self._session.tell(told, "Revoked")
+
     # The stop
 
     def stop_all(self) -> None:

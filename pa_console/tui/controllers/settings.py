@@ -32,7 +32,7 @@ class SettingsController:
         if values.theme != shown:  # else the one that was picked meanwhile stays
             self.use_theme()
         if values.theme not in self._app.available_themes:
-            problem = f"there is no theme {values.theme!r}; the settings list them"
+            problem = f"there is no theme “{values.theme}”; the settings list them"
             self._cannot_use("theme", str(loaded.error(("theme",), problem)))
         try:
             check_keys(values.keys)

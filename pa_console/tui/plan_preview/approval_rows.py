@@ -18,6 +18,7 @@ from pa_console.session.state.mission_trace import Attempt, MissionTrace
 from pa_console.session.wording import safety_in_words
 from pa_console.tui.plan_preview.action_rows import action_rows, cover_row, unrehearsed_row
 from pa_console.tui.plan_preview.preview import PlanPreview
+from pa_console.tui.standing_orders.rows import offered_rows
 from pa_console.tui.status_words import BAD, GOOD, NOTE, QUIET, WARN, term
 from pa_console.tui.trace.rows import Row, row
 
@@ -41,12 +42,15 @@ def approval_rows(trace: MissionTrace, preview: PlanPreview | None = None) -> It
         told = "Choose or write what is meant" if trace.choices else "Write what is meant"
         yield row("  ", f"Nobody moves. {told}, or reject this.")
         return
+    if request.standing is not None and trace.standing is not None:
+        yield from offered_rows(trace.standing)
+        yield from _blocked(request)
+        return
     for text in attempt.unmet if attempt else ():
         yield row(("△ ", WARN), ("Not done: ", f"bold {WARN}"), _because(text))
     yield from _phase(trace, attempt)
     yield from _actions(request, preview)
-    for reason in request.blocked_by:
-        yield row(("✘ ", BAD), ("Blocked  ", f"bold {BAD}"), (reason, BAD))
+    yield from _blocked(request)
     if request.approvals:
         yield row(("▲ ", WARN), ("People  ", f"bold {WARN}"), people_words(request.approvals))
         yield from _signed(trace, request)
@@ -60,9 +64,9 @@ def approval_rows(trace: MissionTrace, preview: PlanPreview | None = None) -> It
 def _order(trace: MissionTrace, request: ApprovalRequested) -> Iterator[Row]:
     """Yield the words of the order as they were typed, and what they were read as."""
     mission, attempt = trace.mission, trace.find(request.attempt)
-    who = "typed  " if mission.source == "operator" else "alarm  "
+    who = {"operator": "typed  ", "alarm": "alarm  ", "standing": f"by {mission.standing}  "}
     later = [(f"  (plan {request.attempt})", QUIET)] if request.attempt > 1 else []
-    yield row((who, QUIET), *typed_words(mission), *later)
+    yield row((who[mission.source], QUIET), *typed_words(mission), *later)
     asked = asked_words(attempt.plan.reason).rstrip("; ") if attempt and attempt.plan else ""
     if asked and not request.readings:
         yield row(("read   ", QUIET), plain_reading(asked))
@@ -124,6 +128,11 @@ def _actions(request: ApprovalRequested, preview: PlanPreview | None) -> Iterato
             yield changed
     if request.if_halted and not request.blocked_by:
         yield row("  ", ("if halted: ", NOTE), safety_in_words(request.if_halted))
+
+
+def _blocked(request: ApprovalRequested) -> Iterator[Row]:
+    for reason in request.blocked_by:
+        yield row(("✘ ", BAD), ("Blocked  ", f"bold {BAD}"), (reason, BAD))
 
 
 def _judge(attempt: Attempt | None, request: ApprovalRequested) -> Row:

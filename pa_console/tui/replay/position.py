@@ -26,7 +26,7 @@ def read_position(text: str, player: Player) -> int:
         return timeline.count_until(timeline.duration * float(found[1]) / 100)
     found = re.fullmatch(r"([-+s@]?)((?:\d{1,6}:){0,2}\d{1,6}(?:\.\d+)?)", text)
     if found is None:
-        raise ValueError(f"{text!r} is no moment; write one like these:\n{ACCEPTED}")
+        raise ValueError(f"“{text}” is no moment; write one like these:\n{ACCEPTED}")
     sign, seconds = found[1], _seconds(found[2])
     if sign == "s":
         if not timeline.ticks_per_s:

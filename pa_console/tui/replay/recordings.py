@@ -93,7 +93,7 @@ def open_log(log: Path, worlds: Path | None = None, progress: Progress | None = 
         known = "is not installed here"
         if worlds is not None:
             known = f"is neither installed nor below {worlds}; copy its world.yaml there"
-        raise ValueError(f"{log}: its world {started.world!r} {known}")
+        raise ValueError(f"{log}: its world “{started.world}” {known}")
     rules, notes = _rules(player, started)
     return OpenedLog(player, world, rules, "; ".join(notes))
 
@@ -112,9 +112,9 @@ def open_compared(log: Path, known: KnownWorld, progress: Progress | None = None
     file = SessionSites().world_file(started, log)
     world = _world(started, None) if file is None else open_world(str(file))[0]
     if world is None:
-        notes.insert(0, f"its world {started.world!r} is not here")
+        notes.insert(0, f"its world “{started.world}” is not here")
     elif file is None:
-        notes.insert(0, f"its world {started.world!r} has changed since")
+        notes.insert(0, f"its world “{started.world}” has changed since")
     return ComparedLog(player, world, rules, "; ".join(notes))
 
 
@@ -143,7 +143,7 @@ def _rules(player: Player, started: SessionStarted) -> tuple[dict[str, Rule], li
     try:
         book = load_rules(find_data("rules", started.rules, "rules.yaml"))
     except (DocumentError, OSError):
-        notes.append(f"the rules {started.rules!r} of this session are not here: ids without texts")
+        notes.append(f"the rules “{started.rules}” of this session are not here: ids without texts")
         return {}, notes
     if book.sha256 != started.rules_sha256:
         notes.append("the rules have changed since this session")

@@ -22,7 +22,7 @@ def run_again(log: Path) -> tuple[bool, str]:
     if started.scenario and file is not None:
         loaded = open_scenario(world, file, started.scenario)
         if started.scenario_sha256 not in ("", loaded.sha256):
-            raise ValueError(f"its scenario {started.scenario!r} has changed since")
+            raise ValueError(f"its scenario “{started.scenario}” has changed since")
         scenario = loaded.scenario
     twin = resimulate(read_log(log), world, scenario)
     if twin.equal:

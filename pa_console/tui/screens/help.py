@@ -17,6 +17,7 @@ from pa_console.tui.widgets.row_views import TextRows
 _APPROVAL = (
     ("r m a", "Go to Reject, Modify or Approve, or to what Approve still needs; Enter presses it"),
     ("Alt+1 … 3", "Plan anew for what an unclear order was meant to ask, where that is offered"),
+    ("Alt+C", "Other sound plans side by side; nothing is approved there"),
     ("letters", "Any other letter, and what is pasted, begins the reason; Enter leaves it"),
     ("Tab", "Round the buttons, the warnings and the reason; Esc leaves"),
     ("", "Keys are dropped for the first 0.6 s, so that no stray key decides"),

@@ -56,7 +56,7 @@ class MainScreen(Screen[None]):
     """Lays the panes out for the terminal's size and passes the state on to them."""
 
     BINDINGS = [
-        Binding(",".join(DECISION_KEYS), "where_to_decide", show=False),
+        Binding(",".join((*DECISION_KEYS, "alt+c")), "where_to_decide", show=False),
         *(
             Binding(key, f"numbered({number})", show=False)
             for number, key in enumerate(READING_KEYS, start=1)

@@ -53,6 +53,8 @@ def queue_rows(place: int, entry: QueueEntry) -> tuple[Content, Content]:
     mark = term("alarm", entry.priority)
     mission = entry.mission
     origin = ("by alarm  ", NOTE) if mission.source == "alarm" else ("", "")
+    if mission.standing:
+        origin = (f"by {mission.standing}  ", NOTE)
     later = ("deferred  ", WARN) if entry.deferred else ("", "")
     head = Content.assemble(
         column(f"{place}.", 3, "bold"),

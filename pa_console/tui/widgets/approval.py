@@ -81,6 +81,7 @@ class ApprovalPanel(Vertical, can_focus=True):
             for n, key in enumerate(READING_KEYS, start=1)
         ),
         Binding("space", "play", "Play the rehearsal", show=False),
+        Binding("alt+c", "compare", "Plans side by side", show=False, priority=True),
         Binding("pagedown", "scroll_plan(1)", "Rest of the plan", show=False),
         Binding("pageup", "scroll_plan(-1)", "Back in the plan", show=False),
         Binding("tab", "cycle(1)", "Next field", show=False),
@@ -99,6 +100,9 @@ class ApprovalPanel(Vertical, can_focus=True):
 
     class PlayAsked(Message):
         """The operator wants to see the rehearsal on the map, or no more of it."""
+
+    class CompareAsked(Message):
+        """The operator wants to see other plans beside the one that waits."""
 
     class LookedAt(Message):
         """The operator looks at another reading of the order, or with '' at the plan again."""
@@ -346,7 +350,9 @@ class ApprovalPanel(Vertical, can_focus=True):
         if approve.has_focus:
             joined = self._joined is not None
             return "Enter signs it" if joined else "Enter approves, r goes back to Reject"
-        return "Space plays it on the map" if self.has_focus_within else ""
+        request = self._trace.approval if self._trace else None
+        plays = request is not None and request.standing is None and self.has_focus_within
+        return "Space plays it, Alt+C compares plans" if plays else ""
 
     def on_descendant_focus(self) -> None:
         """Look at a reading no more whose button has no focus, and say what the next key does.
@@ -402,7 +408,8 @@ class ApprovalPanel(Vertical, can_focus=True):
         refused = request is not None and bool(request.blocked_by) and state != "not_understood"
         self.set_class(refused or state == "judge_objects", "-blocked")
         self.set_class(state == "approve", "-sure")
-        self.query_one("#modify", Button).disabled = state == "not_understood"
+        standing = request is not None and request.standing is not None
+        self.query_one("#modify", Button).disabled = standing or state == "not_understood"
 
     def _why_not(self) -> str:
         """Return why Approve is not admissible, apart from the arm delay."""
@@ -488,6 +495,13 @@ class ApprovalPanel(Vertical, can_focus=True):
         if self.armed:
             self.post_message(self.PlayAsked())
 
+    def action_compare(self) -> None:
+        """Show other plans beside the one that waits."""
+        if self.armed:
+            self.post_message(self.CompareAsked())
+        else:
+            self.type_ahead()
+
     def type_ahead(self) -> None:
         """Drop a key that came too early; the panel waits anew."""
         self._disarm()
@@ -537,7 +551,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         if self._joined is not None and choice != "approve":
             return
         reason = self.query_one(f"#{REASON}", Input).value.strip()
-        if choice == "modify" and request.state != "not_understood":
+        if choice == "modify" and request.standing is None and request.state != "not_understood":
             self.post_message(self.ModifyAsked())
         elif answer := self._answer_of(choice):
             self._answer(answer)

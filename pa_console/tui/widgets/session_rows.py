@@ -104,9 +104,8 @@ def detail_rows(summary: SessionSummary, standing: Soundness | None) -> tuple[Ro
         rows.append(row([("log       ", QUIET)], mark.content, told))
     for mission in summary.missions:
         mark = term("mission", mission.status or "open")
-        origin = "by alarm: " if mission.by_alarm else ""
         rows.append(row([("mission   ", QUIET)], (f"{mission.id} ", "bold"), mark.content,
-                        f"  {origin}{mission.said}"))  # fmt: skip
+                        f"  {mission.origin}{mission.said}"))  # fmt: skip
         if mission.reason:
             rows.append(row("            ", (mission.reason, QUIET)))
     rows.append(_line("file", str(summary.log)))

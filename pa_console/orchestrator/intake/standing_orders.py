@@ -1,0 +1,299 @@
+"""The standing orders in force: when each starts a mission, and when it must not.
+
+A start needs an occurrence: the condition begins to hold of a subject, and has held for SETTLE_S.
+One occurrence starts one mission. It is over once the condition has not held for REST_S, and only
+after that can there be another of the same subject. Nothing is started by what the orders have
+brought about themselves, while everything is stopped, or beyond an order's number of starts an
+hour. All times are simulated seconds, and only the picture is looked at.
+"""
+
+from collections import deque
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from pa_console.policy.standing_conditions import StandingCondition
+from pa_console.schema.standing import PLACE, StandingOrder, StandingStart
+from pa_console.schema.telemetry import Picture
+
+SETTLE_S = 1.0
+"""A condition that holds for less than this is noise."""
+REST_S = 30.0
+"""An occurrence is over when its condition has not held for so long."""
+HOUR_S = 3600.0
+MOST_ORDERS = 20
+"""So many standing orders are in force at most."""
+
+
+@dataclass(frozen=True)
+class Due:
+    """A mission that an order in force starts now."""
+
+    order: StandingOrder
+    start: StandingStart
+    subject: str
+    gate: str | None
+
+
+@dataclass(frozen=True)
+class Withheld:
+    """An occurrence for which nothing is started, and why."""
+
+    order: StandingOrder
+    subject: str
+    reason: str
+
+
+@dataclass
+class _Occurrence:
+    """Since when the condition has held of a subject, and when it last did."""
+
+    since_s: float
+    seen_s: float
+    handled: bool = False
+    effect_of: str = ""
+    """The mission of a standing order by which it came about."""
+
+
+@dataclass
+class _InForce:
+    """An approved order, what it watches, and when it has started missions."""
+
+    condition: StandingCondition
+    occurrences: dict[str, _Occurrence] = field(default_factory=dict[str, _Occurrence])
+    starts_s: deque[float] = field(default_factory=deque[float])
+    problem: str = ""
+    """Why its condition could not be looked up last; '' where it could."""
+
+    @property
+    def order(self) -> StandingOrder:
+        return self.condition.order
+
+
+@dataclass
+class _Own:
+    """A mission that a standing order started, and whom and where it has moved."""
+
+    order: str
+    subject: str
+    moved: frozenset[str] = frozenset()
+    ended_s: float | None = None
+
+
+class StandingOrders:
+    """Everything that is in force in one session; nothing is before an operator has approved it."""
+
+    def __init__(self) -> None:
+        self._in_force: dict[str, _InForce] = {}
+        self._own: dict[str, _Own] = {}
+        self._count = 0
+
+    # What is in force
+
+    def new_id(self) -> str:
+        """Return the id of one more standing order."""
+        self._count += 1
+        return f"S{self._count}"
+
+    def skip_ids(self, used: Iterable[str]) -> None:
+        """Give none of these ids again: they were used earlier in the session."""
+        self._count = max([self._count, *(int(name.removeprefix("S")) for name in used)])
+
+    @property
+    def orders(self) -> tuple[StandingOrder, ...]:
+        """The orders in force, the oldest first."""
+        return tuple(entry.order for entry in self._in_force.values())
+
+    def find(self, order_id: str) -> StandingOrder | None:
+        """Return the order of that id, None when it is not in force."""
+        entry = self._in_force.get(order_id)
+        return entry.order if entry is not None else None
+
+    def refusal(self, order: StandingOrder) -> str:
+        """Return why `order` cannot come into force beside the others, '' when it can."""
+        if len(self._in_force) >= MOST_ORDERS:
+            return f"{MOST_ORDERS} standing orders are in force: revoke one first"
+        same = (each.id for each in self.orders if _says(each) == _says(order))
+        return f"{known} says the same and is in force" if (known := next(same, "")) else ""
+
+    def approve(self, condition: StandingCondition) -> None:
+        """Put an order in force that an operator has approved; ValueError where it cannot be."""
+        order = condition.order
+        if problem := self.refusal(order):
+            raise ValueError(problem)
+        if order.id in self._in_force:
+            raise ValueError(f"{order.id} is in force already")
+        self._in_force[order.id] = _InForce(condition)
+
+    def revoke(self, order_id: str) -> StandingOrder:
+        """Take an order out of force and return it; raises ValueError when it is not in force."""
+        if order_id not in self._in_force:
+            known = ", ".join(self._in_force) or "none"
+            raise ValueError(f"no standing order {order_id!r} is in force; in force: {known}")
+        return self._in_force.pop(order_id).order
+
+    # What they start
+
+    def look(
+        self, picture: Picture, busy: Collection[str] = (), *, stopped: bool = False
+    ) -> list[Due | Withheld]:
+        """Take in a new picture; return the missions to start, and what is not started, with why.
+
+        Each mission that is returned counts as started. What is `busy`, because a mission about it
+        waits or is under way, gets no other one. While everything is `stopped` what begins is
+        noted, so that it starts nothing after the stop either.
+        """
+        self._forget(picture.time_s)
+        found: list[Due | Withheld] = []
+        for entry in self._in_force.values():
+            taken = {*busy, *(each.subject for each in found if isinstance(each, Due))}
+            try:
+                holding = entry.condition.holding(picture)
+            except Exception as error:  # whatever CEL runs into: nothing is decided
+                found += self._undecided(entry, f"{type(error).__name__}: {error}")
+                continue
+            entry.problem = ""
+            found += self._watch(entry, holding, picture, taken, stopped=stopped)
+        return found
+
+    def started(self, mission: str, due: Due) -> None:
+        """Note that `mission` is what was due."""
+        self._own[mission] = _Own(due.order.id, due.subject)
+
+    def starter(self, mission: str) -> str:
+        """Return the id of the order that started `mission`, '' for none."""
+        own = self._own.get(mission)
+        return own.order if own is not None else ""
+
+    def moves(self, mission: str, names: Collection[str]) -> None:
+        """Note whom and where `mission` moves: what comes about there is its own effect."""
+        own = self._own.get(mission)
+        if own is not None:
+            self._own[mission] = replace(own, moved=own.moved | frozenset(filter(None, names)))
+
+    def ended(self, mission: str, time_s: float) -> None:
+        """Note that `mission` is over."""
+        if (own := self._own.get(mission)) is not None:
+            own.ended_s = time_s
+
+    # One look at one order
+
+    def _watch(
+        self,
+        entry: _InForce,
+        holding: Mapping[str, bool | None],
+        picture: Picture,
+        busy: Collection[str],
+        *,
+        stopped: bool,
+    ) -> list[Due | Withheld]:
+        now_s, found = picture.time_s, list[Due | Withheld]()
+        for subject, holds in holding.items():
+            known = entry.occurrences.get(subject)
+            if holds is None:
+                if known is not None:
+                    known.seen_s, known.handled = now_s, known.handled or stopped
+                continue
+            if holds and known is None:
+                known = _Occurrence(now_s, now_s, effect_of=self._cause(subject))
+                entry.occurrences[subject] = known
+            if holds and known is not None:
+                known.seen_s = now_s
+                known.handled = known.handled or stopped
+                if not known.handled and now_s - known.since_s >= SETTLE_S:
+                    known.handled = True
+                    found.append(self._decide(entry, subject, known, picture, busy))
+        for subject, known in list(entry.occurrences.items()):
+            over = now_s - known.seen_s >= REST_S or not (known.handled or holding.get(subject))
+            if over and known.seen_s < now_s:
+                del entry.occurrences[subject]
+        return found
+
+    def _decide(
+        self,
+        entry: _InForce,
+        subject: str,
+        known: _Occurrence,
+        picture: Picture,
+        busy: Collection[str],
+    ) -> Due | Withheld:
+        order, now_s = entry.order, picture.time_s
+        while entry.starts_s and now_s - entry.starts_s[0] >= HOUR_S:
+            entry.starts_s.popleft()
+        if known.effect_of:
+            why = f"{known.effect_of}, which a standing order started, has brought it about"
+            return Withheld(order, subject, why)
+        if subject in busy:
+            return Withheld(order, subject, "another mission deals with it")
+        if len(entry.starts_s) >= order.most_an_hour:
+            return Withheld(order, subject, f"it has started {len(entry.starts_s)} in an hour")
+        start = start_for(order, subject, picture)
+        if start is None:
+            return Withheld(order, subject, "its gate is not known")
+        entry.starts_s.append(now_s)
+        return Due(order, start, subject, _gate(order, subject, picture) or None)
+
+    def _cause(self, subject: str) -> str:
+        """Return the mission of a standing order that moves, or has just moved, `subject`."""
+        return next((name for name, own in self._own.items() if subject in own.moved), "")
+
+    def _undecided(self, entry: _InForce, problem: str) -> Sequence[Withheld]:
+        if entry.problem == problem:
+            return ()
+        entry.problem = problem
+        return (Withheld(entry.order, "", f"its condition cannot be looked up: {problem}"),)
+
+    def _forget(self, now_s: float) -> None:
+        """Forget missions that have been over for so long that nothing is their effect any more."""
+        for name, own in list(self._own.items()):
+            if own.ended_s is not None and now_s - own.ended_s >= REST_S:
+                del self._own[name]
+
+
+def start_for(order: StandingOrder, subject: str, picture: Picture) -> StandingStart | None:
+    """Return what `order` starts for `subject`; None where it names a gate that is not known."""
+    place = _gate(order, subject, picture)
+    if PLACE in order.order and not place:
+        return None
+    track = picture.tracks.get(subject) if order.each == "track" else None
+    name = f"the {track.kind} at {track.gate}" if track is not None else subject
+    return StandingStart(subject=subject, order=order.order_for(name, place))
+
+
+def example_subject(order: StandingOrder, picture: Picture) -> tuple[str, str]:
+    """Return a subject that `order` may be started for, and its gate, in words for an order."""
+    gate = next(iter(picture.gates), "")
+    match order.each:
+        case "gate":
+            return gate, gate
+        case "track":
+            return f"the vehicle at {gate}", gate
+        case "asset":
+            return next(iter(picture.assets), ""), gate
+
+
+def starts_now(condition: StandingCondition, picture: Picture) -> tuple[StandingStart, ...]:
+    """Return what an order would start at once if it were in force.
+
+    Raises ValueError where its condition cannot be looked up.
+    """
+    try:
+        holding = condition.holding(picture)
+    except Exception as error:
+        raise ValueError(f"its condition cannot be looked up: {error}") from error
+    found = (start_for(condition.order, name, picture) for name, holds in holding.items() if holds)
+    return tuple(start for start in found if start is not None)
+
+
+def _gate(order: StandingOrder, subject: str, picture: Picture) -> str:
+    """Return the gate that a subject is at or belongs to, '' for none."""
+    if order.each == "gate":
+        return subject
+    if order.each == "track":
+        return picture.tracks[subject].gate if subject in picture.tracks else ""
+    asset = picture.assets.get(subject)
+    place = (asset.post or asset.at or "") if asset is not None else ""
+    return place if place in picture.gates else ""
+
+
+def _says(order: StandingOrder) -> tuple[str, str, str]:
+    return order.each, order.condition, order.order

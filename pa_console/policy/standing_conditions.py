@@ -1,0 +1,130 @@
+"""The conditions of standing orders: CEL over one asset, track or gate of the picture.
+
+An expression may use these variables:
+
+it      the asset, track or gate in question. An asset is {id, kind, at, post, position, speed_mps,
+        status, task, battery_pct, low_battery, comms, available, stale, integrity, stamp_s}, a gate
+        {name, covered, by, uncovered_s, unsure}; a track has every field of `Track`. What is not
+        known is ''.
+id      its name.
+now     {time_s, weather}.
+world   as in a rule's check.
+
+Of an asset or track whose report is old, or of an asset whose report is suspect, nothing is known,
+unless the expression itself asks for that.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from pa_console.policy.checks.check_context import WORLD_SHAPE, world_variables
+from pa_console.policy.expressions.deadlines import DEADLINE_S, shared_deadline
+from pa_console.policy.expressions.expression import SUBJECT_VARIABLES, Expression, make_context
+from pa_console.policy.expressions.fields import Record, Shapes, flat, names_of
+from pa_console.schema.base import StrictModel
+from pa_console.schema.standing import StandingOrder, SubjectKind
+from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Track
+from pa_console.schema.world import World
+
+MOST_SIZE = 200
+"""Names, values and signs that one condition may be made of."""
+LOOK_S = 0.05
+"""Seconds of processor time that one condition may take for all subjects of a picture."""
+
+_HIDDEN = frozenset(("heading_deg", "route", "command_id"))
+_FIELDS: Mapping[SubjectKind, Record] = {
+    "asset": flat(AssetTelemetry.model_fields.keys() - _HIDDEN),
+    "track": flat(Track.model_fields.keys() - _HIDDEN),
+    "gate": flat(("name", *GateCover.model_fields)),
+}
+_NOW = flat(("time_s", "weather"))
+_OF_SILENCE = frozenset(("stale", "comms", "available", "integrity", "status"))
+"""An expression that reads one of these is about what is heard itself."""
+
+
+@dataclass
+class StandingCondition:
+    """The condition of one standing order, ready to be looked up in pictures of `world`.
+
+    Raises ValueError for CEL that does not compile, is too large or speaks of what is not there.
+    """
+
+    order: StandingOrder
+    world: World
+    _seen: dict[str, tuple[object, bool]] = field(
+        default_factory=dict[str, tuple[object, bool]], repr=False
+    )
+    """By subject: what was read of it last, and what that came to."""
+
+    def __post_init__(self) -> None:
+        self._expression = Expression(self.order.condition, SUBJECT_VARIABLES, DEADLINE_S)
+        if self._expression.size > MOST_SIZE:
+            raise ValueError(f"the condition is too large: at most {MOST_SIZE} words and signs")
+        shapes: Shapes = {
+            "it": _FIELDS[self.order.each], "id": None, "now": _NOW, "world": WORLD_SHAPE,
+        }  # fmt: skip
+        self._reads = self._expression.reads(shapes)
+        read = self._reads.get("it", {})
+        self._fields = tuple(sorted(names_of(read, _FIELDS[self.order.each].fields)))
+        self._of_silence = bool(_OF_SILENCE & set(self._fields))
+
+    @cached_property
+    def _world(self) -> dict[str, Any]:
+        return world_variables(self.world) if "world" in self._expression.variables else {}
+
+    def holding(self, picture: Picture) -> Mapping[str, bool | None]:
+        """Return of every subject whether the condition holds of it, None where nobody knows.
+
+        Raises whatever the expression runs into, DeadlineError when it takes too long.
+        """
+        found: dict[str, bool | None] = {}
+        now = {"time_s": picture.time_s, "weather": picture.weather}
+        timed = "now" in self._expression.variables
+        with shared_deadline(LOOK_S, len(picture.assets)):
+            for name, subject in self._subjects(picture):
+                if not self._of_silence and _unknown(subject):
+                    found[name] = None
+                    continue
+                values = {each: _value(subject, each, name) for each in self._fields}
+                key = (values, now if timed else None)
+                known = self._seen.get(name)
+                if known is None or known[0] != key:
+                    known = key, self._decide(name, values, now)
+                    self._seen[name] = known
+                found[name] = known[1]
+        for gone in self._seen.keys() - found.keys():
+            del self._seen[gone]
+        return found
+
+    def _subjects(
+        self, picture: Picture
+    ) -> Iterator[tuple[str, AssetTelemetry | Track | GateCover]]:
+        match self.order.each:
+            case "asset":
+                yield from picture.assets.items()
+            case "track":
+                yield from picture.tracks.items()
+            case "gate":
+                yield from picture.gates.items()
+
+    def _decide(self, name: str, values: dict[str, Any], now: dict[str, Any]) -> bool:
+        given = {"it": values, "id": name, "now": now, "world": self._world}
+        read = {each: given[each] for each in self._expression.variables}
+        result: Any = self._expression.evaluate(make_context(read))
+        if not isinstance(result, bool):
+            raise ValueError(f"it yields {result!r}, not true or false")
+        return result
+
+
+def _unknown(subject: StrictModel) -> bool:
+    """Whether nothing is known of a subject for certain."""
+    if isinstance(subject, AssetTelemetry):
+        return subject.stale or subject.integrity == "suspect" or subject.comms == "lost"
+    return isinstance(subject, Track) and subject.stale
+
+
+def _value(subject: StrictModel, field_name: str, name: str) -> Any:
+    value = name if field_name == "name" else getattr(subject, field_name)
+    return "" if value is None else value

@@ -1,0 +1,119 @@
+"""A plan beside others: what it is for, what it does, what rules, judge and models say of it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from pa_console.orders.plain_words import plain_reading
+from pa_console.orders.reading import asked_words
+from pa_console.schema.mission import Decision
+from pa_console.schema.rehearsal import RehearsedReading
+from pa_console.schema.world import World
+from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.tui.plan_preview.action_rows import action_rows, cover_row
+from pa_console.tui.plan_preview.preview import PlanPreview
+from pa_console.tui.status_words import BAD, GOOD, QUIET, WARN
+from pa_console.tui.trace.rows import Row, row
+
+MOST_BESIDE = 2
+"""So many plans are shown beside the one that waits, and more only where more readings are."""
+
+OTHER_WAY = "another plan for the same reading, chosen beside the proposed one"
+_LEAD = 11
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A rehearsed plan; `decision` puts it forward, None for the one that waits already.
+
+    `judge` and `sure` are what judge and models said of it, where they were asked.
+    """
+
+    title: str
+    reading: str
+    preview: PlanPreview
+    broken: tuple[str, ...] = ()
+    decision: Decision | None = None
+    judge: str = ""
+    sure: float | None = None
+
+
+def waiting_candidate(trace: MissionTrace, preview: PlanPreview) -> Candidate:
+    """Return the plan that waits for a decision."""
+    request = trace.approval
+    attempt = trace.find(request.attempt) if request is not None else None
+    verdict = attempt.verdict if attempt is not None else None
+    broken = (*request.blocked_by, *request.acknowledge) if request is not None else ()
+    return Candidate(
+        "The plan that waits",
+        plain_reading(said_of(trace)),
+        preview,
+        broken,
+        judge="" if verdict is None else "objects" if verdict.verdict == "Failure" else "passes it",
+        sure=attempt.sure if attempt is not None else None,
+    )
+
+
+def said_of(trace: MissionTrace) -> str:
+    """Return in canonical words what the plan that waits is for, '' where that is not told."""
+    request = trace.approval
+    if request is None:
+        return ""
+    return request.asked or asked_words(request.plan.reason).rstrip("; ")
+
+
+def other_reading(
+    number: int, asked: str, found: RehearsedReading, world: World, request_id: str
+) -> Candidate:
+    """Return what another reading of the order would lead to."""
+    words = plain_reading(asked)
+    return Candidate(
+        f"(Alt+{number}) another reading",
+        words,
+        PlanPreview(world, found.plan, found.rehearsal, words),
+        found.faults,
+        Decision(kind="choose", request_id=request_id, asked=asked),
+    )
+
+
+def other_way(
+    number: int, asked: str, found: RehearsedReading, world: World, request_id: str
+) -> Candidate:
+    """Return another plan for the same reading."""
+    return Candidate(
+        f"(Alt+{number}) another way",
+        plain_reading(asked),
+        PlanPreview(world, found.plan, found.rehearsal),
+        found.faults,
+        Decision(kind="modify", request_id=request_id, plan=found.plan, reason=OTHER_WAY),
+    )
+
+
+def candidate_rows(candidate: Candidate) -> Iterator[Row]:
+    """Yield what is to be compared, always in the same order."""
+    preview = candidate.preview
+    yield row(_lead("read as"), candidate.reading or ("not told", QUIET))
+    yield from action_rows(preview)
+    yield cover_row(preview) or row(("Guards  ", QUIET), "all gates keep theirs")
+    yield row(_lead("time"), f"{preview.duration_s:.0f} s")
+    yield row(_lead("battery"), _battery(preview))
+    if candidate.broken:
+        yield row(_lead("rules"), ("; ".join(candidate.broken), BAD))
+    else:
+        yield row(_lead("rules"), ("none broken", GOOD))
+    chosen = candidate.decision is not None
+    judge = candidate.judge or ("asked once you choose it" if chosen else "not asked")
+    yield row(_lead("judge"), (judge, WARN if judge == "objects" else QUIET if chosen else ""))
+    sure = f"{candidate.sure:.0%}" if candidate.sure is not None else ""
+    yield row(_lead("confidence"), sure or ("told once you choose it" if chosen else "not told"))
+
+
+def _battery(preview: PlanPreview) -> str:
+    lines = preview.rehearsal.timeline.assets
+    if not lines:
+        return "nobody moves"
+    name = min(lines, key=lambda each: lines[each].least_battery_pct)
+    return f"at least {lines[name].least_battery_pct:.0f} % ({name})"
+
+
+def _lead(name: str) -> tuple[str, str]:
+    return f"{name:<{_LEAD}}", QUIET

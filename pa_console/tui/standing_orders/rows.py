@@ -1,0 +1,37 @@
+"""What the approval panel and the list say of a standing order."""
+
+from collections.abc import Collection, Iterator
+
+from pa_console.schema.events.event import StandingOrderRead
+from pa_console.schema.quantities import count
+from pa_console.schema.standing import StandingOrder
+from pa_console.session.wording import asked_in_words
+from pa_console.tui.status_words import CALM, NOTE, QUIET, WARN
+from pa_console.tui.trace.rows import Row, row
+
+_LEAD = 10
+
+
+def offered_rows(read: StandingOrderRead) -> Iterator[Row]:
+    """Yield all that is to be known of a standing order before it is approved."""
+    yield row(("▶ ", NOTE), (f"Standing order {read.order.id}: ", f"bold {NOTE}"),
+              "it holds from your approval until you revoke it or the session ends")  # fmt: skip
+    yield from order_rows(read.order, read.allowed)
+    for start in read.now:
+        yield row(_lead("now"), (f"{start.subject}: ", "bold"), (start.order, WARN))
+    if not read.now:
+        yield row(_lead("now"), "it would start nothing: the condition holds of nobody")
+
+
+def order_rows(order: StandingOrder, allowed: Collection[str] | None = None) -> Iterator[Row]:
+    """Yield what an order waits for, in words and as CEL, what it starts and who is asked."""
+    yield row(_lead("whenever"), (order.words, "bold"))
+    yield row(_lead("in CEL"), (order.condition, CALM))
+    yield row(_lead("it starts"), order.order_in_words)
+    style = WARN if order.unasked else ""
+    yield row(_lead("approval"), (asked_in_words(order, allowed), style))
+    yield row(_lead("limit"), f"{count(order.most_an_hour, 'start')} an hour")
+
+
+def _lead(name: str) -> tuple[str, str]:
+    return f"{name:<{_LEAD}}", QUIET

@@ -1,0 +1,160 @@
+"""Standing orders on the screen and in lines: shown before they hold, listed, and revoked."""
+
+import asyncio
+from pathlib import Path
+
+import pytest
+from textual.widgets import Button, Static
+
+from pa_console.cli.plain.line_console import LineConsole
+from pa_console.schema.events import event as ev
+from pa_console.schema.plan import Plan
+from pa_console.schema.standing import StandingOrder, StandingStart
+from pa_console.session.state.waiting import Waiting
+from pa_console.tui.app import ConsoleApp
+from pa_console.tui.standing_orders.screen import StandingOrdersScreen
+from pa_console.tui.widgets.approval import ARM_DELAY_S, ApprovalPanel
+from pa_console.tui.widgets.row_views import TextRows
+from tests.tui import story
+from tests.tui.scripted import FakeClock, ScriptedStation, console, settle
+
+pytestmark = pytest.mark.long
+
+TEXT = "Whenever a drone is below 20 %, relieve it."
+ORDER = StandingOrder(
+    id="S1",
+    text=TEXT,
+    each="asset",
+    condition="it.kind == 'uav' && it.battery_pct < 20.0",
+    words="a drone is below 20 % battery",
+    order="Relieve {it}.",
+)
+READ = ev.StandingOrderRead(
+    order=ORDER, now=(StandingStart(subject="Drone_T01", order="Relieve Drone_T01."),)
+)
+REQUEST = ev.ApprovalRequested(
+    request_id=f"{story.MISSION.id}.S1",
+    attempt=0,
+    plan=Plan(reason="none", actions=()),
+    standing=ORDER,
+    state="approve",
+)
+GIVEN = story.MISSION.model_copy(update={"text": TEXT})
+STARTED = story.MISSION.model_copy(
+    update={"id": "M-777", "text": "Relieve Drone_T01.", "source": "standing", "standing": "S1"}
+)
+
+
+def asked() -> list[ev.EventPayload]:
+    """Return the events up to a standing order that waits for approval."""
+    received = ev.MissionReceived(mission=GIVEN, position=0)
+    return [*story.opening(), received, ev.MissionStarted(), READ, REQUEST]
+
+
+def in_force(station: ScriptedStation) -> None:
+    """Let it be approved, start a mission and leave one out."""
+    station.emit(ev.StandingOrderApproved(order=ORDER, by="operator"), mission=None)
+    station.emit(ev.MissionReceived(mission=STARTED, position=0), mission=STARTED.id)
+    started = ev.StandingOrderStarted(order_id="S1", subject="Drone_T01")
+    station.emit(started, mission=STARTED.id)
+    withheld = ev.StandingOrderWithheld(order_id="S1", subject="Drone_T02", reason="it is busy")
+    station.emit(withheld, mission=None)
+
+
+def words(app: ConsoleApp, sheet: str) -> str:
+    return " ".join(str(app.screen.query_one(sheet, TextRows).render()).split())
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 36)])
+async def test_it_is_shown_in_words_and_as_cel_and_approved_or_rejected_as_it_is(
+    tmp_path: Path, size: tuple[int, int]
+) -> None:
+    station, clock = ScriptedStation(asked()), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=size) as pilot:
+        await settle(pilot, station)
+        said = words(app, "#approval-text")
+        shown = (TEXT, ORDER.words, ORDER.condition, "Relieve that asset.")
+        now = "Drone_T01: Relieve Drone_T01."
+        for part in (*shown, "each mission waits for your approval", now):
+            assert part in said
+        clock.now += ARM_DELAY_S
+        app.screen.query_one(ApprovalPanel).refresh_state()
+        assert app.screen.query_one("#modify", Button).disabled
+        await pilot.press("m", "enter")
+        assert station.decisions == []
+        await pilot.press("a", "enter")
+        await settle(pilot, station)
+        assert [decision.kind for decision in station.decisions] == ["approve"]
+        assert station.decisions[0].request_id == REQUEST.request_id
+
+
+@pytest.mark.parametrize("size", [(60, 18), (120, 36)])
+async def test_all_are_listed_with_what_they_have_started_and_can_be_revoked(
+    tmp_path: Path, size: tuple[int, int]
+) -> None:
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path)
+    async with app.run_test(size=size) as pilot:
+        in_force(station)
+        await settle(pilot, station)
+        await pilot.press("escape", "V")
+        await settle(pilot)
+        screen = app.screen
+        assert isinstance(screen, StandingOrdersScreen)
+        assert "1 standing order in force" in str(
+            screen.query_one("#standing-title", Static).render()
+        )
+        assert "in force" in screen.listing.text
+        sheet = words(app, "#standing-sheet")
+        for part in (ORDER.condition, "M-777 for Drone_T01", "Drone_T02: it is busy"):
+            assert part in sheet
+        await pilot.press("x")
+        await settle(pilot, station)
+        screen.look()
+        assert station.revoked == ["S1"]
+        assert "revoked by operator" in words(app, "#standing-sheet")
+        await pilot.press("x")
+        assert station.revoked == ["S1"], "once"
+        await pilot.press("escape")
+        assert app.screen is app.session.main
+
+
+async def test_without_one_the_screen_says_how_to_give_one(tmp_path: Path) -> None:
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await settle(pilot, station)
+        await pilot.press("escape", "V")
+        await settle(pilot)
+        assert "Whenever a drone is below 20 %, relieve it." in words(app, "#standing-sheet")
+
+
+async def test_in_line_mode_they_are_lines_and_revoke_ends_one() -> None:
+    station = ScriptedStation(story.opening())
+    said: list[str] = []
+    lines: asyncio.Queue[str | None] = asyncio.Queue()
+    listening = LineConsole(
+        station,  # pyright: ignore[reportArgumentType] - it has all that is asked of it here
+        said.append,
+        lambda _trace, _number: None,
+        lambda _trace: None,
+        Waiting(),
+    )
+    in_force(station)
+    running = asyncio.create_task(listening.run(lines))
+    while not listening.state.standing.get("S1") or not listening.state.standing["S1"].withheld:
+        await asyncio.sleep(0)
+    for line in ("standing", "revoke s1", "revoke S9 now"):
+        lines.put_nowait(line)
+    while not lines.empty() or listening.state.standing["S1"].in_force:
+        await asyncio.sleep(0)
+    lines.put_nowait("standing")
+    while not lines.empty():
+        await asyncio.sleep(0)
+    station.end()
+    await running
+    assert "S1: whenever a drone is below 20 % battery: Relieve that asset." in said
+    assert any("1 start, last M-777 for Drone_T01" in line for line in said)
+    assert station.revoked == ["S1"]
+    assert "no standing order is in force" in said
