@@ -24,6 +24,7 @@ from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Mission
+from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.session.state.fold import SessionState
 
@@ -141,6 +142,16 @@ class JoinedStation:
         """Rehearse nothing: there is no model here."""
         return None
 
+    async def other_ways(
+        self,
+        mission: Mission,  # noqa: ARG002
+        asked: str,  # noqa: ARG002
+        but: Plan,  # noqa: ARG002
+    ) -> AsyncGenerator[RehearsedReading]:
+        """Rehearse nothing either."""
+        for rehearsed in ():
+            yield rehearsed
+
     def typing(self, text: str) -> None:
         """Take no notice."""
 
@@ -171,6 +182,9 @@ class JoinedStation:
         raise self._refusal
 
     def withdraw(self, mission_id: str) -> None:  # noqa: ARG002, D102
+        raise self._refusal
+
+    def revoke(self, order_id: str) -> None:  # noqa: ARG002, D102
         raise self._refusal
 
     def inject(self, incident: Incident) -> None:  # noqa: ARG002, D102
