@@ -46,7 +46,7 @@ from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.theme import VARIABLES
 from pa_console.tui.visible_lines import VisibleLines
-from pa_console.tui.widgets.approval import ApprovalPanel
+from pa_console.tui.widgets.approval.panel import ApprovalPanel
 from pa_console.tui.widgets.bars import JOINED
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionPrompt

@@ -17,7 +17,7 @@ from pa_console.tui.openings import evaluation_console
 from pa_console.tui.screens.evaluation import EvaluationScreen
 from pa_console.tui.screens.questions import AskFolder
 from pa_console.tui.screens.recording import RecordingScreen
-from pa_console.tui.widgets.approval import ApprovalPanel
+from pa_console.tui.widgets.approval.panel import ApprovalPanel
 from pa_console.tui.widgets.evaluation_runs import RunRows
 from pa_console.tui.widgets.row_views import TextRows
 from pa_console.tui.widgets.trace_pane import TracePane

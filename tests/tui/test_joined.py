@@ -8,7 +8,7 @@ from textual.widgets import Button
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.tui.protocols import JoinedTo
-from pa_console.tui.widgets.approval import ARM_DELAY_S, ApprovalPanel
+from pa_console.tui.widgets.approval.panel import ARM_DELAY_S, ApprovalPanel
 from pa_console.tui.widgets.bars import StatusBar
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story

@@ -21,9 +21,9 @@ from pa_console.tui.plan_preview.preview import PlanPreview
 from pa_console.tui.plan_preview.schedule import schedule_lines
 from pa_console.tui.screens.main import PLAY_FRAME_S
 from pa_console.tui.trace.rows import Row, layout
-from pa_console.tui.widgets.approval import ARM_DELAY_S, ApprovalPanel
+from pa_console.tui.widgets.approval.panel import ARM_DELAY_S, ApprovalPanel
+from pa_console.tui.widgets.approval.plan_schedule import PlanSchedule
 from pa_console.tui.widgets.map_view import MapView
-from pa_console.tui.widgets.plan_schedule import PlanSchedule
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import compound, living, story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, settle, until

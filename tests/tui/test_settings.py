@@ -15,7 +15,7 @@ from pa_console.tui.screens.help import HelpScreen
 from pa_console.tui.screens.policies import PolicyScreen
 from pa_console.tui.screens.settings import SettingsScreen
 from pa_console.tui.theme import DEFAULT_THEME
-from pa_console.tui.widgets.approval import ApprovalPanel
+from pa_console.tui.widgets.approval.panel import ApprovalPanel
 from pa_console.tui.widgets.bars import StatusBar
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story

@@ -11,7 +11,7 @@ from pa_console.schema.events.event import EventPayload
 from pa_console.session.replay.player import Player
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.screens.compare import CompareScreen, Side
-from pa_console.tui.widgets.approval import ApprovalPanel
+from pa_console.tui.widgets.approval.panel import ApprovalPanel
 from tests.tui import compound, crowd, living, story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, settle
 from tests.tui.site import RULES, WORLD

@@ -13,7 +13,7 @@ from pa_console.schema.standing import StandingOrder, StandingStart
 from pa_console.session.state.waiting import Waiting
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.standing_orders.screen import StandingOrdersScreen
-from pa_console.tui.widgets.approval import ARM_DELAY_S, ApprovalPanel
+from pa_console.tui.widgets.approval.panel import ARM_DELAY_S, ApprovalPanel
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, settle

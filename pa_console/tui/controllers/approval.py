@@ -18,7 +18,7 @@ from pa_console.tui.plan_preview.candidate import (
 )
 from pa_console.tui.plan_preview.comparison import PlanComparison
 from pa_console.tui.plan_preview.preview import PlanPreview, waiting_plan
-from pa_console.tui.widgets.approval import ApprovalPanel
+from pa_console.tui.widgets.approval.panel import ApprovalPanel
 
 BACK_TO_PROPOSED = "back to the plan as it was proposed"
 

@@ -23,14 +23,14 @@ from pa_console.tui.plan_preview.playback import Playback
 from pa_console.tui.plan_preview.preview import PlanPreview, waiting_plan
 from pa_console.tui.protocols import Clock, JoinedTo
 from pa_console.tui.widgets.alarms import AlarmBar, AlarmPane
-from pa_console.tui.widgets.approval import DECISION_KEYS, ApprovalPanel
+from pa_console.tui.widgets.approval.panel import DECISION_KEYS, ApprovalPanel
+from pa_console.tui.widgets.approval.plan_schedule import PlanSchedule
 from pa_console.tui.widgets.assets import AssetPane
 from pa_console.tui.widgets.bars import VIEWS, KeyFooter, StatusBar, ViewBar
 from pa_console.tui.widgets.event_list import EventList
 from pa_console.tui.widgets.example_orders import ExampleOrders
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
-from pa_console.tui.widgets.plan_schedule import PlanSchedule
 from pa_console.tui.widgets.trace_pane import NO_MISSION, TracePane
 
 PLAY_FRAME_S = 0.1

@@ -1,7 +1,6 @@
 """The operator's decision on a plan: says what will happen, and cannot be hit by a stray key."""
 
 import time
-from collections.abc import Sequence
 
 from textual import events, on
 from textual.app import ComposeResult
@@ -24,23 +23,10 @@ from pa_console.tui.plan_preview.approval_rows import (
 from pa_console.tui.plan_preview.preview import PlanPreview
 from pa_console.tui.protocols import Clock, JoinedTo
 from pa_console.tui.status_words import term
+from pa_console.tui.widgets.approval.plan_text import PlanText
+from pa_console.tui.widgets.approval.refusals import blocked_reason, not_to_sign
 from pa_console.tui.widgets.fields import CheckBox, LineField
-from pa_console.tui.widgets.plan_schedule import PlanSchedule
 from pa_console.tui.widgets.row_views import TextRows
-
-
-def blocked_reason(request: ApprovalRequested, left: Sequence[str], reason: str) -> str:
-    """Return in words why Approve is disabled, empty when it is not."""
-    if request.state == "not_understood":
-        return "✘ Approve: not understood, nothing is proposed"
-    if request.blocked_by:
-        return "✘ Approve: blocked, nobody may override"
-    if left:
-        return f"✘ Approve: tick {', '.join(left)} first"
-    if request.needs_override and not reason.strip():
-        return "✘ Approve: give a reason to override"
-    return ""
-
 
 ARM_DELAY_S = 0.6
 """Quiet seconds before the panel takes keys; every key before that is dropped and counts anew.
@@ -128,18 +114,13 @@ class ApprovalPanel(Vertical, can_focus=True):
         self._shown: tuple[str, int, int] | None = None
         self._quiet_since = 0.0
         self._sent = False
-        self._seen = 0.0
-        """So many lines of the plan have been on screen, from the first on."""
-        self._seen_before_play = 0.0
-        self._width = self._body_rows = 0
+        self._width = 0
         self._looked_at = ""
         self._playing = False
 
     def compose(self) -> ComposeResult:
         """Yield the consequences, what must be given, and the buttons."""
-        with VerticalScroll(id="approval-body", can_focus=False):
-            yield TextRows(id="approval-text")
-            yield PlanSchedule(id="approval-schedule")
+        yield PlanText()
         with VerticalScroll(id="approval-given", can_focus=False):
             yield TextRows(id="approval-reading")
             yield Vertical(id="approval-readings")
@@ -186,7 +167,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         self._looked_at = ""
         self._tell(trace, preview)
         self.query_one("#approval-looked-at", TextRows).show(())
-        self._schedule.show(preview)
+        self._body.schedule(preview)
         self.query_one("#approval-reading", TextRows).show(tuple(reading_rows(trace)))
         readings = self.query_one("#approval-readings", Vertical)
         readings.remove_children()
@@ -211,31 +192,30 @@ class ApprovalPanel(Vertical, can_focus=True):
             if request.state == "not_understood"
             else "Reason (optional)"
         )
-        self._body.scroll_home(animate=False)
-        self._seen = 0.0
+        self._body.begin()
         self.call_after_refresh(self.fit)
         self.call_after_refresh(self._saw)
 
     def _tell(self, trace: MissionTrace, preview: PlanPreview | None) -> None:
         """Say what is to be known; meanwhile a workflow may have moved on."""
-        self.query_one("#approval-text", TextRows).show(tuple(approval_rows(trace, preview)))
+        self._body.tell(tuple(approval_rows(trace, preview)))
 
     def show_moment(self, preview: PlanPreview | None, now_s: float | None) -> None:
         """Show the schedule of the plan that is looked at; `now_s` while it is played."""
-        self._schedule.show(preview, now_s)
+        self._body.schedule(preview, now_s)
         if self._playing != (now_s is not None):
             self._playing = now_s is not None
             self.set_class(self._playing, "-playing")
             self.call_after_refresh(self.fit)
             if self._playing:
-                self._seen_before_play = self._seen
+                self._body.keep()
             else:
                 self.call_after_refresh(self._recall)
         self.refresh_state()
 
     def _recall(self) -> None:
         """What was on screen before a rehearsal was played counts after it."""
-        self._seen = max(self._seen, self._seen_before_play)
+        self._body.recall()
         self.refresh_state()
 
     def show_reading(
@@ -247,17 +227,14 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.call_after_refresh(self.fit)
 
     @property
-    def _body(self) -> VerticalScroll:
-        return self.query_one("#approval-body", VerticalScroll)
-
-    @property
-    def _schedule(self) -> PlanSchedule:
-        return self.query_one("#approval-schedule", PlanSchedule)
+    def _body(self) -> PlanText:
+        return self.query_one(PlanText)
 
     def on_resize(self, event: events.Resize) -> None:
         """Begin anew to tell what was on screen where another width has made other lines."""
         if event.size.width != self._width:
-            self._width, self._seen = event.size.width, 0.0
+            self._width = event.size.width
+            self._body.begin_anew()
         self.call_after_refresh(self.fit)
         self.call_after_refresh(self._saw)
 
@@ -270,12 +247,8 @@ class ApprovalPanel(Vertical, can_focus=True):
         taken += self.gutter.height
         share = int(room * (COMPACT_SHARE if compact else WIDE_SHARE))
         most = max(share, LEAST_ROWS, taken + LEAST_BODY_ROWS)
-        rows = most - taken
         self.styles.max_height = most
-        if rows != self._body_rows:
-            self._body_rows = self._body.styles.max_height = rows
-            if self._body.scroll_offset.y == 0:  # nothing has been read on yet
-                self._seen = 0.0
+        if self._body.fit(most - taken):
             self.call_after_refresh(self._saw)
 
     def _saw(self) -> None:
@@ -284,29 +257,24 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.refresh_state()
 
     def _note_seen(self) -> None:
-        """Note which lines of the plan are on screen, as far as none before them was left out.
+        """Note which lines of the plan are on screen.
 
         What is seen before the panel takes keys does not count: it may not be laid out yet.
         """
-        body = self._body
-        if self.armed and body.scroll_offset.y <= self._seen:
-            bottom = body.scroll_offset.y + body.scrollable_content_region.height
-            self._seen = max(self._seen, bottom)
+        if self.armed:
+            self._body.note_seen()
 
     @property
     def _unseen(self) -> bool:
         """Whether a plan that needs to be read first has not been on screen as a whole."""
         request = self._trace.approval if self._trace else None
-        height = self.query_one("#approval-text").size.height
         sure = request is not None and request.state == "approve"
-        return not sure and not 0 < height <= self._seen
+        return not sure and not self._body.read
 
     def action_scroll_plan(self, pages: int) -> None:
         """Show what follows of the plan, or what comes before."""
         self._saw()
-        body = self._body
-        step = max(body.scrollable_content_region.height - 1, 1)
-        body.scroll_to(y=body.scroll_offset.y + pages * step, animate=False)
+        self._body.scroll_pages(pages)
 
     def take_focus(self) -> None:
         """Put the focus on Reject, the safe answer; where there is none, on the panel itself."""
@@ -416,20 +384,12 @@ class ApprovalPanel(Vertical, can_focus=True):
         request = self._trace.approval if self._trace else None
         if request is None:
             return "no plan waits"
-        if self._joined is not None and (why := self._not_to_sign(self._joined, request)):
+        made = self._trace.decisions if self._trace is not None else []
+        if self._joined is not None and (why := not_to_sign(self._joined, request, made)):
             return why
         left = [box.name or "" for box in self.query(CheckBox) if not box.ticked]
         why = blocked_reason(request, left, self.query_one(f"#{REASON}", Input).value)
         return why or ("✘ Approve: read to the end first (PgDn)" if self._unseen else "")
-
-    def _not_to_sign(self, joined: JoinedTo, request: ApprovalRequested) -> str:
-        """Return why nothing is to be signed here for another station, '' where something is."""
-        if not request.approvals:
-            return f"one person is enough: {joined.station} decides"
-        made = self._trace.decisions if self._trace is not None else []
-        now = [each.decision for each in made if each.attempt == request.attempt]
-        signed = any(joined.signer in decision.signatures for decision in now)
-        return f"you have signed; {joined.station} decides" if signed else ""
 
     def on_key(self, event: events.Key) -> None:
         """Drop keys typed ahead; each makes the panel wait anew."""

@@ -1,0 +1,76 @@
+"""What the approval panel says of a plan, and how much of it has been on screen."""
+
+from collections.abc import Sequence
+
+from textual.app import ComposeResult
+from textual.containers import VerticalScroll
+
+from pa_console.tui.plan_preview.preview import PlanPreview
+from pa_console.tui.widgets.approval.plan_schedule import PlanSchedule
+from pa_console.tui.widgets.row_views import Row, TextRows
+
+
+class PlanText(VerticalScroll, can_focus=False):
+    """The lines of a plan and its schedule; it knows how far they have been read."""
+
+    def __init__(self) -> None:
+        super().__init__(id="approval-body")
+        self._seen = 0.0
+        """So many lines have been on screen, from the first on."""
+        self._seen_before_play = 0.0
+        self._rows = 0
+
+    def compose(self) -> ComposeResult:
+        """Yield the lines and the schedule."""
+        yield TextRows(id="approval-text")
+        yield PlanSchedule(id="approval-schedule")
+
+    def tell(self, rows: Sequence[Row]) -> None:
+        """Show these lines; what was on screen counts."""
+        self.query_one("#approval-text", TextRows).show(tuple(rows))
+
+    def schedule(self, preview: PlanPreview | None, now_s: float | None = None) -> None:
+        """Show who does what when; `now_s` while the rehearsal is played."""
+        self.query_one("#approval-schedule", PlanSchedule).show(preview, now_s)
+
+    def begin(self) -> None:
+        """Go to the first line; nothing has been read."""
+        self.scroll_home(animate=False)
+        self._seen = 0.0
+
+    def begin_anew(self) -> None:
+        """Count anew: the lines are others, or stand elsewhere."""
+        self._seen = 0.0
+
+    def fit(self, rows: int) -> bool:
+        """Take at most so many rows of the screen; returns whether they are others than before."""
+        if rows == self._rows:
+            return False
+        self._rows = self.styles.max_height = rows
+        if self.scroll_offset.y == 0:  # nothing has been read on yet
+            self._seen = 0.0
+        return True
+
+    def note_seen(self) -> None:
+        """Note which lines are on screen, as far as none before them was left out."""
+        if self.scroll_offset.y <= self._seen:
+            bottom = self.scroll_offset.y + self.scrollable_content_region.height
+            self._seen = max(self._seen, bottom)
+
+    @property
+    def read(self) -> bool:
+        """Whether all lines have been on screen."""
+        return 0 < self.query_one("#approval-text").size.height <= self._seen
+
+    def keep(self) -> None:
+        """Keep what has been on screen, while a rehearsal is played in its place."""
+        self._seen_before_play = self._seen
+
+    def recall(self) -> None:
+        """Let what was kept count again."""
+        self._seen = max(self._seen, self._seen_before_play)
+
+    def scroll_pages(self, pages: int) -> None:
+        """Show what follows, or what comes before."""
+        step = max(self.scrollable_content_region.height - 1, 1)
+        self.scroll_to(y=self.scroll_offset.y + pages * step, animate=False)
