@@ -17,7 +17,6 @@ from pa_console.settings.sources import Loaded, load_settings
 from pa_console.tui.actions.palette import ConsoleCommands
 from pa_console.tui.actions.registry import (
     ActionContext,
-    action_of,
     bindings,
     find_action,
     key_text,
@@ -32,6 +31,7 @@ from pa_console.tui.controllers.composing import ComposingController
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.controllers import Controllers
 from pa_console.tui.controllers.copying import CopyController
+from pa_console.tui.controllers.handlers import HANDLERS
 from pa_console.tui.controllers.leaving import LeavingController
 from pa_console.tui.controllers.log_alarm import LogAlarmController
 from pa_console.tui.controllers.replay import ReplayController
@@ -182,10 +182,8 @@ class ConsoleApp(App[None]):
         await super().on_event(event)
 
     def action_carry_out(self, name: str) -> None:
-        """Let the controller that the registry names carry out the action with the id `name`."""
-        does = action_of(name).does
-        if callable(does):
-            does(self.controllers)
+        """Let its controller carry out the action with the id `name`."""
+        HANDLERS[name](self.controllers)
 
     def action_help_quit(self) -> None:
         """Say how to leave; `^c` copies what is selected and never leaves."""

@@ -8,6 +8,7 @@ import pytest
 from pa_console.tui.actions.registry import ACTIONS, ActionContext, action_of, find_action
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.controllers.controllers import Controllers
+from pa_console.tui.controllers.handlers import HANDLERS
 
 
 def test_an_action_is_carried_out_by_one_controller_or_by_textual() -> None:
@@ -16,13 +17,15 @@ def test_an_action_is_carried_out_by_one_controller_or_by_textual() -> None:
         for name, kind in get_type_hints(Controllers).items()
     }
     for action in ACTIONS:
-        if isinstance(action.does, str):
-            assert callable(getattr(ConsoleApp, f"action_{action.does}"))
+        if action.app_action:
+            assert callable(getattr(ConsoleApp, f"action_{action.app_action}"))
+            assert action.id not in HANDLERS
             continue
         before = sum(len(controller.method_calls) for controller in made.values())
-        action.does(Controllers(**made))
+        HANDLERS[action.id](Controllers(**made))
         after = sum(len(controller.method_calls) for controller in made.values())
         assert after == before + 1, action.id
+    assert HANDLERS.keys() <= {action.id for action in ACTIONS}
 
 
 def test_textual_finds_each_action_by_what_it_is_bound_to() -> None:

@@ -189,7 +189,7 @@ async def test_a_missing_log_and_a_foreign_world_are_said(folder: Path, site: Si
         path.write_text(path.read_text().replace('"world":"checkpoint"', '"world":"elsewhere"'))
         await pilot.press("down", "down", "enter")
         await pilot.pause()
-        assert "'elsewhere' is neither installed nor below" in _last_notice(app)
+        assert "“elsewhere” is neither installed nor below" in _last_notice(app)
         assert app.screen is screen
 
 

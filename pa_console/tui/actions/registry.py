@@ -1,13 +1,9 @@
 """The one registry of actions: key bindings, footer, command palette and help are made from it."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import Literal, get_args
 
 from textual.binding import Binding, BindingType
-
-if TYPE_CHECKING:
-    from pa_console.tui.controllers.controllers import Controllers
 
 Need = Literal[
     "live",
@@ -48,8 +44,7 @@ class ConsoleAction:
     """One thing that the operator can do.
 
     `id` names its first key in the user's keymap and `id.also` the others; `keys` are Textual key
-    names separated by commas. `does` calls the controller that carries it out, or is the name of
-    an action that every Textual app has.
+    names separated by commas. `controllers.handlers` says which controller carries it out.
     """
 
     id: str
@@ -57,7 +52,6 @@ class ConsoleAction:
     label: str
     help: str
     group: Group
-    does: "Callable[[Controllers], None] | str"
     needs: tuple[Need, ...] = ()
     footer: bool = False
     palette: bool = True
@@ -71,11 +65,13 @@ class ConsoleAction:
 
     words: str = ""
     """What else the palette finds it by."""
+    app_action: str = ""
+    """The action of every Textual app that it is; '' where a controller carries it out."""
 
     @property
     def action(self) -> str:
         """The action as Textual binds it; the app has one method for all that controllers do."""
-        return self.does if isinstance(self.does, str) else f"carry_out({self.id!r})"
+        return self.app_action or f"carry_out({self.id!r})"
 
     def refusal(self, now: ActionContext) -> str:
         """Return why the action is not legal now, empty when it is."""
@@ -122,164 +118,145 @@ _COMMAND: tuple[Need, ...] = ("live", "writable")
 ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction(
         "help", "f1,question_mark", "Help", "Show all keys and the meaning of every sign",
-        "Console", lambda to: to.browsing.show_help(), footer=True,
+        "Console", footer=True,
     ),
-    ConsoleAction("manual", "M", "Manual", "Read and search the manual", "Console",
-                  lambda to: to.browsing.show_manual()),
-    ConsoleAction("view_map", "f2,1", "Map", "Go to the map", "View",
-                  lambda to: to.browsing.view("map")),
-    ConsoleAction("view_assets", "f3,2", "Assets", "Go to the assets", "View",
-                  lambda to: to.browsing.view("assets")),
-    ConsoleAction("view_trace", "f4,3", "Trace", "Go to the trace of the mission", "View",
-                  lambda to: to.browsing.view("trace")),
-    ConsoleAction("view_events", "f5,4", "Events", "Go to the event list", "View",
-                  lambda to: to.browsing.view("events")),
+    ConsoleAction("manual", "M", "Manual", "Read and search the manual", "Console"),
+    ConsoleAction("view_map", "f2,1", "Map", "Go to the map", "View"),
+    ConsoleAction("view_assets", "f3,2", "Assets", "Go to the assets", "View"),
+    ConsoleAction("view_trace", "f4,3", "Trace", "Go to the trace of the mission", "View"),
+    ConsoleAction("view_events", "f5,4", "Events", "Go to the event list", "View"),
     ConsoleAction("view_alarms", "5", "Alarms", "Go to the alarms and the missions that wait",
-                  "View", lambda to: to.browsing.view("alarms")),
+                  "View"),
     ConsoleAction("policies", "f6,p", "Policies", "Browse and search the rules", "View",
-                  lambda to: to.rules.browse(), footer=True),
+                  footer=True),
     ConsoleAction("evaluation", "e", "Evaluation",
-                  "Look at an evaluation: runs, failures, tables, traces", "View",
-                  lambda to: to.browsing.show_evaluation()),
+                  "Look at an evaluation: runs, failures, tables, traces", "View"),
     ConsoleAction("sessions", "L", "Sessions",
                   "Look at the recorded sessions: open, compare, export, run again", "View",
-                  lambda to: to.browsing.show_sessions(),
                   words="export save replay recording history log"),
     ConsoleAction("standing_orders", "V", "Standing orders",
                   "Look at the standing orders, what they have started, and revoke one", "Mission",
-                  lambda to: to.commands.show_standing_orders(),
                   words="whenever revoke automatic repeat"),
     ConsoleAction(
         "approval", "f7,g", "To approval", "Go to the plan that waits for a decision",
-        "Mission",
-        lambda to: to.approval.go_to_it(), needs=("live", "decides", "approval"), footer=True,
+        "Mission", needs=("live", "decides", "approval"), footer=True,
     ),
     ConsoleAction(
         "cancel", "f8,c", "Cancel", "Cancel the active mission, in any stage",
-        "Mission",
-        lambda to: to.commands.cancel_mission(), needs=(*_COMMAND, "mission"), footer=True,
+        "Mission", needs=(*_COMMAND, "mission"), footer=True,
         confirmed=True,
     ),
     ConsoleAction(
         "stop", "f9,S", "STOP ALL",
         "Stop: every asset holds, open plans are void, nothing else is sent until it is released",
-        "Safety", lambda to: to.commands.stop_all(), needs=_COMMAND, footer=True, urgent=True,
+        "Safety", needs=_COMMAND, footer=True, urgent=True,
         confirmed=True,
     ),
     ConsoleAction(
         "release", "ctrl+l", "Release stop", "Release the stop, after a question: missions are "
-        "taken again", "Safety",
-        lambda to: to.commands.release_stop(), needs=(*_COMMAND, "stopped"), footer=True,
+        "taken again", "Safety", needs=(*_COMMAND, "stopped"), footer=True,
     ),
     ConsoleAction(
         "acknowledge", "k,f12", "Seen", "Acknowledge the alarm at the pointer or the worst new one",
-        "Alarms", lambda to: to.commands.acknowledge(), needs=(*_COMMAND, "unseen"), footer=True,
+        "Alarms", needs=(*_COMMAND, "unseen"), footer=True,
         confirmed=True,
     ),
     ConsoleAction("next_alarm", "j", "Next alarm", "Put the pointer on the next alarm", "Alarms",
-                  lambda to: to.browsing.next_alarm(), needs=("alarm",)),
+                  needs=("alarm",)),
     ConsoleAction("next_queued", "o", "Next waiting", "Put the pointer on the next waiting mission",
-                  "Queue", lambda to: to.browsing.next_queued(), needs=("queue",)),
+                  "Queue", needs=("queue",)),
     ConsoleAction("sooner", "u", "Sooner", "Move the waiting mission at the pointer up", "Queue",
-                  lambda to: to.commands.move_queued(-1), needs=(*_COMMAND, "queue"),
+                  needs=(*_COMMAND, "queue"),
                   confirmed=True),
     ConsoleAction("later_queued", "d", "Later", "Move the waiting mission at the pointer down",
-                  "Queue", lambda to: to.commands.move_queued(1), needs=(*_COMMAND, "queue"),
+                  "Queue", needs=(*_COMMAND, "queue"),
                   confirmed=True),
     ConsoleAction("defer", "z", "Defer", "Let every other mission go before the one at the pointer",
-                  "Queue", lambda to: to.commands.defer_queued(), needs=(*_COMMAND, "queue"),
+                  "Queue", needs=(*_COMMAND, "queue"),
                   confirmed=True),
     ConsoleAction("withdraw", "x", "Withdraw", "Take the mission at the pointer out of the queue",
-                  "Queue", lambda to: to.commands.withdraw_queued(), needs=(*_COMMAND, "queue"),
+                  "Queue", needs=(*_COMMAND, "queue"),
                   confirmed=True),
     ConsoleAction("follow", "t", "Follow", "Keep what the alarm at the pointer is about in view",
-                  "Map", lambda to: to.browsing.follow_alarm()),
-    ConsoleAction("zoom_in", "full_stop,greater_than_sign", "Nearer", "Zoom the map in", "Map",
-                  lambda to: to.browsing.zoom(2.0)),
-    ConsoleAction("zoom_out", "comma,less_than_sign", "Farther", "Zoom the map out", "Map",
-                  lambda to: to.browsing.zoom(0.5)),
+                  "Map"),
+    ConsoleAction("zoom_in", "full_stop,greater_than_sign", "Nearer", "Zoom the map in", "Map"),
+    ConsoleAction("zoom_out", "comma,less_than_sign", "Farther", "Zoom the map out", "Map"),
     ConsoleAction("sensors", "v", "Sensors",
                   "Show on the map what cameras see, then what assets see too, then neither",
-                  "Map", lambda to: to.browsing.next_sensors()),
-    ConsoleAction("pan_left", "shift+left", "West", "Look further west", "Map",
-                  lambda to: to.browsing.pan(-1, 0), palette=False),
-    ConsoleAction("pan_right", "shift+right", "East", "Look further east", "Map",
-                  lambda to: to.browsing.pan(1, 0), palette=False),
-    ConsoleAction("pan_up", "shift+up", "North", "Look further north", "Map",
-                  lambda to: to.browsing.pan(0, 1), palette=False),
-    ConsoleAction("pan_down", "shift+down", "South", "Look further south", "Map",
-                  lambda to: to.browsing.pan(0, -1), palette=False),
+                  "Map"),
+    ConsoleAction("pan_left", "shift+left", "West", "Look further west", "Map", palette=False),
+    ConsoleAction("pan_right", "shift+right", "East", "Look further east", "Map", palette=False),
+    ConsoleAction("pan_up", "shift+up", "North", "Look further north", "Map", palette=False),
+    ConsoleAction("pan_down", "shift+down", "South", "Look further south", "Map", palette=False),
     ConsoleAction("filter", "f", "Filter", "Filter assets, tracks and cameras by any words",
-                  "View", lambda to: to.browsing.ask_for_filter(), opens_field=True),
-    ConsoleAction("problems", "F", "Problems", "Show only what needs an eye, or all again", "View",
-                  lambda to: to.browsing.toggle_problems()),
+                  "View", opens_field=True),
+    ConsoleAction("problems", "F", "Problems", "Show only what needs an eye, or all again", "View"),
     ConsoleAction("prompt", "i,slash", "Mission", "Type a mission", "Mission",
-                  lambda to: to.browsing.to_prompt(), needs=_COMMAND, opens_field=True),
+                  needs=_COMMAND, opens_field=True),
     ConsoleAction("history", "ctrl+r", "Earlier orders",
                   "Search the orders of this and of earlier sessions, to type one again",
-                  "Mission", lambda to: to.composing.search_history(), needs=_COMMAND,
+                  "Mission", needs=_COMMAND,
                   words="history past missions"),
     ConsoleAction("favourites", "ctrl+t", "Favourites",
-                  "Choose a favourite order or a template, to type it", "Mission",
-                  lambda to: to.composing.choose_favourite(), needs=_COMMAND,
+                  "Choose a favourite order or a template, to type it", "Mission", needs=_COMMAND,
                   words="template slot"),
     ConsoleAction("keep_favourite", "ctrl+s", "Keep order",
                   "Keep the order in the mission field, or else the last one, as a favourite",
-                  "Mission", lambda to: to.composing.keep_favourite(), needs=_COMMAND,
+                  "Mission", needs=_COMMAND,
                   words="save favourite template"),
     ConsoleAction("thing", "ctrl+o", "Asset, place",
                   "Choose an asset, a track or a place, and what to order for it", "Mission",
-                  lambda to: to.composing.choose_thing(), words="card menu gate click send"),
+                  words="card menu gate click send"),
     ConsoleAction("leave", "escape", "Leave", "Leave the field; what was typed stays",
-                  "Mission", lambda to: to.browsing.leave_field(), palette=False),
+                  "Mission", palette=False),
     ConsoleAction("earlier", "left_square_bracket", "Earlier", "Trace of the mission before",
-                  "View", lambda to: to.browsing.select_mission(-1), needs=("idle_trace",)),
+                  "View", needs=("idle_trace",)),
     ConsoleAction("later", "right_square_bracket", "Later", "Trace of the mission after",
-                  "View", lambda to: to.browsing.select_mission(1), needs=("idle_trace",)),
+                  "View", needs=("idle_trace",)),
     ConsoleAction("copy_trace", "y", "Copy trace", "Copy the trace, and write it to a file",
-                  "Copy", lambda to: to.copying.copy_trace(), needs=("idle_trace",),
+                  "Copy", needs=("idle_trace",),
                   words="export save session report"),
     ConsoleAction("copy_plan", "Y", "Copy plan", "Copy the plan's JSON, and write it to a file",
-                  "Copy", lambda to: to.copying.copy_plan(), needs=("idle_trace",),
+                  "Copy", needs=("idle_trace",),
                   words="export save"),
     ConsoleAction("faster", "plus", "Faster", "Twice the speed, up to 8x (replay: 32x)",
-                  "Simulation", lambda to: to.commands.change_rate(2.0)),
+                  "Simulation"),
     ConsoleAction("slower", "minus", "Slower", "Half the speed, down to 1x (replay: 1/4x)",
-                  "Simulation", lambda to: to.commands.change_rate(0.5)),
+                  "Simulation"),
     ConsoleAction("play", "space", "Play/pause", "Play or pause the replay", "Replay",
-                  lambda to: to.replay.play_pause(), needs=("replay",), footer=True),
+                  needs=("replay",), footer=True),
     ConsoleAction("step", "right", "Step", "One event forward", "Replay",
-                  lambda to: to.replay.step(1), needs=("replay",), footer=True),
-    ConsoleAction("back", "left", "Back", "One event back", "Replay", lambda to: to.replay.step(-1),
+                  needs=("replay",), footer=True),
+    ConsoleAction("back", "left", "Back", "One event back", "Replay",
                   needs=("replay",), footer=True),
     ConsoleAction("second", "l,ctrl+right", "+1 s", "One simulated second forward", "Replay",
-                  lambda to: to.replay.step_second(1), needs=("replay",), footer=True),
+                  needs=("replay",), footer=True),
     ConsoleAction("second_back", "h,ctrl+left", "-1 s", "One simulated second back", "Replay",
-                  lambda to: to.replay.step_second(-1), needs=("replay",), footer=True),
+                  needs=("replay",), footer=True),
     ConsoleAction("next_mission", "n", "Next mission", "Jump to the next mission", "Replay",
-                  lambda to: to.replay.jump_mission(1), needs=("replay",), footer=True),
+                  needs=("replay",), footer=True),
     ConsoleAction("mission_before", "N", "Mission before", "Jump to the mission before", "Replay",
-                  lambda to: to.replay.jump_mission(-1), needs=("replay",)),
+                  needs=("replay",)),
     ConsoleAction("next_finding", "w", "Next finding",
                   "Jump to the next finding, override, alarm, refusal or fault", "Replay",
-                  lambda to: to.replay.jump_finding(1), needs=("replay",), footer=True),
+                  needs=("replay",), footer=True),
     ConsoleAction("finding_before", "W", "Finding before",
                   "Jump to the finding, override, alarm, refusal or fault before", "Replay",
-                  lambda to: to.replay.jump_finding(-1), needs=("replay",)),
+                  needs=("replay",)),
     ConsoleAction("to_moment", "G", "To a time", "Jump to a time or an event that you type",
-                  "Replay", lambda to: to.replay.to_moment(), needs=("replay",), footer=True),
+                  "Replay", needs=("replay",), footer=True),
     ConsoleAction("search_log", "s", "Search", "Search the texts of the recording", "Replay",
-                  lambda to: to.replay.search(), needs=("replay",), footer=True),
+                  needs=("replay",), footer=True),
     ConsoleAction("compare", "C", "Compare", "Find where another recording differs from this one",
-                  "Replay", lambda to: to.replay.compare(), needs=("replay",), words="session"),
-    ConsoleAction("theme", "T", "Theme", "Choose the colours", "Console", "change_theme"),
+                  "Replay", needs=("replay",), words="session"),
+    ConsoleAction("theme", "T", "Theme", "Choose the colours", "Console",
+                  app_action="change_theme"),
     ConsoleAction("settings", "O", "Settings", "See and change the settings, with help for each",
-                  "Console", lambda to: to.settings.show()),
+                  "Console"),
     ConsoleAction("palette", "f10,ctrl+p", "Palette", "Search all commands that are legal now",
-                  "Console", "command_palette", footer=True, palette=False),
-    ConsoleAction("quit", "q,ctrl+q", "Quit", "Leave the console", "Console",
-                  lambda to: to.leaving.leave(), footer=True, confirmed=True,
-                  words="exit end session"),
+                  "Console", app_action="command_palette", footer=True, palette=False),
+    ConsoleAction("quit", "q,ctrl+q", "Quit", "Leave the console", "Console", footer=True,
+                  confirmed=True, words="exit end session"),
 )  # fmt: skip
 
 GROUPS: tuple[Group, ...] = get_args(Group)
