@@ -42,7 +42,7 @@ def on_bus(folder: KeyFolder, url: str, certificates: Path | None) -> Generator[
                 found.hear(delivery.message.message)
         yield
         newest = folder.newest
-        link.send(*signed_messages(address.site, newest, Numbers(), datetime.now(UTC)))
+        link.publish(*signed_messages(address.site, newest, Numbers(), datetime.now(UTC)))
     finally:
         link.close()
     errors.print(f"retained at {address}: {', '.join(newest)}", markup=False, soft_wrap=True)

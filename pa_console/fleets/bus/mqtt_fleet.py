@@ -212,7 +212,7 @@ class MqttFleet:
             )
             for message in out
         ]
-        if self._link.send(*sent):
+        if self._link.publish(*sent):
             return True
         why = f"nothing reaches the broker: {self._link.problem}"
         self._say("alarm", SUBJECT, why, "unsent")
@@ -267,7 +267,7 @@ class MqttFleet:
         """Retain what robots go by on the bus: it may have got lost, or be older there."""
         if self._keys is not None:
             site, newest = self._link.address.site, self._keys.newest
-            self._link.send(*signed_messages(site, newest, self._signed_numbers, self.now()))
+            self._link.publish(*signed_messages(site, newest, self._signed_numbers, self.now()))
 
     def _take_signed(self, message: additions.SignedMessage) -> None:
         """Go by a signed message; say so when it changes whether this station may command."""
@@ -286,7 +286,7 @@ class MqttFleet:
     def _share(self) -> None:
         """Publish what is new in the session, and what was asked for."""
         if self._shared is not None:
-            self._link.send(*self._shared.step(self._link.address.site, self.now()))
+            self._link.publish(*self._shared.step(self._link.address.site, self.now()))
 
     def _shares(self, station: Identity) -> bool:
         """Whether `station` is this one, and its session is shared."""

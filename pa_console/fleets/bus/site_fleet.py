@@ -115,7 +115,7 @@ class SiteFleet(MqttFleet):
 
     def _tell_site(self, message: Header) -> None:
         topic = Topic(self._link.address.site, additions.SITE, message.TOPIC)
-        self._link.send(Sent(str(topic), message.write(), qos=1))
+        self._link.publish(Sent(str(topic), message.write(), qos=1))
 
     def _take_more(self, identity: Identity, message: Header) -> None:
         if identity != additions.SITE:

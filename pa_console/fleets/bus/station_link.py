@@ -71,7 +71,7 @@ class StationLink:
             taken.append(self._waiting.popleft())
         return taken
 
-    def send(self, *messages: Sent) -> bool:
+    def publish(self, *messages: Sent) -> bool:
         """Send the messages in order; return False, and send none, without a connection."""
         if not self._up.is_set():
             return False

@@ -111,7 +111,7 @@ class JoinedStation:
             person=name,
             approval=sign_approval(self._signatory.key, approval, time.time()),
         )
-        if not log.send(message, round(EXPIRY_S)):
+        if not log.publish(message, round(EXPIRY_S)):
             raise ValueError(f"nothing reaches the broker: {log.link.problem}")
 
     def _to_sign(self, decision: Decision) -> ev.ApprovalRequested:

@@ -43,10 +43,10 @@ class SharedLog:
         self._ask()
         return events
 
-    def send(self, message: Header, expiry_s: int | None = None) -> bool:
+    def publish(self, message: Header, expiry_s: int | None = None) -> bool:
         """Send `message` to the station; return False without a connection."""
         topic = Topic(self.link.address.site, self._identity, message.TOPIC)
-        return self.link.send(Sent(str(topic), message.write(), qos=1, expiry_s=expiry_s))
+        return self.link.publish(Sent(str(topic), message.write(), qos=1, expiry_s=expiry_s))
 
     def header(self, kind: type[Header]) -> dict[str, Any]:
         """Return the header of the next message of a kind to the station."""
@@ -79,7 +79,7 @@ class SharedLog:
         if self.stream.missing and (wanted != self._asked or now - self._asked_at > ASK_AGAIN_S):
             self._asked, self._asked_at = wanted, now
             header = self.header(RecordsAsked)
-            self.send(RecordsAsked(**header, session=self.stream.session, first=wanted))
+            self.publish(RecordsAsked(**header, session=self.stream.session, first=wanted))
 
 
 def read_so_far(log: SharedLog, progress: Callable[[int, int], object]) -> list[Event]:
