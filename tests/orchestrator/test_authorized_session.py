@@ -117,7 +117,7 @@ async def test_a_station_that_was_relieved_moves_nobody_and_says_so(
         assert said in trace.reason
 
 
-async def test_overruling_the_judge_takes_two_people_and_the_second_may_sit_elsewhere(
+async def test_overriding_the_judge_takes_two_people_and_the_second_may_sit_elsewhere(
     site: Site,
 ) -> None:
     asked = {"override": 2}
@@ -136,7 +136,7 @@ async def test_overruling_the_judge_takes_two_people_and_the_second_may_sit_else
 
     trace = await session.run(decide)
     made = [told for told in session.told if isinstance(told, ev.DecisionMade)]
-    assert [(one.decision.by, one.accepted) for one in made] == [("ann", False), ("bob", True)]
+    assert [(one.decision.by, one.accepted) for one in made] == [("ann", False), ("ann, bob", True)]
     assert made[0].detail == "overriding the judge needs 2 people to approve, so far there is 1"
     assert set(made[1].decision.signatures) == {"ann", "bob"}
     assert trace.status == "verified", trace.reason

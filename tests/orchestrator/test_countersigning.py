@@ -85,7 +85,12 @@ def decided(site: Site, asked: ev.ApprovalRequested, decisions: list[Decision]) 
         return left.popleft()
 
     services = SimpleNamespace(gate=site.gate, rulebook=BOOK)
-    context = SimpleNamespace(services=services, emit=told.append, stopwatch=Stopwatch())
+    context = SimpleNamespace(
+        services=services,
+        mission=SimpleNamespace(standing=None),
+        emit=told.append,
+        stopwatch=Stopwatch(),
+    )
     try:
         return asyncio.run(answered(context, asked, decide)).decision  # pyright: ignore[reportArgumentType]
     except NoMoreError:
