@@ -15,6 +15,7 @@ from pa_console.schema.alarm import QueueEntry
 from pa_console.schema.events import event as ev
 from pa_console.session.state.fold import NOTICES_KEPT, Notice, OpenAlarm, SessionState, Stop
 from pa_console.session.state.mission_trace import CommandTrace, MissionTrace
+from pa_console.session.state.standing_trace import StandingTrace
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,7 @@ class Keyframe:
     answers: dict[str, str]
     loose_orders: dict[str, CommandTrace]
     servers: dict[str, ev.ServerChanged] = field(default_factory=dict[str, ev.ServerChanged])
+    standing: dict[str, StandingTrace] = field(default_factory=dict[str, StandingTrace])
 
 
 @cache
@@ -93,6 +95,7 @@ def pack_state(state: SessionState) -> bytes:
         tick=state.tick,
         worker=state.worker,
         servers=state.servers,
+        standing=state.standing,
         active=state.active,
         last_active=state.last_active,
         latest=state.latest,
@@ -117,6 +120,7 @@ def unpack_state(
         tick=frame.tick,
         worker=frame.worker,
         servers=frame.servers,
+        standing=frame.standing,
         missions=MissionShelf(missions[: frame.arrived], load),
         active=frame.active,
         last_active=frame.last_active,
