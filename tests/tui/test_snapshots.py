@@ -80,6 +80,7 @@ def before(
         assert isinstance(app, ConsoleApp)
         assert app.session.main is not None
         app.session.main.query_one(ApprovalPanel).refresh_state()
+        app.feed.look()
         for key in keys:
             await pilot.press(key)
             await pilot.pause()

@@ -53,7 +53,7 @@ class SessionFeed:
         station = self._session.station
         if station is not None and self._session.player is None:
             self._app.run_worker(self._listen(station), group="session", exit_on_error=False)
-            self._app.set_interval(LOOK_S, self._look)
+            self._app.set_interval(LOOK_S, self.look)
         self.changed(ALL_VIEWS)
 
     async def _listen(self, station: LiveStation) -> None:
@@ -136,7 +136,7 @@ class SessionFeed:
         if main is not None and main.is_mounted:
             main.show_waiting(self.waiting.line(self._session.clock(), self._session.folded))
 
-    def _look(self) -> None:
+    def look(self) -> None:
         """Look how long the session has been silent, and how long a step takes."""
         self._show_waiting()
         if self._session.clock() - self._last_telemetry > 4 * LOOK_S:
