@@ -143,7 +143,7 @@ ACTS = st.one_of(
 )
 
 
-@settings(max_examples=2000, deadline=None)
+@settings(max_examples=600, deadline=None)
 @given(st.lists(ACTS, max_size=8))
 def test_in_any_history_no_command_goes_out_with_fewer_approvals_than_it_needs(
     acts: list[str | tuple[str, str, list[str], str]],
