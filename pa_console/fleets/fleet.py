@@ -31,6 +31,8 @@ class Received:
     told: tuple[IncidentHappened | Noticed, ...] = ()
     """What else the fleet tells of; the session log says so too."""
     countersigned: tuple[Countersigned, ...] = ()
+    stop_asked: str = ""
+    """Who asks from elsewhere that everybody stops; '' for nobody."""
 
 
 class Forecast(Protocol):

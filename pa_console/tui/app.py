@@ -57,7 +57,7 @@ READ_ONLY = "READ-ONLY: every command is refused"
 
 def closed_by(joined: JoinedTo) -> str:
     """Return why no mission is taken where another station's session is shown."""
-    may = "you may countersign" if joined.signer else "you may only watch"
+    may = "you may countersign and stop" if joined.signer else "you may watch and stop"
     return f"The session of {joined.station}: it is commanded there, {may}"
 
 

@@ -130,6 +130,10 @@ async def test_a_block_is_carried_out_once_both_have_signed(
         assert mission is not None
         assert mission.status == "verified", mission
         assert ann.signers == {"ann", "bob"} == second.signers == third.signers
+        otto.stop_all()
+        await until(lambda: ann.state.stop and second.state.stop)
+        (stop,) = [each.data for each in ann.events if isinstance(each.data, ev.AllStopped)]
+        assert stop.by == "otto at another station"
         await station.close()
         await until(lambda: second.state.ended and third.state.ended)
         await asyncio.gather(ann.task, second.task, third.task)

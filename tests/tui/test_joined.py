@@ -49,7 +49,7 @@ async def test_it_names_the_session_and_signs_what_takes_two_people(tmp_path: Pa
         assert [decision.kind for decision in station.decisions] == ["approve"]
         await pilot.press("f9", "f8")
         await settle(pilot, station)
-        assert (station.stopped, station.cancelled) == (0, 0)
+        assert (station.stopped, station.cancelled) == (1, 0)
 
 
 @pytest.mark.parametrize(("joined", "people"), [(BOB, 1), (JoinedTo("north", ""), 2)])

@@ -37,7 +37,7 @@ def test_no_command_is_legal_in_a_replay_or_read_only() -> None:
     for action in ACTIONS:
         if action.id in COMMANDS:
             assert action.refusal(ActionContext(replay=True, **full))
-            assert action.refusal(ActionContext(readonly=True, decides=False, **full))
+            assert action.refusal(ActionContext(readonly=True, decides=False, stops=False, **full))
             assert not action.refusal(ActionContext(**full))
 
 

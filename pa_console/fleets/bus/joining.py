@@ -8,7 +8,7 @@ from pa_console.fleets.bus.address import BrokerAddress, Credentials
 from pa_console.fleets.bus.station_link import Delivery, StationLink
 from pa_console.fleets.vda5050 import additions, messages
 from pa_console.fleets.vda5050.factsheet import Factsheet
-from pa_console.fleets.vda5050.session_messages import Countersignature, RecordsAsked
+from pa_console.fleets.vda5050.session_messages import Countersignature, RecordsAsked, StopAsked
 from pa_console.fleets.vda5050.topics import Identity
 
 HEARD = (
@@ -23,6 +23,7 @@ HEARD = (
     *additions.SIGNED,
     RecordsAsked,
     Countersignature,
+    StopAsked,
 )
 CONNECT_S = 5.0
 RETAINED_S = 0.3

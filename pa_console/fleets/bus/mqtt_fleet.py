@@ -24,7 +24,7 @@ from pa_console.fleets.vda5050 import additions, commands, messages
 from pa_console.fleets.vda5050.asset_state import telemetry_of
 from pa_console.fleets.vda5050.factsheet import Factsheet
 from pa_console.fleets.vda5050.numbers import Numbers
-from pa_console.fleets.vda5050.session_messages import Countersignature, RecordsAsked
+from pa_console.fleets.vda5050.session_messages import Countersignature, RecordsAsked, StopAsked
 from pa_console.fleets.vda5050.topics import Identity, Topic
 from pa_console.fleets.vda5050.vehicle import EXPIRY_S, STATE_REQUEST
 from pa_console.fleets.vda5050.wire import Header, UnreadableError
@@ -60,6 +60,7 @@ class MqttFleet:
         self._replies: list[CommandReply] = []
         self._shared: SharedSession | None = None
         self._countersigned: list[Countersigned] = []
+        self._stop_asked = ""
         self._weather: Weather = joined.site.weather if joined.site is not None else "clear"
         self._tick, self._connected, self._ready = 0, True, False
         for delivery in joined.deliveries:
@@ -139,7 +140,8 @@ class MqttFleet:
         self._share()
         replies, self._replies = tuple(self._replies), []
         countersigned, self._countersigned = tuple(self._countersigned), []
-        return Received(replies, self._told.take(), countersigned)
+        stop_asked, self._stop_asked = self._stop_asked, ""
+        return Received(replies, self._told.take(), countersigned, stop_asked)
 
     def share(self, session: SharedSession) -> None:
         """Publish the records of a session, and take what others sign for its plans."""
@@ -333,7 +335,10 @@ class MqttFleet:
                     self._shared.ask(message)
             case Countersignature() if self._shares(topic.identity):
                 self._take_countersignature(message)
-            case RecordsAsked() | Countersignature():
+            case StopAsked() if self._shares(topic.identity):
+                if self._shared is not None and message.session == self._shared.session:
+                    self._stop_asked = f"{message.person} at another station"
+            case RecordsAsked() | Countersignature() | StopAsked():
                 pass
             case _:
                 self._take_more(topic.identity, message)

@@ -31,7 +31,7 @@ class SharedSession:
     """
 
     def __init__(self, session: str, station: str, path: Path, vouch: Vouch) -> None:
-        self.identity, self._session = Identity(MANUFACTURER, station), session
+        self.identity, self.session = Identity(MANUFACTURER, station), session
         self._path, self._vouch, self._numbers = path, vouch, Numbers()
         self._ends = [0]
         """Where each record ends in the file, in bytes."""
@@ -50,7 +50,7 @@ class SharedSession:
 
     def ask(self, message: RecordsAsked) -> None:
         """Note that somebody lacks records; with the next step they get some of them."""
-        known = message.session == self._session and 1 <= message.first < len(self._ends)
+        known = message.session == self.session and 1 <= message.first < len(self._ends)
         if known and message.first not in self._asked:
             self._asked.append(message.first)
 
@@ -79,11 +79,11 @@ class SharedSession:
             return
         message = SessionRecords(
             **self._numbers.header(self.identity, SessionRecords.TOPIC, now),
-            session=self._session,
+            session=self.session,
             first=first,
             last=last,
             packed=packed,
-            signature=self._vouch(Records(self._session, first, last, self._hashes[last])),
+            signature=self._vouch(Records(self.session, first, last, self._hashes[last])),
         )
         topic = Topic(site, self.identity, SessionRecords.TOPIC)
         yield Sent(str(topic), message.write(), qos=1)

@@ -22,6 +22,7 @@ from pa_console.fleets.vda5050.session_messages import (
     Countersignature,
     RecordsAsked,
     SessionRecords,
+    StopAsked,
 )
 from pa_console.fleets.vda5050.topics import Topic
 from pa_console.private_files import make_private_folder, replace_private
@@ -123,7 +124,10 @@ def access(site: str) -> str:
         "",
         f"user {JOINED}",
         f"topic read {site}/v3/#",
-        *(f"topic write {station}/{kind.TOPIC}" for kind in (RecordsAsked, Countersignature)),
+        *(
+            f"topic write {station}/{kind.TOPIC}"
+            for kind in (RecordsAsked, Countersignature, StopAsked)
+        ),
     ]
     return "\n".join(lines) + "\n"
 

@@ -1,7 +1,7 @@
 """A session that a station shares on the bus, and what a console that has joined it sends back.
 
 The station publishes the records of its log on `<interface>/v3/pa-console/<station>/records`.
-Whoever has joined sends `recordsAsked` and `countersignature` to the same station.
+Whoever has joined sends `recordsAsked`, `countersignature` and `stopAsked` to the same station.
 """
 
 import base64
@@ -69,3 +69,11 @@ class Countersignature(Header):
     request_id: Id
     person: Id
     approval: _Signed
+
+
+class StopAsked(Header):
+    """Somebody who has joined asks the station to stop everybody; a stop needs no signature."""
+
+    TOPIC: ClassVar[str] = "stopAsked"
+    session: Id
+    person: Id

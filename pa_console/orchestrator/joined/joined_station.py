@@ -1,7 +1,8 @@
 """A console that has joined another station's session: it watches, and a second person signs.
 
-Nothing is commanded from here. What a person signs goes to the station whose session it is, which
-counts it, and from there to the vehicle, which checks it again.
+Nothing is commanded from here but a stop, which that station carries out. What a person signs goes
+to the station whose session it is, which counts it, and from there to the vehicle, which checks it
+again.
 """
 
 import asyncio
@@ -16,7 +17,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from pa_console.fleets.authorization import RefusedError, sign_approval
 from pa_console.fleets.bus.told import Told
 from pa_console.fleets.station_authority import approval_of
-from pa_console.fleets.vda5050.session_messages import Countersignature
+from pa_console.fleets.vda5050.session_messages import Countersignature, StopAsked
 from pa_console.fleets.vda5050.vehicle import EXPIRY_S
 from pa_console.orchestrator.joined.shared_log import LOOK_S, SharedLog
 from pa_console.orchestrator.planning.approval import inadmissible
@@ -134,6 +135,15 @@ class JoinedStation:
             raise ValueError(str(refused)) from refused
         return request
 
+    def stop_all(self) -> None:
+        """Ask the station to stop everybody; raises ValueError when nothing can be sent."""
+        log = self._log
+        asked = StopAsked(
+            **log.header(StopAsked), session=log.stream.session, person=self._signatory.name
+        )
+        if not log.publish(asked, round(EXPIRY_S)):
+            raise ValueError(f"nothing reaches the broker: {log.link.problem}")
+
     async def close(self, reason: str = "") -> None:  # noqa: ARG002 - the session goes on
         """Leave; the session goes on without this console."""
         self._closing = True
@@ -164,9 +174,6 @@ class JoinedStation:
         raise self._refusal
 
     def cancel(self) -> None:  # noqa: D102
-        raise self._refusal
-
-    def stop_all(self) -> None:  # noqa: D102
         raise self._refusal
 
     def release(self) -> None:  # noqa: D102

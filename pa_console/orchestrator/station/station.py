@@ -83,7 +83,7 @@ class Station:
         self._worker = MissionWorker(parts)
         self._ahead = ReadAhead(services, unasked=read_unasked)
         self._reload = RulesReload(services, watch, self._emit, self._worker, self._ahead)
-        self._ticking = Ticking(parts, clock, self._worker)
+        self._ticking = Ticking(parts, clock, self._worker, self._stop_for)
         self._closed, self._resumed = False, resumed
         self._again: list[tuple[ev.EventPayload, str]] = []
         """The missions that open alarms become once more."""
@@ -289,6 +289,11 @@ class Station:
         """Cancel a waiting mission; raises ValueError when it does not wait."""
         reason = "withdrawn by the operator"
         self._reorder(lambda: self._worker.drop(self._intake.withdraw(mission_id), reason))
+
+    def _stop_for(self, by: str) -> None:
+        """Stop everybody because somebody asks for it from elsewhere, unless all are stopped."""
+        if not self.readonly and not self._gate.stopped:
+            self.stop_all(by)
 
     def stop_all(self, by: str = "operator") -> None:
         """Every asset is told to hold, the active mission is cancelled, the queue is emptied.

@@ -94,8 +94,15 @@ class SteppedClock:
 class Ticking:
     """Steps one fleet and tells everything that happens in it."""
 
-    def __init__(self, parts: StationParts, clock: Clock, worker: MissionWorker) -> None:
-        """Take the first look at the picture."""
+    def __init__(
+        self,
+        parts: StationParts,
+        clock: Clock,
+        worker: MissionWorker,
+        stop: Callable[[str], None],
+    ) -> None:
+        """Take the first look at the picture; `stop` stops everybody for whom it is told."""
+        self._stop = stop
         self._services, self._feed, self._intake = parts.services, parts.feed, parts.intake
         self._emergency_stop, self._emit = parts.emergency_stop, parts.emit
         self._clock, self._worker, self._fleet = clock, worker, parts.services.fleet
@@ -115,6 +122,8 @@ class Ticking:
             for _ in range(await self._clock.due(world.dt_s, self._wanted)):
                 self._services.journal.commit()
                 received = self._fleet.step()
+                if received.stop_asked:
+                    self._stop(received.stop_asked)
                 self._feed.publish(self._fleet.tick, received.replies)
                 for told in received.told:
                     self.happened(told)

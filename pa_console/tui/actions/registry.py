@@ -10,6 +10,7 @@ Need = Literal[
     "replay",
     "writable",
     "decides",
+    "stops",
     "mission",
     "idle_trace",
     "approval",
@@ -30,6 +31,7 @@ class ActionContext:
     replay: bool = False
     readonly: bool = False
     decides: bool = True
+    stops: bool = True
     mission: bool = False
     traced: bool = False
     approval: bool = False
@@ -102,6 +104,7 @@ def _refusal(need: Need, now: ActionContext) -> str:
         "replay": (now.replay, "only in a replay"),
         "writable": (not now.readonly, "the console is read-only"),
         "decides": (now.decides, "nothing is decided here"),
+        "stops": (now.stops, "the console is read-only"),
         "mission": (now.mission, "no mission is active"),
         "idle_trace": (now.traced, "there is no mission yet"),
         "approval": (now.approval, "nothing waits for approval"),
@@ -149,7 +152,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction(
         "stop", "f9,S", "STOP ALL",
         "Stop: every asset holds, open plans are void, nothing else is sent until it is released",
-        "Safety", needs=_COMMAND, footer=True, urgent=True,
+        "Safety", needs=("live", "stops"), footer=True, urgent=True,
         confirmed=True,
     ),
     ConsoleAction(

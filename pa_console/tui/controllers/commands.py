@@ -120,7 +120,17 @@ class CommandController:
 
     def stop_all(self) -> None:
         """Make every asset hold, at once and without a question."""
-        if self.attempt("Stop", lambda station: station.stop_all()):
+        joined = self._session.joined
+        if not self.attempt("Stop", lambda station: station.stop_all()):
+            return
+        if joined is not None:
+            self._session.tell(
+                f"{joined.station} was asked to stop everybody; the red line at the top says when "
+                "it has",
+                "■ STOP ASKED",
+                bad=True,
+            )
+        else:
             self._session.tell(
                 "every asset was told to hold, open plans are void, the queue is empty; "
                 "the red line at the top says who has confirmed. Nothing else is sent until you "
