@@ -72,8 +72,11 @@ class Run:
         if self.began is not None:
             self.under_way.pop(now - self.began, lambda: None)()
 
-    async def until(self, tick: int, *, under_way: bool = False) -> None:
-        """Run up to `tick`, counted from the first command if asked; approve what may be."""
+    async def until(self, tick: int, *, under_way: bool = False, sent: str = "") -> None:
+        """Run up to `tick`, counted from the first command if asked; approve what may be.
+
+        It ends before where it was waited for that a command is `sent`.
+        """
         approve = standing_approver("auto")
         self.sim.on_step = self._step
         async with aclosing(self.station.run()) as events:
@@ -85,6 +88,8 @@ class Run:
                         self.station.decide(approve(event.data))
                 since = self.began if under_way else 0
                 if since is not None and self.sim.tick - since >= tick:
+                    return
+                if sent and sent in self.words():
                     return
 
     def words(self) -> list[str]:
@@ -161,7 +166,7 @@ async def test_a_release_is_logged_and_takes_up_the_alarms_that_are_open(
         12: lambda: run.station.inject(FailAsset(asset="Ugv_T01")),
         100: lambda: run.station.release("the watch officer"),
     }
-    await run.until(160)
+    await run.until(20_000, sent="Drone_T04 move_to EastGate")
     kinds = [event.data.kind for event in run.events]
     released = kinds.index("stop_released")
     assert "mission_received" not in kinds[:released]
