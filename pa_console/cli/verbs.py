@@ -57,7 +57,8 @@ VERBS = {
     ),
     "models": Verb("models:app", "List and pull language models."),
     "eval": Verb(
-        "evaluate:app", "Run mission sets against models and variants of the pipeline; more below."
+        "evaluate.evaluate:app",
+        "Run mission sets against models and variants of the pipeline; more below.",
     ),
     "bench": Verb(
         "bench.bench:app", "Compare the parts with the plain way and the limit; more benches below."

@@ -25,7 +25,7 @@ from pa_console.benchmarks.judge.judge_cases import (
     LeftOutError,
     choose_runs,
 )
-from pa_console.cli.evaluate import to_rich
+from pa_console.cli.evaluate.evaluate import to_rich
 from pa_console.cli.output import JsonOption, ModelOption, errors, out, print_json
 from pa_console.evaluation.reporting.table import Table, fraction_cell, seconds
 from pa_console.evaluation.runs.memo_engine import MemoEngine

@@ -42,7 +42,7 @@ class Bin(NamedTuple):
     strict: Rate
 
 
-def told_confidence(records: Records) -> list[tuple[float, bool]]:
+def confidence_and_success(records: Records) -> list[tuple[float, bool]]:
     """Return confidence and strict success of every run that has a confidence."""
     return [(run.confidence, run.strict) for run in records if run.confidence is not None]
 
@@ -75,7 +75,7 @@ def calibration_tables(records: Records) -> list[Table]:
     """Return the reliability of each model's confidence; no table without any."""
     rows: list[tuple[str, ...]] = []
     for model, runs in by_model(main_runs(records)).items():
-        told = told_confidence(runs)
+        told = confidence_and_success(runs)
         error = calibration_error(told)
         rows += [
             (
@@ -111,7 +111,7 @@ def reliability_diagram(records: Records) -> "Figure":
     ax.plot([0, 100], [0, 100], color=INK, linewidth=0.8, linestyle="--", label="as sure as right")
     shapes = "os^Dv"
     for number, (model, runs) in enumerate(by_model(main_runs(records)).items()):
-        bins = reliability(told_confidence(runs))
+        bins = reliability(confidence_and_success(runs))
         points = [
             (100 * found.confidence, *interval)
             for found in bins

@@ -3,7 +3,7 @@
 from functools import partial
 from typing import TYPE_CHECKING, Literal
 
-from pa_console.evaluation.reporting.calibration import reliability_diagram, told_confidence
+from pa_console.evaluation.reporting.calibration import confidence_and_success, reliability_diagram
 from pa_console.evaluation.reporting.figure_drawing import (
     BLUE,
     GREEN,
@@ -344,7 +344,7 @@ def build_figures(records: Records) -> list[Drawn]:
             partial(figure_five, shown, beside),
         ),
     ]
-    if told_confidence(main):
+    if confidence_and_success(main):
         figures.append(
             Drawn(
                 JUDGE,

@@ -4,6 +4,7 @@ It is shown the forms of clauses with examples, and the same picture. A server c
 clauses, so what it says is read with their own grammar afterwards, and is no reading otherwise.
 """
 
+import json
 from dataclasses import replace
 
 import regex
@@ -82,7 +83,10 @@ class ServerReader:
         answer = await ask_model(self._engine, asked)
         if answer.error:
             return OrderRead("", answer.error, answer.usage)
-        words = answer.text.partition(":")[2].strip().removesuffix("}").strip()[1:-1]
+        try:
+            words = str(json.loads(answer.text)["asked"])
+        except (ValueError, KeyError, TypeError):
+            return OrderRead("", "its answer is not of the form asked for", answer.usage)
         read = OrderRead(f"{ASKED}{words}", usage=answer.usage)
         if not in_clauses(world, digest, mission.text, read.asked):
             return replace(read, asked="", error=f"no reading in canonical clauses: {words[:120]}")

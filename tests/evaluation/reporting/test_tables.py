@@ -6,7 +6,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from rich.console import Console
 
-from pa_console.cli.evaluate import to_rich
+from pa_console.cli.evaluate.evaluate import to_rich
 from pa_console.evaluation.reporting.record_groups import main_runs, main_variant
 from pa_console.evaluation.reporting.statistics import Rate
 from pa_console.evaluation.reporting.table import NOTHING, Table, rate_cell

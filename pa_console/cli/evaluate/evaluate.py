@@ -249,7 +249,7 @@ def evaluate(
     began = perf_counter()
     try:
         if workers or scheduler:
-            from pa_console.cli.sweeping import SweptModels, sweep  # noqa: PLC0415 - Dask
+            from pa_console.cli.evaluate.sweeping import SweptModels, sweep  # noqa: PLC0415 - Dask
 
             names = {local.name: name for local, name in zip(found, asked, strict=True)}
             swept = SweptModels(models, names, reader, reuse)
