@@ -1,6 +1,9 @@
 """Which panes an event concerns, so that the others are left alone."""
 
+from typing import Any
+
 from textual.content import Content
+from textual.screen import Screen
 from textual.widget import Widget
 
 FRAME_S = 0.12
@@ -33,6 +36,15 @@ _MISSION = frozenset(("status", "alarms", "trace", "events"))
 def views_of(kind: str) -> frozenset[str]:
     """Return the panes that show something of an event of this kind."""
     return _BY_KIND.get(kind, _MISSION)
+
+
+def is_open(screen: Screen[Any]) -> bool:
+    """Whether `screen` is neither left nor being closed with its application.
+
+    A timer may fire while a screen is being closed; by then some of its widgets are gone.
+    """
+    app = screen.app
+    return app.is_running and screen in app.screen_stack
 
 
 def retitle(pane: Widget, title: str) -> None:

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import cast
 
+import pytest
 from textual import events
 from textual.containers import VerticalScroll
 from textual.widget import Widget
@@ -14,7 +15,7 @@ from pa_console.tui.app import ConsoleApp
 from pa_console.tui.widgets.bars import StatusBar
 from pa_console.tui.widgets.event_list import EventList
 from pa_console.tui.widgets.map_view import MapView
-from pa_console.tui.widgets.mission_prompt import MissionInput
+from pa_console.tui.widgets.mission_prompt import MissionInput, MissionPrompt
 from pa_console.tui.widgets.row_views import TextRows, VirtualRows
 from pa_console.tui.widgets.trace_pane import SectionTitle, SectionView
 from tests.tui import story
@@ -293,3 +294,21 @@ async def test_a_frame_that_falls_due_while_the_console_closes_does_no_harm(
         await settle(pilot, station)
     assert not app.screen_stack
     app.feed.flush()
+
+
+async def test_a_timer_that_fires_while_the_console_closes_finds_nothing_to_paint(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path)
+    fired: list[bool] = []
+
+    def fire(prompt: MissionPrompt) -> None:
+        fired.append(bool(prompt.query(MissionInput)))
+        app.feed.look()
+        app.feed.flush()
+
+    monkeypatch.setattr(MissionPrompt, "on_unmount", fire, raising=False)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+    assert fired == [False]  # its field was gone already

@@ -11,7 +11,8 @@ from pa_console.session.state.waiting import Waiting
 from pa_console.tui.actions.registry import ActionContext
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.protocols import LiveStation
-from pa_console.tui.refresh import ALL_VIEWS, FRAME_S, views_of
+from pa_console.tui.refresh import ALL_VIEWS, FRAME_S, is_open, views_of
+from pa_console.tui.screens.main import MainScreen
 
 LOOK_S = 1.0
 """How often the age of the telemetry is looked at, in wall seconds."""
@@ -109,8 +110,8 @@ class SessionFeed:
         views, self._dirty = self._dirty, frozenset()
         if session.recording is not None:
             session.recording.repaint()
-        main = session.main
-        if views and main is not None and main.is_mounted and session.player is None:
+        main = self._main()
+        if views and main is not None and session.player is None:
             silent = session.clock() - self._last_telemetry
             main.refresh_views(session.state, views, session.rate, silent)
             self._show_waiting()
@@ -118,6 +119,11 @@ class SessionFeed:
         if session.situation != self._situation:
             self._situation = session.situation
             self._app.refresh_bindings()
+
+    def _main(self) -> MainScreen | None:
+        """The main screen where it can be painted: it has its widgets, all of them."""
+        main = self._session.main
+        return main if main is not None and main.is_mounted and is_open(main) else None
 
     def _tell_what_waits(self) -> None:
         """Tell an operator who looks at another screen that a plan has begun to wait."""
@@ -132,8 +138,8 @@ class SessionFeed:
 
     def _show_waiting(self) -> None:
         """Say on the main screen what is being waited for."""
-        main = self._session.main
-        if main is not None and main.is_mounted:
+        main = self._main()
+        if main is not None:
             main.show_waiting(self.waiting.line(self._session.clock(), self._session.folded))
 
     def look(self) -> None:

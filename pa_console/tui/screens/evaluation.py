@@ -27,6 +27,7 @@ from pa_console.tui.evaluation_view.runs import (
     totals_text,
 )
 from pa_console.tui.protocols import Clock
+from pa_console.tui.refresh import is_open
 from pa_console.tui.screens.questions import AskFolder
 from pa_console.tui.status_words import WARN
 from pa_console.tui.trace.rows import layout, row
@@ -113,6 +114,8 @@ class EvaluationScreen(Screen[None]):
         except (ValueError, OSError) as error:
             self._problem = str(error)
         self._built = None
+        if not is_open(self):
+            return
         self._show()
         if self.has_class("-tables"):
             await self._show_tables()

@@ -18,7 +18,7 @@ from pa_console.tui.actions.keymap import KeysHost, refused_command
 from pa_console.tui.actions.registry import ActionContext
 from pa_console.tui.kept_input import History
 from pa_console.tui.protocols import Clock
-from pa_console.tui.refresh import ALL_VIEWS, FRAME_S
+from pa_console.tui.refresh import ALL_VIEWS, FRAME_S, is_open
 from pa_console.tui.replay.deck import ReplayDeck
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.widgets.bars import Scrubber
@@ -108,6 +108,8 @@ class RecordingScreen(MainScreen):
         self.move(lambda deck: deck.to_share(message.share))
 
     def _tick(self) -> None:
+        if not is_open(self):
+            return
         try:
             played = self._deck.play_on()
         except LogError as error:
@@ -125,7 +127,7 @@ class RecordingScreen(MainScreen):
     def repaint(self) -> None:
         """Repaint the panes that the last moves have changed."""
         views, self._dirty = self._dirty, frozenset()
-        if views and self.is_mounted:
+        if views and self.is_mounted and is_open(self):
             self.refresh_views(self.state, views, self.rate, 0.0)
             situation = cast(_Host, self.app).situation
             if situation != self._situation:

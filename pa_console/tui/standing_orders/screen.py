@@ -12,6 +12,7 @@ from textual.widgets import Static
 
 from pa_console.schema.quantities import count
 from pa_console.session.state.fold import SessionState
+from pa_console.tui.refresh import is_open
 from pa_console.tui.standing_orders.listing import StandingRows
 from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.row_views import TextRows
@@ -74,6 +75,8 @@ class StandingOrdersScreen(Screen[None]):
 
     def look(self) -> None:
         """Show what is new since the last look."""
+        if not is_open(self):
+            return
         orders = self._state().standing
         now = [(each.order.id, each.started, each.ended, each.withheld) for each in orders.values()]
         if now == self._shown:
