@@ -17,7 +17,9 @@ from pa_console.sim.picture import integrity, telemetry
 from pa_console.sim.picture import picture as station_side
 from pa_console.sim.radio import link, radio
 from pa_console.sim.sensing import sensing
-from pa_console.sim.state import AssetState, Detection, RadioState, Report, Scene
+from pa_console.sim.state.link_state import RadioState, Report
+from pa_console.sim.state.scene import AssetState, Scene
+from pa_console.sim.state.sensing_state import Detection
 from pa_console.sim.worlds.terrain import Terrain
 
 LEAD_TICKS = 2

@@ -15,7 +15,8 @@ from pa_console.sim.assets import battery
 from pa_console.sim.picture import picture as station_side
 from pa_console.sim.picture import telemetry
 from pa_console.sim.sensing import sensing
-from pa_console.sim.state import AssetState, Heard, RadioState, Said, Scene, StationState
+from pa_console.sim.state.link_state import Heard, RadioState, Said, StationState
+from pa_console.sim.state.scene import AssetState, Scene
 from pa_console.sim.worlds.terrain import Terrain
 
 IDLE_REPORT_PERIODS = 20

@@ -21,7 +21,8 @@ from pa_console.schema.telemetry import Task
 from pa_console.sim.assets import battery, obstructions
 from pa_console.sim.radio import radio
 from pa_console.sim.sensing import sensing
-from pa_console.sim.state import AssetState, Drift, Scene
+from pa_console.sim.state.link_state import Drift
+from pa_console.sim.state.scene import AssetState, Scene
 from pa_console.sim.worlds.terrain import Terrain
 
 

@@ -5,7 +5,7 @@ import random
 from pa_console.schema.incident import Incident, WorkerFault
 from pa_console.schema.scenario import After, AssetIs, Scenario, TrackIs
 from pa_console.sim import incidents
-from pa_console.sim.state import Scene, ScriptState
+from pa_console.sim.state.scene import Scene, ScriptState
 from pa_console.sim.worlds.terrain import Terrain
 
 _TIME_NOISE_S = 1e-9

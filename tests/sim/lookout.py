@@ -8,7 +8,8 @@ from pa_console.schema.base import Point
 from pa_console.schema.incident import SpawnTrack
 from pa_console.schema.world import AssetKind, World
 from pa_console.sim.contacts import contacts
-from pa_console.sim.state import AssetState, ContactState, Scene
+from pa_console.sim.state.scene import AssetState, Scene
+from pa_console.sim.state.sensing_state import ContactState
 from pa_console.sim.worlds.terrain import Terrain
 
 RANGE_M = 50.0

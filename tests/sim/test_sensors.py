@@ -13,7 +13,7 @@ from pa_console.schema.world import AssetKind, Sensing
 from pa_console.sim import incidents
 from pa_console.sim.sensing import sensing
 from pa_console.sim.sensing.sensors import AT_FULL_RANGE, detection_chance, scan
-from pa_console.sim.state import Scene
+from pa_console.sim.state.scene import Scene
 from pa_console.sim.worlds.terrain import Terrain
 from tests.sim.lookout import RANGE_M, lookout, scene_at, stand
 

@@ -9,7 +9,7 @@ from shapely import LineString, Point
 
 from pa_console.schema.world import World
 from pa_console.sim.assets.surroundings import Traffic
-from pa_console.sim.state import AssetState
+from pa_console.sim.state.scene import AssetState
 from pa_console.sim.worlds.terrain import Terrain
 from pa_console.sim.worlds.world_generator import generate_world
 

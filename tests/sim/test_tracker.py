@@ -15,7 +15,8 @@ from pa_console.sim.contacts.encounters import IDENTIFY_S, WARN_S, attend
 from pa_console.sim.sensing import sensing
 from pa_console.sim.sensing.sensors import WATCH_S
 from pa_console.sim.sensing.tracker import DROP_S
-from pa_console.sim.state import ContactState, Detection, Scene
+from pa_console.sim.state.scene import Scene
+from pa_console.sim.state.sensing_state import ContactState, Detection
 from pa_console.sim.worlds.terrain import Terrain
 from tests.sim.lookout import lookout, scene_at, stand
 

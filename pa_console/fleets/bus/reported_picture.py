@@ -16,16 +16,9 @@ from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.picture import integrity
 from pa_console.sim.picture import picture as station_side
 from pa_console.sim.sensing import sensing
-from pa_console.sim.state import (
-    AssetState,
-    Detection,
-    Heard,
-    Report,
-    Said,
-    Scene,
-    StationState,
-    Trust,
-)
+from pa_console.sim.state.link_state import Heard, Report, Said, StationState, Trust
+from pa_console.sim.state.scene import AssetState, Scene
+from pa_console.sim.state.sensing_state import Detection
 from pa_console.sim.worlds.terrain import Terrain
 
 SEEN_PERIODS = 2.0

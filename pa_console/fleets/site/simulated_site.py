@@ -41,7 +41,7 @@ from pa_console.schema.incident import Incident
 from pa_console.schema.telemetry import AssetTelemetry, Weather
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.picture import picture as station_side
-from pa_console.sim.state import Detection
+from pa_console.sim.state.sensing_state import Detection
 
 MOST_STEPS_AT_ONCE = 20
 OVERTAKEN_S = 1.0

@@ -5,7 +5,7 @@ that stands idle costs nothing in between.
 """
 
 from pa_console.schema.world import World
-from pa_console.sim.state import AssetState, Scene
+from pa_console.sim.state.scene import AssetState, Scene
 
 
 def rouse(world: World, scene: Scene, asset: AssetState) -> None:

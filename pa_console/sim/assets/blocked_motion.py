@@ -6,7 +6,7 @@ from functools import lru_cache
 from pa_console.schema.base import Point
 from pa_console.sim.assets.motion import way_left
 from pa_console.sim.assets.obstructions import notice
-from pa_console.sim.state import AssetState, Scene
+from pa_console.sim.state.scene import AssetState, Scene
 from pa_console.sim.worlds.routes import Route
 from pa_console.sim.worlds.terrain import Terrain
 

@@ -10,7 +10,7 @@ from pa_console.sim.assets.blocked_motion import unstick
 from pa_console.sim.assets.motion import way_left
 from pa_console.sim.contacts.encounters import attend, called
 from pa_console.sim.radio import link, radio
-from pa_console.sim.state import AssetState, Scene
+from pa_console.sim.state.scene import AssetState, Scene
 from pa_console.sim.worlds.terrain import Terrain
 
 

@@ -7,7 +7,7 @@ from math import atan2, cos, dist, hypot, remainder, sin, tau
 from pa_console.schema.base import Point
 from pa_console.sim.assets.physics import CONTACT_MARGIN_M, Velocity
 from pa_console.sim.assets.surroundings import Traffic
-from pa_console.sim.state import AssetState, Scene
+from pa_console.sim.state.scene import AssetState, Scene
 from pa_console.sim.worlds.platform_limits import HULL_GAP_M, LOOK_M, LOOK_S, PlatformLimits
 from pa_console.sim.worlds.routes import Area
 from pa_console.sim.worlds.terrain import Terrain

@@ -3,7 +3,7 @@
 from pa_console.schema.incident import Incident, ObstructWay
 from pa_console.schema.world import Wall
 from pa_console.sim.assets.physics import gap
-from pa_console.sim.state import AssetState, Scene
+from pa_console.sim.state.scene import AssetState, Scene
 from pa_console.sim.worlds.terrain import Terrain
 
 THICKNESS_M = 0.8

@@ -13,7 +13,7 @@ import pymunk
 
 from pa_console.schema.world import Wall
 from pa_console.sim.assets.surroundings import Traffic
-from pa_console.sim.state import AssetState, Scene
+from pa_console.sim.state.scene import AssetState, Scene
 from pa_console.sim.worlds.terrain import Terrain
 
 Velocity = tuple[float, float]

@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterable, Set
 from typing import NamedTuple
 
-from pa_console.sim.state import AssetState
+from pa_console.sim.state.scene import AssetState
 
 _HOLDS_M = 2.0
 """What has been looked up holds until somebody has gone so far."""

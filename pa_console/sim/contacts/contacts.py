@@ -9,7 +9,8 @@ from pa_console.schema.base import Point
 from pa_console.schema.incident import RevealTrack, SpawnTrack
 from pa_console.schema.world import AssetKind
 from pa_console.sim.contacts.lanes import QUEUE_GAP_M
-from pa_console.sim.state import ContactState, Scene
+from pa_console.sim.state.scene import Scene
+from pa_console.sim.state.sensing_state import ContactState
 from pa_console.sim.worlds.terrain import Terrain
 
 

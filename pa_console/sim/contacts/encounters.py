@@ -9,7 +9,8 @@ import math
 from typing import Literal
 
 from pa_console.sim.sensing.tracker import name_of
-from pa_console.sim.state import AssetState, ContactState, Finding, Scene
+from pa_console.sim.state.scene import AssetState, Scene
+from pa_console.sim.state.sensing_state import ContactState, Finding
 from pa_console.sim.worlds.terrain import Terrain
 
 IDENTIFY_S = 4.0

@@ -21,7 +21,8 @@ from pa_console.schema.world import World
 from pa_console.sim.picture import integrity, telemetry
 from pa_console.sim.radio import radio
 from pa_console.sim.sensing import sensing
-from pa_console.sim.state import Heard, Report, Said, Scene, StationState
+from pa_console.sim.state.link_state import Heard, Report, Said, StationState
+from pa_console.sim.state.scene import Scene
 from pa_console.sim.worlds.terrain import Terrain
 
 LATE_S = 0.25

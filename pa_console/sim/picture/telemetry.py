@@ -8,7 +8,9 @@ from pa_console.sim.assets import battery
 from pa_console.sim.incidents import watch_task
 from pa_console.sim.radio import link, radio
 from pa_console.sim.sensing import sensing
-from pa_console.sim.state import AssetState, Detection, Report, Said, Scene
+from pa_console.sim.state.link_state import Report, Said
+from pa_console.sim.state.scene import AssetState, Scene
+from pa_console.sim.state.sensing_state import Detection
 from pa_console.sim.worlds.terrain import Terrain
 
 

@@ -5,7 +5,8 @@ import math
 from pa_console.schema.telemetry import Track
 from pa_console.sim.sensing import tracker
 from pa_console.sim.sensing.tracker import gap_to_gate
-from pa_console.sim.state import ContactState, Scene, TrackFile
+from pa_console.sim.state.scene import Scene
+from pa_console.sim.state.sensing_state import ContactState, TrackFile
 from pa_console.sim.worlds.terrain import Terrain
 
 SEEN_PERIODS = 3

@@ -6,7 +6,8 @@ link does not work when it would arrive, a reply or report if it does not when i
 
 from pa_console.schema.command import CommandReply, DeviceCommand
 from pa_console.sim.radio import radio
-from pa_console.sim.state import Report, Scene
+from pa_console.sim.state.link_state import Report
+from pa_console.sim.state.scene import Scene
 
 
 def send_command(scene: Scene, command: DeviceCommand, dt_s: float) -> None:

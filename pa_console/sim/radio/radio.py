@@ -5,7 +5,8 @@ import math
 from pa_console.schema.incident import JamArea, SetRadio
 from pa_console.schema.telemetry import CommsStatus
 from pa_console.schema.world import World
-from pa_console.sim.state import AssetState, Jam, RadioState, Scene
+from pa_console.sim.state.link_state import Jam, RadioState
+from pa_console.sim.state.scene import AssetState, Scene
 
 DEGRADED = RadioState(latency_s=0.3, jitter_s=0.9, loss=0.3)
 """What `comms: degraded` means; `lost` is an outage, `ok` the link as the world has it."""

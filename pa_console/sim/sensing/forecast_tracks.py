@@ -6,7 +6,8 @@ import shapely
 
 from pa_console.schema.telemetry import Intent, Picture, Track
 from pa_console.sim.contacts.contacts import way_in
-from pa_console.sim.state import ContactState, Scene, TrackFile
+from pa_console.sim.state.scene import Scene
+from pa_console.sim.state.sensing_state import ContactState, TrackFile
 from pa_console.sim.worlds.terrain import Terrain
 
 USUAL_MPS = 5.0

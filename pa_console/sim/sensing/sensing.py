@@ -8,7 +8,7 @@ from pa_console.sim.sensing.forecast_tracks import restore
 from pa_console.sim.sensing.sensing_incidents import apply
 from pa_console.sim.sensing.sensors import scan
 from pa_console.sim.sensing.tracker import receive
-from pa_console.sim.state import Scene
+from pa_console.sim.state.scene import Scene
 from pa_console.sim.worlds.terrain import Terrain
 
 __all__ = [

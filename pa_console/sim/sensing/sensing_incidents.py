@@ -10,7 +10,8 @@ from pa_console.schema.incident import (
     SpawnTrack,
 )
 from pa_console.sim.contacts import contacts
-from pa_console.sim.state import Phantom, Scene
+from pa_console.sim.state.scene import Scene
+from pa_console.sim.state.sensing_state import Phantom
 from pa_console.sim.worlds.terrain import Terrain
 
 

@@ -14,7 +14,8 @@ import math
 
 from pa_console.schema.base import Point
 from pa_console.schema.telemetry import Intent, TrackStatus
-from pa_console.sim.state import Detection, Scene, TrackFile
+from pa_console.sim.state.scene import Scene
+from pa_console.sim.state.sensing_state import Detection, TrackFile
 from pa_console.sim.worlds.terrain import Terrain
 
 ACCELERATION_MPS2 = 1.0

@@ -1,0 +1,1 @@
+"""The dynamic state of a simulated checkpoint."""

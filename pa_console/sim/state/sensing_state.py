@@ -1,0 +1,176 @@
+"""What sensors make of what is there: contacts, detections, findings, tracks."""
+
+import copy
+from dataclasses import dataclass, field
+from typing import Literal
+
+from pa_console.schema.base import Point
+from pa_console.schema.incident import Reaction
+from pa_console.schema.telemetry import Identity, Intent, TrackStatus, Weather
+
+ContactKind = Literal["vehicle", "person"]
+
+
+@dataclass(slots=True)
+class ContactState:
+    """A vehicle or person that is not ours, as it truly is; fields hold immutable values.
+
+    On its lane it is `travelled` metres from the far end; off it, `route` lists the waypoints
+    still ahead.
+    """
+
+    id: str
+    kind: ContactKind
+    gate: str
+    lane: str
+    travelled: float
+    x: float
+    y: float
+    heading: float
+    cruise_mps: float
+    identity: Identity
+    intent: Intent
+    when_warned: Reaction = "leave"
+    noncombatants: bool = False
+    name: str | None = None
+    speed: float = 0.0
+    status: TrackStatus = "approaching"
+    warned_tick: int | None = None
+    on_lane: bool = True
+    route: tuple[Point, ...] = ()
+
+    @property
+    def position(self) -> Point:
+        """Where it is, metres."""
+        return (self.x, self.y)
+
+
+@dataclass(frozen=True, slots=True)
+class Phantom:
+    """Something that one sensor takes for a contact until `until_tick`, though nothing is there."""
+
+    id: str
+    lane: str
+    sensor: str
+    from_tick: int
+    until_tick: int
+
+
+@dataclass(frozen=True, slots=True)
+class Detection:
+    """What one sensor tells of one contact in one report.
+
+    `position` is what it measured now, with a normal error of `sigma_m` on each axis, or None if
+    it only repeats what it has learned before. `contact` is the signature by which detections of
+    the same contact are told to belong together.
+    """
+
+    contact: str
+    kind: ContactKind
+    position: Point | None
+    sigma_m: float
+    identity: Identity = "unknown"
+    opinion: Intent = "unknown"
+    noncombatants: bool = False
+    warned_tick: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What a ground robot has learned of a contact by dealing with it (`identify`, `warn`)."""
+
+    identity: Identity = "unknown"
+    opinion: Intent = "unknown"
+    warned_tick: int | None = None
+
+
+@dataclass(slots=True)
+class TrackFile:
+    """What the station has made of the detections of one contact.
+
+    Position and velocity are estimates at `tick`; `variance`, `covariance` and `speed_variance`
+    are theirs on each axis. `confirmed` is an intent that was confirmed before the file began (in
+    the picture of a forecast). `opinions` and `seen` hold, per sensor, its latest opinion of the
+    intent and the tick of its latest detection. `anchor` is where it was when it had last moved
+    beyond doubt, and when that was.
+    """
+
+    id: str
+    contact: str
+    kind: ContactKind
+    gate: str
+    x: float
+    y: float
+    heading: float
+    variance: float
+    tick: int
+    first_tick: int
+    reviewed_tick: int = -1
+    vx: float = 0.0
+    vy: float = 0.0
+    covariance: float = 0.0
+    speed_variance: float = 0.0
+    status: TrackStatus = "approaching"
+    leaning: TrackStatus = "approaching"
+    leaning_tick: int = 0
+    anchor: Point | None = None
+    anchor_tick: int = 0
+    identity: Identity = "unknown"
+    confirmed: Intent = "unknown"
+    opinions: tuple[tuple[str, Intent], ...] = ()
+    seen: tuple[tuple[str, int], ...] = ()
+    observed: bool = False
+    noncombatants: bool = False
+    warned_tick: int | None = None
+    warned_at: Point | None = None
+    warned_sigma_m: float = 0.0
+    warned_inside: bool = False
+    defiant: bool = False
+
+    @property
+    def position(self) -> Point:
+        """Where it was when last detected, as estimated, metres."""
+        return (self.x, self.y)
+
+    @property
+    def sigma_m(self) -> float:
+        """One standard deviation of the estimated position on each axis, metres."""
+        return self.variance**0.5
+
+
+@dataclass(slots=True)
+class SensingState:
+    """Contacts as they are, the sensors' condition and memory, and the station's tracks.
+
+    `named` maps a scenario's handles to contacts, gone ones included; detections of `cleared`
+    contacts that are still on their way are ignored. `watched` counts the scans in which a sensor
+    had a contact at close range.
+    """
+
+    contacts: dict[str, ContactState] = field(default_factory=dict[str, ContactState])
+    spawned: int = 0
+    named: dict[str, str] = field(default_factory=dict[str, str])
+    cleared: tuple[str, ...] = ()
+    weather: Weather = "clear"
+    broken: tuple[str, ...] = ()
+    phantoms: tuple[Phantom, ...] = ()
+    watched: dict[tuple[str, str], int] = field(default_factory=dict[tuple[str, str], int])
+    findings: dict[tuple[str, str], Finding] = field(default_factory=dict[tuple[str, str], Finding])
+    files: dict[str, TrackFile] = field(default_factory=dict[str, TrackFile])
+    numbered: int = 0
+
+    def copy(self) -> "SensingState":
+        """Return an independent copy; immutable values are shared."""
+        return SensingState(
+            contacts={name: copy.copy(contact) for name, contact in self.contacts.items()},
+            spawned=self.spawned,
+            named=dict(self.named),
+            cleared=self.cleared,
+            weather=self.weather,
+            broken=self.broken,
+            phantoms=self.phantoms,
+            watched=dict(self.watched),
+            findings=dict(self.findings),
+            files={name: copy.copy(file) for name, file in self.files.items()},
+            numbered=self.numbered,
+        )
