@@ -14,6 +14,7 @@ from pa_console.evaluation.runs.jobs import (
     Job,
     chosen_missions,
     find_variant,
+    keep_worlds,
     load_set,
     mission_file,
     plan_jobs,
@@ -78,6 +79,7 @@ def main() -> None:
     with TemporaryDirectory() as folder:
         path = mission_file(arguments.set, site.world_path)
         loaded = load_set(path, "checkpoint", site.rulebook, Path(folder))
+        keep_worlds(loaded)
         missions = chosen_missions(loaded.missions, arguments.only, arguments.every)
         assert missions is not None, "there is no such mission"
         loaded = type(loaded)(missions, loaded.sites)
