@@ -1,6 +1,7 @@
 """Nothing of the user's is read or written, and screens look the same everywhere."""
 
 import pytest
+from textual.notifications import Notification
 
 
 @pytest.fixture(autouse=True)
@@ -8,3 +9,9 @@ def _plain_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NO_COLOR", raising=False)
     monkeypatch.setenv("TEXTUAL_ANIMATIONS", "none")
     monkeypatch.setenv("COLORTERM", "truecolor")
+
+
+@pytest.fixture(autouse=True)
+def _lasting_notices(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A notice stays for as long as a test takes, however slow the machine is."""
+    monkeypatch.setattr(Notification, "time_left", 3600.0)
