@@ -1,5 +1,8 @@
 """The console as lines: the same session, on a terminal of any kind and over pipes."""
 
+import asyncio
+import os
+import pty
 import re
 import signal
 import time
@@ -9,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from pa_console.cli.plain.answers import read_answer
+from pa_console.cli.plain.input_lines import InputLines
 from pa_console.schema.events import event as ev
 from pa_console.signing import KEY_VARIABLE
 from tests.cli.inside import Call
@@ -178,3 +182,28 @@ def test_a_plan_is_typed_anew_and_what_is_wrong_with_it_is_said() -> None:
     assert wrong is not None
     assert wrong.decision is None
     assert "action 2" in wrong.problem
+
+
+def test_a_session_in_lines_ends_with_its_terminal_while_a_plan_waits(start: Start) -> None:
+    console = start(terminal=True)
+    console.until_shown("Type a mission")
+    console.type(f"{ORDER}\n")
+    console.until_shown("Your answer: approve")
+    console.hang_up()
+    assert console.process.wait(WITHIN_S) == 129
+    assert "session_ended" in console.kinds
+    assert "command_sent" not in console.kinds
+
+
+async def test_the_lines_end_with_the_terminal_that_they_came_from(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    ours, its = pty.openpty()
+    with os.fdopen(its) as terminal, open(os.devnull) as nowhere:
+        monkeypatch.setattr("sys.stdin", terminal)
+        lines = InputLines(asyncio.get_running_loop())
+        lines.start()
+        os.dup2(nowhere.fileno(), its)
+        os.close(ours)
+        assert await lines.queue.get() is None
+        lines.close()

@@ -14,7 +14,8 @@ LONGEST = 20_000
 class InputLines:
     """Puts each line of standard input into `queue`; None when there will be no more.
 
-    On a terminal the end of the input (Ctrl-D) is the line `quit`, and reading goes on.
+    On a terminal the end of the input (Ctrl-D) is the line `quit`, and reading goes on for as
+    long as the terminal is there.
     """
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -48,7 +49,7 @@ class InputLines:
             except OSError:
                 read = b""
                 self._terminal = False
-            if not read and self._terminal:
+            if not read and self._terminal and os.isatty(self._file):
                 self._give("quit")
                 continue
             if not read:
