@@ -54,6 +54,7 @@ EXAMPLES = {
     "scenarios check": "pa-console scenarios check my-scenario.yaml",
     "site": "pa-console site --embedded-broker",
     "site init": "pa-console site init my-site --host 192.0.2.7",
+    "tak": "pa-console tak --server tcp://127.0.0.1:8087 --replay last --origin 2.0,-30.0",
     "world": "pa-console world generate --gates 6 --out six.yaml",
     "world generate": "pa-console world generate --gates 6 --assets 20 --seed 7 --out six.yaml",
     "world check": "pa-console world check six.yaml",

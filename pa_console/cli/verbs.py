@@ -67,6 +67,11 @@ VERBS = {
     "site": Verb(
         "site.site:app", "Run the simulated checkpoint as a service on a message bus; more below."
     ),
+    "tak": Verb(
+        "tak.tak:tak",
+        "Show a session on TAK maps (ATAK, WinTAK) as Cursor on Target; nothing is taken from "
+        "there.",
+    ),
     "world": Verb("world:app", "Generate a checkpoint world, or check one."),
     "train": Verb(
         "train.train:app",

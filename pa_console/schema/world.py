@@ -101,11 +101,31 @@ class AssetSpec(StrictModel):
     battery_pct: Percent = 100.0
 
 
+class Origin(StrictModel):
+    """Where on the earth a world's point (0, 0) is, in WGS-84."""
+
+    latitude: float = Field(ge=-90.0, le=90.0, description="degrees, north of the equator")
+    longitude: float = Field(ge=-180.0, le=180.0, description="degrees, east of Greenwich")
+    bearing: float = Field(
+        default=0.0,
+        ge=0.0,
+        lt=360.0,
+        description="degrees from true north, clockwise, in which the y axis points",
+    )
+    altitude: float | None = Field(
+        default=None,
+        ge=-500.0,
+        le=9000.0,
+        description="metres of the ground above the ellipsoid; None: nobody said",
+    )
+
+
 class World(StrictModel):
     """Everything about a checkpoint that does not change while it is simulated."""
 
     name: Name
     title: str
+    origin: Origin | None = None
     dt_s: Positive = Field(default=0.1, le=0.5, description="fixed simulation step")
     telemetry_period_s: Positive = 0.5
     standoff_m: Positive = Field(description="least distance to an unverified track (ROE-04)")

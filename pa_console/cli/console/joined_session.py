@@ -1,6 +1,8 @@
 """The session of another station on this console's screen: watched, and countersigned."""
 
 import secrets
+from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -38,30 +40,46 @@ class Joining:
     rules: str
 
 
-def run_joined(asked: Joining, settings: Loaded) -> None:
-    """Show the session until it is left; raises ValueError when there is none, or no key here."""
-    require_keys("a console that joins needs a screen")
+@dataclass(frozen=True)
+class FoundSession:
+    """The session that is shared on a bus, what has happened in it, and the keys of the site."""
+
+    log: SharedLog
+    before: list[Event]
+    folder: KeyFolder
+
+
+@contextmanager
+def shared_session(url: str, certificates: Path | None) -> Generator[FoundSession]:
+    """Find the session that is shared at `url`; raises ValueError when there is none, or no key."""
     folder = KeyFolder(ask=ask_passphrase)
     if not folder.made:
         raise ValueError(
             "joining takes the keys of the site: 'pa-console keys make NAME --join OWNER_KEY' "
             "makes them here, and the owner enrols them"
         )
-    address = BrokerAddress.parse(asked.url)
-    credentials = credentials_of(address, asked.certificates, JOINED)
+    address = BrokerAddress.parse(url)
+    credentials = credentials_of(address, certificates, JOINED)
     link = StationLink(address, f"{JOINED}-{secrets.token_hex(4)}", HEARD, credentials)
     try:
         if not link.wait_connected(CONNECT_S):
             raise ValueError(f"no broker lets us in at {address}: {link.problem}")
         log = SharedLog(link, folder.trust(), folder.take)
         with RecordsBar() as bar:
-            events = read_so_far(log, bar.show)
-        signatory = Signatory(*folder.person())
-        world, rules = _site_of(events, asked, settings)
-        station = JoinedStation(log, events, Retriever(rules.rules), signatory)
-        _show(station, world, rules, settings)
+            before = read_so_far(log, bar.show)
+        yield FoundSession(log, before, folder)
     finally:
         link.close()
+
+
+def run_joined(asked: Joining, settings: Loaded) -> None:
+    """Show the session until it is left; raises ValueError when there is none, or no key here."""
+    require_keys("a console that joins needs a screen")
+    with shared_session(asked.url, asked.certificates) as found:
+        signatory = Signatory(*found.folder.person())
+        world, rules = _site_of(found.before, asked, settings)
+        station = JoinedStation(found.log, found.before, Retriever(rules.rules), signatory)
+        _show(station, world, rules, settings)
 
 
 def _show(station: JoinedStation, world: World, rules: Rulebook, settings: Loaded) -> None:
@@ -85,20 +103,33 @@ def _show(station: JoinedStation, world: World, rules: Rulebook, settings: Loade
 
 def _site_of(events: list[Event], asked: Joining, settings: Loaded) -> tuple[World, Rulebook]:
     """Return the world and the rules of the session; raises ValueError where they are not here."""
-    started = events[0].data
-    if not isinstance(started, SessionStarted):
-        raise ValueError("what is shared does not begin with the start of a session")
-    near = (settings.values.logs or default_folder()) / "log"
-    sites = SessionSites((asked.world,), (asked.rules,))
-    found, rules = sites.world_file(started, near), sites.rules_of(started)
-    if found is None:
-        raise ValueError(
-            f"the world {started.world!r} of this session is not here as it is there (SHA-256 "
-            f"{started.world_sha256[:12]}); give its file with --world"
-        )
+    world = world_of(events, asked.world, settings)
+    started = started_of(events)
+    rules = SessionSites((), (asked.rules,)).rules_of(started)
     if rules is None:
         raise ValueError(
             f"the rules {started.rules!r} of this session are not here as they are there; "
             "give their file with --rules"
         )
-    return open_world(str(found))[0], rules
+    return world, rules
+
+
+def world_of(events: list[Event], given: str, settings: Loaded) -> World:
+    """Return the world of the session, which may be `given`; raises ValueError where it is not."""
+    started = started_of(events)
+    near = (settings.values.logs or default_folder()) / "log"
+    found = SessionSites((given,)).world_file(started, near)
+    if found is None:
+        raise ValueError(
+            f"the world {started.world!r} of this session is not here as it is there (SHA-256 "
+            f"{started.world_sha256[:12]}); give its file with --world"
+        )
+    return open_world(str(found))[0]
+
+
+def started_of(events: list[Event]) -> SessionStarted:
+    """Return how the session was started; raises ValueError where it does not begin with that."""
+    started = events[0].data
+    if not isinstance(started, SessionStarted):
+        raise ValueError("what is shared does not begin with the start of a session")
+    return started

@@ -1,0 +1,108 @@
+"""The session that `pa-console tak` follows: one that is shared on a bus, or a recorded one."""
+
+import time
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Protocol
+
+from pa_console.cli.console.joined_session import FoundSession, shared_session, world_of
+from pa_console.cli.progress_bars import read_recording
+from pa_console.cli.replay.play import started_of
+from pa_console.cli.replay.play import world_of as recorded_world
+from pa_console.orchestrator.joined.shared_log import LOOK_S
+from pa_console.schema.events.event import Event
+from pa_console.schema.world import World
+from pa_console.session.log.writer import default_folder
+from pa_console.session.past.summary import find_session
+from pa_console.session.replay.recording import Recording
+from pa_console.settings.sources import Loaded
+from pa_console.sim.worlds.world_file import open_world
+
+
+class Followed(Protocol):
+    """A session of which events come."""
+
+    world: World
+
+    @property
+    def title(self) -> str:
+        """What is followed, in words."""
+        ...
+
+    def events(self, ended: Callable[[], bool]) -> Iterator[Event | None]:
+        """Yield events as they happen, None now and then, until the session or `ended` says so."""
+        ...
+
+
+@contextmanager
+def joined(
+    url: str, certificates: Path | None, world: str, settings: Loaded, tell: Callable[[str], None]
+) -> Generator[Followed]:
+    """Follow the session that is shared at `url`; raises ValueError when there is none."""
+    with shared_session(url, certificates) as found:
+        yield _Joined(found, world_of(found.before, world, settings), tell)
+
+
+def recorded(session: str, world: str | None, speed: float, settings: Loaded) -> Followed:
+    """Play a recorded session; raises ValueError for none, LogError for one that is damaged."""
+    log = find_session(settings.values.logs or default_folder(), session)
+    recording = read_recording(log)
+    found, _ = open_world(recorded_world(started_of(recording, log), world, log))
+    return _Recorded(recording, log, found, speed)
+
+
+class _Joined:
+    """What comes over the bus; what it is told of the connection goes to `tell`."""
+
+    def __init__(self, found: FoundSession, world: World, tell: Callable[[str], None]) -> None:
+        self.world = world
+        self._log, self._before, self._tell = found.log, found.before, tell
+
+    @property
+    def title(self) -> str:
+        return f"the session of {self._log.stream.station} at {self._log.link.address}"
+
+    def events(self, ended: Callable[[], bool]) -> Iterator[Event | None]:
+        taken, problem = self._before, ""
+        while not ended():
+            pictures = [n for n, event in enumerate(taken) if event.data.kind == "telemetry"]
+            for number, event in enumerate(taken):
+                if event.data.kind != "telemetry" or number == pictures[-1]:
+                    yield event
+                if event.data.kind == "session_ended":
+                    return
+            if (now := self._log.problem or self._log.link.problem) != problem:
+                problem = now
+                self._tell(f"the bus: {problem}" if problem else "the bus: connected again")
+            self._log.link.wait_news(LOOK_S)
+            taken = self._log.take()
+            yield None
+
+
+@dataclass
+class _Recorded:
+    """What was recorded, at its pace or another; each event has the time when it is shown."""
+
+    recording: Recording
+    log: Path
+    world: World
+    speed: float
+
+    @property
+    def title(self) -> str:
+        return f"the recorded session {self.log.stem}, {self.speed:g} times as fast"
+
+    def events(self, ended: Callable[[], bool]) -> Iterator[Event | None]:
+        begun, first = time.monotonic(), datetime.now(UTC)
+        for number in range(len(self.recording)):
+            due_s = self.recording.offset(number) / self.speed
+            while not ended() and (left_s := begun + due_s - time.monotonic()) > 0:
+                time.sleep(min(left_s, LOOK_S))
+                yield None
+            if ended():
+                return
+            event = self.recording[number]
+            yield event.model_copy(update={"t": first + timedelta(seconds=due_s)})

@@ -1,0 +1,47 @@
+"""Turns a world's metres into WGS-84 and back, by the origin of the world.
+
+The world is the plane that touches the ellipsoid at its origin; `pymap3d` computes exactly on it.
+"""
+
+import math
+from collections.abc import Callable
+from typing import cast
+
+import pymap3d
+
+from pa_console.schema.base import Point
+from pa_console.schema.world import Origin
+
+Triple = tuple[float, float, float]
+_TO_GEODETIC = cast(Callable[..., Triple], pymap3d.enu2geodetic)
+_TO_PLANE = cast(Callable[..., Triple], pymap3d.geodetic2enu)
+
+
+class Geography:
+    """Where the points of a world are on the earth."""
+
+    def __init__(self, origin: Origin) -> None:
+        """`origin` is where (0, 0) is, and which way the y axis points."""
+        self.altitude = origin.altitude
+        """Metres of the ground above the ellipsoid, None where nobody said."""
+        self._at = (origin.latitude, origin.longitude, origin.altitude or 0.0)
+        self._bearing = origin.bearing
+        turn = math.radians(origin.bearing)
+        self._cos, self._sin = math.cos(turn), math.sin(turn)
+
+    def degrees(self, point: Point) -> tuple[float, float]:
+        """Return (latitude, longitude) of a point in metres."""
+        x, y = point
+        east, north = x * self._cos + y * self._sin, y * self._cos - x * self._sin
+        latitude, longitude, _ = _TO_GEODETIC(east, north, 0.0, *self._at)
+        return float(latitude), float(longitude)
+
+    def metres(self, latitude: float, longitude: float) -> Point:
+        """Return the point at (latitude, longitude) on the ground."""
+        east, north, _ = _TO_PLANE(latitude, longitude, self._at[2], *self._at)
+        x, y = east * self._cos - north * self._sin, east * self._sin + north * self._cos
+        return float(x), float(y)
+
+    def course(self, heading_deg: float) -> float:
+        """Return degrees from true north, clockwise, of a heading (0 along the x axis)."""
+        return (90.0 - heading_deg + self._bearing) % 360.0

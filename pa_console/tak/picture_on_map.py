@@ -1,0 +1,154 @@
+"""Assets, tracks and routes of a picture as CoT events; what is not fresh never looks fresh.
+
+An event's `time` is when the asset reported or the track was last detected, its `stale` is
+`stale_s` of the world later. What falls silent is told once more, stale already, and never again
+until it is heard.
+"""
+
+from datetime import datetime, timedelta
+
+from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
+from pa_console.schema.world import PLAIN_KINDS
+from pa_console.tak.cot_event import UNKNOWN, CotEvent, deletion, element
+from pa_console.tak.site_on_map import SiteOnMap
+from pa_console.tak.symbols import AFFILIATIONS, affiliation, asset_type, track_type
+
+ROUTE = 0xFFFFFF00
+"""Yellow."""
+
+
+class PictureOnMap:
+    """Remembers what the map was told, so that it can be told what is stale and what is gone."""
+
+    def __init__(self, site: SiteOnMap, pace: float = 1.0) -> None:
+        """`pace` is how many seconds of the session pass in one of the map's."""
+        self._site, self._pace = site, pace
+        self._stale: set[str] = set()
+        self._shown: dict[str, str] = {}
+        """The type of every track and route on the map, by uid."""
+
+    def events(self, picture: Picture, now: datetime) -> list[CotEvent]:
+        """Return what the map is to be told of `picture`, which was so at `now`."""
+        told: list[CotEvent] = []
+        seen: dict[str, str] = {}
+        for asset in picture.assets.values():
+            event, fresh = self._asset(asset, picture, now)
+            told += self._once_stale(event, fresh=fresh)
+            if asset.route and fresh:
+                route = self._route(asset, event)
+                seen[route.uid] = route.type
+                told.append(route)
+        for track in picture.tracks.values():
+            event, fresh = self._track(track, picture, now)
+            seen[event.uid] = event.type
+            told += self._once_stale(event, fresh=fresh)
+        gone = [deletion(uid, kind, now) for uid, kind in self._shown.items() if uid not in seen]
+        self._stale -= {event.subject for event in gone}
+        self._shown = seen
+        return [*gone, *told]
+
+    def deleted(self, now: datetime) -> list[CotEvent]:
+        """Return what takes every track and route off the map."""
+        gone = [deletion(uid, kind, now) for uid, kind in self._shown.items()]
+        self._shown = {}
+        return gone
+
+    def _once_stale(self, event: CotEvent, *, fresh: bool) -> list[CotEvent]:
+        """Return the event, nothing when it is stale and was told so."""
+        if fresh:
+            self._stale.discard(event.uid)
+            return [event]
+        if event.uid in self._stale:
+            return []
+        self._stale.add(event.uid)
+        return [event]
+
+    def _times(
+        self, stamp_s: float, picture: Picture, now: datetime, *, stale: bool
+    ) -> tuple[datetime, datetime, bool]:
+        """Return when something was so, when that is stale, and whether it is fresh at `now`."""
+        age_s = max(picture.time_s - stamp_s, 0.0) / self._pace
+        time = now - timedelta(seconds=age_s)
+        until = time + timedelta(seconds=self._site.world.stale_s)
+        fresh = until > now and not stale
+        return time, until if fresh else min(until, now), fresh
+
+    def _asset(
+        self, asset: AssetTelemetry, picture: Picture, now: datetime
+    ) -> tuple[CotEvent, bool]:
+        silent = asset.stale or asset.comms == "lost"
+        time, until, fresh = self._times(asset.stamp_s, picture, now, stale=silent)
+        site = self._site
+        course = site.geography.course(asset.heading_deg)
+        battery = f"{asset.battery_pct:.0f}"
+        detail = (
+            element("contact", {"callsign": site.callsign(asset.id)}),
+            element("status", {"battery": battery}),
+            element("track", {"course": f"{course:.1f}", "speed": f"{asset.speed_mps:.2f}"}),
+            element("remarks", {}, asset_words(asset, picture.time_s)),
+        )
+        at = site.point(asset.position, flies=asset.kind == "uav")
+        uid, kind = site.uid(asset.id), asset_type(asset.kind)
+        return CotEvent(uid, kind, time, until, at, site.how, detail), fresh
+
+    def _track(self, track: Track, picture: Picture, now: datetime) -> tuple[CotEvent, bool]:
+        time, until, fresh = self._times(track.stamp_s, picture, now, stale=track.stale)
+        site = self._site
+        course = site.geography.course(track.heading_deg)
+        detail = (
+            element("contact", {"callsign": site.callsign(track.id)}),
+            element("track", {"course": f"{course:.1f}", "speed": f"{track.speed_mps:.2f}"}),
+            element("remarks", {}, track_words(track, picture.time_s)),
+        )
+        at = site.point(track.position, track.uncertainty_m or UNKNOWN)
+        uid, kind = site.uid("track", track.id), track_type(track)
+        return CotEvent(uid, kind, time, until, at, site.how, detail), fresh
+
+    def _route(self, asset: AssetTelemetry, event: CotEvent) -> CotEvent:
+        """Return the way still ahead of an asset; it goes stale with the asset."""
+        return self._site.shape(
+            self._site.uid("route", asset.id),
+            f"{asset.id} route",
+            (asset.position, *asset.route),
+            ROUTE,
+            (event.time, event.stale),
+            remarks=f"{asset.id}, {asset.task}{f' to {asset.post}' if asset.post else ''}",
+        )
+
+
+def asset_words(asset: AssetTelemetry, now_s: float) -> str:
+    """Say what an asset is doing, and what of it is in doubt."""
+    words = [PLAIN_KINDS[asset.kind], asset.task]
+    if asset.at:
+        words.append(f"at {asset.at}")
+    if asset.post and asset.post != asset.at:
+        words.append(f"posted to {asset.post}")
+    if asset.status != "ok":
+        words.append(asset.status)
+    if asset.low_battery:
+        words.append("battery low")
+    if asset.comms != "ok":
+        words.append(f"link {asset.comms}")
+    if asset.integrity == "suspect":
+        words.append("its position is in doubt")
+    if asset.stale or asset.comms == "lost":
+        words.append(f"no report for {max(now_s - asset.stamp_s, 0.0):.0f} s")
+    return ", ".join(words)
+
+
+def track_words(track: Track, now_s: float) -> str:
+    """Say what is known of a track, by whom, and since when nothing is."""
+    words = [f"{AFFILIATIONS[affiliation(track)]} {track.kind}", f"{track.status}, {track.gate}"]
+    words.append(f"identity {track.identity}")
+    if track.intent != "unknown":
+        by = f" by {', '.join(track.hostile_by)}" if track.hostile_by else ""
+        words.append(f"intent {track.intent}{by}")
+    if track.noncombatants:
+        words.append("noncombatants suspected")
+    if track.warned:
+        words.append("went on after a warning" if track.defiant else "warned")
+    if track.seen_by:
+        words.append(f"seen by {', '.join(track.seen_by)}")
+    if track.stale:
+        words.append(f"not detected for {max(now_s - track.stamp_s, 0.0):.0f} s")
+    return ", ".join(words)
