@@ -32,6 +32,8 @@ QUIET_S = 15.0
 """After so long without anything to send, the server is asked for a sign of life."""
 FLUSH_S = 3.0
 """At the end, what waits is sent for so long at most."""
+GOODBYE_S = 1.0
+"""A server that was told that nothing more comes has so long to take what is under way."""
 READ_BYTES = 65_536
 
 
@@ -81,7 +83,7 @@ class TakConnection:
     ) -> None:
         self._wake(self._closing)
         self._wake(self._news)
-        self._thread.join(2 * FLUSH_S)
+        self._thread.join(2 * FLUSH_S + GOODBYE_S)
 
     @property
     def dropped(self) -> int:
@@ -158,6 +160,8 @@ class TakConnection:
         ]
         sending, reading, _ = jobs
         done, rest = await asyncio.wait(jobs, return_when=asyncio.FIRST_COMPLETED)
+        if sending in done:
+            await asyncio.wait((reading,), timeout=GOODBYE_S)
         for job in rest:
             job.cancel()
         ended = await asyncio.gather(*jobs, return_exceptions=True)
@@ -173,7 +177,7 @@ class TakConnection:
         await asyncio.sleep(FLUSH_S)
 
     async def _send_all(self, writer: StreamWriter) -> None:
-        """Send what waits, again and again, as fast as the server takes it; then close."""
+        """Send what waits, again and again, as fast as the server takes it; then say goodbye."""
         while True:
             self._news.clear()
             last = self._closing.is_set()
@@ -190,8 +194,11 @@ class TakConnection:
             except TimeoutError:
                 now = datetime.now(UTC)
                 self._outbox.put((ping(self._uid, now, now + timedelta(seconds=QUIET_S)),))
-        writer.close()
-        await writer.wait_closed()
+        if writer.can_write_eof():
+            writer.write_eof()
+        else:
+            writer.close()
+            await writer.wait_closed()
 
     def _say(self, line: str) -> None:
         """Tell the state when it is another one; that things were dropped is told with it."""

@@ -1,0 +1,259 @@
+"""What a second client of a TAK server sees, and that no server delays or ends a session."""
+
+import math
+import socket
+import threading
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from queue import SimpleQueue
+from xml.etree.ElementTree import Element
+
+import pytest
+
+from pa_console.fleets.bus.address import CA_FILE
+from pa_console.fleets.site.site_files import BROKER, STATION, write_site
+from pa_console.schema.events.event import Event, SessionEnded, TelemetryReceived
+from pa_console.schema.incident import SpawnTrack
+from pa_console.schema.telemetry import Picture
+from pa_console.sim.checkpoint import Checkpoint
+from pa_console.tak.connection import TakConnection
+from pa_console.tak.cot_event import DELETE, CotEvent
+from pa_console.tak.outbox import Outbox
+from pa_console.tak.server import Certificate, TakServer
+from pa_console.tak.session_on_map import SessionOnMap
+from pa_console.tak.site_on_map import SiteOnMap
+from tests.fleets.broker import free_port
+from tests.sim.running import run
+from tests.tak.taky_server import LIMIT_S, LOOPBACK, Client, Taky
+
+NEAR_M = 0.1
+MANY = 30_000
+"""More events than the buffers of two sockets and an outbox hold."""
+RETRY_S = 0.05
+
+
+@contextmanager
+def connected(url: str, certificate: Certificate | None = None) -> Generator["Session"]:
+    """Yield a connection and what it says of itself."""
+    said: SimpleQueue[str] = SimpleQueue()
+    server = TakServer.parse(url, certificate)
+    with TakConnection(server, "pa-console.sea.station", said.put, RETRY_S) as connection:
+        yield Session(connection, said)
+
+
+class Session:
+    """Sends pictures of a world as they are now."""
+
+    def __init__(self, connection: TakConnection, said: "SimpleQueue[str]") -> None:
+        self.connection, self._said = connection, said
+
+    def shown(self, site: SiteOnMap) -> Callable[[Picture], None]:
+        """Return what shows a picture."""
+        on_map = SessionOnMap(site, self.connection, every_s=0.0)
+
+        def show(picture: Picture) -> None:
+            data = TelemetryReceived(picture=picture)
+            on_map.take(Event(t=datetime.now(UTC), tick=0, data=data))
+
+        return show
+
+    def says(self, words: str) -> str:
+        """Wait for a line that has `words` in it."""
+        while words not in (line := self._said.get(timeout=LIMIT_S)):
+            pass
+        return line
+
+
+def told(client: Client, *ends: str) -> dict[str, Element]:
+    """Wait for events whose uids end so; return the last of each uid."""
+
+    def all_came(seen: Sequence[Element]) -> bool:
+        uids = [event.get("uid", "") for event in seen]
+        return all(any(uid.endswith(end) for uid in uids) for end in ends)
+
+    return {event.get("uid", ""): event for event in client.wait(all_came)}
+
+
+def place(event: Element) -> tuple[float, float]:
+    point = event.find("point")
+    assert point is not None
+    return float(point.get("lat", "nan")), float(point.get("lon", "nan"))
+
+
+def moment(event: Element, name: str) -> datetime:
+    return datetime.fromisoformat(event.get(name, ""))
+
+
+def test_a_second_client_sees_everybody_where_they_are(site: SiteOnMap, taky: Taky) -> None:
+    sim = Checkpoint(site.world, seed=1)
+    sim.inject(SpawnTrack(gate="WestGate", distance_m=60.0))
+    run(sim, 4.0)
+    picture = sim.picture()
+    with taky.client() as client, connected(taky.url) as session:
+        session.shown(site)(picture)
+        seen = told(client, *picture.assets, *picture.tracks, "frame.Base")
+    for name, asset in picture.assets.items():
+        event = seen[f"pa-console.sea.{name}"]
+        assert math.dist(site.geography.metres(*place(event)), asset.position) < NEAR_M
+        contact = event.find("detail/contact")
+        assert contact is not None
+        assert contact.get("callsign") == name
+        assert event.find("detail/status") is not None
+        lasts = moment(event, "stale") - moment(event, "time")
+        assert lasts == timedelta(seconds=site.world.stale_s)
+    for name, track in picture.tracks.items():
+        event = seen[f"pa-console.sea.track.{name}"]
+        assert event.get("type") == "a-u-G-E-V"
+        assert math.dist(site.geography.metres(*place(event)), track.position) < NEAR_M
+
+
+def test_who_comes_later_sees_the_session_and_its_end(site: SiteOnMap, taky: Taky) -> None:
+    sim = Checkpoint(site.world, seed=1)
+    run(sim, 2.0)
+    with connected(taky.url) as session, taky.client() as client:
+        on_map = SessionOnMap(site, session.connection, every_s=0.0)
+        data = TelemetryReceived(picture=sim.picture())
+        on_map.take(Event(t=datetime.now(UTC), tick=0, data=data))
+        told(client, "Drone_T01", "perimeter")
+        on_map.take(Event(t=datetime.now(UTC), tick=0, data=SessionEnded(reason="over")))
+        gone = told(client, "perimeter.deleted", "zone.Depot.deleted", "frame.Base.deleted")
+    assert gone["pa-console.sea.perimeter.deleted"].get("type") == DELETE
+
+
+def test_a_server_that_comes_back_is_told_everything_again(site: SiteOnMap, tmp_path: Path) -> None:
+    sim = Checkpoint(site.world, seed=1)
+    run(sim, 2.0)
+    picture = sim.picture()
+    with Taky(tmp_path) as server, connected(server.url) as session:
+        show = session.shown(site)
+        session.says("connected to")
+        with server.client() as client:
+            show(picture)
+            told(client, "frame.Base", "Drone_T01")
+        server.kill()
+        lost = session.says("connection")
+        assert "tcp://" in lost
+        show(picture)
+        server.start()
+        with server.client() as client:
+            session.says("connected to")
+            show(picture)
+            told(client, "frame.Base", "Drone_T01")
+
+
+def test_a_server_that_is_not_there_is_told_of_once(site: SiteOnMap) -> None:
+    sim = Checkpoint(site.world, seed=1)
+    with connected(f"tcp://{LOOPBACK}:{free_port()}") as session:
+        session.says("it is tried again")
+        session.shown(site)(sim.picture())
+        waiting = session.connection.waiting
+    assert waiting > len(sim.picture().assets)
+    assert not session.connection.sent
+
+
+def test_a_server_that_reads_nothing_delays_nobody() -> None:
+    """More comes than the server takes: the newest of each thing is kept, the oldest dropped."""
+    with socket.socket() as deaf:
+        deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        deaf.bind((LOOPBACK, 0))
+        deaf.listen()
+        with connected(f"tcp://{LOOPBACK}:{deaf.getsockname()[1]}") as session:
+            session.says("connected to")
+            for number in range(MANY):
+                session.connection.send((_event(f"thing-{number}"),))
+        connection = session.connection
+    assert connection.dropped > 0
+    assert MANY - connection.sent - connection.dropped - connection.waiting in (0, 1)
+
+
+def test_what_a_server_sends_is_thrown_away(site: SiteOnMap) -> None:
+    """Neither junk nor orders nor an endless document do anything, and nobody answers them."""
+    order = b'<event type="t-x-c-m" uid="x"><detail><remarks>stop</remarks></detail></event>'
+    bomb = b'<!DOCTYPE a [<!ENTITY b "' + b"x" * 10_000 + b'">]><a>' + b"&b;" * 10_000
+    answered = bytearray()
+
+    def hostile(listening: socket.socket) -> None:
+        taken, _ = listening.accept()
+        with taken:
+            for _ in range(100):
+                taken.sendall(order + bomb + b"\xff\x00<" * 100)
+            while data := taken.recv(65_536):
+                answered.extend(data)
+
+    sim = Checkpoint(site.world, seed=1)
+    with socket.create_server((LOOPBACK, 0)) as listening:
+        thread = threading.Thread(target=hostile, args=(listening,), daemon=True)
+        thread.start()
+        with connected(f"tcp://{LOOPBACK}:{listening.getsockname()[1]}") as session:
+            session.shown(site)(sim.picture())
+        thread.join(LIMIT_S)
+    assert not thread.is_alive()
+    uids = [line.split(b'uid="')[1].split(b'"')[0] for line in answered.splitlines()]
+    assert uids
+    assert all(uid.startswith(b"pa-console.sea.") for uid in uids)
+
+
+def test_the_outbox_keeps_the_newest_of_each_thing_and_drops_the_oldest() -> None:
+    outbox = Outbox(most=3)
+    outbox.put(_event(uid) for uid in "abcab")
+    assert [event.uid for event in (outbox.take(), outbox.take()) if event] == ["c", "a"]
+    outbox.put(_event(uid) for uid in "xyz")
+    assert outbox.dropped == 1
+    left: list[str] = []
+    while (event := outbox.take()) is not None:
+        left.append(event.uid)
+    assert left == ["x", "y", "z"]
+
+
+def test_tls_shows_a_certificate_and_trusts_no_other_authority(
+    site: SiteOnMap, tmp_path: Path
+) -> None:
+    ours, others = tmp_path / "ours", tmp_path / "others"
+    for folder in (ours, others):
+        write_site(folder, "sea", (), (LOOPBACK, "localhost"), 8883)
+    sim = Checkpoint(site.world, seed=1)
+    run(sim, 2.0)
+    tls = {"ca": ours / CA_FILE, "cert": ours / f"{BROKER}.crt", "key": ours / f"{BROKER}.key"}
+    with Taky(tmp_path, tls) as server:
+        url = server.url.replace(LOOPBACK, "localhost")
+        own = Certificate(ours / f"{STATION}.crt", ours / f"{STATION}.key", ours / CA_FILE)
+        with server.client() as client, connected(url, own) as session:
+            session.says("connected to")
+            session.shown(site)(sim.picture())
+            told(client, "Drone_T01")
+        stranger = Certificate(own.certificate, own.key, others / CA_FILE)
+        with connected(url, stranger) as session:
+            assert "certificate" in session.says("no connection")
+        mixed = Certificate(own.certificate, others / f"{STATION}.key", own.ca)
+        with pytest.raises(ValueError, match=r"station\.crt: cannot be used"):
+            TakConnection(TakServer.parse(url, mixed), "u", print)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("http://h:1", "no address of a TAK server"),
+        ("tcp://", "no address"),
+        ("tcp://h:99999", "out of range"),
+        ("tcp://h/path", "only host and port"),
+        ("tls://h", "--tls-cert"),
+        ("tcp://[::1]:8087", "IPv4"),
+    ],
+)
+def test_what_is_no_address_is_refused(text: str, says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        TakServer.parse(text)
+
+
+def test_whoever_can_read_along_is_known() -> None:
+    assert TakServer.parse("tcp://192.0.2.7").open_to_all
+    assert TakServer.parse("tcp://tak.example").open_to_all
+    assert not TakServer.parse("tcp://127.0.0.1").open_to_all
+    assert not TakServer.parse("tcp://localhost").open_to_all
+
+
+def _event(uid: str) -> CotEvent:
+    now = datetime.now(UTC)
+    return CotEvent(uid, "a-u-G", now, now)
