@@ -9,6 +9,7 @@ from pa_console.schema.world import Origin, World
 from pa_console.sim.worlds.world_file import load_world
 from pa_console.tak.geography import Geography
 from pa_console.tak.site_on_map import SiteOnMap
+from tests.fleets.broker import Broker, any_broker
 from tests.tak.taky_server import Taky
 
 
@@ -27,3 +28,11 @@ def site(world: World) -> SiteOnMap:
 def taky(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Taky]:
     with Taky(tmp_path_factory.mktemp("taky")) as server:
         yield server
+
+
+@pytest.fixture(scope="module")
+def broker() -> Iterator[Broker]:
+    found = any_broker()
+    found.start()
+    yield found
+    found.kill()

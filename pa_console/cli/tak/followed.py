@@ -8,11 +8,11 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Protocol
 
-from pa_console.cli.console.joined_session import FoundSession, shared_session, world_of
+from pa_console.cli.console.joined_session import shared_session, world_of
 from pa_console.cli.progress_bars import read_recording
 from pa_console.cli.replay.play import started_of
 from pa_console.cli.replay.play import world_of as recorded_world
-from pa_console.orchestrator.joined.shared_log import LOOK_S
+from pa_console.orchestrator.joined.shared_log import LOOK_S, SharedLog
 from pa_console.schema.events.event import Event
 from pa_console.schema.world import World
 from pa_console.session.log.writer import default_folder
@@ -43,7 +43,8 @@ def joined(
 ) -> Generator[Followed]:
     """Follow the session that is shared at `url`; raises ValueError when there is none."""
     with shared_session(url, certificates) as found:
-        yield _Joined(found, world_of(found.before, world, settings), tell)
+        of = world_of(found.before, world, settings)
+        yield JoinedSession(found.log, found.before, of, tell)
 
 
 def recorded(session: str, world: str | None, speed: float, settings: Loaded) -> Followed:
@@ -54,18 +55,23 @@ def recorded(session: str, world: str | None, speed: float, settings: Loaded) ->
     return _Recorded(recording, log, found, speed)
 
 
-class _Joined:
-    """What comes over the bus; what it is told of the connection goes to `tell`."""
+class JoinedSession:
+    """What comes over the bus; what there is to say of the connection goes to `tell`."""
 
-    def __init__(self, found: FoundSession, world: World, tell: Callable[[str], None]) -> None:
+    def __init__(
+        self, log: SharedLog, before: list[Event], world: World, tell: Callable[[str], None]
+    ) -> None:
+        """`before` is what has happened so far: of its pictures only the last is told."""
         self.world = world
-        self._log, self._before, self._tell = found.log, found.before, tell
+        self._log, self._before, self._tell = log, before, tell
 
     @property
     def title(self) -> str:
+        """Whose session it is, and where."""
         return f"the session of {self._log.stream.station} at {self._log.link.address}"
 
     def events(self, ended: Callable[[], bool]) -> Iterator[Event | None]:
+        """Yield events as they come, None now and then, until the session or `ended` says so."""
         taken, problem = self._before, ""
         while not ended():
             pictures = [n for n, event in enumerate(taken) if event.data.kind == "telemetry"]

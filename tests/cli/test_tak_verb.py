@@ -1,0 +1,101 @@
+"""`pa-console tak`: a recorded session on a TAK map, and what it says when something is missing."""
+
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import pytest
+
+from tests.cli.inside import Call
+from tests.fleets.broker import free_port
+from tests.golden.sessions import played
+from tests.tak.taky_server import LOOPBACK, Taky
+
+SEA = ("--origin", "2.0,-30.0,15,12")
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("recorded")
+    played("stopped", folder)
+    return folder / "stopped.jsonl"
+
+
+@pytest.fixture(scope="module")
+def taky(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Taky]:
+    with Taky(tmp_path_factory.mktemp("taky")) as server:
+        yield server
+
+
+def test_a_replay_is_on_the_map_and_is_seen_to_be_one(call: Call, log: Path, taky: Taky) -> None:
+    with taky.client() as client:
+        ended: list[int] = []
+        watching = threading.Thread(
+            target=lambda: client.wait(lambda _: bool(ended) and _over(client.seen))
+        )
+        watching.start()
+        done = call("tak", "--server", taky.url, "--replay", str(log), *SEA, "--speed", "32")
+        ended.append(done.code)
+        watching.join(30)
+    assert (done.code, done.out) == (0, "")
+    assert "connected to" in done.err
+    assert "events sent" in done.err
+    assets = [event for event in client.seen if event.get("type", "").startswith("a-f-")]
+    assert assets
+    for event in assets:
+        contact = event.find("detail/contact")
+        assert contact is not None
+        assert contact.get("callsign", "").startswith("REPLAY ")
+        assert event.get("uid", "").startswith("pa-console-replay.checkpoint.")
+        assert event.get("how") == "m-s"
+
+
+def _over(seen: Sequence[Element]) -> bool:
+    return any("frame.Base.deleted" in event.get("uid", "") for event in seen)
+
+
+def test_a_server_that_is_not_there_ends_no_replay(call: Call, log: Path) -> None:
+    url = f"tcp://{LOOPBACK}:{free_port()}"
+    done = call("tak", "--server", url, "--replay", str(log), *SEA, "--speed", "32")
+    assert done.code == 0
+    assert "it is tried again" in done.err
+    assert "0 events sent" in done.err
+    assert "not sent" in done.err
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ((), "give --join URL for a live session, or --replay"),
+        (("--join", "mqtt://127.0.0.1", "--replay", "LOG"), "give --join URL"),
+        (("--replay", "nowhere", *SEA), "there is no session"),
+        (("--replay", "LOG"), "--origin LAT,LON, or 'origin' in its file"),
+        (("--replay", "LOG", "--origin", "north"), "expected LAT,LON"),
+        (("--replay", "LOG", "--origin", "91,0"), "--origin 91,0: latitude: "),
+        (("--replay", "LOG", *SEA, "--name", "a b"), "--name a b: letters, digits"),
+        (("--replay", "LOG", *SEA, "--tls-ca", "LOG"), "--tls-cert is missing"),
+        (("--replay", "LOG", *SEA, "--world", "nowhere"), "nowhere"),
+        (("--join", "mqtt://192.0.2.7"), "pa-console keys make"),
+    ],
+)
+def test_what_is_missing_is_named_with_a_remedy(
+    call: Call, log: Path, words: tuple[str, ...], says: str
+) -> None:
+    given = [str(log) if word == "LOG" else word for word in words]
+    done = call("tak", "--server", "tcp://127.0.0.1", *given)
+    assert (done.code, done.out) == (2, "")
+    assert says in done.err
+
+
+def test_without_its_libraries_it_says_what_to_install(
+    call: Call, log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in [name for name in sys.modules if name.startswith("pa_console.tak.")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.delitem(sys.modules, "pa_console.cli.tak.showing", raising=False)
+    monkeypatch.setitem(sys.modules, "pytak", None)
+    done = call("tak", "--server", "tcp://127.0.0.1", "--replay", str(log), *SEA)
+    assert done.code == 2
+    assert "pip install 'pa-console[tak]'" in done.err
