@@ -1,7 +1,7 @@
 """Observes the session of a verb as its settings say."""
 
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
 from pa_console import __version__
 from pa_console.cli.output import errors
@@ -10,18 +10,27 @@ from pa_console.settings.schema import Settings
 
 
 @contextmanager
-def observing(settings: Settings) -> Generator[Observer]:
-    """Give what takes the session's events; what goes wrong with it is told at the end.
+def observing(settings: Settings, world: str = "") -> Generator[Observer]:
+    """Give what takes the session's events; what there is to say of it is told at the end.
 
-    Raises ValueError for a port that cannot be listened on, and for a library that is missing.
+    With the name of a `world`, the session is shown on the map of a TAK server, if one is set.
+    Raises ValueError for a port that cannot be listened on, for a library that is missing and for
+    a world that is nowhere on the earth.
     """
     problems: list[str] = []
     asked = Observing(
         settings.traces, settings.trace_words, settings.metrics_port or None, __version__
     )
     try:
-        with observed(asked, problems.append) as observer:
-            yield observer
+        with ExitStack() as stack:
+            also: list[Observer] = []
+            if world and settings.tak:
+                from pa_console.cli.tak.needed import naming_what_is_missing  # noqa: PLC0415
+
+                with naming_what_is_missing():
+                    from pa_console.cli.tak.own_session import on_map  # noqa: PLC0415 - then only
+                also.append(stack.enter_context(on_map(settings, world, problems.append)))
+            yield stack.enter_context(observed(asked, problems.append, also))
     finally:
         for problem in dict.fromkeys(problems):
             errors.print(f"warning: {problem}", style="yellow", markup=False, soft_wrap=True)

@@ -124,6 +124,22 @@ TracesOption = Annotated[
         help="Give every mission as a trace to this OpenTelemetry collector (OTLP over HTTP).",
     ),
 ]
+TakOption = Annotated[
+    str,
+    typer.Option(
+        "--tak",
+        metavar="URL",
+        help="Show the session on the maps of this TAK server: tls://HOST:8089.",
+    ),
+]
+TakOriginOption = Annotated[
+    str,
+    typer.Option(
+        "--tak-origin",
+        metavar="LAT,LON[,BEARING[,ALTITUDE]]",
+        help="Where on the earth the world's (0, 0) is, in place of what the world file says.",
+    ),
+]
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else there.")
 ]

@@ -80,7 +80,17 @@ def _defaults(loaded: Loaded) -> dict[str, Any]:
     site = {"world": values.world, "rules": values.rules}
     model = {"model": values.model} if values.model else {}
     log = {"witness": values.witness}
-    observed = {"traces": values.traces, "metrics_port": values.metrics_port}
+    observed = {
+        "traces": values.traces,
+        "metrics_port": values.metrics_port,
+        "tak": values.tak,
+        "tak_origin": values.tak_origin,
+    }
+    tls = {
+        "tls_cert": values.tak_certificate,
+        "tls_key": values.tak_key,
+        "tls_ca": values.tak_authority,
+    }
     return {
         "console": {
             **site,
@@ -93,6 +103,11 @@ def _defaults(loaded: Loaded) -> dict[str, Any]:
         "mission": {**site, **model, **log, **observed},
         "serve": {**site, **model, **log, **observed, "alarms": values.alarms},
         "replay": {"mouse": values.mouse},
+        "tak": {
+            **({"server": values.tak} if values.tak else {}),
+            "origin": values.tak_origin,
+            **{name: str(path) for name, path in tls.items() if path is not None},
+        },
         "rules": {verb: {"rules": values.rules} for verb in ("list", "search")},
         "scenarios": {verb: {"world": values.world} for verb in ("list", "show", "check")},
     }

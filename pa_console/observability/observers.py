@@ -33,14 +33,18 @@ class Observing:
 
 
 @contextmanager
-def observed(asked: Observing, tell: Callable[[str], None]) -> Generator[Observer]:
+def observed(
+    asked: Observing, tell: Callable[[str], None], also: Sequence[Observer] = ()
+) -> Generator[Observer]:
     """Give what takes the events of a session; `tell` is told what went wrong, at the end.
+
+    `also` are other observers, which are given every event too.
 
     Where nothing observes, no library is loaded for it. Raises ValueError for a port that cannot
     be listened on, and for a library that is not installed.
     """
     with ExitStack() as stack:
-        observers: list[Observer] = []
+        observers = list(also)
         if asked.metrics_port is not None:
             from pa_console.observability.metrics_server import MetricsServer  # noqa: PLC0415
             from pa_console.observability.session_metrics import SessionMetrics  # noqa: PLC0415

@@ -36,9 +36,17 @@ def _collector(address: str) -> str:
     return address
 
 
+def _tak_server(address: str) -> str:
+    """Return the address of a TAK server."""
+    if address and not (address.startswith(("tcp://", "tls://")) and urlsplit(address).netloc):
+        raise ValueError("give an address with tls:// or tcp://, such as tls://tak.example:8089")
+    return address
+
+
 WholePath = Annotated[Path, AfterValidator(_whole)]
 WitnessTarget = Annotated[str, AfterValidator(_witness)]
 CollectorAddress = Annotated[str, AfterValidator(_collector)]
+TakAddress = Annotated[str, AfterValidator(_tak_server)]
 
 
 def _about(group: str, *, restart: bool = True, form: str = "") -> dict[str, Any]:
@@ -249,6 +257,38 @@ class Settings(BaseSettings):
         description="The port of this machine at which a session gives its metrics as Prometheus "
         "text. 0 is none.",
         json_schema_extra=_about("Observability"),
+    )
+    tak: TakAddress = Field(
+        default="",
+        title="TAK server",
+        description="The TAK server that is shown every session, such as tls://tak.example:8089. "
+        "Empty is none.",
+        json_schema_extra=_about("TAK maps"),
+    )
+    tak_origin: str = Field(
+        default="",
+        title="Origin on the earth",
+        description="Where (0, 0) of a world is: LATITUDE,LONGITUDE[,BEARING[,ALTITUDE]]. Empty is "
+        "what the world's file says.",
+        json_schema_extra=_about("TAK maps"),
+    )
+    tak_certificate: WholePath | None = Field(
+        default=None,
+        title="Certificate for TAK",
+        description="The certificate that is shown to a TAK server: PEM, or PKCS #12 (.p12).",
+        json_schema_extra=_about("TAK maps"),
+    )
+    tak_key: WholePath | None = Field(
+        default=None,
+        title="Key for TAK",
+        description="The key of that certificate (PEM). Empty is the same file.",
+        json_schema_extra=_about("TAK maps"),
+    )
+    tak_authority: WholePath | None = Field(
+        default=None,
+        title="Authority for TAK",
+        description="The certificate (PEM) of the authority that vouches for the TAK server.",
+        json_schema_extra=_about("TAK maps"),
     )
     keys: dict[str, str] = Field(
         default={},

@@ -95,6 +95,13 @@ class TakConnection:
         """How many events wait."""
         return len(self._outbox)
 
+    @property
+    def words(self) -> str:
+        """How much was sent, and what was not."""
+        rest = ((self.waiting, "not sent"), (self.dropped, "dropped"))
+        more = "".join(f", {number} {what}" for number, what in rest if number)
+        return f"{count(self.sent, 'event')} sent{more}"
+
     def send(self, events: Iterable[CotEvent]) -> None:
         """Let `events` be sent as soon as there is a connection; returns at once."""
         self._outbox.put(events)

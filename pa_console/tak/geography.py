@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import cast
 
 import pymap3d
+from pydantic import ValidationError
 
 from pa_console.schema.base import Point
 from pa_console.schema.world import Origin
@@ -45,3 +46,22 @@ class Geography:
     def course(self, heading_deg: float) -> float:
         """Return degrees from true north, clockwise, of a heading (0 along the x axis)."""
         return (90.0 - heading_deg + self._bearing) % 360.0
+
+
+def origin_of(text: str) -> Origin:
+    """Read `LATITUDE,LONGITUDE[,BEARING[,ALTITUDE]]`; raises ValueError saying what is wrong."""
+    names = ("latitude", "longitude", "bearing", "altitude")
+    parts = text.split(",")
+    try:
+        numbers = [float(part) for part in parts]
+    except ValueError:
+        numbers = []
+    if not 2 <= len(numbers) <= len(names):
+        raise ValueError(
+            f"origin {text}: expected LATITUDE,LONGITUDE[,BEARING[,ALTITUDE]], such as 2.0,-30.0"
+        )
+    try:
+        return Origin(**dict(zip(names, numbers, strict=False)))
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise ValueError(f"origin {text}: {first['loc'][0]}: {first['msg']}") from None

@@ -92,6 +92,11 @@ class TakServer:
         except ValueError:
             return True
 
+    @property
+    def warning(self) -> str:
+        """What is to be said of a server to which nothing is encrypted."""
+        return f"what goes to {self} can be read and altered on the way; use tls://"
+
     def settings(self) -> dict[str, str]:
         """Return how PyTAK is told of the server; it reads `%` as the begin of a reference."""
         found = {"COT_URL": str(self)}

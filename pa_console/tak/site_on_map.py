@@ -8,7 +8,7 @@ from xml.etree.ElementTree import Element
 from pydantic import TypeAdapter, ValidationError
 
 from pa_console.schema.base import Name, Point
-from pa_console.schema.world import Origin, World
+from pa_console.schema.world import World
 from pa_console.tak.cot_event import UNKNOWN, CotEvent, CotPoint, How, deletion, element
 from pa_console.tak.geography import Geography
 
@@ -101,25 +101,6 @@ class SiteOnMap:
     def ground_deleted(self, now: datetime) -> list[CotEvent]:
         """Return what takes the ground off the map."""
         return [deletion(event.uid, event.type, now) for event in self.ground(now, now)]
-
-
-def origin_of(text: str) -> Origin:
-    """Read `LAT,LON[,BEARING[,ALTITUDE]]`; raises ValueError saying what is wrong with it."""
-    names = ("latitude", "longitude", "bearing", "altitude")
-    parts = text.split(",")
-    try:
-        numbers = [float(part) for part in parts]
-    except ValueError:
-        numbers = []
-    if not 2 <= len(numbers) <= len(names):
-        raise ValueError(
-            f"--origin {text}: expected LAT,LON[,BEARING[,ALTITUDE]], such as 2.0,-30.0"
-        )
-    try:
-        return Origin(**dict(zip(names, numbers, strict=False)))
-    except ValidationError as error:
-        first = error.errors()[0]
-        raise ValueError(f"--origin {text}: {first['loc'][0]}: {first['msg']}") from None
 
 
 def site_name(text: str) -> str:

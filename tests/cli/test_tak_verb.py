@@ -71,9 +71,9 @@ def test_a_server_that_is_not_there_ends_no_replay(call: Call, log: Path) -> Non
         ((), "give --join URL for a live session, or --replay"),
         (("--join", "mqtt://127.0.0.1", "--replay", "LOG"), "give --join URL"),
         (("--replay", "nowhere", *SEA), "there is no session"),
-        (("--replay", "LOG"), "--origin LAT,LON, or 'origin' in its file"),
-        (("--replay", "LOG", "--origin", "north"), "expected LAT,LON"),
-        (("--replay", "LOG", "--origin", "91,0"), "--origin 91,0: latitude: "),
+        (("--replay", "LOG"), "does not say where on the earth it is"),
+        (("--replay", "LOG", "--origin", "north"), "origin north: expected LATITUDE,LONGITUDE"),
+        (("--replay", "LOG", "--origin", "91,0"), "origin 91,0: latitude: "),
         (("--replay", "LOG", *SEA, "--name", "a b"), "--name a b: letters, digits"),
         (("--replay", "LOG", *SEA, "--tls-ca", "LOG"), "--tls-cert is missing"),
         (("--replay", "LOG", *SEA, "--world", "nowhere"), "nowhere"),
@@ -87,6 +87,31 @@ def test_what_is_missing_is_named_with_a_remedy(
     done = call("tak", "--server", "tcp://127.0.0.1", *given)
     assert (done.code, done.out) == (2, "")
     assert says in done.err
+
+
+@pytest.mark.usefixtures("engine")
+def test_a_mission_is_shown_while_it_lasts(call: Call, taky: Taky, tmp_path: Path) -> None:
+    with taky.client() as client:
+        words = ("mission", "Move the drone to the east gate.", "--approve", "auto")
+        shown = ("--tak", taky.url, "--tak-origin", "2.0,-30.0", "--log", str(tmp_path / "l.jsonl"))
+        done = call("--set", "standing_confidence=0", *words, *shown)
+        seen = client.wait(_over)
+    assert done.code == 0, done.err
+    assert "TAK" not in done.err, "all of it was shown"
+    assert "pa-console.checkpoint.Drone_T04" in {event.get("uid", "") for event in seen}
+
+
+@pytest.mark.usefixtures("engine")
+def test_a_tak_server_that_is_away_changes_no_mission(call: Call, tmp_path: Path) -> None:
+    url = f"tcp://{LOOPBACK}:{free_port()}"
+    words = ("mission", "Move the drone to the east gate.", "--approve", "auto")
+    shown = ("--tak", url, "--tak-origin", "2.0,-30.0", "--log", str(tmp_path / "l.jsonl"))
+    done = call("--set", "standing_confidence=0", *words, *shown)
+    assert done.code == 0, done.err
+    assert f"TAK map: no connection to {url}" in done.err
+    nowhere = call(*words, "--tak", url)
+    assert (nowhere.code, nowhere.out) == (2, "")
+    assert "does not say where on the earth it is" in nowhere.err
 
 
 def test_without_its_libraries_it_says_what_to_install(

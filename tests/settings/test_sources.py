@@ -95,7 +95,8 @@ def test_every_field_has_a_title_a_help_and_a_variable_that_sets_it(
                "server_patience_s": "10", "plain_servers": "off",
                "alarms": "off", "mouse": "0", "bell": "off", "desktop_notices": "off",
                "window_title": "off", "trace_words": "on", "metrics_port": "9464",
-               "traces": "http://127.0.0.1:4318", "keys": '{"stop": "f11"}'}  # fmt: skip
+               "traces": "http://127.0.0.1:4318", "tak": "tls://127.0.0.1:8089",
+               "keys": '{"stop": "f11"}'}  # fmt: skip
     for name, about in describe_settings().items():
         assert about.title
         assert about.help.endswith(".")

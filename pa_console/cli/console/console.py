@@ -22,6 +22,8 @@ from pa_console.cli.output import (
     RulesOption,
     ScenarioOption,
     SeedOption,
+    TakOption,
+    TakOriginOption,
     TracesOption,
     UnsignedOption,
     WitnessOption,
@@ -62,6 +64,8 @@ def console(
     witness: WitnessOption = "",
     traces: TracesOption = "",
     metrics_port: MetricsPortOption = 0,
+    tak: TakOption = "",
+    tak_origin: TakOriginOption = "",
     unsigned: UnsignedOption = False,
     accept_rules: AcceptRulesOption = False,
     resume: Annotated[
@@ -97,6 +101,8 @@ def console(
         mouse=mouse,
         traces=traces,
         metrics_port=metrics_port,
+        tak=tak,
+        tak_origin=tak_origin,
     )
     if join:
         if fleet or scenario or plain or readonly:
@@ -117,7 +123,7 @@ def console(
             from pa_console.cli.console.live_session import Asked, open_live  # noqa: PLC0415 - meanwhile
             from pa_console.cli.observing import observing  # noqa: PLC0415
 
-            observer = observes.enter_context(observing(settings.values))
+            observer = observes.enter_context(observing(settings.values, world))
             engine = Engine(found.result())
         loop.run(engine.start())
         try:

@@ -16,6 +16,8 @@ from pa_console.cli.output import (
     RulesOption,
     ScenarioOption,
     SeedOption,
+    TakOption,
+    TakOriginOption,
     TracesOption,
     UnsignedOption,
     WitnessOption,
@@ -72,6 +74,8 @@ def mission(
     witness: WitnessOption = "",
     traces: TracesOption = "",
     metrics_port: MetricsPortOption = 0,
+    tak: TakOption = "",
+    tak_origin: TakOriginOption = "",
     unsigned: UnsignedOption = False,
     accept_rules: AcceptRulesOption = False,
     json: JsonOption = False,
@@ -80,8 +84,10 @@ def mission(
     from pa_console.cli.mission.session import run_session  # noqa: PLC0415 - no help waits for it
     from pa_console.cli.observing import observing  # noqa: PLC0415
 
-    settings = settings_of(context, traces=traces, metrics_port=metrics_port)
-    with observing(settings.values) as observer:
+    settings = settings_of(
+        context, traces=traces, metrics_port=metrics_port, tak=tak, tak_origin=tak_origin
+    )
+    with observing(settings.values, world) as observer:
         run_session(
             settings,
             text,

@@ -15,6 +15,8 @@ from pa_console.cli.output import (
     RulesOption,
     ScenarioOption,
     SeedOption,
+    TakOption,
+    TakOriginOption,
     TracesOption,
     UnsignedOption,
     WitnessOption,
@@ -63,6 +65,8 @@ def serve(
     witness: WitnessOption = "",
     traces: TracesOption = "",
     metrics_port: MetricsPortOption = 0,
+    tak: TakOption = "",
+    tak_origin: TakOriginOption = "",
     unsigned: UnsignedOption = False,
     accept_rules: AcceptRulesOption = False,
     json: JsonOption = False,
@@ -87,6 +91,8 @@ def serve(
         alarms=alarms,
         traces=traces,
         metrics_port=metrics_port,
+        tak=tak,
+        tak_origin=tak_origin,
     )
     from pa_console.cli.console.live_session import Asked  # noqa: PLC0415
 

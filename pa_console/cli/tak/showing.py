@@ -7,14 +7,13 @@ from threading import Event
 
 from pa_console.cli.output import errors
 from pa_console.cli.tak.followed import Followed, joined, recorded
+from pa_console.cli.tak.placing import placed
 from pa_console.end_signals import end_signals, exit_code_of
-from pa_console.schema.quantities import count
 from pa_console.settings.sources import Loaded
 from pa_console.tak.connection import TakConnection
-from pa_console.tak.geography import Geography
 from pa_console.tak.server import Certificate, TakServer
 from pa_console.tak.session_on_map import SessionOnMap
-from pa_console.tak.site_on_map import SiteOnMap, origin_of, site_name
+from pa_console.tak.site_on_map import site_name
 
 
 @dataclass(frozen=True)
@@ -39,21 +38,14 @@ def show(asked: Asked, settings: Loaded) -> int:
     Raises ValueError for what cannot be followed, placed or sent to, LogError for a bad log.
     """
     server = TakServer.parse(asked.server, Certificate.of(*asked.tls))
-    placed = origin_of(asked.origin) if asked.origin else None
     name = site_name(asked.name) if asked.name is not None else ""
     with _opened(asked, settings) as found:
-        origin = placed or found.world.origin
-        if origin is None:
-            raise ValueError(
-                f"the world {found.world.name!r} does not say where on the earth it is: give "
-                "--origin LAT,LON, or 'origin' in its file"
-            )
-        geography = Geography(origin)
-        site = SiteOnMap(found.world, geography, name or found.world.name, bool(asked.replay))
+        site = placed(found.world, asked.origin, name, replay=bool(asked.replay))
         connection = TakConnection(server, site.uid("station"), tell)
-        shown = SessionOnMap(site, connection, asked.every, asked.speed if asked.replay else 1.0)
+        pace = asked.speed if asked.replay else 1.0
+        shown = SessionOnMap(site, connection, asked.every, pace)
         if server.open_to_all:
-            tell(f"warning: what goes to {server} can be read and altered on the way; use tls://")
+            tell(f"warning: {server.warning}")
         return _run(found, shown, connection)
 
 
@@ -80,9 +72,7 @@ def _run(found: Followed, shown: SessionOnMap, connection: TakConnection) -> int
                     shown.take(event)
         finally:
             shown.end()
-    lost = [(connection.waiting, "not sent"), (connection.dropped, "dropped")]
-    more = "".join(f", {number} {what}" for number, what in lost if number)
-    tell(f"{count(connection.sent, 'event')} sent{more}")
+    tell(connection.words)
     return exit_code_of(ended_by) if ended_by else 0
 
 

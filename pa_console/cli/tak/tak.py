@@ -7,8 +7,7 @@ import typer
 
 from pa_console.cli.output import CertificatesOption
 from pa_console.cli.settings_defaults import settings_of
-
-NEEDED = "pip install 'pa-console[tak]'"
+from pa_console.cli.tak.needed import naming_what_is_missing
 
 
 def tak(
@@ -81,12 +80,8 @@ def tak(
             "give --join URL for a live session, or --replay SESSION for a recorded one"
         )
     settings = settings_of(context)
-    try:
+    with naming_what_is_missing():
         from pa_console.cli.tak.showing import Asked, show  # noqa: PLC0415 - no help waits for it
-    except ModuleNotFoundError as error:
-        raise ValueError(
-            f"this needs a library that is not installed ({error.name}): {NEEDED}"
-        ) from error
     asked = Asked(
         server=server,
         tls=(tls_cert, tls_key, tls_ca),
