@@ -5,6 +5,7 @@ The world is the plane that touches the ellipsoid at its origin; `pymap3d` compu
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 from typing import cast
 
 import pymap3d
@@ -16,6 +17,8 @@ from pa_console.schema.world import Origin
 Triple = tuple[float, float, float]
 _TO_GEODETIC = cast(Callable[..., Triple], pymap3d.enu2geodetic)
 _TO_PLANE = cast(Callable[..., Triple], pymap3d.geodetic2enu)
+KNOWN = 8192
+"""So many places are remembered: most of a team stands still."""
 
 
 class Geography:
@@ -29,9 +32,10 @@ class Geography:
         self._bearing = origin.bearing
         turn = math.radians(origin.bearing)
         self._cos, self._sin = math.cos(turn), math.sin(turn)
+        self.degrees = lru_cache(KNOWN)(self._degrees)
+        """Returns (latitude, longitude) of a point in metres."""
 
-    def degrees(self, point: Point) -> tuple[float, float]:
-        """Return (latitude, longitude) of a point in metres."""
+    def _degrees(self, point: Point) -> tuple[float, float]:
         x, y = point
         east, north = x * self._cos + y * self._sin, y * self._cos - x * self._sin
         latitude, longitude, _ = _TO_GEODETIC(east, north, 0.0, *self._at)

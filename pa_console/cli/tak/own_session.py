@@ -7,6 +7,7 @@ from pa_console.cli.tak.placing import placed
 from pa_console.observability.observers import Observer
 from pa_console.orchestrator.station.assembly import open_world
 from pa_console.settings.schema import Settings
+from pa_console.tak.background import InBackground
 from pa_console.tak.connection import TakConnection
 from pa_console.tak.server import Certificate, TakServer
 from pa_console.tak.session_on_map import SessionOnMap
@@ -34,7 +35,8 @@ def on_map(settings: Settings, world: str, tell: Callable[[str], None]) -> Gener
         with connection:
             shown = SessionOnMap(site, connection)
             try:
-                yield shown.take
+                with InBackground(shown.take, tell) as showing:
+                    yield showing.take
             finally:
                 shown.end()
     finally:
