@@ -118,6 +118,7 @@ def test_every_library_that_is_imported_is_asked_for() -> None:
         *extras["serve"],
         *extras["telemetry"],
         *extras["sweep"],
+        *extras["tak"],
     ]
     declared = {re.split(r"[^\w.-]", line)[0].lower().replace("_", "-") for line in asked}
     distributions = packages_distributions()
