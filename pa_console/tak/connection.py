@@ -26,6 +26,8 @@ _CONTEXT = cast(Callable[[object], object], client_functions.get_ssl_ctx)
 _TLS_SETTINGS = cast(Callable[[dict[str, str]], object], client_functions.get_tls_config)
 _OPEN = cast(Callable[[dict[str, str]], Awaitable[Opened]], client_functions.protocol_factory)
 CONNECT_S = 10.0
+STEADY_S = 30.0
+"""After a connection that lasted so long the next one is made at once."""
 STUCK_S = 20.0
 """A server that takes nothing for so long is given up."""
 QUIET_S = 15.0
@@ -113,30 +115,32 @@ class TakConnection:
                 self._loop.call_soon_threadsafe(event.set)
 
     async def _run(self) -> None:
+        """Connect again and again; each failure in a row is waited for longer."""
         self._loop = asyncio.get_running_loop()
         self._ready.set()
         retry_s = self._first_retry_s
         while not self._closing.is_set():
+            begun_s = self._loop.time()
             try:
-                reader, writer = await self._unless_closing(self._open())
+                await self._connect_and_serve()
             except _ClosedError:
                 return
             except Exception as error:  # whatever a library raises must not reach a session
                 self._say(f"no connection to {self._server}: {_why(error)}; it is tried again")
-                await self._pause(retry_s * random.uniform(0.8, 1.2))
-                retry_s = min(retry_s * 2, self._most_retry_s)
-                continue
-            retry_s = self._first_retry_s
-            self.connections += 1
-            self._say(f"connected to {self._server}")
-            try:
-                await self._serve(reader, writer)
-            except Exception as error:
-                self._say(f"the connection to {self._server} is lost: {_why(error)}")
-            finally:
-                writer.transport.abort()
-            if not self._closing.is_set():
-                await self._pause(retry_s)
+            if self._loop.time() - begun_s > STEADY_S:
+                retry_s = self._first_retry_s
+            await self._pause(retry_s * random.uniform(0.8, 1.2))
+            retry_s = min(retry_s * 2, self._most_retry_s)
+
+    async def _connect_and_serve(self) -> None:
+        """Serve one connection; raises whatever kept it from being made, or ended it."""
+        reader, writer = await self._unless_closing(self._open())
+        self.connections += 1
+        self._say(f"connected to {self._server}")
+        try:
+            await self._serve(reader, writer)
+        finally:
+            writer.transport.abort()
 
     async def _open(self) -> Opened:
         async with asyncio.timeout(CONNECT_S):

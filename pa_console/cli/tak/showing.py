@@ -64,15 +64,17 @@ def _run(found: Followed, shown: SessionOnMap, connection: TakConnection) -> int
         ended_by = number
         over.set()
 
-    with end_signals(end), connection:
-        tell(f"{found.title}; Ctrl-C ends it")
-        try:
-            for event in found.events(over.is_set):
-                if event is not None:
-                    shown.take(event)
-        finally:
-            shown.end()
-    tell(connection.words)
+    try:
+        with end_signals(end), connection:
+            tell(f"{found.title}; Ctrl-C ends it")
+            try:
+                for event in found.events(over.is_set):
+                    if event is not None:
+                        shown.take(event)
+            finally:
+                shown.end()
+    finally:
+        tell(connection.words)
     return exit_code_of(ended_by) if ended_by else 0
 
 
