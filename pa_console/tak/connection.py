@@ -27,7 +27,7 @@ _TLS_SETTINGS = cast(Callable[[dict[str, str]], object], client_functions.get_tl
 _OPEN = cast(Callable[[dict[str, str]], Awaitable[Opened]], client_functions.protocol_factory)
 CONNECT_S = 10.0
 STEADY_S = 30.0
-"""After a connection that lasted so long the next one is made at once."""
+"""After a connection that lasted so long the next one is tried soon."""
 STUCK_S = 20.0
 """A server that takes nothing for so long is given up."""
 QUIET_S = 15.0

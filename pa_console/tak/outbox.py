@@ -5,8 +5,8 @@ from threading import Lock
 
 from pa_console.tak.cot_event import CotEvent
 
-MOST = 4000
-"""So many events wait at most."""
+MOST = 10_000
+"""So many events wait at most: the largest world has 2000 assets with a way each."""
 
 
 class Outbox:

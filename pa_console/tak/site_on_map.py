@@ -13,6 +13,8 @@ from pa_console.tak.cot_event import UNKNOWN, CotEvent, CotPoint, How, deletion,
 from pa_console.tak.geography import Geography
 
 SHAPE, SPOT = "u-d-f", "b-m-p-s-m"
+SPOT_ICONS = "COT_MAPPING_SPOTMAP"
+"""Where ATAK looks for the sign of a point."""
 WHITE, RED, CYAN = 0xFFFFFFFF, 0xFFFF0000, 0xFF00FFFF
 FILLED = 0x40FFFFFF
 """Leaves a quarter of a colour, to fill with."""
@@ -92,6 +94,7 @@ class SiteOnMap:
             detail = (
                 element("contact", {"callsign": self.callsign(name)}),
                 element("color", {"argb": signed(WHITE)}),
+                element("usericon", {"iconsetpath": f"{SPOT_ICONS}/{SPOT}/{signed(WHITE)}"}),
                 element("remarks", {}, f"{frame.kind}, {frame.radius_m:g} m around this point"),
             )
             at = self.point(frame.at, frame.radius_m)

@@ -59,12 +59,17 @@ def test_the_default_checkpoint_is_as_designed(world: World) -> None:
         ("cameras.NorthCamera.heading_deg", 500.0, "out of range"),
         ("cameras.NorthCamera.field_of_view_deg", 0.0, "greater than 0"),
         ("cameras.NorthCamera.sensor_range_m", 1e6, "out of range"),
+        ("origin.latitude", 91.0, "less than or equal to 90"),
+        ("origin.longitude", -180.5, "greater than or equal to -180"),
+        ("origin.bearing", 360.0, "less than 360"),
+        ("origin.altitude", 1e5, "less than or equal to 9000"),
     ],
 )
 def test_bad_field_is_named_with_its_line(
     world_path: Path, tmp_path: Path, field: str, value: object, expected: str
 ) -> None:
     document = yaml.safe_load(world_path.read_text())
+    document["origin"] = {"latitude": 2.0, "longitude": -30.0}
     _set(document, field, value)
     path = tmp_path / "world.yaml"
     path.write_text(yaml.safe_dump(document, sort_keys=False))

@@ -11,6 +11,10 @@ from queue import SimpleQueue
 from xml.etree.ElementTree import Element
 
 import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives import serialization
+from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
+from cryptography.hazmat.primitives.serialization import pkcs12
 
 from pa_console.fleets.bus.address import CA_FILE
 from pa_console.fleets.site.site_files import BROKER, STATION, write_site
@@ -19,9 +23,9 @@ from pa_console.schema.incident import SpawnTrack
 from pa_console.schema.telemetry import Picture
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.tak.connection import TakConnection
-from pa_console.tak.cot_event import DELETE, CotEvent
+from pa_console.tak.cot_event import DELETE, CotEvent, element
 from pa_console.tak.outbox import Outbox
-from pa_console.tak.server import Certificate, TakServer
+from pa_console.tak.server import PASSWORD_VARIABLE, Certificate, TakServer
 from pa_console.tak.session_on_map import SessionOnMap
 from pa_console.tak.site_on_map import SiteOnMap
 from tests.fleets.broker import free_port
@@ -29,7 +33,7 @@ from tests.sim.running import run
 from tests.tak.taky_server import LIMIT_S, LOOPBACK, Client, Taky
 
 NEAR_M = 0.1
-MANY = 30_000
+MANY = 20_000
 """More events than the buffers of two sockets and an outbox hold."""
 RETRY_S = 0.05
 
@@ -155,6 +159,7 @@ def test_a_server_that_is_not_there_is_told_of_once(site: SiteOnMap) -> None:
 
 def test_a_server_that_reads_nothing_delays_nobody() -> None:
     """More comes than the server takes: the newest of each thing is kept, the oldest dropped."""
+    remarks = element("remarks", {}, "x" * 2000)
     with socket.socket() as deaf:
         deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         deaf.bind((LOOPBACK, 0))
@@ -162,7 +167,7 @@ def test_a_server_that_reads_nothing_delays_nobody() -> None:
         with connected(f"tcp://{LOOPBACK}:{deaf.getsockname()[1]}") as session:
             session.says("connected to")
             for number in range(MANY):
-                session.connection.send((_event(f"thing-{number}"),))
+                session.connection.send((_event(f"thing-{number}", remarks),))
         connection = session.connection
     assert connection.dropped > 0
     assert MANY - connection.sent - connection.dropped - connection.waiting in (0, 1)
@@ -210,7 +215,7 @@ def test_the_outbox_keeps_the_newest_of_each_thing_and_drops_the_oldest() -> Non
 
 
 def test_tls_shows_a_certificate_and_trusts_no_other_authority(
-    site: SiteOnMap, tmp_path: Path
+    site: SiteOnMap, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ours, others = tmp_path / "ours", tmp_path / "others"
     for folder in (ours, others):
@@ -225,6 +230,13 @@ def test_tls_shows_a_certificate_and_trusts_no_other_authority(
             session.says("connected to")
             session.shown(site)(sim.picture())
             told(client, "Drone_T01")
+        bundle = tmp_path / "station.p12"
+        bundle.write_bytes(_pkcs12(own, b"50% off"))
+        with pytest.raises(ValueError, match=PASSWORD_VARIABLE):
+            Certificate.of(bundle, None, own.ca)
+        monkeypatch.setenv(PASSWORD_VARIABLE, "50% off")
+        with connected(url, Certificate.of(bundle, None, own.ca)) as session:
+            session.says("connected to")
         stranger = Certificate(own.certificate, own.key, others / CA_FILE)
         with connected(url, stranger) as session:
             assert "certificate" in session.says("no connection")
@@ -256,6 +268,19 @@ def test_whoever_can_read_along_is_known() -> None:
     assert not TakServer.parse("tcp://localhost").open_to_all
 
 
-def _event(uid: str) -> CotEvent:
+def _pkcs12(certificate: Certificate, password: bytes) -> bytes:
+    """Return certificate and key as one file, as TAK servers give them out."""
+    key = serialization.load_pem_private_key(certificate.key.read_bytes(), None)
+    assert isinstance(key, EllipticCurvePrivateKey)
+    return pkcs12.serialize_key_and_certificates(
+        b"station",
+        key,
+        x509.load_pem_x509_certificate(certificate.certificate.read_bytes()),
+        None,
+        serialization.BestAvailableEncryption(password),
+    )
+
+
+def _event(uid: str, *detail: Element) -> CotEvent:
     now = datetime.now(UTC)
-    return CotEvent(uid, "a-u-G", now, now)
+    return CotEvent(uid, "a-u-G", now, now, detail=detail)
