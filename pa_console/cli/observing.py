@@ -10,10 +10,11 @@ from pa_console.settings.schema import Settings
 
 
 @contextmanager
-def observing(settings: Settings, world: str = "") -> Generator[Observer]:
+def observing(settings: Settings, world: str = "", *, live: bool = False) -> Generator[Observer]:
     """Give what takes the session's events; what there is to say of it is told at the end.
 
     With the name of a `world`, the session is shown on the map of a TAK server, if one is set.
+    What happens to that connection is told meanwhile where stderr is `live`: no screen is over it.
     Raises ValueError for a port that cannot be listened on, for a library that is missing and for
     a world that is nowhere on the earth.
     """
@@ -29,8 +30,20 @@ def observing(settings: Settings, world: str = "") -> Generator[Observer]:
 
                 with naming_what_is_missing():
                     from pa_console.cli.tak.own_session import on_map  # noqa: PLC0415 - then only
-                also.append(stack.enter_context(on_map(settings, world, problems.append)))
+                also.append(
+                    stack.enter_context(
+                        on_map(settings, world, problems.append, _say if live else _nothing)
+                    )
+                )
             yield stack.enter_context(observed(asked, problems.append, also))
     finally:
         for problem in dict.fromkeys(problems):
             errors.print(f"warning: {problem}", style="yellow", markup=False, soft_wrap=True)
+
+
+def _say(line: str) -> None:
+    errors.print(line, style="dim", markup=False, highlight=False, soft_wrap=True)
+
+
+def _nothing(_: str) -> None:
+    pass

@@ -97,7 +97,8 @@ def test_a_mission_is_shown_while_it_lasts(call: Call, taky: Taky, tmp_path: Pat
         done = call("--set", "standing_confidence=0", *words, *shown)
         seen = client.wait(_over)
     assert done.code == 0, done.err
-    assert "TAK" not in done.err, "all of it was shown"
+    assert f"TAK map: connected to {taky.url}" in done.err
+    assert "warning" not in done.err, "all of it was shown"
     assert "pa-console.checkpoint.Drone_T04" in {event.get("uid", "") for event in seen}
 
 
@@ -108,7 +109,8 @@ def test_a_tak_server_that_is_away_changes_no_mission(call: Call, tmp_path: Path
     shown = ("--tak", url, "--tak-origin", "2.0,-30.0", "--log", str(tmp_path / "l.jsonl"))
     done = call("--set", "standing_confidence=0", *words, *shown)
     assert done.code == 0, done.err
-    assert f"TAK map: no connection to {url}" in done.err
+    assert f"\nTAK map: no connection to {url}" in f"\n{done.err}"
+    assert f"warning: TAK map: no connection to {url}" in done.err
     nowhere = call(*words, "--tak", url)
     assert (nowhere.code, nowhere.out) == (2, "")
     assert "does not say where on the earth it is" in nowhere.err

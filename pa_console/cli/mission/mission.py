@@ -87,7 +87,7 @@ def mission(
     settings = settings_of(
         context, traces=traces, metrics_port=metrics_port, tak=tak, tak_origin=tak_origin
     )
-    with observing(settings.values, world) as observer:
+    with observing(settings.values, world, live=True) as observer:
         run_session(
             settings,
             text,

@@ -34,7 +34,11 @@ def serve_session(
     Raises DocumentError or ValueError for what cannot be opened, LogError for a log that cannot be.
     """
     values = settings.values
-    with listen(port) as listening, observing(values, asked.world) as observer, Runner() as loop:
+    with (
+        listen(port) as listening,
+        observing(values, asked.world, live=True) as observer,
+        Runner() as loop,
+    ):
         engine = Engine(find_model(model, second_reader=values.second_reader))
         try:
             opened = open_live(asked, values, engine)

@@ -14,8 +14,12 @@ from pa_console.tak.session_on_map import SessionOnMap
 
 
 @contextmanager
-def on_map(settings: Settings, world: str, tell: Callable[[str], None]) -> Generator[Observer]:
+def on_map(
+    settings: Settings, world: str, tell: Callable[[str], None], say: Callable[[str], None]
+) -> Generator[Observer]:
     """Give what shows events on the map; `tell` is told at the end of what was not shown.
+
+    `say` is told of the connection, whenever that changes, in another thread.
 
     Raises ValueError for a server, a certificate or an origin that cannot be used.
     """
@@ -24,13 +28,14 @@ def on_map(settings: Settings, world: str, tell: Callable[[str], None]) -> Gener
     site = placed(open_world(world)[0], settings.tak_origin)
     state = ""
 
-    def say(line: str) -> None:
+    def changed(line: str) -> None:
         nonlocal state
         state = line
+        say(f"TAK map: {line}")
 
     if server.open_to_all:
         tell(server.warning)
-    connection = TakConnection(server, site.uid("station"), say)
+    connection = TakConnection(server, site.uid("station"), changed)
     try:
         with connection:
             shown = SessionOnMap(site, connection)
