@@ -43,8 +43,7 @@ def is_open(screen: Screen[Any]) -> bool:
 
     A timer may fire while a screen is being closed; by then some of its widgets are gone.
     """
-    app = screen.app
-    return app.is_running and screen in app.screen_stack
+    return screen.app.is_running and screen in screen.app.screen_stack
 
 
 def retitle(pane: Widget, title: str) -> None:
