@@ -128,6 +128,11 @@ class KeyFolder:
         name = self._first("person", self.trust().roster.people)
         return name, self._load("person", name)
 
+    def person_key(self, name: str) -> Ed25519PrivateKey:
+        """Return the key of the person called `name`, whom the roster here need not know yet."""
+        _named(name)
+        return self._load("person", name)
+
     def make_site(
         self, person: str, station: str, rules: Mapping[str, EnrolledRules], passphrase: str = ""
     ) -> None:

@@ -50,6 +50,7 @@ def serve_session(
             loop.run(engine.close())
             raise
         ending = _Ending()
+        opened.share(writer)
         with end_signals(ending.end), writer:
             opened.station.write_to(writer)
             loop.run(_serve(opened, writer, tokens, listening, observer, ending))
@@ -79,9 +80,8 @@ async def _serve(
     ending: _Ending,
 ) -> None:
     station, loop = opened.station, asyncio.get_running_loop()
-    signer = opened.authority.person if opened.authority else ""
     state = SessionState()
-    session = ServedSession(station, state, lambda: writer.path, signer=signer)
+    session = ServedSession(station, state, lambda: writer.path, authority=opened.authority)
     closing: list[asyncio.Task[None]] = []
 
     def close(reason: str) -> None:

@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from functools import partial
 
 from pa_console import __version__
-from pa_console.fleets.fleet import Simulated
+from pa_console.fleets.fleet import Countersigned, Simulated
 from pa_console.orchestrator.execution.emergency_stop import EmergencyStop
 from pa_console.orchestrator.execution.step_feed import StepFeed
 from pa_console.orchestrator.intake.intake import Intake
@@ -248,6 +248,16 @@ class Station:
             raise ValueError(f"nothing is approved while the log cannot be written: {problem}")
         self._worker.decide(decision)
 
+    def countersign(self, signed: Countersigned) -> None:
+        """Take in what a second person has signed elsewhere for the plan that waits.
+
+        Raises ValueError for what the log could not tell of.
+        """
+        self._writable()
+        if problem := self._journal.commit():
+            raise ValueError(f"nothing is approved while the log cannot be written: {problem}")
+        self._worker.countersign(signed)
+
     async def look_at(self, mission: Mission, asked: str) -> RehearsedReading | None:
         """Rehearse what another reading of a mission would lead to; nothing is decided by that.
 
@@ -272,10 +282,10 @@ class Station:
         self._writable()
         self._worker.cancel()
 
-    def acknowledge(self, alarm_id: str) -> None:
-        """Note that the operator has seen an alarm; raises ValueError for an unknown one."""
+    def acknowledge(self, alarm_id: str, by: str = "operator") -> None:
+        """Note that `by` has seen an alarm; raises ValueError for an unknown one."""
         self._writable()
-        self._emit(self._intake.acknowledge(alarm_id, "operator"))
+        self._emit(self._intake.acknowledge(alarm_id, by))
 
     def move(self, mission_id: str, by: int) -> None:
         """Move a waiting mission by `by` places in the queue; ValueError when it does not wait."""
