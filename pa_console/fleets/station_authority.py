@@ -22,6 +22,7 @@ from pa_console.fleets.authorization import (
     sign_approval,
     sign_command,
     sign_records,
+    sign_takeover,
     words,
 )
 from pa_console.policy.rulebook import Rulebook
@@ -101,6 +102,18 @@ class StationAuthority:
             if taken not in known:
                 self._keep(taken)
         return why
+
+    def take_command(self, commander: str, key: Ed25519PrivateKey) -> None:
+        """Sign that this station is in command from now on, with the `key` of that commander.
+
+        Whoever has the message, `newest`, takes nothing of another station any more. Raises
+        ValueError when it does not hold; nothing has changed then.
+        """
+        if not self.name:
+            raise ValueError("this station is not in the roster: the owner of the site enrols it")
+        message = sign_takeover(key, commander, self.trust.next_epoch, self._public)
+        if why := self.take(message):
+            raise ValueError(f"{self.name} cannot take command: {why}")
 
     @property
     def newest(self) -> Mapping[str, str]:

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from contextlib import aclosing
 from socket import socket
 
-from pa_console.cli.console.live_session import Asked, LiveSession, open_live
+from pa_console.cli.console.asked import Asked
+from pa_console.cli.console.live_session import LiveSession, open_live
 from pa_console.cli.observing import observing
 from pa_console.cli.output import errors, out
 from pa_console.cli.serve.token_verbs import this_user, token_book

@@ -64,6 +64,7 @@ class Station:
         """
         self._services, self._clock, self._started = services, clock, started
         self.readonly, self._keep_engine = readonly, keep_engine
+        self._taken: ev.CommandTaken | None = None
         self._fleet, self._journal = services.fleet, services.journal
         self._feed = StepFeed()
         self._events: asyncio.Queue[ev.Event | None] = asyncio.Queue()
@@ -146,6 +147,10 @@ class Station:
         """
         self._journal.open(log, self._emit)
 
+    def succeed(self, taken: ev.CommandTaken) -> None:
+        """Let the log begin with whose command this session has taken over; before `run`."""
+        self._taken = taken
+
     async def run(self) -> AsyncGenerator[ev.Event]:
         """Yield every event of the session until `close`; stopping the iteration closes it too.
 
@@ -153,6 +158,8 @@ class Station:
         """
         if self._resumed is None:
             self._emit(self._started)
+            if self._taken is not None:
+                self._emit(self._taken)
             self._emit(ev.TelemetryReceived(picture=self._ticking.first))
         else:
             self._go_on(self._resumed)

@@ -52,6 +52,7 @@ from pa_console.schema.events.planning import (
     told_confidence,
 )
 from pa_console.schema.events.session import (
+    CommandTaken,
     IncidentHappened,
     IncidentSource,
     Level,
@@ -89,6 +90,7 @@ __all__ = (
     "CommandReplied",
     "CommandResent",
     "CommandSent",
+    "CommandTaken",
     "DecisionMade",
     "Event",
     "EventPayload",
@@ -152,8 +154,8 @@ EventPayload = Annotated[
     | TextStreamed | PlanProposed | PlanRehearsed | PlanChecked | PlanJudged | OrderReadAgain
     | RepairRequested | ApprovalRequested | DecisionMade | PlanVoided | CommandSent | CommandReplied
     | MissionVerified | OutcomeJudged | MissionReported | MissionFinished | AllStopped
-    | StopReleased | CommandRefused | RulesReplaced | SessionEnded | SessionResumed | LogSigned
-    | LogTroubled | StandingOrderRead | StandingOrderApproved | StandingOrderStarted
+    | StopReleased | CommandRefused | RulesReplaced | SessionEnded | SessionResumed | CommandTaken
+    | LogSigned | LogTroubled | StandingOrderRead | StandingOrderApproved | StandingOrderStarted
     | StandingOrderWithheld | StandingOrderRevoked,
     Field(discriminator="kind"),
 ]  # fmt: skip

@@ -10,7 +10,13 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.telemetry import Picture
 from pa_console.session.state.mission_trace import CommandTrace, MissionTrace, apply_to_mission
 from pa_console.session.state.standing_trace import StandingTrace, apply_to_standing
-from pa_console.session.wording import alarm_now, in_words, order_in_words, overriding
+from pa_console.session.wording import (
+    alarm_now,
+    command_taken_in_words,
+    in_words,
+    order_in_words,
+    overriding,
+)
 
 NOTICES_KEPT = 500
 _LEVELS: dict[str, ev.Level] = {"emergency": "alarm", "high": "alarm", "medium": "warning"}
@@ -179,6 +185,8 @@ class SessionState:
                 self.ended, self.worker, self.servers = "", None, {}
                 text = "goes on after its console ended without closing it"
                 self._notice(event, "warning", "session", text)
+            case ev.CommandTaken():
+                self._notice(event, "warning", "command", command_taken_in_words(event.data))
             case _:
                 pass
 
