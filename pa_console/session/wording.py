@@ -300,6 +300,8 @@ def _done(data: ev.EventPayload) -> str:
             said = reason
         case ev.SessionResumed(interrupted=interrupted):
             said = f"ended as held: {', '.join(interrupted)}" if interrupted else ""
+        case ev.AuthorityChanged(refusal=refusal):
+            said = f"nothing is sent from here: {refusal}" if refusal else "in command"
         case ev.CommandTaken():
             said = command_taken_in_words(data)
         case _:

@@ -100,9 +100,13 @@ class JoinedConsole:
     def _why(self) -> str:
         """Why this console is read-only, and what may be done here."""
         station = self._station
-        may = "you may countersign, and stop everybody" if station.signer else "you may stop"
-        more = ", and take command" if self._command_question is not None else ""
-        return f"Read-only: the session is commanded at {station.station}; {may}{more}."
+        may = ["countersign"] if station.signer else []
+        may += ["stop everybody"]
+        may += ["take command"] if self._command_question is not None else []
+        return (
+            f"Read-only: the session is commanded at {station.station}; here you may "
+            f"{' or '.join(may)}."
+        )
 
     def _take(self, event: ev.Event) -> None:
         self._told.take(event)
@@ -124,7 +128,7 @@ class JoinedConsole:
             self._called()
 
     def _show(self, request: ev.ApprovalRequested) -> None:
-        how = self._refusal(request) or "sign countersigns it; show says it again"
+        how = self._refusal(request) or "to countersign it: sign; to read it again: show"
         self._told.show(request, self._station.station, how[:1].upper() + how[1:])
 
     def _refusal(self, request: ev.ApprovalRequested) -> str:

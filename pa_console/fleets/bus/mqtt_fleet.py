@@ -64,6 +64,8 @@ class MqttFleet:
         self._countersigned: list[Countersigned] = []
         self._stop_asked = ""
         self._published_s, self._older_there = 0.0, False
+        self._published: set[str] = set()
+        """What this station has retained itself: it comes back from the broker."""
         self._weather: Weather = joined.site.weather if joined.site is not None else "clear"
         self._tick, self._connected, self._ready = 0, True, False
         for delivery in joined.deliveries:
@@ -280,6 +282,7 @@ class MqttFleet:
         self._published_s, self._older_there = self.time_s, False
         if self._keys is not None:
             site, newest = self._link.address.site, self._keys.newest
+            self._published |= set(newest.values())
             self._link.publish(*signed_messages(site, newest, self._signed_numbers, self.now()))
 
     def _take_signed(self, message: additions.SignedMessage) -> None:
@@ -289,7 +292,7 @@ class MqttFleet:
         before = self._keys.refusal
         why, refusal = self._keys.take(message.message), self._keys.refusal
         self._older_there |= bool(why)
-        if why and self._ready:
+        if why and self._ready and message.message not in self._published:
             text = f"a signed {message.TOPIC} changes nothing: {why}"
             self._say("warning", KEYS_SUBJECT, text, message.TOPIC)
         if refusal and refusal != before:

@@ -192,7 +192,7 @@ class JoinedStation:
         )
         return (
             f"Put {own} in command in place of {station}? The epoch rises to {epoch}.\n"
-            f"From then on vehicles refuse {station}, for good, and its screen says so.\n"
+            f"From then on vehicles take nothing from {station}, and its screen says so.\n"
             f"{under_way}"
             f"This console closes and opens again as that of {own}: with a session and a log of "
             f"its own,\nwhose beginning says how far the log of {station} had come. "

@@ -52,6 +52,7 @@ from pa_console.schema.events.planning import (
     told_confidence,
 )
 from pa_console.schema.events.session import (
+    AuthorityChanged,
     CommandTaken,
     IncidentHappened,
     IncidentSource,
@@ -86,6 +87,7 @@ __all__ = (
     "AlarmRaised",
     "AllStopped",
     "ApprovalRequested",
+    "AuthorityChanged",
     "CommandRefused",
     "CommandReplied",
     "CommandResent",
@@ -155,8 +157,8 @@ EventPayload = Annotated[
     | RepairRequested | ApprovalRequested | DecisionMade | PlanVoided | CommandSent | CommandReplied
     | MissionVerified | OutcomeJudged | MissionReported | MissionFinished | AllStopped
     | StopReleased | CommandRefused | RulesReplaced | SessionEnded | SessionResumed | CommandTaken
-    | LogSigned | LogTroubled | StandingOrderRead | StandingOrderApproved | StandingOrderStarted
-    | StandingOrderWithheld | StandingOrderRevoked,
+    | AuthorityChanged | LogSigned | LogTroubled | StandingOrderRead | StandingOrderApproved
+    | StandingOrderStarted | StandingOrderWithheld | StandingOrderRevoked,
     Field(discriminator="kind"),
 ]  # fmt: skip
 

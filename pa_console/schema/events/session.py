@@ -85,6 +85,18 @@ class CommandTaken(Payload):
     by: str
 
 
+class AuthorityChanged(Payload):
+    """Whether this station may move anything has changed: `refusal` says why not, '' that it may.
+
+    So it is when another station takes command, and when the key of this one is revoked.
+    """
+
+    binding: ClassVar[bool] = True
+
+    kind: Literal["authority_changed"] = "authority_changed"
+    refusal: str
+
+
 class RulesReplaced(Payload):
     """Another rule set is in force; a mission that was begun stays under the set it began with.
 

@@ -72,12 +72,14 @@ class SessionState:
 
     `latest` is the mission that arrived last, `last_active` the one that was worked on last, and
     `answers` the unfinished mission that answers an alarm, by the alarm's id. `loose_orders` are
-    those of no mission since the last stop. `log_problem` is why the log cannot be written.
+    those of no mission since the last stop. `log_problem` is why the log cannot be written,
+    `relieved` why its station may move nothing where its site has keys.
     """
 
     started: ev.SessionStarted | None = None
     ended: str = ""
     log_problem: str = ""
+    relieved: str = ""
     tick: int = 0
     picture: Picture | None = None
     worker: ev.WorkerChanged | None = None
@@ -182,9 +184,11 @@ class SessionState:
             case ev.SessionEnded(reason=reason):
                 self.ended = reason
             case ev.SessionResumed():
-                self.ended, self.worker, self.servers = "", None, {}
+                self.ended, self.relieved, self.worker, self.servers = "", "", None, {}
                 text = "goes on after its console ended without closing it"
                 self._notice(event, "warning", "session", text)
+            case ev.AuthorityChanged(refusal=refusal):
+                self.relieved = refusal
             case ev.CommandTaken():
                 self._notice(event, "warning", "command", command_taken_in_words(event.data))
             case _:
