@@ -52,6 +52,8 @@ def _read(file: Path) -> UnsignedApproval:
         raise DocumentError(name, 0, "", "this is longer than an answer of /v1/plans/ID/approval")
     try:
         answer: Any = json.loads(text)
+        if isinstance(answer, dict) and "to_sign" not in answer and "detail" in answer:
+            raise DocumentError(name, 0, "", f"the session refused: {answer['detail']}")
         unsigned = UnsignedApproval.read(cast(str, answer["to_sign"]))
     except RefusedError as error:
         raise DocumentError(name, 0, "to_sign", f"{error}; nothing was signed") from error
