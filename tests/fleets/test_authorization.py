@@ -210,12 +210,12 @@ def test_only_a_commander_gives_command_and_only_onwards(
 
 def test_of_two_takeovers_of_one_epoch_everybody_who_has_heard_both_goes_by_the_same() -> None:
     both = [auth.sign_takeover(KEYS["cleo"], "cleo", 2, PUBLIC[to]) for to in ("north", "south")]
-    for order in (both, both[::-1]):
+    for way in (both, both[::-1]):
         vehicle = Vehicle()
-        told = [vehicle.verifier.take(message) for message in order]
+        told = [vehicle.verifier.take(message) for message in way]
         last = max(PUBLIC["north"], PUBLIC["south"])
         assert vehicle.verifier.trust.takeover.station == last
-        assert [bool(why) for why in told].count(True) == (order[0] == both[1])
+        assert [bool(why) for why in told].count(True) == (way[0] == both[1])
 
 
 @pytest.mark.parametrize("station", ["eve", "lost"])

@@ -167,7 +167,7 @@ def _open(
             from pa_console.cli.console.live_session import open_live  # noqa: PLC0415 - meanwhile
             from pa_console.cli.observing import observing  # noqa: PLC0415
 
-            observer = observes.enter_context(observing(settings.values, world))
+            observer = observes.enter_context(observing(settings.values, asked.world))
             engine = Engine(found.result())
         loop.run(engine.start())
         try:
