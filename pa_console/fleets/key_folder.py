@@ -107,26 +107,25 @@ class KeyFolder:
                 raise SigningError(f"{self.path}/{name}.jwt: it does not hold: {why}")
         return trust
 
-    def keys(self) -> Keys:
+    def keys(self, person: tuple[str, Ed25519PrivateKey] | None = None) -> Keys:
         """Return what the station of this machine, and whoever sits at it, sign with.
 
-        That is the first station and the first person in the roster whose keys are here.
+        That is the first station and the first person in the roster whose keys are here; `person`
+        are a name and a key that were loaded before.
         """
-        roster = self.trust().roster
-        station = self._first("station", roster.stations)
-        person = self._first("person", roster.people)
-        return Keys(
-            self._load("station", station),
-            person,
-            self._load("person", person),
-            self.owner,
-            self.messages,
-        )
+        station = self._first("station", self.trust().roster.stations)
+        name, own = person or self.person()
+        return Keys(self._load("station", station), name, own, self.owner, self.messages)
 
     def person(self) -> tuple[str, Ed25519PrivateKey]:
         """Return name and key of the first person in the roster whose key is here."""
         name = self._first("person", self.trust().roster.people)
         return name, self._load("person", name)
+
+    def person_key(self, name: str) -> Ed25519PrivateKey:
+        """Return the key of the person called `name`, whom the roster here need not know yet."""
+        _named(name)
+        return self._load("person", name)
 
     def make_site(
         self, person: str, station: str, rules: Mapping[str, EnrolledRules], passphrase: str = ""
@@ -251,10 +250,10 @@ class KeyFolder:
         """Keep a signed message that came from the site; return why not, '' when it is taken."""
         with self._locked():
             trust = self.trust()
-            before = trust.roster.serial, trust.revocation, trust.takeover.epoch
+            before = trust.roster.serial, trust.revocation, trust.takeover
             if why := trust.take(message):
                 return why
-            after = trust.roster.serial, trust.revocation, trust.takeover.epoch
+            after = trust.roster.serial, trust.revocation, trust.takeover
             for name, one, other in zip(KINDS_OF_TRUST, before, after, strict=True):
                 if one != other:
                     self._keep(name, message)
@@ -291,8 +290,7 @@ class KeyFolder:
         people = {n: p for n, p in trust.roster.people.items() if p.role == "commander"}
         person = self._first("person", people)
         commander = self._load("person", person)
-        epoch = max(trust.takeover.epoch, trust.roster.epoch) + 1
-        message = sign_takeover(commander, person, epoch, key)
+        message = sign_takeover(commander, person, trust.next_epoch, key)
         if why := trust.take(message):
             raise ValueError(f"{station} cannot take over: {why}")
         self._keep("takeover", message)

@@ -5,6 +5,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import chain
+from typing import Any
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
@@ -15,11 +16,13 @@ from pa_console.fleets.authorization import (
     RefusedError,
     SignedMessages,
     Trust,
+    UnsignedApproval,
     Verifier,
     public_of,
     sign_approval,
     sign_command,
     sign_records,
+    sign_takeover,
     words,
 )
 from pa_console.policy.rulebook import Rulebook
@@ -100,6 +103,18 @@ class StationAuthority:
                 self._keep(taken)
         return why
 
+    def take_command(self, commander: str, key: Ed25519PrivateKey) -> None:
+        """Sign that this station is in command from now on, with the `key` of that commander.
+
+        Whoever has the message, `newest`, takes nothing of another station any more. Raises
+        ValueError when it does not hold; nothing has changed then.
+        """
+        if not self.name:
+            raise ValueError("this station is not in the roster: the owner of the site enrols it")
+        message = sign_takeover(key, commander, self.trust.next_epoch, self._public)
+        if why := self.take(message):
+            raise ValueError(f"{self.name} cannot take command: {why}")
+
     @property
     def newest(self) -> Mapping[str, str]:
         """The newest signed message of each kind, which vehicles go by."""
@@ -142,6 +157,25 @@ class StationAuthority:
             return f"{person} has signed something else"
         return ""
 
+    def to_sign(self, request: ApprovalRequested, rules: Rulebook, person: str) -> UnsignedApproval:
+        """Return what `person` would sign elsewhere, to approve `request` here."""
+        return UnsignedApproval.of(self._approval_by(person, request, rules), self.now())
+
+    def objection_to_signature(
+        self, request: ApprovalRequested, rules: Rulebook, person: str, signature: str
+    ) -> str:
+        """Return why a signature from elsewhere does not approve this very request, '' if it does.
+
+        That it is one more than there are already is for the gate to say.
+        """
+        if why := self.objection_to(request.request_id, person, signature):
+            return why
+        approval, _ = self.trust.approval(person, signature, self.now())
+        try:
+            return _difference(self._approval_by(person, request, rules), approval)
+        except (KeyError, TypeError) as error:
+            return f"it cannot be read: {error}"
+
     def vouch(self, records: Records) -> str:
         """Return this station's signature under records of its log that it shares."""
         return sign_records(self.keys.station, records, self.now())
@@ -173,15 +207,10 @@ class StationAuthority:
         for name, signature in decision.signatures.items():
             try:
                 approval, key = self.trust.approval(name, signature, self.now())
+                different = _difference(wanted, approval)
             except (RefusedError, ValueError, KeyError, TypeError):
                 continue
-            same = all(
-                approval[part] == getattr(wanted, part)
-                for part in ("station", "session", "request", "plan", "rules")
-            )
-            orders = tuple(approval["orders"]) == wanted.orders
-            acts = set(wanted.acts) <= set(approval["acts"])
-            if same and orders and acts and key not in keys:
+            if not different and key not in keys:
                 keys.add(key)
                 valid[name] = signature
         return valid
@@ -220,14 +249,17 @@ class StationAuthority:
         self, request: ApprovalRequested, decision: Decision, rules: Rulebook
     ) -> Approval:
         """Return what the person here approves of `request` with `decision`."""
-        approval = approval_of(
+        approval = self._approval_by(self.keys.person, request, rules)
+        return replace(approval, kind="standing") if decision.standing else approval
+
+    def _approval_by(self, person: str, request: ApprovalRequested, rules: Rulebook) -> Approval:
+        return approval_of(
             request,
-            person=self.keys.person,
+            person=person,
             station=self._public,
             session=self._session,
             rules=rules.seal.content_sha256,
         )
-        return replace(approval, kind="standing") if decision.standing else approval
 
 
 def approval_of(
@@ -250,6 +282,18 @@ def approval_of(
         kind="override" if request.needs_override else "operator",
         acts=tuple(act for act, asked in acts.items() if asked),
     )
+
+
+def _difference(wanted: Approval, approval: Mapping[str, Any]) -> str:
+    """Return in which part a signed `approval` is for something else, '' where it is not."""
+    for part in ("station", "session", "request", "plan", "rules"):
+        if approval[part] != getattr(wanted, part):
+            return f"{approval['person']} has signed another {part}"
+    if tuple(approval["orders"]) != wanted.orders:
+        return f"{approval['person']} has signed other orders"
+    if left := [act for act in wanted.acts if act not in approval["acts"]]:
+        return f"{approval['person']} has not signed this: {', '.join(left)}"
+    return ""
 
 
 class Vehicles:

@@ -191,6 +191,21 @@ def _add_reads(app: FastAPI, session: ServedSession) -> None:
         waiting = session.waiting
         return [views.plan_view(*waiting)] if waiting is not None else []
 
+    @app.get("/v1/plans/{request_id}/approval", tags=["plans"])
+    async def approval(
+        who: Watching,
+        request_id: Annotated[str, Path()],
+        person: Annotated[
+            str | None, Query(description="who is to sign; by default whose token it is")
+        ] = None,
+    ) -> views.ToSignView:
+        """Return exactly what a second person signs, where the rules ask two people for the plan.
+
+        `to_sign` are the bytes; `pa-console keys sign` signs them on the person's own machine, and
+        so does any program that has Ed25519.
+        """
+        return session.to_sign(request_id, person or who.person)
+
 
 def _add_events(app: FastAPI, session: ServedSession) -> None:
     """Add the stream of events."""
@@ -248,6 +263,27 @@ def _add_commands(app: FastAPI, session: ServedSession) -> None:
         It is 409 where another plan waits by now, or this one is not what was shown.
         """
         return await session.decide(who, body)
+
+    @app.post("/v1/plans/{request_id}/signatures", tags=["plans"])
+    async def countersign(
+        _: Commanding, request_id: Annotated[str, Path()], body: views.SignatureBody
+    ) -> views.DecisionView:
+        """Take in what a second person has signed of the plan that waits.
+
+        It counts for the person whose key has made it, whoever brings it, once, and for this very
+        plan. It is not `accepted` while somebody's approval is lacking: `detail` says whose.
+        """
+        return await session.countersign(request_id, body)
+
+    @app.post(
+        "/v1/alarms/{id}/acknowledge",
+        tags=["alarms"],
+        status_code=204,
+        responses={404: {"model": ProblemDetails}},
+    )
+    async def acknowledge(who: Commanding, name: Annotated[str, Path(alias="id")]) -> None:
+        """Note that the token's person has seen an open alarm; it stays open until it is over."""
+        session.acknowledge(who, name)
 
     @app.post("/v1/stop", tags=["stop"], status_code=204)
     async def stop(who: Stopping) -> None:

@@ -12,15 +12,26 @@ from typing import Protocol
 
 from pydantic import ValidationError
 
+from pa_console.fleets.fleet import Countersigned
+from pa_console.fleets.station_authority import StationAuthority
 from pa_console.orchestrator.planning.approval import inadmissible
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
-from pa_console.schema.mission import Decision, Mission
+from pa_console.schema.mission import ELSEWHERE, Decision, Mission
 from pa_console.schema.plan import Plan
+from pa_console.service.countersigning import Countersigning
 from pa_console.service.event_feed import EventFeed
 from pa_console.service.problems import ProblemError
 from pa_console.service.tokens import Bearer
-from pa_console.service.views import DecisionBody, DecisionView, plan_of, shown_sha256
+from pa_console.service.views import (
+    DecisionBody,
+    DecisionView,
+    SignatureBody,
+    ToSignView,
+    plan_of,
+    shown_sha256,
+    to_sign_view,
+)
 from pa_console.session.state.fold import SessionState
 from pa_console.session.state.mission_trace import MissionTrace
 
@@ -55,6 +66,14 @@ class Commanded(Protocol):
         """Answer the plan that waits; raises ValueError when none does."""
         ...
 
+    def countersign(self, signed: Countersigned) -> None:
+        """Take in what a second person has signed; raises ValueError when that cannot be."""
+        ...
+
+    def acknowledge(self, alarm_id: str, by: str) -> None:
+        """Note that somebody has seen an alarm; raises ValueError when it is not open."""
+        ...
+
     def cancel(self) -> None:
         """Cancel the mission that is worked on; raises ValueError when none is."""
         ...
@@ -82,23 +101,27 @@ class ServedSession:
         log: Callable[[], Path | None],
         *,
         told: int = 0,
-        signer: str = "",
+        authority: StationAuthority | None = None,
     ) -> None:
         """`state` is folded by its owner; the `log` of the session has `told` events so far.
 
-        `signer` is the person whose key signs approvals at this station, '' where a site has no
-        keys: nobody else is made to have approved anything.
+        `authority` has the keys with which this station and the person at it sign, None where a
+        site has none: nobody else is made to have approved anything.
         """
-        self.station, self._signer = station, signer
+        self.station, self._countersigning = station, Countersigning(authority)
+        self._authority = authority
         self.state = state
         self.feed = EventFeed(log, told)
-        self._asked: dict[str, asyncio.Future[ev.DecisionMade]] = {}
+        self._asked: dict[tuple[str, str], asyncio.Future[ev.DecisionMade]] = {}
+        """Who waits to hear of a decision, by its request and whose it is."""
 
     def take(self, event: ev.Event) -> None:
         """Take in one event of the session, which the state has."""
         self.feed.put(event)
         if isinstance(event.data, ev.DecisionMade):
-            waits = self._asked.pop(event.data.decision.request_id, None)
+            decision = event.data.decision
+            last = decision.by.rpartition(", ")[2]
+            waits = self._asked.pop((decision.request_id, last), None)
             if waits is not None and not waits.done():
                 waits.set_result(event.data)
 
@@ -133,11 +156,13 @@ class ServedSession:
     async def decide(self, bearer: Bearer, body: DecisionBody) -> DecisionView:
         """Decide in the bearer's name about the plan that was shown, and no other."""
         request = self._shown(body)
-        if body.kind == "approve" and self._signer and bearer.person != self._signer:
+        signer = self._authority.person if self._authority is not None else ""
+        if body.kind == "approve" and signer and bearer.person != signer:
             raise ProblemError(
                 403, "not-the-signer",
-                f"approvals are signed here with the key of {self._signer}, not of {bearer.person}",
-                remedy=f"let {self._signer} approve, or approve at your own station",
+                f"approvals are signed here with the key of {signer}, not of {bearer.person}",
+                remedy=f"let {signer} approve, or sign with your own key where a plan takes two: "
+                "POST /v1/plans/ID/signatures",
             )  # fmt: skip
         decision = Decision(
             kind=body.kind,
@@ -151,17 +176,52 @@ class ServedSession:
         )
         if problem := inadmissible(request, decision):
             raise ProblemError(409, "not-admissible", problem, field="kind")
-        waits = asyncio.get_running_loop().create_future()
         with _refused("decision-not-taken", "request_id"):
             self.station.decide(decision)
-        self._asked[request.request_id] = waits
+        return await self._heard_of(request, bearer.person)
+
+    def to_sign(self, request_id: str, person: str) -> ToSignView:
+        """Return what `person` is to sign of the plan that waits as `request_id`."""
+        _, request = self._waits(request_id)
+        unsigned = self._countersigning.to_sign(request, self.station.rulebook, person)
+        name = self._authority.name if self._authority is not None else ""
+        return to_sign_view(name, request, unsigned)
+
+    async def countersign(self, request_id: str, body: SignatureBody) -> DecisionView:
+        """Take in what a second person has signed of the plan that waits as `request_id`.
+
+        Whoever brings it, it counts for the person whose key has made it.
+        """
+        trace, request = self._waits(request_id)
+        given = Countersigned(request.request_id, body.person, body.signed)
+        self._countersigning.take(request, self.station.rulebook, given, trace.decisions)
+        with _refused("signature-not-taken", "signed"):
+            self.station.countersign(given)
+        return await self._heard_of(request, f"{body.person} {ELSEWHERE}")
+
+    async def _heard_of(self, request: ev.ApprovalRequested, by: str) -> DecisionView:
+        """Wait until the session tells what became of the decision that was given just now."""
+        waits = asyncio.get_running_loop().create_future()
+        asked = request.request_id, by
+        self._asked[asked] = waits
         await asyncio.wait((waits,), timeout=ANSWERED_S)
-        self._asked.pop(request.request_id, None)
+        self._asked.pop(asked, None)
         if not waits.done() or waits.cancelled():
             detail = "the decision was given, and nothing was heard of it; see /v1/events"
-            return DecisionView(accepted=False, detail=detail, by=bearer.person)
+            return DecisionView(accepted=False, detail=detail, by=by)
         made = waits.result()
         return DecisionView(accepted=made.accepted, detail=made.detail, by=made.decision.by)
+
+    def acknowledge(self, bearer: Bearer, alarm_id: str) -> None:
+        """Note that the bearer has seen an open alarm."""
+        if all(item.alarm.id != alarm_id for item in self.state.alarms):
+            known = ", ".join(item.alarm.id for item in self.state.alarms) or "none"
+            raise ProblemError(
+                404, "no-such-alarm", f"no alarm {alarm_id!r} is open; open: {known}", field="id",
+                remedy="GET /v1/state lists them",
+            )  # fmt: skip
+        with _refused("not-acknowledged", "id"):
+            self.station.acknowledge(alarm_id, bearer.person)
 
     def cancel(self, name: str) -> None:
         """Cancel the mission with the id `name`, or take it out of the queue."""
@@ -184,23 +244,27 @@ class ServedSession:
 
     def _shown(self, body: DecisionBody) -> ev.ApprovalRequested:
         """Return the request that waits, if it is the one that was shown."""
-        waiting = self.waiting
-        if waiting is None:
-            raise ProblemError(409, "no-plan-waits", "no plan waits for a decision",
-                               field="request_id", remedy=SEE_PLANS)  # fmt: skip
-        request = waiting[1]
-        if request.request_id != body.request_id:
-            raise ProblemError(
-                409, "stale-plan",
-                f"the plan {body.request_id!r} does not wait any more; {request.request_id!r} does",
-                field="request_id", remedy=SEE_PLANS,
-            )  # fmt: skip
+        _, request = self._waits(body.request_id)
         if shown_sha256(request) != body.shown_sha256:
             raise ProblemError(
                 409, "not-what-was-shown", "the plan that waits is not the one with that SHA-256",
                 field="shown_sha256", remedy=SEE_PLANS,
             )  # fmt: skip
         return request
+
+    def _waits(self, request_id: str) -> tuple[MissionTrace, ev.ApprovalRequested]:
+        """Return the request that waits, and its mission, if it is the one of that id."""
+        waiting = self.waiting
+        if waiting is None:
+            raise ProblemError(409, "no-plan-waits", "no plan waits for a decision",
+                               field="request_id", remedy=SEE_PLANS)  # fmt: skip
+        if (there := waiting[1].request_id) != request_id:
+            raise ProblemError(
+                409, "stale-plan",
+                f"the plan {request_id!r} does not wait any more; {there!r} does",
+                field="request_id", remedy=SEE_PLANS,
+            )  # fmt: skip
+        return waiting
 
 
 def _plan(body: DecisionBody) -> Plan | None:

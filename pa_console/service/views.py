@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from pa_console.fleets.authorization import Role
+from pa_console.fleets.authorization import Role, UnsignedApproval
 from pa_console.schema.alarm import Alarm, QueueEntry
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Finding, Verdict
@@ -70,6 +70,41 @@ class DecisionBody(Said):
             description="the offered reading, for choose; the words, for answer",
         ),
     ] = ""
+
+
+class SignatureBody(Said):
+    """What a second person has signed of the plan that waits."""
+
+    person: Annotated[str, Field(min_length=1, max_length=64, description="whose signature it is")]
+    signed: Annotated[
+        str,
+        Field(
+            min_length=1,
+            max_length=32_768,
+            description="`to_sign`, a full stop, and its signature in base64url without padding",
+        ),
+    ]
+
+
+class ToSignView(BaseModel):
+    """What a second person signs to approve the plan that waits."""
+
+    person: str
+    station: Annotated[str, Field(description="whose session it is")]
+    request_id: str
+    shown_sha256: Annotated[Sha256, Field(description="that of the plan in /v1/plans")]
+    orders: Annotated[
+        tuple[str, ...], Field(description="what is approved: the plan and its way to safety")
+    ]
+    acts: Annotated[
+        tuple[str, ...],
+        Field(description="what is approved besides: to override the judge, to accept a finding"),
+    ]
+    ends: Annotated[float, Field(description="when it expires, in seconds since 1970")]
+    to_sign: Annotated[
+        str, Field(description="the very bytes (ASCII) that are signed with Ed25519")
+    ]
+    sha256: Annotated[Sha256, Field(description="that of `to_sign`")]
 
 
 class DecisionView(BaseModel):
@@ -251,6 +286,24 @@ def plan_view(trace: MissionTrace, request: ev.ApprovalRequested) -> PlanView:
         attempt=attempt_view(attempt) if attempt is not None else None,
         question=_question(trace),
         choices=trace.choices,
+    )
+
+
+def to_sign_view(
+    station: str, request: ev.ApprovalRequested, unsigned: UnsignedApproval
+) -> ToSignView:
+    """Return what a person is to sign of a request of the station called `station`."""
+    approval = unsigned.approval
+    return ToSignView(
+        person=approval.person,
+        station=station,
+        request_id=request.request_id,
+        shown_sha256=shown_sha256(request),
+        orders=approval.orders,
+        acts=approval.acts,
+        ends=unsigned.ends,
+        to_sign=unsigned.text,
+        sha256=unsigned.sha256,
     )
 
 

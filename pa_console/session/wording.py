@@ -300,9 +300,21 @@ def _done(data: ev.EventPayload) -> str:
             said = reason
         case ev.SessionResumed(interrupted=interrupted):
             said = f"ended as held: {', '.join(interrupted)}" if interrupted else ""
+        case ev.AuthorityChanged(refusal=refusal):
+            said = f"nothing is sent from here: {refusal}" if refusal else "in command"
+        case ev.CommandTaken():
+            said = command_taken_in_words(data)
         case _:
             pass
     return said
+
+
+def command_taken_in_words(taken: ev.CommandTaken) -> str:
+    """Say from which station command was taken, and how far its log had come."""
+    return (
+        f"taken from {taken.station} by {taken.by}, epoch {taken.epoch}; its session "
+        f"{taken.session} had come to record {taken.records}, hash {taken.head[:12]}"
+    )
 
 
 def _plan(plan: Plan) -> str:

@@ -19,6 +19,7 @@ from pa_console.tui.actions.registry import (
     ActionContext,
     bindings,
     find_action,
+    first_key,
     key_text,
 )
 from pa_console.tui.composing.favourites import Favourites, favourites_file
@@ -58,7 +59,8 @@ READ_ONLY = "READ-ONLY: every command is refused"
 def closed_by(joined: JoinedTo) -> str:
     """Return why no mission is taken where another station's session is shown."""
     may = "you may countersign and stop" if joined.signer else "you may watch and stop"
-    return f"The session of {joined.station}: it is commanded there, {may}"
+    more = "" if joined.command_question is None else f"; {first_key('take_command')} takes command"
+    return f"The session of {joined.station}: it is commanded there, {may}{more}"
 
 
 Opening = Callable[["ConsoleApp"], None]

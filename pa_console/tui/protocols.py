@@ -17,10 +17,15 @@ Clock = Callable[[], float]
 
 @dataclass(frozen=True)
 class JoinedTo:
-    """Another station's session: its name, and who may countersign here, '' for nobody."""
+    """Another station's session: its name, and who may countersign here, '' for nobody.
+
+    `command_question` says what taking command from it would do; it raises ValueError where that
+    cannot be. It is None for somebody who is no commander.
+    """
 
     station: str
     signer: str = ""
+    command_question: Callable[[], str] | None = None
 
 
 class LiveStation(Protocol):

@@ -1,12 +1,14 @@
 """`pa-console keys`: made, listed, enrolled, revoked, rotated, and a station put in command."""
 
+import json
 import stat
+import time
 from pathlib import Path
 
 import pytest
 
 from pa_console.cli.mission import session as mission_session
-from pa_console.fleets.authorization import Trust
+from pa_console.fleets.authorization import Approval, Trust, UnsignedApproval
 from pa_console.fleets.key_folder import KeyFolder
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.models.catalogue import LocalModel
@@ -145,6 +147,48 @@ def test_a_passphrase_protects_the_keys_of_people_and_of_the_owner(
     assert (wrong.code, "wrong passphrase" in wrong.err) == (2, True)
     monkeypatch.delenv(PASSPHRASE_VARIABLE)
     assert f"set {PASSPHRASE_VARIABLE}" in call("keys", "make", "cleo").said
+
+
+def to_sign(path: Path, message: str = "") -> Path:
+    """Write what a served session answers who is to sign, or another `message`."""
+    trust = KeyFolder().trust()
+    asked = Approval(
+        "ann", trust.roster.stations["north"], "S", "M1.1", ("Ugv_T01 block EastGate",),
+        "b" * 64, next(iter(trust.roster.rules)), acts=("override",),
+    )  # fmt: skip
+    unsigned = UnsignedApproval.of(asked, time.time())
+    path.write_text(json.dumps({"to_sign": message or unsigned.text, "orders": ["nothing"]}))
+    return path
+
+
+@pytest.mark.usefixtures("made")
+def test_a_person_signs_what_was_asked_for_on_a_machine_without_its_session(
+    call: Call, tmp_path: Path
+) -> None:
+    file = to_sign(tmp_path / "asked.json")
+    done = call("keys", "sign", str(file), "--yes")
+    assert done.code == 0, done.said
+    assert "ann approves, at the station north: Ugv_T01 block EastGate" in done.said
+    assert "the judge's objection is overridden" in done.said
+    approval, _ = KeyFolder().trust().approval("ann", done.json["signed"], time.time())
+    assert (done.json["person"], approval["orders"]) == ("ann", ["Ugv_T01 block EastGate"])
+    unasked = call("keys", "sign", str(file))
+    assert (unasked.code, "or --yes" in unasked.err, unasked.out) == (2, True, "")
+
+
+@pytest.mark.usefixtures("made")
+def test_nobody_is_made_to_sign_anything_but_an_approval(call: Call, tmp_path: Path) -> None:
+    folder = KeyFolder()
+    takeover = folder.messages[-1].rpartition(".")[0]
+    for message, said in (
+        (takeover, "a message of another kind than an approval"),
+        ("nonsense", "two parts in base64url"),
+    ):
+        done = call("keys", "sign", str(to_sign(tmp_path / "other.json", message)), "--yes")
+        assert (done.code, said in done.said, done.out) == (2, True, "")
+    (tmp_path / "none.json").write_text("[]")
+    done = call("keys", "sign", str(tmp_path / "none.json"), "--yes")
+    assert (done.code, "no answer of GET /v1/plans/ID/approval" in done.said) == (2, True)
 
 
 @pytest.mark.usefixtures("made")

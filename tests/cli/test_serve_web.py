@@ -9,6 +9,7 @@ from pathlib import Path
 
 import aiohttp
 import pytest
+from yarl import URL
 
 from pa_console.cli.serve import web
 from pa_console.service.http_server import listen
@@ -46,6 +47,16 @@ class Browser:
             self._address + path, headers=headers, allow_redirects=False
         ) as answer:
             return answer.status
+
+    @property
+    def port(self) -> int | None:
+        """The port that is served."""
+        return URL(self._address).port
+
+    @property
+    def cookies(self) -> list[str]:
+        """The names of the cookies that were set."""
+        return [cookie.key for cookie in self._client.cookie_jar]
 
     async def login(self, token: str, **headers: str) -> int:
         """Return the status of the answer to a token."""
@@ -107,6 +118,7 @@ async def test_nobody_sees_the_console_without_a_token(tmp_path: Path) -> None:
 async def test_an_operator_types_and_reads_in_one_window_at_a_time(tmp_path: Path) -> None:
     async with served(tmp_path) as (browser, tokens):
         assert await browser.login(tokens.make("anna", "operator")) == 303
+        assert browser.cookies == [f"pa-console-{browser.port}"]
         assert await browser.get("/") == 200
         console = await browser.open()
         assert await console.receive_bytes() == b"console"

@@ -37,6 +37,7 @@ class Site:
         self._client = httpx.Client(timeout=30)
         self._begun: Future[None] = Future()
         self._end: Callable[[], object] = lambda: None
+        self._loop: asyncio.AbstractEventLoop | None = None
         self._thread = Thread(target=lambda: asyncio.run(self._serve()), daemon=True)
 
     def start(self) -> None:
@@ -52,6 +53,7 @@ class Site:
 
     async def _serve(self) -> None:
         loop, over = asyncio.get_running_loop(), asyncio.Event()
+        self._loop = loop
         self._end = lambda: loop.call_soon_threadsafe(over.set)
         self.station = pa.open_station(
             pa.load_site(),
@@ -71,6 +73,16 @@ class Site:
             if not self._begun.done():
                 self._begun.set_exception(error)
             raise
+
+    def happens(self, incident: dict[str, object], seconds: float) -> None:
+        """Let something happen, and let so many simulated seconds pass."""
+
+        async def happens() -> None:
+            self.station.inject(incident)
+            await self.station.advance(seconds)
+
+        assert self._loop is not None
+        asyncio.run_coroutine_threadsafe(happens(), self._loop).result(timeout=60)
 
     def ask(self, method: str, path: str, role: str = "operator", **how: Any) -> httpx.Response:
         """Return the answer to one request with the token of a role or person, '' for none."""

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pa_console.fleets.station_authority import Keys, StationAuthority
 from pa_console.orchestrator.planning.approval import inadmissible
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision, Mission
@@ -17,6 +18,7 @@ from pa_console.service.served_session import Commanded, ServedSession
 from pa_console.service.tokens import Bearer
 from pa_console.service.views import DecisionBody, shown_sha256
 from pa_console.session.state.fold import SessionState
+from tests.orchestrator.test_two_people import keys_of
 
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
 ANNA = Bearer("anna", "operator")
@@ -39,14 +41,17 @@ class Heard:
         asyncio.get_running_loop().call_soon(self.session.take, event)
 
 
-def waiting(*requests: ev.ApprovalRequested, signer: str = "") -> tuple[ServedSession, Heard]:
+def waiting(
+    *requests: ev.ApprovalRequested, keys: Keys | None = None
+) -> tuple[ServedSession, Heard]:
     """Return a session in which the last of `requests` waits, and its station."""
+    authority = StationAuthority(keys) if keys is not None else None
     state, heard = SessionState(), Heard()
     mission = Mission(id="M1", text="Fill the gap.", created=NOW)
     told = (ev.MissionReceived(mission=mission, position=0), ev.MissionStarted(), *requests)
     for data in told:
         state.apply(ev.Event(t=NOW, tick=0, mission="M1", data=data))
-    session = ServedSession(cast(Commanded, heard), state, lambda: None, signer=signer)
+    session = ServedSession(cast(Commanded, heard), state, lambda: None, authority=authority)
     heard.session = session
     return session, heard
 
@@ -119,7 +124,7 @@ def test_requests_that_differ_in_anything_have_different_hashes(
 def test_nobody_is_made_to_have_signed_what_another_has_approved() -> None:
     request = ev.ApprovalRequested(request_id="M1.1", attempt=1, plan=Plan(reason="", actions=()))
     body = DecisionBody(kind="approve", request_id="M1.1", shown_sha256=shown_sha256(request))
-    session, heard = waiting(request, signer="ann")
+    session, heard = waiting(request, keys=keys_of("ann"))
     with pytest.raises(ProblemError) as refused:
         decide(session, body)
     assert refused.value.details.status == 403

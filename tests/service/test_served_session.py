@@ -91,6 +91,22 @@ def test_nobody_decides_in_another_name_or_beforehand(site: Site) -> None:
         assert problem(site.ask("POST", "/v1/decisions", json=body | more), 422)["field"] in more
 
 
+def test_an_alarm_is_acknowledged_by_name_and_one_that_is_not_open_by_nobody(site: Site) -> None:
+    site.happens({"kind": "spawn", "gate": "WestGate", "distance_m": 60.0}, 5.0)
+    alarm = site.until("/v1/state", lambda state: next(iter(state["alarms"]), None))
+    assert alarm["acknowledged_by"] is None or not alarm["acknowledged_by"]
+    path = f"/v1/alarms/{alarm['alarm']['id']}/acknowledge"
+    assert site.ask("POST", path, "observer").status_code == 403
+    assert site.ask("POST", path).status_code == 204
+    seen = site.until(
+        "/v1/state",
+        lambda state: [one for one in state["alarms"] if one["acknowledged_by"]],
+    )
+    assert [one["acknowledged_by"] for one in seen] == ["anna"]
+    missing = site.ask("POST", "/v1/alarms/A99/acknowledge")
+    assert (missing.status_code, "'A99' is open" in missing.json()["detail"]) == (404, True)
+
+
 def test_stop_works_for_an_operator_also_when_there_are_too_many_requests(site: Site) -> None:
     waiting = site.waiting(ORDER)
     answers = [site.ask("POST", "/v1/release", "bert") for _ in range(WRITES_AT_ONCE + 1)]

@@ -3,16 +3,17 @@
 from pathlib import Path
 
 import pytest
-from textual.widgets import Button
+from textual.widgets import Button, Static
 
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.tui.protocols import JoinedTo
+from pa_console.tui.screens.questions import Confirm
 from pa_console.tui.widgets.approval.panel import ARM_DELAY_S, ApprovalPanel
 from pa_console.tui.widgets.bars import StatusBar
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
-from tests.tui.scripted import FakeClock, ScriptedStation, console, settle
+from tests.tui.scripted import FakeClock, ScriptedStation, console, notices, settle, until
 
 SIZE = (120, 36)
 BOB = JoinedTo("north", "bob")
@@ -85,3 +86,51 @@ async def test_both_screens_say_who_has_signed(tmp_path: Path) -> None:
         await pilot.press("a", "enter")
         await settle(pilot, station)
         assert len(station.decisions) == 1
+
+
+@pytest.mark.parametrize(("answer", "takes"), [("y", True), ("enter", False)])
+async def test_a_commander_takes_command_after_a_question_that_says_what_it_does(
+    tmp_path: Path, answer: str, takes: bool
+) -> None:
+    station = ScriptedStation(story.opening())
+    joined = JoinedTo("north", "bob", lambda: "Put south in command in place of north?")
+    app = console(station, tmp_path, FakeClock(), joined=joined)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("ctrl+k")
+        await settle(pilot, station)
+        question = app.screen.query_one("#confirm Static", Static)
+        assert "in place of north?" in str(question.render())
+        await pilot.press(answer)
+        await until(pilot, lambda: not isinstance(app.screen, Confirm) or not app.is_running)
+    assert app.controllers.leaving.takes_command == takes
+
+
+async def test_nobody_else_is_offered_command_and_what_hinders_it_is_said(tmp_path: Path) -> None:
+    def hindered() -> str:
+        raise ValueError("this station is not in the roster")
+
+    for joined in (BOB, JoinedTo("north", "bob", hindered)):
+        station = ScriptedStation(story.opening())
+        app = console(station, tmp_path, FakeClock(), joined=joined)
+        async with app.run_test(size=SIZE) as pilot:
+            await settle(pilot, station)
+            await pilot.press("ctrl+k")
+            await settle(pilot, station)
+            assert not app.screen.query("#confirm")
+            assert ("this station is not in the roster" in notices(app)) == (joined is not BOB)
+            assert not app.controllers.leaving.takes_command
+
+
+async def test_a_relieved_station_says_so_at_the_top(tmp_path: Path) -> None:
+    station = ScriptedStation(waiting(1))
+    app = console(station, tmp_path, FakeClock())
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        bar = app.screen.query_one(StatusBar)
+        station.emit(ev.AuthorityChanged(refusal="south is in command since epoch 2"))
+        await settle(pilot, station)
+        assert "NOT IN COMMAND: NOTHING IS SENT" in str(bar.render())
+        station.emit(ev.AuthorityChanged(refusal=""))
+        await settle(pilot, station)
+        assert "NOT IN COMMAND" not in str(bar.render())

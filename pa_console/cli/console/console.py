@@ -6,12 +6,14 @@ from asyncio import Runner
 from collections.abc import Generator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from threading import Event
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from pa_console.cli.chosen_models import chosen_models, open_servers
+from pa_console.cli.console.asked import Asked
 from pa_console.cli.output import (
     DRIVER,
     AcceptRulesOption,
@@ -35,6 +37,10 @@ from pa_console.end_signals import exit_code_of
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.llm.models.preparing import Progress
+from pa_console.settings.sources import Loaded
+
+if TYPE_CHECKING:
+    from pa_console.cli.console.joined_session import JoinedSession
 
 
 def console(
@@ -51,8 +57,9 @@ def console(
         typer.Option(
             "--join",
             metavar="URL",
-            help="Watch the session of the station in command on a message bus, and countersign "
-            "what it takes two people for; nothing is commanded from here.",
+            help="Watch the session of the station in command on a message bus, countersign what "
+            "takes two people, stop the team; nothing else is commanded from here. A commander "
+            "may take command.",
         ),
     ] = "",
     alarms: Annotated[
@@ -87,7 +94,11 @@ def console(
         typer.Option("--mouse/--no-mouse", help="Take the mouse, or leave it to the terminal."),
     ] = True,
 ) -> None:
-    """Open the console: live checkpoint, policy browser, missions, trace and approval."""
+    """Open the console: live checkpoint, policy browser, missions, trace and approval.
+
+    With --join, the session of another station is shown; with --plain too, as lines, where Ctrl-C
+    leaves it and it goes on.
+    """
     if not plain and not sys.stdout.isatty() and DRIVER not in os.environ:
         raise ValueError(
             "the console needs a terminal; use 'pa-console mission' in scripts, or --plain"
@@ -104,43 +115,64 @@ def console(
         tak=tak,
         tak_origin=tak_origin,
     )
+    asked = Asked(
+        world,
+        rules,
+        scenario,
+        seed,
+        alarms,
+        readonly,
+        unsigned,
+        accept_rules,
+        resume,
+        fleet,
+        certificates,
+    )
     if join:
-        if fleet or scenario or plain or readonly:
-            raise ValueError("--join goes with --certificates, --world, --rules and --mouse alone")
-        from pa_console.cli.console.joined_session import Joining, run_joined  # noqa: PLC0415 - then
+        if fleet or scenario or readonly:
+            raise ValueError(
+                "--join goes with --certificates, --world, --rules, --plain and --mouse alone"
+            )
+        from pa_console.cli.console.joined_session import Joining, joining  # noqa: PLC0415 - then
 
-        run_joined(Joining(join, certificates, world, rules), settings)
+        with joining(Joining(join, certificates, world, rules), settings) as joined:
+            if not joined.show(settings, plain=plain):
+                return
+            with joined.told_unless_taken():
+                asked = replace(asked, fleet=join)
+                _open(asked, model, settings, witness, plain=plain, joined=joined)
         return
+    _open(asked, model, settings, witness, plain=plain)
+
+
+def _open(
+    asked: Asked,
+    model: str | None,
+    settings: Loaded,
+    witness: str,
+    *,
+    plain: bool,
+    joined: "JoinedSession | None" = None,
+) -> None:
+    """Open a session of this station's own; where one was `joined`, command is taken from it."""
     with Runner() as loop, ExitStack() as observes:
         with (
             ThreadPoolExecutor(1) as hashing,
             _stopped_when_left() as going_on,
-            _told("Opening the console ..."),
+            _told("Opening the console ..." if joined is None else joined.opening),
         ):
             chosen = chosen_models(model, settings.values)
             servers = open_servers(chosen, settings.values)
             found = hashing.submit(find_model, chosen.own, going_on, chosen.second_reader)
-            from pa_console.cli.console.live_session import Asked, open_live  # noqa: PLC0415 - meanwhile
+            from pa_console.cli.console.live_session import open_live  # noqa: PLC0415 - meanwhile
             from pa_console.cli.observing import observing  # noqa: PLC0415
 
-            observer = observes.enter_context(observing(settings.values, world))
+            observer = observes.enter_context(observing(settings.values, asked.world))
             engine = Engine(found.result())
         loop.run(engine.start())
         try:
-            asked = Asked(
-                world,
-                rules,
-                scenario,
-                seed,
-                alarms,
-                readonly,
-                unsigned,
-                accept_rules,
-                resume,
-                fleet,
-                certificates,
-            )
-            opened = open_live(asked, settings.values, engine, servers)
+            authority = joined.succession.authority if joined is not None else None
+            opened = open_live(asked, settings.values, engine, servers, authority)
             if plain:
                 from pa_console.cli.plain.session import run_plain as run  # noqa: PLC0415
             else:
@@ -149,6 +181,8 @@ def console(
 
                 require_keys("use 'pa-console mission' in scripts, or --plain")
             prepared = run(opened, engine, settings, witness, observer)
+            if joined is not None:
+                joined.take_command(opened)
         except BaseException:
             loop.run(engine.close())
             raise

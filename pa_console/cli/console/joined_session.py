@@ -1,4 +1,4 @@
-"""The session of another station on this console's screen: watched, and countersigned."""
+"""The session of another station on this console: watched, countersigned, and taken over."""
 
 import secrets
 from collections.abc import Generator
@@ -8,16 +8,19 @@ from pathlib import Path
 
 import typer
 
-from pa_console.cli.fleet import JOINED, credentials_of
+from pa_console.cli.console.live_session import LiveSession
+from pa_console.cli.fleet import JOINED, STATION, credentials_of
 from pa_console.cli.keys.site_keys import ask_passphrase
-from pa_console.cli.output import require_keys
+from pa_console.cli.output import errors, require_keys
 from pa_console.cli.progress_bars import RecordsBar
 from pa_console.end_signals import end_signals, exit_code_of
 from pa_console.fleets.bus.address import BrokerAddress
 from pa_console.fleets.bus.station_link import StationLink
 from pa_console.fleets.key_folder import KeyFolder
+from pa_console.fleets.station_authority import StationAuthority
 from pa_console.orchestrator.joined.joined_station import JoinedStation, Signatory
 from pa_console.orchestrator.joined.shared_log import HEARD, SharedLog, read_so_far
+from pa_console.orchestrator.joined.succession import Succession
 from pa_console.orchestrator.station.assembly import open_world
 from pa_console.orchestrator.station.session_site import SessionSites
 from pa_console.policy.retrieval.retriever import Retriever
@@ -72,33 +75,103 @@ def shared_session(url: str, certificates: Path | None) -> Generator[FoundSessio
         link.close()
 
 
-def run_joined(asked: Joining, settings: Loaded) -> None:
-    """Show the session until it is left; raises ValueError when there is none, or no key here."""
-    require_keys("a console that joins needs a screen")
+@dataclass(frozen=True)
+class JoinedSession:
+    """A session that was joined, with its world and rules, as long as its context lasts."""
+
+    station: JoinedStation
+    world: World
+    rules: Rulebook
+    succession: Succession
+
+    def show(self, settings: Loaded, *, plain: bool) -> bool:
+        """Show the session until it is left; return whether it was left to take command.
+
+        Raises Exit with its code where a signal ended it.
+        """
+        if plain:
+            from pa_console.cli.plain.joined_session import run_joined_plain  # noqa: PLC0415
+
+            question = self.command_question if self.succession.possible else None
+            takes, ended_by = run_joined_plain(self.station, settings.values, question)
+        else:
+            takes, ended_by = self._show_screen(settings)
+        if ended_by:
+            raise typer.Exit(exit_code_of(ended_by))
+        return takes
+
+    def command_question(self) -> str:
+        """Return what taking command would do; raises ValueError where it cannot be taken."""
+        authority = self.succession.prepare(self.station.started)
+        return self.station.command_question(authority.trust.next_epoch, authority.name)
+
+    def take_command(self, opened: LiveSession) -> None:
+        """Take command for a session that is ready to begin; raises ValueError where that fails."""
+        if opened.fleet is None or not opened.fleet.connected:
+            raise ValueError("there is no connection to the broker")
+        opened.station.succeed(self.succession.take(opened.fleet.publish_signed))
+
+    @property
+    def opening(self) -> str:
+        """What is said while the console opens that is to take command."""
+        return f"Opening the console that takes command; {self.station.station} commands ..."
+
+    @contextmanager
+    def told_unless_taken(self) -> Generator[None]:
+        """Say, where this ends before command was taken, that the other station has it."""
+        try:
+            yield
+        finally:
+            if self.succession.taken is None:
+                errors.print(
+                    f"command was not taken: {self.station.station} has it as before",
+                    style="bold red",
+                    markup=False,
+                )
+
+    def _show_screen(self, settings: Loaded) -> tuple[bool, int]:
+        require_keys("use --plain")
+        from pa_console.tui.app import ConsoleApp  # noqa: PLC0415 - Textual
+        from pa_console.tui.protocols import JoinedTo  # noqa: PLC0415
+
+        station = self.station
+        question = self.command_question if self.succession.possible else None
+        app = ConsoleApp(
+            self.world,
+            station,
+            self.rules,
+            station.retriever,
+            joined=JoinedTo(station.station, station.signer, question),
+            settings=settings,
+        )
+        leaving = app.controllers.leaving
+        with end_signals(leaving.end):
+            app.run(mouse=settings.values.mouse)
+        return leaving.takes_command, leaving.ended_by
+
+
+@contextmanager
+def joining(asked: Joining, settings: Loaded) -> Generator[JoinedSession]:
+    """Join a session for as long as the context lasts.
+
+    Raises ValueError when there is no session, or no key here.
+    """
     with shared_session(asked.url, asked.certificates) as found:
-        signatory = Signatory(*found.folder.person())
+        log, folder, address = found.log, found.folder, found.log.link.address
+        person = folder.person()
         world, rules = _site_of(found.before, asked, settings)
-        station = JoinedStation(found.log, found.before, Retriever(rules.rules), signatory)
-        _show(station, world, rules, settings)
+        signatory = Signatory(*person)
 
+        def own_station() -> StationAuthority:
+            credentials_of(address, asked.certificates, STATION)
+            return StationAuthority(folder.keys(person), keep=folder.take)
 
-def _show(station: JoinedStation, world: World, rules: Rulebook, settings: Loaded) -> None:
-    from pa_console.tui.app import ConsoleApp  # noqa: PLC0415 - Textual
-    from pa_console.tui.protocols import JoinedTo  # noqa: PLC0415
-
-    app = ConsoleApp(
-        world,
-        station,
-        rules,
-        station.retriever,
-        joined=JoinedTo(station.station, station.signer),
-        settings=settings,
-    )
-    leaving = app.controllers.leaving
-    with end_signals(leaving.end):
-        app.run(mouse=settings.values.mouse)
-    if leaving.ended_by:
-        raise typer.Exit(exit_code_of(leaving.ended_by))
+        yield JoinedSession(
+            JoinedStation(log, found.before, Retriever(rules.rules), signatory),
+            world,
+            rules,
+            Succession(log, signatory, own_station),
+        )
 
 
 def _site_of(events: list[Event], asked: Joining, settings: Loaded) -> tuple[World, Rulebook]:

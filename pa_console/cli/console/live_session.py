@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from pa_console.cli.console.asked import Asked
 from pa_console.cli.console.unclosed import choose_session
 from pa_console.cli.fleet import find_fleet
 from pa_console.cli.keys.site_keys import load_authority
@@ -25,23 +26,6 @@ from pa_console.sim.worlds.scenario_file import open_scenario
 if TYPE_CHECKING:
     from pa_console.fleets.bus.mqtt_fleet import MqttFleet
     from pa_console.fleets.station_authority import StationAuthority
-
-
-@dataclass(frozen=True)
-class Asked:
-    """What a console was started with; `resume` is None where the operator is to be asked."""
-
-    world: str
-    rules: str
-    scenario: str | None
-    seed: int
-    alarms: bool
-    readonly: bool
-    unsigned: bool
-    accept_rules: bool
-    resume: bool | None
-    fleet: str = ""
-    certificates: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -71,10 +55,15 @@ class LiveSession:
 
 
 def open_live(
-    asked: Asked, settings: Settings, engine: Engine, servers: Servers = NO_SERVERS
+    asked: Asked,
+    settings: Settings,
+    engine: Engine,
+    servers: Servers = NO_SERVERS,
+    authority: "StationAuthority | None" = None,
 ) -> LiveSession:
     """Open what was asked for; raises DocumentError or ValueError for what cannot be opened.
 
+    `authority` has the keys to sign with, where they were loaded before.
     Rules that are refused, and a session that was not closed, are told of and asked about on the
     terminal.
     """
@@ -94,7 +83,7 @@ def open_live(
         folder = settings.logs or default_folder()
         chosen = choose_session(folder, site, engine.model.sha256, asked.scenario, asked.resume)
     resumed, log = chosen if chosen is not None else (None, None)
-    authority = load_authority()
+    authority = authority or load_authority()
     fleet = on_bus.drive(site, authority)
     station = open_station(
         site,

@@ -11,6 +11,7 @@ import typer
 from rich.table import Table
 
 from pa_console.cli.keys.on_the_bus import on_bus
+from pa_console.cli.keys.signing import sign
 from pa_console.cli.keys.site_keys import ask_passphrase
 from pa_console.cli.output import CertificatesOption, JsonOption, errors, out, print_json
 from pa_console.fleets.authorization import EnrolledRules
@@ -21,7 +22,7 @@ from pa_console.schema.rule import approvals_in_words
 from pa_console.signing import PASSPHRASE_VARIABLE, fingerprint, is_public_key
 
 app = typer.Typer(
-    help="Make, list, enrol, revoke and rotate the keys of a site; put a station in command.",
+    help="Make, list, enrol, revoke and rotate the keys of a site; sign; put a station in command.",
     no_args_is_help=True,
 )
 
@@ -187,6 +188,9 @@ def takeover(
     with on_bus(folder, fleet, certificates):
         folder.take_over(station)
     _show(folder)
+
+
+app.command()(sign)
 
 
 def _show(folder: KeyFolder, *, json: bool = False) -> None:

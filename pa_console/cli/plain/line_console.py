@@ -6,24 +6,14 @@ from collections.abc import Callable
 from contextlib import aclosing, suppress
 from time import monotonic
 
-from pa_console.cli.mission.steps import step_line
 from pa_console.cli.plain.answers import HOW, Answer, is_answer, read_answer, reason_of
-from pa_console.cli.plain.status import (
-    alarm_lines,
-    asset_lines,
-    queue_lines,
-    standing_lines,
-    status_lines,
-)
+from pa_console.cli.plain.told_session import ToldSession
 from pa_console.observability.observers import Observer, unobserved
 from pa_console.orchestrator.station.station import Station
-from pa_console.orders.plain_words import plain_reading
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
-from pa_console.session.state.fold import MissionTrace, Notice, SessionState
+from pa_console.session.state.fold import MissionTrace, SessionState
 from pa_console.session.state.waiting import Waiting
-from pa_console.session.status_words import status_of
-from pa_console.session.wording import order_in_words
 
 HELP = """\
 Type a mission in plain words, and Enter. Everything else is one of these lines:
@@ -51,7 +41,6 @@ _STOP = re.compile(r"(?i)\s*stop(\s+all)?\s*[.!]*\s*")
 _SPEED = re.compile(r"(?i)\s*speed\s+(\S+)\s*")
 _REVOKE = re.compile(r"(?i)\s*revoke\s+(\S+)\s*")
 _MISSION = re.compile(r"(?is)\s*mission\b[\s:]+(\S.*)")
-_LEVELS = ("warning", "alarm")
 
 
 class LineConsole:
@@ -76,11 +65,9 @@ class LineConsole:
         every event.
         """
         self._station, self._say = station, say
-        self._show_plan, self._show_trace = show_plan, show_trace
+        self._told = ToldSession(say, show_plan, show_trace, called)
         self.waiting, self._hold_s, self._called = waiting, hold_s, called
         self._observe = observer
-        self.state = SessionState()
-        self._last_notice: Notice | None = None
         self._confirming: Callable[[], None] | None = None
         self._reason = ""
         self._shown_at = 0.0
@@ -88,10 +75,14 @@ class LineConsole:
         self._input_ended = False
 
     @property
+    def state(self) -> SessionState:
+        """The session as it stands."""
+        return self._told.state
+
+    @property
     def request(self) -> ev.ApprovalRequested | None:
         """The plan that waits for a decision."""
-        current = self.state.current
-        return current.approval if current is not None else None
+        return self._told.request
 
     async def run(
         self, lines: asyncio.Queue[str | None], forget: Callable[[], None] = lambda: None
@@ -119,39 +110,11 @@ class LineConsole:
 
     def _take(self, event: ev.Event) -> None:
         self._observe(event)
-        self.state.apply(event)
+        self._told.take(event)
         self.waiting.take(event, self.state, monotonic())
-        if line := step_line(event):
-            self._say(line)
-        match event.data:
-            case ev.ApprovalRequested():
-                self._ask(event.data)
-            case ev.CommandReplied(reply=reply) if reply.status in ("done", "failed", "refused"):
-                self._say(f"{reply.agent} {reply.status}{f': {reply.detail}' * bool(reply.detail)}")
-            case ev.CommandSent(command=command) if event.mission is None:
-                self._say(f"{command.agent}: {order_in_words(command)}")
-            case ev.DecisionMade(accepted=False, detail=detail):
-                self._say(f"not taken: {detail}")
-            case ev.MissionReported(text=text):
-                self._say(text.strip())
-            case ev.SessionEnded(reason=reason):
-                self._say(f"the session has ended: {reason}")
-            case _:
-                pass
-        self._tell_notice(event)
-
-    def _tell_notice(self, event: ev.Event) -> None:
-        """Say what the event list has got by `event`, where no step has told it."""
-        notices = self.state.notices
-        last = notices[-1] if notices else None
-        if last is None or last is self._last_notice:
-            return
-        self._last_notice = last
-        hidden = last.hidden or event.mission is not None or last.level not in _LEVELS
-        if not hidden:
-            self._say(f"{last.level.upper()}  {last.subject}: {last.text}")
-            if last.level == "alarm":
-                self._called()
+        if isinstance(event.data, ev.ApprovalRequested):
+            self._ask(event.data)
+        self._told.tell_notice(event)
 
     def _ask(self, request: ev.ApprovalRequested) -> None:
         """Show the plan that waits, and ask."""
@@ -170,19 +133,7 @@ class LineConsole:
         self._called()
 
     def _show_request(self, request: ev.ApprovalRequested) -> None:
-        trace = self.state.current
-        if trace is not None:
-            self._show_plan(trace, request.attempt)
-        told = status_of("approval", request.state or "none")
-        what = "A plan" if request.standing is None else f"Standing order {request.standing.id}"
-        self._say(f"{what} waits for you. {told.word}.")
-        for reason in request.blocked_by:
-            self._say(f"blocked: {reason}")
-        if request.acknowledge:
-            self._say(f"broken, to be accepted by you: {', '.join(request.acknowledge)}")
-        for number, asked in enumerate(request.readings, start=1):
-            self._say(f"reading {number}: {plain_reading(asked)}")
-        self._say(f"Your answer: {HOW}")
+        self._told.show(request, "you", f"Your answer: {HOW}")
 
     async def _tell_waiting(self) -> None:
         """Say now and then what is being waited for."""
@@ -228,15 +179,10 @@ class LineConsole:
         """Carry out a line of one word, or `speed`; return whether it was one."""
         word = line.casefold()
         speed, revoke = _SPEED.fullmatch(line), _REVOKE.fullmatch(line)
-        tables = {"status": status_lines, "assets": asset_lines, "alarms": alarm_lines,
-                  "queue": queue_lines, "standing": standing_lines}  # fmt: skip
-        if word in tables:
-            for told in tables[word](self.state):
-                self._say(told)
+        if self._told.look(word):
+            pass
         elif word in ("help", "?"):
             self._say(HELP)
-        elif word == "trace" and self.state.current is not None:
-            self._show_trace(self.state.current)
         elif word == "cancel":
             self._station.cancel()
         elif word == "release":

@@ -6,6 +6,7 @@ import sys
 from asyncio import CancelledError, Runner
 from collections.abc import Callable
 from contextlib import suppress
+from typing import Protocol
 
 from pa_console.cli.console.live_session import LiveSession
 from pa_console.cli.mission.trace import print_proposal, print_trace
@@ -18,6 +19,7 @@ from pa_console.llm.engine.engine import Engine
 from pa_console.observability.observers import Observer
 from pa_console.session.log.chain import LogError
 from pa_console.session.state.waiting import Waiting, load_usual, save_usual
+from pa_console.settings.schema import Settings
 from pa_console.settings.sources import Loaded
 from pa_console.signing import load_signer
 
@@ -46,38 +48,45 @@ def run_plain(
     )
     opened.share(writer)
 
-    def call() -> None:
-        if values.bell and sys.stdout.isatty():
-            sys.stdout.write("\a")
-            sys.stdout.flush()
-
     console = LineConsole(
         station,
-        _say,
+        say,
         lambda trace, number: print_proposal(out, trace, number),
         lambda trace: print_trace(out, trace),
         Waiting(load_usual(usual_file(), model)),
         hold_s=values.approval_delay_s,
-        called=call,
+        called=bell(values),
         observer=observer,
     )
 
     def run(loop: Runner) -> int:
-        ending = _Ending()
+        ending = Ending()
         with end_signals(ending.end), writer:
             station.write_to(writer)
             with suppress(CancelledError):
-                loop.run(_run(console, ending))
+                loop.run(run_lines(console, ending))
             save_usual(usual_file(), model, console.waiting.usual)
         tell_of_witness(writer)
         if not ending.ended_by:
-            _say(f"session log: {writer.path}")
+            say(f"session log: {writer.path}")
         return ending.ended_by
 
     return run
 
 
-class _Ending:
+class Lines(Protocol):
+    """A console that is typed at in lines."""
+
+    async def run(self, lines: asyncio.Queue[str | None], forget: Callable[[], None] = ...) -> None:
+        """Carry on until it is left; `forget` drops what was typed too early."""
+        ...
+
+    def interrupted(self) -> None:
+        """Answer Ctrl-C."""
+        ...
+
+
+class Ending:
     """Ends the session because of a signal; any thread may call `end`."""
 
     def __init__(self) -> None:
@@ -85,11 +94,13 @@ class _Ending:
         self.cancel: Callable[[], object] = lambda: None
 
     def end(self, number: int) -> None:
+        """End because of the signal `number`."""
         self.ended_by = number
         self.cancel()
 
 
-async def _run(console: LineConsole, ending: _Ending) -> None:
+async def run_lines(console: Lines, ending: Ending) -> None:
+    """Run a console over the lines of standard input until it is left, or `ending` ends it."""
     loop, task = asyncio.get_running_loop(), asyncio.current_task()
     assert task is not None
     ending.cancel = lambda: loop.call_soon_threadsafe(task.cancel)
@@ -106,6 +117,18 @@ async def _run(console: LineConsole, ending: _Ending) -> None:
         lines.close()
 
 
-def _say(text: str) -> None:
+def bell(values: Settings) -> Callable[[], None]:
+    """Return what calls the operator at a terminal, where the settings want that."""
+
+    def call() -> None:
+        if values.bell and sys.stdout.isatty():
+            sys.stdout.write("\a")
+            sys.stdout.flush()
+
+    return call
+
+
+def say(text: str) -> None:
+    """Print a line at once."""
     out.print(text, soft_wrap=True)
     sys.stdout.flush()

@@ -21,6 +21,8 @@ def status_lines(state: SessionState) -> list[str]:
         lines.append(f"STOPPED: {held} assets hold{waits}; release ends the stop")
     if state.log_problem:
         lines.append(f"the log cannot be written, nothing is dispatched: {state.log_problem}")
+    if state.relieved:
+        lines.append(f"NOT IN COMMAND, nothing is sent: {state.relieved}")
     if state.worker is not None:
         lines.append(f"model {state.worker.state} {state.worker.detail}".strip())
     for server in state.servers.values():

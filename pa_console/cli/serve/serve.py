@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from pa_console.cli.console.asked import Asked
 from pa_console.cli.output import (
     AcceptRulesOption,
     CertificatesOption,
@@ -94,8 +95,6 @@ def serve(
         tak=tak,
         tak_origin=tak_origin,
     )
-    from pa_console.cli.console.live_session import Asked  # noqa: PLC0415
-
     asked = Asked(
         world,
         rules,

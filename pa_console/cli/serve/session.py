@@ -7,7 +7,8 @@ from collections.abc import Callable
 from contextlib import aclosing
 from socket import socket
 
-from pa_console.cli.console.live_session import Asked, LiveSession, open_live
+from pa_console.cli.console.asked import Asked
+from pa_console.cli.console.live_session import LiveSession, open_live
 from pa_console.cli.observing import observing
 from pa_console.cli.output import errors, out
 from pa_console.cli.serve.token_verbs import this_user, token_book
@@ -50,6 +51,7 @@ def serve_session(
             loop.run(engine.close())
             raise
         ending = _Ending()
+        opened.share(writer)
         with end_signals(ending.end), writer:
             opened.station.write_to(writer)
             loop.run(_serve(opened, writer, tokens, listening, observer, ending))
@@ -79,9 +81,8 @@ async def _serve(
     ending: _Ending,
 ) -> None:
     station, loop = opened.station, asyncio.get_running_loop()
-    signer = opened.authority.person if opened.authority else ""
     state = SessionState()
-    session = ServedSession(station, state, lambda: writer.path, signer=signer)
+    session = ServedSession(station, state, lambda: writer.path, authority=opened.authority)
     closing: list[asyncio.Task[None]] = []
 
     def close(reason: str) -> None:

@@ -29,7 +29,9 @@ from pa_console.service.http_server import ADDRESS, listen
 from pa_console.service.rates import Rate
 from pa_console.service.tokens import Bearer, TokenBook
 
-COOKIE = "pa-console"
+COOKIE = "pa-console-{port}"
+"""The name of a browser's cookie: a browser sends it to every port of this address, and only the
+port in its name takes it."""
 LOOK_S = 5.0
 """How often it is looked whether the token of an open console still holds, in seconds."""
 LEAVE_S = 20.0
@@ -81,6 +83,7 @@ class ServedConsole(Server):
         }
         self._tokens, self._wrong = tokens, Rate(*WRONG)
         self._hosts = {f"{name}:{port}" for name in NAMES}
+        self._cookie = COOKIE.format(port=port)
         self._let_in: dict[str, str] = {}
         """The token of each browser that was let in, by its cookie."""
         self._open: asyncio.Task[Any] | None = None
@@ -152,7 +155,7 @@ class ServedConsole(Server):
 
     def _bearer(self, request: web.Request) -> Bearer | None:
         """Return who the browser was let in as, None for nobody."""
-        token = self._let_in.get(request.cookies.get(COOKIE, ""))
+        token = self._let_in.get(request.cookies.get(self._cookie, ""))
         return self._found(token) if token else None
 
     def _found(self, token: str) -> Bearer | None:
@@ -173,7 +176,7 @@ class ServedConsole(Server):
         cookie = secrets.token_urlsafe(32)
         self._let_in[cookie] = token
         answer = web.Response(status=303, headers={"Location": "/"})
-        answer.set_cookie(COOKIE, cookie, httponly=True, samesite="Strict", path="/")
+        answer.set_cookie(self._cookie, cookie, httponly=True, samesite="Strict", path="/")
         return answer
 
     async def handle_websocket(self, request: web.Request) -> web.WebSocketResponse:

@@ -37,6 +37,7 @@ from pa_console.fleets.authorization.messages import (
     words,
 )
 from pa_console.fleets.authorization.trust import KINDS_OF_TRUST, SignedMessages, Takeover, Trust
+from pa_console.fleets.authorization.unsigned import UnsignedApproval
 from pa_console.fleets.authorization.verifier import Verifier
 
 __all__ = (
@@ -64,6 +65,7 @@ __all__ = (
     "SignedMessages",
     "Takeover",
     "Trust",
+    "UnsignedApproval",
     "Verifier",
     "digest",
     "public_of",

@@ -60,10 +60,17 @@ class Trust:
         name = self.roster.station_of(self.takeover.station) or "a station that is not enrolled"
         return f"{name} is in command since epoch {self.takeover.epoch}"
 
+    @property
+    def next_epoch(self) -> int:
+        """The epoch of the next takeover."""
+        return max(self.takeover.epoch, self.roster.epoch) + 1
+
     def take(self, message: str) -> str:
         """Accept a signed roster, revocation or takeover; return why not, '' when it is taken.
 
-        The same message again is taken and changes nothing.
+        The same message again is taken and changes nothing. Of takeovers of one epoch, which two
+        commanders have signed without knowing of each other, the one for the station with the
+        highest key counts: so everybody who has heard both goes by the same one.
         """
         try:
             match kind_of(message):
@@ -153,7 +160,8 @@ class Trust:
             raise RefusedError(f"epoch {taken.epoch} is over: the roster is of {self.roster.epoch}")
         if taken.epoch == self.takeover.epoch and taken.station == self.takeover.station:
             return
-        if taken.epoch <= self.takeover.epoch:
+        now = self.takeover
+        if (taken.epoch, taken.station) < (now.epoch, now.station):
             raise RefusedError(f"epoch {taken.epoch} is not newer; {self.in_command}")
         self.takeover = taken
 

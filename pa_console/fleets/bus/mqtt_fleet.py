@@ -37,6 +37,8 @@ from pa_console.sim.picture import picture as station_side
 AHEAD_S = 2.0
 """A message that claims to be from so far in the future comes from a wrong clock."""
 
+RETAIN_AGAIN_S = 1.0
+"""An older roster, revocation or takeover is replaced on the bus so soon, and no more often."""
 SUBJECT, KEYS_SUBJECT = "bus", "keys"
 _HAPPENED: TypeAdapter[IncidentHappened | Noticed] = TypeAdapter(IncidentHappened | Noticed)
 
@@ -61,13 +63,16 @@ class MqttFleet:
         self._shared: SharedSession | None = None
         self._countersigned: list[Countersigned] = []
         self._stop_asked = ""
+        self._published_s, self._older_there = 0.0, False
+        self._published: set[str] = set()
+        """What this station has retained itself: it comes back from the broker."""
         self._weather: Weather = joined.site.weather if joined.site is not None else "clear"
         self._tick, self._connected, self._ready = 0, True, False
         for delivery in joined.deliveries:
             self._take(delivery)
         self._ready = True
         self._request_states()
-        self._publish_signed()
+        self.publish_signed()
         self._known.show(self._weather)
 
     @property
@@ -135,6 +140,8 @@ class MqttFleet:
         self._known.advance(self._tick)
         self._look_after_link()
         self._receive()
+        if self._older_there and self.time_s - self._published_s >= RETAIN_AGAIN_S:
+            self.publish_signed()
         if self._tick % self._period == 0:
             self._known.show(self._weather)
         self._share()
@@ -244,7 +251,7 @@ class MqttFleet:
             else:
                 self._say("info", SUBJECT, "connected to the broker again", "up")
                 self._request_states()
-                self._publish_signed()
+                self.publish_signed()
         if dropped > self._dropped:
             text = f"{dropped - self._dropped} messages came too fast and were dropped"
             self._dropped = dropped
@@ -265,10 +272,17 @@ class MqttFleet:
         zones = zone_set(self.world, self._header(robot.identity, messages.ZoneSet.TOPIC))
         self._send(robot, zones, self._at_once(robot, request))
 
-    def _publish_signed(self) -> None:
+    @property
+    def connected(self) -> bool:
+        """Whether there is a connection to the broker."""
+        return not self._link.problem
+
+    def publish_signed(self) -> None:
         """Retain what robots go by on the bus: it may have got lost, or be older there."""
+        self._published_s, self._older_there = self.time_s, False
         if self._keys is not None:
             site, newest = self._link.address.site, self._keys.newest
+            self._published |= set(newest.values())
             self._link.publish(*signed_messages(site, newest, self._signed_numbers, self.now()))
 
     def _take_signed(self, message: additions.SignedMessage) -> None:
@@ -277,7 +291,8 @@ class MqttFleet:
             return
         before = self._keys.refusal
         why, refusal = self._keys.take(message.message), self._keys.refusal
-        if why and self._ready:
+        self._older_there |= bool(why)
+        if why and self._ready and message.message not in self._published:
             text = f"a signed {message.TOPIC} changes nothing: {why}"
             self._say("warning", KEYS_SUBJECT, text, message.TOPIC)
         if refusal and refusal != before:

@@ -91,11 +91,16 @@ class CommandGate:
         self._standing: dict[str, DeviceCommand] = {}
         """By agent: the command that it got last, while that may be repeated."""
 
+    @property
+    def refusal(self) -> str:
+        """Why this station may move nothing at present, '' when it may, or where are no keys."""
+        return self._authority.refusal if self._authority is not None else ""
+
     def objection(self, rules: Rulebook) -> str:
         """Return why nothing that is approved under `rules` could be sent, '' when it could."""
         if self._authority is None:
             return ""
-        return self._authority.refusal or self._authority.objection(rules)
+        return self.refusal or self._authority.objection(rules)
 
     def needed(self, request: ev.ApprovalRequested, rules: Rulebook) -> dict[str, int]:
         """Return what of `request` more than one person must approve by `rules`, and how many."""

@@ -58,6 +58,8 @@ class JoinedStation:
         self._signatory, self._state = signatory, SessionState()
         self._news = _ConnectionNews(log)
         self._closing = False
+        for event in before:
+            self._state.apply(event)
 
     @property
     def station(self) -> str:
@@ -73,22 +75,33 @@ class JoinedStation:
             return ""
         return self._signatory.name
 
+    @property
+    def started(self) -> ev.SessionStarted | None:
+        """How the session began."""
+        return self._state.started
+
+    def take_before(self) -> list[ev.Event]:
+        """Return what had happened when this console joined; `run` then begins with what comes."""
+        before, self._before = self._before, ()
+        return _without_old_pictures(before)
+
     async def run(self) -> AsyncGenerator[ev.Event]:
-        """Yield every event of the session, and what is to be known of the connection to it."""
-        events, self._before = self._before, ()
-        try:
-            while not self._closing:
-                for event in _without_old_pictures(events):
-                    self._state.apply(event)
-                    yield event
-                for told in self._news.take(heard=bool(events)):
-                    yield ev.Event(t=datetime.now(UTC), tick=self._state.tick, data=told)
-                if self._state.ended:
-                    return
-                await asyncio.sleep(LOOK_S)
-                events = self._log.take()
-        finally:
-            await asyncio.to_thread(self._log.link.close)
+        """Yield every event of the session, and what is to be known of the connection to it.
+
+        It ends with the session, or with `close`; whoever has opened the connection closes it.
+        """
+        for event in self.take_before():
+            yield event
+        while not self._closing:
+            events = _without_old_pictures(self._log.take())
+            for event in events:
+                self._state.apply(event)
+                yield event
+            for told in self._news.take(heard=bool(events)):
+                yield ev.Event(t=datetime.now(UTC), tick=self._state.tick, data=told)
+            if self._state.ended:
+                return
+            await asyncio.sleep(LOOK_S)
 
     def decide(self, decision: Decision) -> None:
         """Sign the plan that waits for a second person, and send the signature to its station.
@@ -168,6 +181,24 @@ class JoinedStation:
     def point(self, name: str) -> None:
         """Take no notice."""
 
+    def command_question(self, epoch: int, own: str) -> str:
+        """Return what taking command for the station `own` would do, for a commander to confirm."""
+        station, state = self.station, self._state
+        under_way = (
+            f"Mission {state.active} of {station} is under way: vehicles end what they have begun, "
+            "and what it has not sent yet is refused.\n"
+            if state.active is not None
+            else ""
+        )
+        return (
+            f"Put {own} in command in place of {station}? The epoch rises to {epoch}.\n"
+            f"From then on vehicles take nothing from {station}, and its screen says so.\n"
+            f"{under_way}"
+            f"This console closes and opens again as that of {own}: with a session and a log of "
+            f"its own,\nwhose beginning says how far the log of {station} had come. "
+            f"{station} commands until all is ready."
+        )
+
     # What only the station whose session it is can do: each raises ValueError
 
     def submit(self, text: str) -> Mission:  # noqa: ARG002, D102
@@ -215,7 +246,7 @@ class _ConnectionNews:
 
     def __init__(self, log: SharedLog) -> None:
         self._log, self._told = log, Told()
-        self._problem, self._epoch = "", log.trust.takeover.epoch
+        self._problem, self._takeover = "", log.trust.takeover
         self._heard = monotonic()
         self._silent = self._lacks = False
 
@@ -244,8 +275,8 @@ class _ConnectionNews:
         if log.problem:
             self._say("warning", f"not believed: {log.problem}")
             log.problem = ""
-        if (epoch := log.trust.takeover.epoch) != self._epoch:
-            self._epoch = epoch
+        if (takeover := log.trust.takeover) != self._takeover:
+            self._takeover = takeover
             in_command = log.trust.roster.station_of(log.trust.takeover.station)
             more = "" if in_command == station else f"; {station} moves nothing any more"
             self._say("alarm", f"{log.trust.in_command}{more}")

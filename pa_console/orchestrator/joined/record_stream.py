@@ -35,6 +35,11 @@ class RecordStream:
         return int(self._last.fields["seq"]) + 1 if self._last is not None else 1
 
     @property
+    def head(self) -> str:
+        """The hash of the last record that is here, '' before the first."""
+        return self._last.hash if self._last is not None else ""
+
+    @property
     def missing(self) -> int:
         """How many records were told of and are not here."""
         return max(self.seen - self.wanted + 1, 0)

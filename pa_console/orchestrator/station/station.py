@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from functools import partial
 
 from pa_console import __version__
-from pa_console.fleets.fleet import Simulated
+from pa_console.fleets.fleet import Countersigned, Simulated
 from pa_console.orchestrator.execution.emergency_stop import EmergencyStop
 from pa_console.orchestrator.execution.step_feed import StepFeed
 from pa_console.orchestrator.intake.intake import Intake
@@ -64,6 +64,7 @@ class Station:
         """
         self._services, self._clock, self._started = services, clock, started
         self.readonly, self._keep_engine = readonly, keep_engine
+        self._taken: ev.CommandTaken | None = None
         self._fleet, self._journal = services.fleet, services.journal
         self._feed = StepFeed()
         self._events: asyncio.Queue[ev.Event | None] = asyncio.Queue()
@@ -146,6 +147,10 @@ class Station:
         """
         self._journal.open(log, self._emit)
 
+    def succeed(self, taken: ev.CommandTaken) -> None:
+        """Let the log begin with whose command this session has taken over; before `run`."""
+        self._taken = taken
+
     async def run(self) -> AsyncGenerator[ev.Event]:
         """Yield every event of the session until `close`; stopping the iteration closes it too.
 
@@ -153,6 +158,8 @@ class Station:
         """
         if self._resumed is None:
             self._emit(self._started)
+            if self._taken is not None:
+                self._emit(self._taken)
             self._emit(ev.TelemetryReceived(picture=self._ticking.first))
         else:
             self._go_on(self._resumed)
@@ -248,6 +255,16 @@ class Station:
             raise ValueError(f"nothing is approved while the log cannot be written: {problem}")
         self._worker.decide(decision)
 
+    def countersign(self, signed: Countersigned) -> None:
+        """Take in what a second person has signed elsewhere for the plan that waits.
+
+        Raises ValueError for what the log could not tell of.
+        """
+        self._writable()
+        if problem := self._journal.commit():
+            raise ValueError(f"nothing is approved while the log cannot be written: {problem}")
+        self._worker.countersign(signed)
+
     async def look_at(self, mission: Mission, asked: str) -> RehearsedReading | None:
         """Rehearse what another reading of a mission would lead to; nothing is decided by that.
 
@@ -272,10 +289,10 @@ class Station:
         self._writable()
         self._worker.cancel()
 
-    def acknowledge(self, alarm_id: str) -> None:
-        """Note that the operator has seen an alarm; raises ValueError for an unknown one."""
+    def acknowledge(self, alarm_id: str, by: str = "operator") -> None:
+        """Note that `by` has seen an alarm; raises ValueError for an unknown one."""
         self._writable()
-        self._emit(self._intake.acknowledge(alarm_id, "operator"))
+        self._emit(self._intake.acknowledge(alarm_id, by))
 
     def move(self, mission_id: str, by: int) -> None:
         """Move a waiting mission by `by` places in the queue; ValueError when it does not wait."""

@@ -109,6 +109,7 @@ class Ticking:
         self.first = self._fleet.picture()
         """The picture that the session begins with."""
         self._noticer = Noticer(self.first)
+        self._refusal = ""
         self._services.sightings.look(self.first)
 
     async def run(self) -> None:
@@ -151,6 +152,9 @@ class Ticking:
             self._emit(notice, None)
         self._services.sightings.look(picture)
         self._emit(ev.TelemetryReceived(picture=picture), None)
+        if (refusal := self._services.gate.refusal) != self._refusal:
+            self._refusal = refusal
+            self._emit(ev.AuthorityChanged(refusal=refusal), None)
         stopped = self._services.gate.stopped
         arrivals = self._intake.look(picture, self._worker.handled, stopped=stopped)
         for payload, mission in arrivals.payloads:

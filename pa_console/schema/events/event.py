@@ -52,6 +52,8 @@ from pa_console.schema.events.planning import (
     told_confidence,
 )
 from pa_console.schema.events.session import (
+    AuthorityChanged,
+    CommandTaken,
     IncidentHappened,
     IncidentSource,
     Level,
@@ -85,10 +87,12 @@ __all__ = (
     "AlarmRaised",
     "AllStopped",
     "ApprovalRequested",
+    "AuthorityChanged",
     "CommandRefused",
     "CommandReplied",
     "CommandResent",
     "CommandSent",
+    "CommandTaken",
     "DecisionMade",
     "Event",
     "EventPayload",
@@ -152,9 +156,9 @@ EventPayload = Annotated[
     | TextStreamed | PlanProposed | PlanRehearsed | PlanChecked | PlanJudged | OrderReadAgain
     | RepairRequested | ApprovalRequested | DecisionMade | PlanVoided | CommandSent | CommandReplied
     | MissionVerified | OutcomeJudged | MissionReported | MissionFinished | AllStopped
-    | StopReleased | CommandRefused | RulesReplaced | SessionEnded | SessionResumed | LogSigned
-    | LogTroubled | StandingOrderRead | StandingOrderApproved | StandingOrderStarted
-    | StandingOrderWithheld | StandingOrderRevoked,
+    | StopReleased | CommandRefused | RulesReplaced | SessionEnded | SessionResumed | CommandTaken
+    | AuthorityChanged | LogSigned | LogTroubled | StandingOrderRead | StandingOrderApproved
+    | StandingOrderStarted | StandingOrderWithheld | StandingOrderRevoked,
     Field(discriminator="kind"),
 ]  # fmt: skip
 

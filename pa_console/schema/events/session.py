@@ -67,6 +67,36 @@ class SessionResumed(Payload):
     interrupted: tuple[str, ...] = ()
 
 
+class CommandTaken(Payload):
+    """Command of the site was taken from another station, whose session is refused from then on.
+
+    `records` and `head` say how far the log of that session had come here: the number of its last
+    record, and the hash of it. `by` is the commander who has signed the `epoch`.
+    """
+
+    binding: ClassVar[bool] = True
+
+    kind: Literal["command_taken"] = "command_taken"
+    station: str
+    session: str
+    records: int
+    head: str
+    epoch: int
+    by: str
+
+
+class AuthorityChanged(Payload):
+    """Whether this station may move anything has changed: `refusal` says why not, '' that it may.
+
+    So it is when another station takes command, and when the key of this one is revoked.
+    """
+
+    binding: ClassVar[bool] = True
+
+    kind: Literal["authority_changed"] = "authority_changed"
+    refusal: str
+
+
 class RulesReplaced(Payload):
     """Another rule set is in force; a mission that was begun stays under the set it began with.
 

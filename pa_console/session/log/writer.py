@@ -46,7 +46,8 @@ DURABLE_KINDS = frozenset(
     (
         "session_started", "session_resumed", "incident", "mission_received", "decision_made",
         "plan_voided", "command_sent", "command_refused", "mission_finished", "all_stopped",
-        "stop_released", "session_ended",
+        "stop_released", "session_ended", "command_taken",
+        "authority_changed",
     )
 )  # fmt: skip
 """Events that are on the disk before `append` returns: what an operator answers for."""

@@ -10,7 +10,13 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.telemetry import Picture
 from pa_console.session.state.mission_trace import CommandTrace, MissionTrace, apply_to_mission
 from pa_console.session.state.standing_trace import StandingTrace, apply_to_standing
-from pa_console.session.wording import alarm_now, in_words, order_in_words, overriding
+from pa_console.session.wording import (
+    alarm_now,
+    command_taken_in_words,
+    in_words,
+    order_in_words,
+    overriding,
+)
 
 NOTICES_KEPT = 500
 _LEVELS: dict[str, ev.Level] = {"emergency": "alarm", "high": "alarm", "medium": "warning"}
@@ -66,12 +72,14 @@ class SessionState:
 
     `latest` is the mission that arrived last, `last_active` the one that was worked on last, and
     `answers` the unfinished mission that answers an alarm, by the alarm's id. `loose_orders` are
-    those of no mission since the last stop. `log_problem` is why the log cannot be written.
+    those of no mission since the last stop. `log_problem` is why the log cannot be written,
+    `relieved` why its station may move nothing where its site has keys.
     """
 
     started: ev.SessionStarted | None = None
     ended: str = ""
     log_problem: str = ""
+    relieved: str = ""
     tick: int = 0
     picture: Picture | None = None
     worker: ev.WorkerChanged | None = None
@@ -176,9 +184,13 @@ class SessionState:
             case ev.SessionEnded(reason=reason):
                 self.ended = reason
             case ev.SessionResumed():
-                self.ended, self.worker, self.servers = "", None, {}
+                self.ended, self.relieved, self.worker, self.servers = "", "", None, {}
                 text = "goes on after its console ended without closing it"
                 self._notice(event, "warning", "session", text)
+            case ev.AuthorityChanged(refusal=refusal):
+                self.relieved = refusal
+            case ev.CommandTaken():
+                self._notice(event, "warning", "command", command_taken_in_words(event.data))
             case _:
                 pass
 

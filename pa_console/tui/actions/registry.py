@@ -11,6 +11,7 @@ Need = Literal[
     "writable",
     "decides",
     "stops",
+    "commander",
     "mission",
     "idle_trace",
     "approval",
@@ -32,6 +33,7 @@ class ActionContext:
     readonly: bool = False
     decides: bool = True
     stops: bool = True
+    commander: bool = False
     mission: bool = False
     traced: bool = False
     approval: bool = False
@@ -105,6 +107,7 @@ def _refusal(need: Need, now: ActionContext) -> str:
         "writable": (not now.readonly, "the console is read-only"),
         "decides": (now.decides, "nothing is decided here"),
         "stops": (now.stops, "the console is read-only"),
+        "commander": (now.commander, "only for a commander at a console that has joined"),
         "mission": (now.mission, "no mission is active"),
         "idle_trace": (now.traced, "there is no mission yet"),
         "approval": (now.approval, "nothing waits for approval"),
@@ -158,6 +161,11 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction(
         "release", "ctrl+l", "Release stop", "Release the stop, after a question: missions are "
         "taken again", "Safety", needs=(*_COMMAND, "stopped"), footer=True,
+    ),
+    ConsoleAction(
+        "take_command", "ctrl+k", "Take command", "Take command from the station whose session was "
+        "joined, after a question: this console opens again as the one in command", "Safety",
+        needs=("live", "commander"), words="takeover epoch station",
     ),
     ConsoleAction(
         "acknowledge", "k,f12", "Seen", "Acknowledge the alarm at the pointer or the worst new one",

@@ -92,6 +92,7 @@ class ConsoleSession:
             readonly=self.readonly or self.station is None,
             decides=self.decides and self.station is not None,
             stops=(self.joined is not None or not self.readonly) and self.station is not None,
+            commander=self.joined is not None and self.joined.command_question is not None,
             mission=state.active is not None,
             traced=current is not None,
             approval=current is not None and current.approval is not None,

@@ -20,6 +20,7 @@ HANDLERS: Mapping[str, Callable[[Controllers], None]] = {
     "cancel": lambda to: to.commands.cancel_mission(),
     "stop": lambda to: to.commands.stop_all(),
     "release": lambda to: to.commands.release_stop(),
+    "take_command": lambda to: to.leaving.take_command(),
     "acknowledge": lambda to: to.commands.acknowledge(),
     "next_alarm": lambda to: to.browsing.next_alarm(),
     "next_queued": lambda to: to.browsing.next_queued(),

@@ -26,6 +26,8 @@ class LeavingController:
         self._loop: asyncio.AbstractEventLoop | None = None
         self.ended_by = 0
         """The signal that ended the console, 0 for none."""
+        self.takes_command = False
+        """Whether the console was left to open again as the one in command."""
 
     def watch_terminal(self) -> None:
         """Leave without a question once nobody is at the terminal to answer it."""
@@ -68,6 +70,25 @@ class LeavingController:
                 self._app.run_worker(self._close(), exit_on_error=False)
 
         self._app.push_screen(Confirm(question, yes="Leave", no="Stay"), answered)
+
+    def take_command(self) -> None:
+        """Leave to take command, after a question that says what that does."""
+        joined = self._session.joined
+        if joined is None or joined.command_question is None:
+            return
+        try:
+            question = joined.command_question()
+        except ValueError as error:
+            self._session.tell(str(error), "Command not taken", bad=True)
+            return
+        from pa_console.tui.screens.questions import Confirm  # noqa: PLC0415
+
+        def answered(take: bool | None) -> None:
+            if take:
+                self.takes_command = True
+                self._app.run_worker(self._close(), exit_on_error=False)
+
+        self._app.push_screen(Confirm(question, yes="Take command", no="Only watch"), answered)
 
     def say_how(self) -> None:
         """Say how to leave, over every screen; with a text selected, let its copying go on."""

@@ -113,6 +113,7 @@ STALE_AFTER_S = 5.0
 JOINED = "JOINED"
 """How the mode of a console begins that shows another station's session; its name follows."""
 
+RELIEVED = " NOT IN COMMAND: NOTHING IS SENT "
 UNLOGGED = " LOG NOT WRITTEN: NOTHING IS DISPATCHED "
 
 
@@ -140,6 +141,8 @@ class StatusBar(Static):
             parts += ["  ", (f" {alarm} ", "bold reverse $text-error")]
         if state.log_problem:
             parts += ["  ", (UNLOGGED, "bold reverse $text-error")]
+        if state.relieved:
+            parts += ["  ", (RELIEVED, "bold reverse $text-error")]
         if stale:
             parts.append((f"  ▲ no telemetry for {silent_s:.0f} s", "bold $text-error"))
         if wide or worker.word != "ready":

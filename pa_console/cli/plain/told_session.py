@@ -1,0 +1,115 @@
+"""A session as lines: what happens in it is said, and how it stands when that is asked for."""
+
+from collections.abc import Callable
+
+from pa_console.cli.mission.steps import step_line
+from pa_console.cli.plain.status import (
+    alarm_lines,
+    asset_lines,
+    queue_lines,
+    standing_lines,
+    status_lines,
+)
+from pa_console.orders.plain_words import plain_reading
+from pa_console.schema.events import event as ev
+from pa_console.session.state.fold import MissionTrace, Notice, SessionState
+from pa_console.session.status_words import status_of
+from pa_console.session.wording import order_in_words
+
+_LEVELS = ("warning", "alarm")
+_TABLES = {"status": status_lines, "assets": asset_lines, "alarms": alarm_lines,
+           "queue": queue_lines, "standing": standing_lines}  # fmt: skip
+
+
+class ToldSession:
+    """Folds the events of a session, its own or another station's, and says them a line each."""
+
+    def __init__(
+        self,
+        say: Callable[[str], None],
+        show_plan: Callable[[MissionTrace, int], None],
+        show_trace: Callable[[MissionTrace], None],
+        called: Callable[[], None],
+    ) -> None:
+        """`show_plan` and `show_trace` print what is laid out in rows.
+
+        `called` is told when something begins to wait for the operator.
+        """
+        self._say, self._show_plan, self._show_trace = say, show_plan, show_trace
+        self._called = called
+        self.state = SessionState()
+        self._last_notice: Notice | None = None
+
+    @property
+    def request(self) -> ev.ApprovalRequested | None:
+        """The plan that waits for a decision."""
+        current = self.state.current
+        return current.approval if current is not None else None
+
+    def fold(self, event: ev.Event) -> None:
+        """Take in an event and say nothing of it."""
+        self.state.apply(event)
+        self._last_notice = self._newest_notice()
+
+    def take(self, event: ev.Event) -> None:
+        """Take in an event, and say what it tells; the plan that it lets wait is for `show`."""
+        self._last_notice = self._newest_notice()
+        self.state.apply(event)
+        if line := step_line(event):
+            self._say(line)
+        match event.data:
+            case ev.CommandReplied(reply=reply) if reply.status in ("done", "failed", "refused"):
+                self._say(f"{reply.agent} {reply.status}{f': {reply.detail}' * bool(reply.detail)}")
+            case ev.CommandSent(command=command) if event.mission is None:
+                self._say(f"{command.agent}: {order_in_words(command)}")
+            case ev.DecisionMade(accepted=False, detail=detail):
+                self._say(f"not taken: {detail}")
+            case ev.MissionReported(text=text):
+                self._say(text.strip())
+            case ev.SessionEnded(reason=reason):
+                self._say(f"the session has ended: {reason}")
+            case _:
+                pass
+
+    def tell_notice(self, event: ev.Event) -> None:
+        """Say what the event list has got by `event`, where no step has told it."""
+        last = self._newest_notice()
+        if last is None or last is self._last_notice:
+            return
+        self._last_notice = last
+        hidden = last.hidden or event.mission is not None or last.level not in _LEVELS
+        if not hidden:
+            self._say(f"{last.level.upper()}  {last.subject}: {last.text}")
+            if last.level == "alarm":
+                self._called()
+
+    def show(self, request: ev.ApprovalRequested, waits: str, how: str) -> None:
+        """Say the plan of a request; `waits` is for whom, `how` what may be answered."""
+        trace = self.state.current
+        if trace is not None:
+            self._show_plan(trace, request.attempt)
+        told = status_of("approval", request.state or "none")
+        what = "A plan" if request.standing is None else f"Standing order {request.standing.id}"
+        self._say(f"{what} waits for {waits}. {told.word}.")
+        for reason in request.blocked_by:
+            self._say(f"blocked: {reason}")
+        if request.acknowledge:
+            self._say(f"broken, to be accepted by you: {', '.join(request.acknowledge)}")
+        for number, asked in enumerate(request.readings, start=1):
+            self._say(f"reading {number}: {plain_reading(asked)}")
+        self._say(how)
+
+    def look(self, word: str) -> bool:
+        """Say how something stands, where `word` asks for that; return whether it does."""
+        if word in _TABLES:
+            for told in _TABLES[word](self.state):
+                self._say(told)
+        elif word == "trace" and self.state.current is not None:
+            self._show_trace(self.state.current)
+        else:
+            return False
+        return True
+
+    def _newest_notice(self) -> Notice | None:
+        notices = self.state.notices
+        return notices[-1] if notices else None

@@ -1,0 +1,186 @@
+"""A commander at a joined console takes command: vehicles follow, and the first station is told."""
+
+import asyncio
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from pa_console.fleets import authorization as auth
+from pa_console.fleets.bus.address import BrokerAddress
+from pa_console.fleets.bus.session_sharing import SharedSession
+from pa_console.fleets.bus.station_link import StationLink
+from pa_console.fleets.bus.trust_topics import signed_messages
+from pa_console.fleets.station_authority import Keys, StationAuthority, Vehicles
+from pa_console.fleets.vda5050.additions import SIGNED, SignedTakeover
+from pa_console.fleets.vda5050.numbers import Numbers
+from pa_console.orchestrator.joined.joined_station import JoinedStation, Signatory
+from pa_console.orchestrator.joined.shared_log import HEARD, SharedLog, read_so_far
+from pa_console.orchestrator.joined.succession import Succession
+from pa_console.orchestrator.station.assembly import Site, open_station
+from pa_console.orchestrator.station.station import Station
+from pa_console.orchestrator.station.ticking import DevicesClock
+from pa_console.policy.retrieval.retriever import Retriever
+from pa_console.schema.events import event as ev
+from pa_console.schema.mission import Decision
+from pa_console.schema.world import World
+from pa_console.session.log.writer import LogWriter, read_log
+from tests.fleets.conftest import joined, running
+from tests.fleets.keyring import KEYS, PUBLIC, TO_NORTH
+from tests.fleets.test_shared_session import RATE, Watched, messages, two_people, until
+from tests.scripted import ScriptedEngine, plan
+
+SENT = datetime(2026, 1, 1, tzinfo=UTC)
+MOVE = plan(("Drone_T04", "move_to EastGate"))
+TEXT = "Move Drone_T04 to the east gate."
+
+
+def keys(station: str, person: str, site: Site) -> Keys:
+    return Keys(KEYS[station], person, KEYS[person], PUBLIC["owner"], messages(site))
+
+
+def own_station(site: Site, authority: StationAuthority, **how: object) -> Station:
+    """A station with a model of its own."""
+    engine = ScriptedEngine([MOVE]).engine()
+    clock = DevicesClock(RATE)
+    return open_station(
+        site, engine, clock, authority=authority, read_unasked=False, **how  # pyright: ignore[reportArgumentType]
+    )  # fmt: skip
+
+
+async def approved(watched: Watched, station: Station) -> ev.DecisionMade:
+    """Give a mission, approve its plan, and return what became of that."""
+    count = len(watched.events)
+    station.submit(TEXT)
+    await until(lambda: watched.request)
+    request = watched.request
+    assert request is not None
+    if request.blocked_by:
+        station.decide(Decision(kind="reject", reason="blocked"))
+    else:
+        station.decide(Decision(kind="approve", reason="seen", acknowledged=request.acknowledge))
+    await until(lambda: watched.state.active is None and watched.request is None)
+    made = [e.data for e in watched.events[count:] if isinstance(e.data, ev.DecisionMade)]
+    return made[-1]
+
+
+def succession_of(
+    address: BrokerAddress, person: str, site: Site, own: StationAuthority | None = None
+) -> tuple[StationLink, JoinedStation, Succession]:
+    """What a console has that joined, at which `person` sits, with the key of south."""
+    link = StationLink(address, person, HEARD)
+    log = SharedLog(link, auth.Trust(PUBLIC["owner"]), len)
+    before = read_so_far(log, lambda _done, _total: None)
+    signatory = Signatory(person, KEYS[person])
+    station = JoinedStation(log, before, Retriever(()), signatory)
+
+    def its() -> StationAuthority:
+        return own or StationAuthority(keys("south", person, site))
+
+    return link, station, Succession(log, signatory, its)
+
+
+async def test_command_goes_over_with_no_moment_in_which_both_have_it(
+    world: World, address: BrokerAddress, tmp_path: Path
+) -> None:
+    site = two_people(tmp_path)
+    vehicles = Vehicles(world.assets, PUBLIC["owner"], (), time.time)
+    first = StationAuthority(keys("north", "ann", site))
+    with (
+        running(world, address, rate=RATE, verify=vehicles.verify, take=vehicles.take),
+        joined(world, address, first) as fleet,
+    ):
+        north = own_station(site, first, fleet=fleet)
+        log = LogWriter(tmp_path / "north.jsonl", north.session)
+        shared = SharedSession(north.session, first.name, log.path, first.vouch)
+        log.on_record = shared.add
+        fleet.share(shared)
+        north.write_to(log)
+        ann = Watched(north)
+        await until(lambda: ann.state.picture)
+        assert (await approved(ann, north)).accepted
+
+        link, cleos, succession = await asyncio.to_thread(succession_of, address, "cleo", site)
+        second = succession.prepare(cleos.started)
+        question = cleos.command_question(second.trust.next_epoch, second.name)
+        assert "Put south in command in place of north? The epoch rises to 2." in question
+        with joined(world, address, second) as other:
+            south = own_station(site, second, fleet=other)
+            assert first.refusal == "", "what is prepared takes nothing"
+            assert "south" not in vehicles.in_command
+            south.succeed(succession.take(other.publish_signed))
+            own_log = LogWriter(tmp_path / "south.jsonl", south.session)
+            south.write_to(own_log)
+            cleo = Watched(south)
+            await until(lambda: ann.state.relieved and "south" in vehicles.in_command)
+            assert "south is in command since epoch 2" in ann.state.relieved
+            relieved = await approved(ann, north)
+            assert relieved.decision.kind == "reject", "its plan was blocked"
+            assert (await approved(cleo, south)).accepted
+            missions = [trace.status for trace in cleo.state.missions.values()]
+            assert missions == ["verified"]
+            await south.close()
+            await cleo.task
+            own_log.close()
+        link.close()
+        await north.close()
+        await ann.task
+        log.close()
+    told = [event.data for event in read_log(own_log.path)]
+    (taken,) = [data for data in told if isinstance(data, ev.CommandTaken)]
+    first_told = [data.kind for data in told if data.kind != "log_signed"][:2]
+    assert first_told == ["session_started", "command_taken"]
+    lines = log.path.read_text("utf-8").splitlines()
+    assert f'"hash":"{taken.head}"' in lines[taken.records - 1], "the other log's head was there"
+    assert (taken.station, taken.session, taken.epoch) == ("north", north.session, 2)
+
+
+@pytest.mark.parametrize(
+    ("person", "said"),
+    [("bob", "only a commander takes command, and bob is none"), ("cleo", "is in command already")],
+)
+async def test_why_command_cannot_be_taken_is_said_before_anything_is_done(
+    world: World, address: BrokerAddress, tmp_path: Path, person: str, said: str
+) -> None:
+    site = two_people(tmp_path)
+    south = StationAuthority(keys("south", "cleo", site))
+    south.take_command("cleo", KEYS["cleo"])
+    with running(world, address), joined(world, address, south) as fleet:
+        station = own_station(site, south, fleet=fleet)
+        log = LogWriter(tmp_path / "south.jsonl", station.session)
+        shared = SharedSession(station.session, south.name, log.path, south.vouch)
+        log.on_record = shared.add
+        fleet.share(shared)
+        station.write_to(log)
+        watched = Watched(station)
+        link, there, succession = await asyncio.to_thread(
+            succession_of, address, person, site, south
+        )
+        assert succession.possible == (person == "cleo")
+        with pytest.raises(ValueError, match=said):
+            succession.prepare(there.started)
+        link.close()
+        await station.close()
+        await watched.task
+        log.close()
+
+
+def test_an_older_takeover_that_is_retained_is_replaced(
+    world: World, address: BrokerAddress, tmp_path: Path
+) -> None:
+    south = StationAuthority(keys("south", "cleo", two_people(tmp_path)))
+    south.take_command("cleo", KEYS["cleo"])
+    retained: list[str] = []
+    with running(world, address, rate=RATE), joined(world, address, south) as fleet:
+        link = StationLink(address, "north", SIGNED)
+        assert link.wait_connected(5.0)
+        old = signed_messages(address.site, {"takeover": TO_NORTH}, Numbers(), SENT)
+        assert link.publish(*old)
+        while retained[-1:] != [south.newest["takeover"]] or TO_NORTH not in retained:
+            fleet.step()
+            link.wait_news(0.05)
+            came = [delivery.message for delivery in link.take()]
+            retained += [each.message for each in came if isinstance(each, SignedTakeover)]
+        link.close()
+    assert south.refusal == ""
