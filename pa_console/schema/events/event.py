@@ -51,6 +51,7 @@ from pa_console.schema.events.planning import (
     TextStreamed,
     told_confidence,
 )
+from pa_console.schema.events.questions import AnswerLine, QuestionAnswered, QuestionTopic
 from pa_console.schema.events.session import (
     IncidentHappened,
     IncidentSource,
@@ -84,6 +85,7 @@ __all__ = (
     "AlarmCleared",
     "AlarmRaised",
     "AllStopped",
+    "AnswerLine",
     "ApprovalRequested",
     "CommandRefused",
     "CommandReplied",
@@ -116,7 +118,9 @@ __all__ = (
     "PlanRehearsed",
     "PlanVoided",
     "PromptBuilt",
+    "QuestionAnswered",
     "QuestionAsked",
+    "QuestionTopic",
     "QueueChanged",
     "Reference",
     "RepairRequested",
@@ -154,7 +158,7 @@ EventPayload = Annotated[
     | MissionVerified | OutcomeJudged | MissionReported | MissionFinished | AllStopped
     | StopReleased | CommandRefused | RulesReplaced | SessionEnded | SessionResumed | LogSigned
     | LogTroubled | StandingOrderRead | StandingOrderApproved | StandingOrderStarted
-    | StandingOrderWithheld | StandingOrderRevoked,
+    | StandingOrderWithheld | StandingOrderRevoked | QuestionAnswered,
     Field(discriminator="kind"),
 ]  # fmt: skip
 

@@ -10,7 +10,13 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.telemetry import Picture
 from pa_console.session.state.mission_trace import CommandTrace, MissionTrace, apply_to_mission
 from pa_console.session.state.standing_trace import StandingTrace, apply_to_standing
-from pa_console.session.wording import alarm_now, in_words, order_in_words, overriding
+from pa_console.session.wording import (
+    alarm_now,
+    answer_in_words,
+    in_words,
+    order_in_words,
+    overriding,
+)
 
 NOTICES_KEPT = 500
 _LEVELS: dict[str, ev.Level] = {"emergency": "alarm", "high": "alarm", "medium": "warning"}
@@ -173,6 +179,10 @@ class SessionState:
                 self.log_problem = problem
                 text = f"nothing is dispatched: {problem}" if problem else "written again"
                 self._notice(event, "alarm" if problem else "info", "session log", text)
+            case ev.QuestionAnswered(question=question):
+                asked = f"asked “{question}”; its trace has the answer"
+                text = asked if event.mission else answer_in_words(event.data)
+                self._notice(event, "info", event.mission or "question", text)
             case ev.SessionEnded(reason=reason):
                 self.ended = reason
             case ev.SessionResumed():
