@@ -18,8 +18,8 @@ from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.session.wording import order_in_words
 
-MOST_ALTERNATIVES = 3
-"""So many other plans can be taken in beside the one that there is."""
+MOST_ALTERNATIVES = 2
+"""So many other plans are looked for beside the one that there is; more where more readings are."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Alternative:
 
 
 async def find_alternatives(services: Services, trace: MissionTrace) -> AsyncGenerator[Alternative]:
-    """Yield at most MOST_ALTERNATIVES plans that are not the one that waits or came last.
+    """Yield plans that are not the one that waits or came last: for other readings, other ways.
 
     They are rehearsed in the present picture, and no model is asked.
     """
@@ -52,7 +52,7 @@ async def find_alternatives(services: Services, trace: MissionTrace) -> AsyncGen
         return
     known = 0
     readings: Sequence[str] = request.readings if request is not None else ()
-    for asked in readings[:MOST_ALTERNATIVES]:
+    for asked in readings:
         found = await rehearse_reading(services, trace.mission, asked)
         if found is not None:
             known += 1
