@@ -1,9 +1,12 @@
 """What the operator has asked about a mission, and what the console answered."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
-from pa_console.schema.events.questions import QuestionAnswered
-from pa_console.session.trace.parts import Line, Section, labelled
+from pa_console.schema.events.questions import AnswerLine, QuestionAnswered
+from pa_console.session.trace.parts import Line, Section, Span
+
+_MOST_LABEL = 15
+"""Cells that what a line is about may take where such lines stand one below the other."""
 
 
 def answered(given: Sequence[QuestionAnswered]) -> list[Section]:
@@ -12,7 +15,7 @@ def answered(given: Sequence[QuestionAnswered]) -> list[Section]:
         Section(
             f"asked-{number}",
             f"You asked: {told.question}",
-            answer_lines(told),
+            tuple(_lines(told.lines)),
             collapsed=number < len(given),
             tone="note",
         )
@@ -20,6 +23,11 @@ def answered(given: Sequence[QuestionAnswered]) -> list[Section]:
     ]
 
 
-def answer_lines(told: QuestionAnswered) -> tuple[Line, ...]:
-    """Return an answer line by line, each with what it is about."""
-    return tuple(labelled(line.about, line.said) for line in told.lines)
+def _lines(given: Sequence[AnswerLine]) -> Iterator[Line]:
+    """Yield an answer with what each line is about before it, said once where it is the same."""
+    width = min(max((len(line.about) for line in given), default=0), _MOST_LABEL)
+    before = ""
+    for line in given:
+        label = " " if line.about == before else line.about
+        before = line.about
+        yield Line((Span(line.said),), label, "quiet", width=width)

@@ -45,4 +45,4 @@ class QuestionController:
         station = self._session.station
         if station is not None:
             told = await station.answer(question)
-            screen.show(told.lines)
+            screen.show(told)

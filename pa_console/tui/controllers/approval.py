@@ -89,7 +89,7 @@ class ApprovalController:
 
         def begin(screen: PlanComparison) -> None:
             looking = (
-                self._answer(screen, question, request.request_id if request is not None else "")
+                self._answer(screen, question, request)
                 if question is not None
                 else self._compare(screen, trace, request)
             )
@@ -110,21 +110,28 @@ class ApprovalController:
         elif candidate.order and self._session.main is not None:
             self._session.main.query_one(MissionPrompt).put(candidate.order)
 
-    async def _answer(self, screen: PlanComparison, question: Question, request_id: str) -> None:
+    async def _answer(
+        self, screen: PlanComparison, question: Question, request: ApprovalRequested | None
+    ) -> None:
         """Add the plans that answer a question to the screen, each as soon as it is rehearsed."""
         station, world = self._session.station, self._session.world
         if station is None:
             return
 
         def add(each: Alternative) -> None:
-            make = other_reading if each.sort == "reading" else other_way
-            screen.add(make(len(screen.columns), each.asked, each.found, world, request_id))
+            number = len(screen.columns)
+            if each.sort == "reading" and request is not None:
+                name = request.request_id
+                screen.add(other_reading(number, each.asked, each.found, world, name))
+            else:
+                name = request.request_id if request is not None else None
+                screen.add(other_way(number, each.asked, each.found, world, name))
 
         await station.answer(question, add)
         if len(screen.columns) == 1:
             screen.tell(NO_OTHER)
         else:
-            screen.tell(CHOOSE if request_id else ORDER)
+            screen.tell(CHOOSE if request is not None else ORDER)
 
     async def _compare(
         self, screen: PlanComparison, trace: MissionTrace, request: ApprovalRequested | None

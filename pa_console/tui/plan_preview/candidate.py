@@ -94,18 +94,19 @@ def other_reading(
 
 
 def other_way(
-    number: int, asked: str, found: RehearsedReading, world: World, request_id: str
+    number: int, asked: str, found: RehearsedReading, world: World, request_id: str | None
 ) -> Candidate:
     """Return another plan for the same reading; one to be ordered where no request waits."""
+    decision = None
+    if request_id is not None:
+        decision = Decision(kind="modify", request_id=request_id, plan=found.plan, reason=OTHER_WAY)
     return Candidate(
         f"(Alt+{number}) another way",
         plain_reading(asked),
         PlanPreview(world, found.plan, found.rehearsal),
         found.faults,
-        Decision(kind="modify", request_id=request_id, plan=found.plan, reason=OTHER_WAY)
-        if request_id
-        else None,
-        order="" if request_id else order_for(found.plan, world.base),
+        decision,
+        order="" if decision is not None else order_for(found.plan, world.base),
     )
 
 
