@@ -110,7 +110,7 @@ class ResumedSession:
     standing: tuple[str, ...] = ()
     standing_ids: tuple[str, ...] = ()
     started_by_standing: tuple[str, ...] = ()
-    state: SessionState = field(default_factory=SessionState)
+    told: SessionState = field(default_factory=SessionState)
     """The session as its log has it: what questions about it are answered from."""
 
 
@@ -154,8 +154,9 @@ def resume(found: UnclosedSession, world: World, scenario: Scenario | None) -> R
     fleet = SimulatedFleet.start(world, started.seed, scenario)
     alarms, sightings = AlarmBook(world), Sightings(world)
     sent: dict[str, DeviceCommand] = {}
-    stops, first = 0, False
+    stops, first, told = 0, False, SessionState()
     for event in _events(found.log):
+        told.apply(event)
         while fleet.tick < event.tick:
             fleet.step()
         match event.data:
@@ -198,5 +199,5 @@ def resume(found: UnclosedSession, world: World, scenario: Scenario | None) -> R
             trace.standing.order.id for trace in state.missions.values() if trace.standing
         ),
         started_by_standing=found.started_by_standing,
-        state=state,
+        told=told,
     )

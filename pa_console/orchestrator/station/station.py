@@ -93,7 +93,7 @@ class Station:
         self._reload = RulesReload(services, watch, self._emit, self._worker, self._ahead)
         self._ticking = Ticking(parts, clock, self._worker, self._stop_for)
         self._closed, self._resumed = False, resumed
-        self._record = RecentRecord(resumed.state if resumed is not None else SessionState())
+        self._record = RecentRecord(resumed.told if resumed is not None else SessionState())
         self._again: list[tuple[ev.EventPayload, str]] = []
         """The missions that open alarms become once more."""
         if resumed is not None:
