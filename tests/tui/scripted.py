@@ -82,6 +82,7 @@ class ScriptedStation:
         self.questions: dict[str, Question] = {}
         self.answers: dict[str, tuple[AnswerLine, ...]] = {}
         self.alternatives: list[Alternative] = []
+        self.told: list[QuestionAnswered] = []
         self.slow = asyncio.Event()
         """Other ways and answers come once this is set."""
         self.slow.set()
@@ -164,6 +165,7 @@ class ScriptedStation:
             lines=self.answers[question.text],
         )
         self.emit(told)
+        self.told.append(told)
         return told
 
     def submit(self, text: str) -> Mission:

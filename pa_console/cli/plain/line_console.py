@@ -88,7 +88,7 @@ class LineConsole:
         self._shown_at = 0.0
         self._closing: asyncio.Task[None] | None = None
         self._input_ended = False
-        self._answering: asyncio.Task[None] | None = None
+        self._answering: set[asyncio.Task[None]] = set()
 
     @property
     def request(self) -> ev.ApprovalRequested | None:
@@ -202,6 +202,7 @@ class LineConsole:
                 self._do(line.strip())
         self._say("no more lines can come: the session ends when nothing is under way")
         self._input_ended = True
+        await asyncio.gather(*self._answering)
         if self.request is not None:
             self._reject_unanswered(self.request)
         await self._station.settled()
@@ -261,7 +262,9 @@ class LineConsole:
         question = self._station.question_in(line)
         if question is None:
             return False
-        self._answering = asyncio.create_task(self._tell_answer(question))
+        task = asyncio.create_task(self._tell_answer(question))
+        self._answering.add(task)
+        task.add_done_callback(self._answering.discard)
         return True
 
     async def _tell_answer(self, question: Question) -> None:
