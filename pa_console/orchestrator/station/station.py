@@ -33,7 +33,7 @@ from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident
-from pa_console.schema.mission import Decision, Metrics, Mission
+from pa_console.schema.mission import MAX_MISSION_TEXT, Decision, Metrics, Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World
@@ -239,6 +239,8 @@ class Station:
 
     def question_in(self, text: str) -> Question | None:
         """Return what `text` asks about what is on record, for `answer`; None for an order."""
+        if len(text) > MAX_MISSION_TEXT:
+            return None
         services = self._reload.services
         read = services.read(" ".join(compatible_form(text).split()))
         found = services.question_in(read)
