@@ -159,6 +159,12 @@ def asked_in_words(order: StandingOrder, allowed: Collection[str] | None = None)
     return f"unasked where a plan only gives {', '.join(allowed)}; else you are asked"
 
 
+def answer_in_words(told: ev.QuestionAnswered) -> str:
+    """Return a question and its answer in one line."""
+    lines = "; ".join(f"{line.about}: {line.said}" for line in told.lines)
+    return f"“{told.question}” {lines}".strip()
+
+
 def kind_in_words(kind: str) -> str:
     """Return the name of a kind of event as words."""
     return kind.replace("_", " ")
@@ -192,6 +198,8 @@ def event_in_words(data: ev.EventPayload) -> str:
             said = mission.said
         case ev.QuestionAsked(question=question, choices=choices):
             said = f"{question} {' | '.join(choices)}".strip()
+        case ev.QuestionAnswered():
+            said = answer_in_words(data)
         case ev.OrderRead(text=text, references=references):
             said = f"{text} | {references_in_words(references)}"
         case ev.MissionPreempted(by=who, reason=reason):

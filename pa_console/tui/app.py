@@ -22,6 +22,7 @@ from pa_console.tui.actions.registry import (
     first_key,
     key_text,
 )
+from pa_console.tui.answers.controller import QuestionController
 from pa_console.tui.composing.favourites import Favourites, favourites_file
 from pa_console.tui.contrast import readable
 from pa_console.tui.controllers.approval import ApprovalController
@@ -130,6 +131,8 @@ class ConsoleApp(App[None]):
         self._attention = AttentionController(session, user, to_terminal or self._to_terminal)
         self._typing = TypingController(session, user, key_time)
         browsing = BrowsingController(session, user, evaluations, copies)
+        approval = ApprovalController(session, commands)
+        self._questions = QuestionController(session, commands, approval)
         kept = Favourites(favourites or favourites_file())
         self.controllers = Controllers(
             browsing=browsing,
@@ -137,7 +140,7 @@ class ConsoleApp(App[None]):
             copying=CopyController(session, rules, copies),
             replay=ReplayController(session),
             commands=commands,
-            approval=ApprovalController(session, commands),
+            approval=approval,
             rules=rules,
             settings=user,
             leaving=LeavingController(session, user),
@@ -280,7 +283,7 @@ class ConsoleApp(App[None]):
 
     @on(MissionPrompt.Given)
     def _given(self, message: MissionPrompt.Given) -> None:
-        self.controllers.commands.submit(message.text)
+        self._questions.take(message.text)
 
     @on(ApprovalPanel.Decided)
     def _decided(self, message: ApprovalPanel.Decided) -> None:

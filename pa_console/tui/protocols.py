@@ -4,7 +4,9 @@ from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from pa_console.schema.events.event import Event
+from pa_console.orchestrator.answers.alternatives import Alternative
+from pa_console.orders.questions.question import Question
+from pa_console.schema.events.event import Event, QuestionAnswered
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Mission
 from pa_console.schema.plan import Plan
@@ -54,6 +56,16 @@ class LiveStation(Protocol):
 
     def point(self, name: str) -> None:
         """Note which asset, gate or track is marked on the screen, "" for none."""
+        ...
+
+    def question_in(self, text: str) -> Question | None:
+        """Return what a text asks about what is on record; None for an order."""
+        ...
+
+    async def answer(
+        self, question: Question, found: Callable[[Alternative], object] = ...
+    ) -> QuestionAnswered:
+        """Answer a question; every other plan for it goes to `found` as soon as it is rehearsed."""
         ...
 
     def submit(self, text: str) -> Mission:

@@ -93,3 +93,23 @@ def test_the_steps_of_a_mission_are_told_on_stderr_and_the_document_stays_alone_
     assert steps[:5] == ["mission", "rules found", "plan", "safeguards", "judge"]
     assert "sent: Drone_T04: move_to EastGate" in told
     assert "finished" in steps
+
+
+@pytest.mark.usefixtures("engine")
+def test_a_question_is_answered_and_no_mission_is_made_of_it(call: Call, tmp_path: Path) -> None:
+    log = tmp_path / "session.jsonl"
+    question = "Why is the north gate uncovered?"
+    failed = ("--event", "{kind: fail, asset: Drone_T02}")
+    done = call("mission", question, "--approve", "auto", *failed, "--log", str(log), "--json")
+    assert done.code == done.json["exit_code"] == 0
+    answer = done.json["answer"]
+    assert (answer["question"], answer["topic"]) == (question, "gate")
+    assert "nobody covers NorthGate" in [line["said"] for line in answer["lines"]]
+    assert "mission" not in done.json
+    told = log.read_text()
+    assert '"question_answered"' in told
+    assert '"mission_received"' not in told
+    assert verify(log).intact
+    shown = call("mission", "Why?", "--approve", "auto", "--log", str(tmp_path / "b.jsonl"))
+    assert shown.code == 0
+    assert "nothing has been ordered" in " ".join(shown.out.split())

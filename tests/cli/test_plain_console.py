@@ -207,3 +207,17 @@ async def test_the_lines_end_with_the_terminal_that_they_came_from(
         os.close(ours)
         assert await lines.queue.get() is None
         lines.close()
+
+
+def test_a_question_is_answered_in_lines_while_a_plan_waits(start: Start) -> None:
+    console = start(terminal=True)
+    console.type(f"{ORDER}\n")
+    console.until_shown("Your answer: approve")
+    console.type("Why not Drone_T02?\n")
+    console.until_shown("Drone_T02: it alone covers NorthGate")
+    console.until_shown("The plan still waits")
+    assert "command_sent" not in console.kinds
+    assert console.kinds.count("mission_received") == 1
+    answered(console, "reject not now", "mission_finished")
+    console.type("Why?\n")
+    console.until_shown("outcome: rejected: not now")

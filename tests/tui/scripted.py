@@ -9,13 +9,17 @@ from typing import Any
 from textual import events
 from textual.pilot import Pilot
 
+from pa_console.orchestrator.answers.alternatives import Alternative
+from pa_console.orders.questions.question import Question
 from pa_console.schema.events.event import (
     AlarmAcknowledged,
     AllStopped,
+    AnswerLine,
     DecisionMade,
     Event,
     EventPayload,
     MissionFinished,
+    QuestionAnswered,
     StandingOrderRevoked,
     StopReleased,
 )
@@ -75,8 +79,12 @@ class ScriptedStation:
         self.refuse = self.offered = ""
         self.rehearsed: dict[str, RehearsedReading] = {}
         self.ways: list[RehearsedReading] = []
+        self.questions: dict[str, Question] = {}
+        self.answers: dict[str, tuple[AnswerLine, ...]] = {}
+        self.alternatives: list[Alternative] = []
+        self.told: list[QuestionAnswered] = []
         self.slow = asyncio.Event()
-        """Other ways come once this is set."""
+        """Other ways and answers come once this is set."""
         self.slow.set()
         self.accepted = 0
         self.typed = self.reloads = 0
@@ -137,6 +145,28 @@ class ScriptedStation:
     def typing(self, text: str) -> None:
         """Count the keys that the prompt told of."""
         self.typed += 1
+
+    def question_in(self, text: str) -> Question | None:
+        """Return the question that the test has for a text."""
+        return self.questions.get(text)
+
+    async def answer(
+        self, question: Question, found: Callable[[Alternative], object] = lambda _: None
+    ) -> QuestionAnswered:
+        """Tell the answer that the test has for a question, and its alternatives."""
+        for each in self.alternatives:
+            await self.slow.wait()
+            found(each)
+        await self.slow.wait()
+        told = QuestionAnswered(
+            question=question.text,
+            topic=question.topic,
+            subjects=question.subjects,
+            lines=self.answers[question.text],
+        )
+        self.emit(told)
+        self.told.append(told)
+        return told
 
     def submit(self, text: str) -> Mission:
         """Record a mission."""

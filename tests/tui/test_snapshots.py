@@ -7,13 +7,17 @@ from typing import Any
 import pytest
 from textual.pilot import Pilot
 
-from pa_console.schema.events.event import EventPayload
+from pa_console.orchestrator.answers.alternatives import Alternative
+from pa_console.orders.questions.question import Question
+from pa_console.schema.events.event import AnswerLine, EventPayload
+from pa_console.schema.plan import Action, Plan
+from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.session.replay.player import Player
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.screens.compare import CompareScreen, Side
 from pa_console.tui.widgets.approval.panel import ApprovalPanel
 from tests.tui import compound, crowd, living, story
-from tests.tui.scripted import FakeClock, ScriptedStation, console, settle
+from tests.tui.scripted import FakeClock, ScriptedStation, console, settle, until
 from tests.tui.site import RULES, WORLD
 from tests.tui.story import stamped
 
@@ -57,6 +61,22 @@ SCREENS: dict[str, tuple[list[EventPayload], tuple[str, ...]]] = {
     "halted": (living.halted(), ("escape", "f4")),
     "stopped": (living.stopped(), ()),
 }
+WHY = (
+    AnswerLine(about="order", said="M-001, Watch the north gate and report."),
+    AnswerLine(about="read as", said="a drone looks at NorthGate"),
+    AnswerLine(about="how sure", said="83%"),
+    AnswerLine(about="rules", said="retrieved for these words: WF-03, ROE-06, WF-06"),
+    AnswerLine(about="rules", said="always told: ROE-09, ROE-01, ROE-02, ROE-03, ROE-05, ROE-10"),
+    AnswerLine(
+        about="Drone_T04",
+        said="observe NorthGate; only a drone can observe; the nearest free drone, 54 m away; "
+        "Drone_T02 is nearer, 12 m, but it alone covers EastGate; there after 4 s in the rehearsal",
+    ),
+    AnswerLine(about="checks", said="no rule is broken; 13 rules applied"),
+    AnswerLine(about="rehearsal", said="over after 8 s; every gate kept its guard"),
+    AnswerLine(about="judge", said="passes it"),
+    AnswerLine(about="decision", said="it waits for you: Approve"),
+)
 LOOKED_AT = (
     *((name, size) for name in ("planning", "approval", "executing", "policies") for size in BOTH),
     *((name, size) for name in ("alarmed", "workflow", "halted", "stopped") for size in BOTH),
@@ -143,6 +163,38 @@ def test_two_replays_compared(snap_compare: Compare, tmp_path: Path, size: str) 
         await pilot.pause()
         await pilot.app.workers.wait_for_complete()
         await settle(pilot)
+
+    assert snap_compare(app, terminal_size=SIZES[size], run_before=run)
+
+
+def asked(upto: str) -> ScriptedStation:
+    """Return a station that answers *Why?* and *What else?* about the story up to a step."""
+    station = ScriptedStation(story.told(upto))
+    station.questions = {
+        "Why?": Question("Why?", "plan"),
+        "What else?": Question("What else?", "alternatives"),
+    }
+    station.answers = {"Why?": WHY, "What else?": ()}
+    way = Plan(reason=story.ASKED, actions=(Action(agent="Ugv_T02", command="move_to NorthGate"),))
+    found = RehearsedReading(plan=way, rehearsal=story.rehearsal())
+    station.alternatives = [Alternative("way", story.ASKED, found)]
+    return station
+
+
+@pytest.mark.parametrize("size", BOTH)
+@pytest.mark.parametrize(
+    ("question", "upto"), [("Why?", "approval"), ("What else?", "finished")], ids=["why", "else"]
+)
+def test_answered(
+    snap_compare: Compare, tmp_path: Path, question: str, upto: str, size: str
+) -> None:
+    station, clock = asked(upto), FakeClock()
+    app = console(station, tmp_path, clock)
+
+    async def run(pilot: Pilot[Any]) -> None:
+        await before(station, clock, ("escape", "slash", *question, "enter"))(pilot)
+        await until(pilot, lambda: len(station.told) == 1)
+        await settle(pilot, station)
 
     assert snap_compare(app, terminal_size=SIZES[size], run_before=run)
 

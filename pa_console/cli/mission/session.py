@@ -16,7 +16,7 @@ from pa_console.cli.fleet import find_fleet
 from pa_console.cli.keys.site_keys import load_authority
 from pa_console.cli.mission.steps import step_line
 from pa_console.cli.mission.terminal_approval import ask_decision
-from pa_console.cli.mission.trace import print_trace
+from pa_console.cli.mission.trace import print_answer, print_trace
 from pa_console.cli.output import (
     BAD_INPUT,
     errors,
@@ -35,7 +35,12 @@ from pa_console.orchestrator.station.headless import exit_code, run_missions
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.policy.trust.pinned_rules import RulesPins
 from pa_console.schema.document import Document
-from pa_console.schema.events.event import ApprovalRequested, Event, MissionFinished
+from pa_console.schema.events.event import (
+    ApprovalRequested,
+    Event,
+    MissionFinished,
+    QuestionAnswered,
+)
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision
 from pa_console.session.log.chain import LogError
@@ -141,11 +146,12 @@ def run_session(
         errors.print(f"the session was ended; log: {path}", markup=False, soft_wrap=True)
         raise typer.Exit(exit_code_of(endable.ended_by))
     tell_of_witness(writer)
-    _tell_end(traces, path, unlogged, single=played is None, json=json)
+    _tell_end(traces, progress.answers, path, unlogged, single=played is None, json=json)
 
 
 def _tell_end(
     traces: Sequence[MissionTrace],
+    answers: Sequence[QuestionAnswered],
     path: Path,
     unlogged: LogError | None,
     *,
@@ -156,14 +162,18 @@ def _tell_end(
     code = exit_code([trace.status for trace in traces]) if unlogged is None else BAD_INPUT
     if json:
         found = {"mission": traces[0]} if single and len(traces) == 1 else {"missions": traces}
+        if answers:
+            found = {"answer": answers[0], **({} if single and not traces else found)}
         problem = {} if unlogged is None else {"log_problem": str(unlogged)}
         print_json({"exit_code": code, "log": str(path), **problem, **found})
     if unlogged is not None:
         raise unlogged
     if not json:
+        for told in answers:
+            print_answer(out, told)
         for trace in traces:
             print_trace(out, trace)
-        if not traces:
+        if not traces and not answers:
             out.print("no alarm needed a response")
         out.print(f"log: {path}", markup=False, soft_wrap=True)
     raise typer.Exit(code)
@@ -200,6 +210,8 @@ class _Progress:
         self.state = SessionState()
         """The session as it was told last."""
         self._recorded: set[str] = set()
+        self.answers: list[QuestionAnswered] = []
+        """What was answered to questions, the first one first."""
         self._observe = observer
 
     @property
@@ -212,6 +224,8 @@ class _Progress:
         """Take in one event; raises LogError when the log is behind."""
         self.state = state
         self._observe(event)
+        if isinstance(event.data, QuestionAnswered):
+            self.answers.append(event.data)
         finished = event.mission if isinstance(event.data, MissionFinished) else None
         if finished is not None:
             self._writer.flush()

@@ -7,12 +7,14 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from pa_console.schema.events.questions import QuestionAnswered
 from pa_console.schema.visible_text import visible
 from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.session.status_words import Tone
 from pa_console.session.trace.hanging_rows import HangingRow, rows_of, title_of
 from pa_console.session.trace.layout import lay_out, lay_out_proposal
 from pa_console.session.trace.parts import Detail, Section, Span, TraceOptions
+from pa_console.session.trace.questions import answered
 from pa_console.session.trace.standing import headline, progress
 
 COLOURS: dict[Tone, str] = {
@@ -40,6 +42,11 @@ def print_proposal(console: Console, trace: MissionTrace, number: int) -> None:
     """Print the rules and attempt `number` of a mission that waits for approval."""
     _print_head(console, trace)
     _print_sections(console, lay_out_proposal(trace, number, {}, _OPTIONS))
+
+
+def print_answer(console: Console, told: QuestionAnswered) -> None:
+    """Print the answer to a question that is about no mission, or about one printed before."""
+    _print_sections(console, answered((told,)))
 
 
 def _print_head(console: Console, trace: MissionTrace) -> None:

@@ -10,6 +10,7 @@ from pa_console.cli.plain.answers import HOW, Answer, is_answer, read_answer, re
 from pa_console.cli.plain.told_session import ToldSession
 from pa_console.observability.observers import Observer, unobserved
 from pa_console.orchestrator.station.station import Station
+from pa_console.orders.questions.question import Question
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.session.state.fold import MissionTrace, SessionState
@@ -18,6 +19,7 @@ from pa_console.session.state.waiting import Waiting
 HELP = """\
 Type a mission in plain words, and Enter. Everything else is one of these lines:
   stop              every asset holds at once, open plans are void; release ends that
+  why?              why this plan; why Drone_T04? why not the robot? what else could you do?
   approve, reject   answer to a plan that waits; reject WHY, approve because WHY
   modify PLAN       another plan: ASSET COMMAND; ASSET COMMAND
   reading 1         the order was meant as this reading of those that are offered
@@ -73,6 +75,7 @@ class LineConsole:
         self._shown_at = 0.0
         self._closing: asyncio.Task[None] | None = None
         self._input_ended = False
+        self._answering: set[asyncio.Task[None]] = set()
 
     @property
     def state(self) -> SessionState:
@@ -150,6 +153,7 @@ class LineConsole:
                 self._do(line.strip())
         self._say("no more lines can come: the session ends when nothing is under way")
         self._input_ended = True
+        await asyncio.gather(*self._answering)
         if self.request is not None:
             self._reject_unanswered(self.request)
         await self._station.settled()
@@ -170,7 +174,7 @@ class LineConsole:
                 confirming()
             elif confirming is not None and line.casefold() == "no":
                 self._say("left as it is")
-            elif not self._simple(line):
+            elif not self._simple(line) and not self._question(line):
                 self._answer_or_order(line)
         except ValueError as error:
             self._say(str(error))
@@ -198,6 +202,24 @@ class LineConsole:
         else:
             return False
         return True
+
+    def _question(self, line: str) -> bool:
+        """Answer a line that asks about what is on record; return whether it does."""
+        question = self._station.question_in(line)
+        if question is None:
+            return False
+        task = asyncio.create_task(self._tell_answer(question))
+        self._answering.add(task)
+        task.add_done_callback(self._answering.discard)
+        return True
+
+    async def _tell_answer(self, question: Question) -> None:
+        """Say the answer line by line; a plan that waits still does."""
+        told = await self._station.answer(question)
+        for line in told.lines:
+            self._say(f"{line.about}: {line.said}")
+        if self.request is not None:
+            self._say(f"The plan still waits: {HOW}")
 
     def _answer_or_order(self, line: str) -> None:
         """Take a line as the answer to the plan that waits, or as a mission."""

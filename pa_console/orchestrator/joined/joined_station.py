@@ -7,7 +7,7 @@ again.
 
 import asyncio
 import time
-from collections.abc import AsyncGenerator, Sequence
+from collections.abc import AsyncGenerator, Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from time import monotonic
@@ -19,8 +19,10 @@ from pa_console.fleets.bus.told import Told
 from pa_console.fleets.station_authority import approval_of
 from pa_console.fleets.vda5050.session_messages import Countersignature, StopAsked
 from pa_console.fleets.vda5050.vehicle import EXPIRY_S
+from pa_console.orchestrator.answers.alternatives import Alternative
 from pa_console.orchestrator.joined.shared_log import LOOK_S, SharedLog
 from pa_console.orchestrator.planning.approval import inadmissible
+from pa_console.orders.questions.question import Question
 from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident
@@ -174,6 +176,17 @@ class JoinedStation:
         """Rehearse nothing either."""
         for rehearsed in ():
             yield rehearsed
+
+    def question_in(self, text: str) -> None:
+        """Find no question: nothing is typed here."""
+
+    async def answer(
+        self,
+        question: Question,  # noqa: ARG002
+        found: Callable[[Alternative], object] = lambda _: None,  # noqa: ARG002
+    ) -> ev.QuestionAnswered:
+        """Answer nothing: the station whose session it is does."""
+        raise self._refusal
 
     def typing(self, text: str) -> None:
         """Take no notice."""

@@ -20,6 +20,8 @@ from pa_console.orchestrator.intake.past_orders import PastOrders
 from pa_console.orchestrator.intake.spelling_correction import respell
 from pa_console.orchestrator.intake.standing_orders import StandingOrders
 from pa_console.orchestrator.station.journal import Journal
+from pa_console.orders.questions.question import Question
+from pa_console.orders.questions.question_grammar import read_question
 from pa_console.orders.references.outcome import Unclear
 from pa_console.orders.references.resolution import Answers, Resolved, resolve
 from pa_console.orders.standing.order_words import ReadStanding, read_standing
@@ -148,6 +150,10 @@ class Services:
     def read_standing(self, text: str) -> ReadStanding | Unclear | None:
         """Return a standing order as it is read, what to ask about it, or None for none."""
         return read_standing(self.past.scene(self.fleet.world, self.fleet.picture()), text)
+
+    def question_in(self, text: str) -> Question | None:
+        """Return what `text` asks about what is on record; None for an order."""
+        return read_question(self.past.scene(self.fleet.world, self.fleet.picture()), text)
 
     def question_back(self, mission: Mission, read: str) -> str:
         """Return what to ask of who gave `mission`, where that is no order; '' where it may be.

@@ -28,6 +28,7 @@ async def run_missions(  # noqa: PLR0917
 ) -> list[MissionTrace]:
     """Bring the set-up about, run `texts` in order and return the trace of every mission.
 
+    A text that asks about what is on record is answered, and no mission is made of it.
     The session lasts until they are finished and, if longer, `duration_s` simulated seconds have
     passed and the missions that alarms have started meanwhile are over too. It ends without that
     time where `decided` says, after the missions, that nothing of it matters. `sink` is given
@@ -45,6 +46,9 @@ async def run_missions(  # noqa: PLR0917
 
     async def submit() -> str | None:
         """Give the next mission, if there is one more."""
+        while waiting and (question := station.question_in(waiting[0])) is not None:
+            waiting.pop(0)
+            await station.answer(question)
         if waiting and read_ahead:
             await station.read_ahead(waiting[0])
         if station.stopped:

@@ -6,7 +6,7 @@ picture that the log tells of.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from pa_console.fleets.simulated import SimulatedFleet
@@ -110,6 +110,8 @@ class ResumedSession:
     standing: tuple[str, ...] = ()
     standing_ids: tuple[str, ...] = ()
     started_by_standing: tuple[str, ...] = ()
+    told: SessionState = field(default_factory=SessionState)
+    """The session as its log has it: what questions about it are answered from."""
 
 
 def find_unclosed(folder: Path, world_sha256: str) -> UnclosedSession | None:
@@ -152,8 +154,9 @@ def resume(found: UnclosedSession, world: World, scenario: Scenario | None) -> R
     fleet = SimulatedFleet.start(world, started.seed, scenario)
     alarms, sightings = AlarmBook(world), Sightings(world)
     sent: dict[str, DeviceCommand] = {}
-    stops, first = 0, False
+    stops, first, told = 0, False, SessionState()
     for event in _events(found.log):
+        told.apply(event)
         while fleet.tick < event.tick:
             fleet.step()
         match event.data:
@@ -196,4 +199,5 @@ def resume(found: UnclosedSession, world: World, scenario: Scenario | None) -> R
             trace.standing.order.id for trace in state.missions.values() if trace.standing
         ),
         started_by_standing=found.started_by_standing,
+        told=told,
     )

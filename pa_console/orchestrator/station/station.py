@@ -2,11 +2,15 @@
 
 import asyncio
 from collections.abc import AsyncGenerator, Callable
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 
 from pa_console import __version__
 from pa_console.fleets.fleet import Countersigned, Simulated
+from pa_console.orchestrator.answers.alternatives import Alternative
+from pa_console.orchestrator.answers.answering import answer
+from pa_console.orchestrator.answers.recent_record import RecentRecord
 from pa_console.orchestrator.execution.emergency_stop import EmergencyStop
 from pa_console.orchestrator.execution.step_feed import StepFeed
 from pa_console.orchestrator.intake.intake import Intake
@@ -23,19 +27,23 @@ from pa_console.orchestrator.station.mission_worker import MissionWorker, Statio
 from pa_console.orchestrator.station.resumed_session import ResumedSession
 from pa_console.orchestrator.station.rules_in_force import RulesReload, RulesWatch
 from pa_console.orchestrator.station.ticking import Clock, Ticking
+from pa_console.orders.questions.question import Question
+from pa_console.policy.checks.plain_text import compatible_form
 from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident
-from pa_console.schema.mission import Decision, Metrics, Mission
+from pa_console.schema.mission import MAX_MISSION_TEXT, Decision, Metrics, Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World
+from pa_console.session.state.fold import SessionState
 
 READ_ONLY = "this console is read-only: commands are refused"
 NOT_SIMULATED = "incidents can only be made to happen in a simulated fleet"
 INTERRUPTED = "the console ended while it was under way; give it again if it is still wanted"
 NOT_KEPT = "a standing order ends with its console; give it again if it is still wanted"
+IS_QUESTION = "this is a question, and no mission is made of it; ask it in a console"
 IS_STOPPED = "everything is stopped: no mission is taken until the stop is released"
 
 
@@ -86,6 +94,7 @@ class Station:
         self._reload = RulesReload(services, watch, self._emit, self._worker, self._ahead)
         self._ticking = Ticking(parts, clock, self._worker, self._stop_for)
         self._closed, self._resumed = False, resumed
+        self._record = RecentRecord(resumed.told if resumed is not None else SessionState())
         self._again: list[tuple[ev.EventPayload, str]] = []
         """The missions that open alarms become once more."""
         if resumed is not None:
@@ -235,11 +244,40 @@ class Station:
         """
         await self._ahead.read_now(text)
 
+    def question_in(self, text: str) -> Question | None:
+        """Return what `text` asks about what is on record, for `answer`; None for an order."""
+        if len(text) > MAX_MISSION_TEXT:
+            return None
+        services = self._reload.services
+        read = services.read(" ".join(compatible_form(text).split()))
+        found = services.question_in(read)
+        return None if found is None else replace(found, text=" ".join(text.split()))
+
+    async def answer(
+        self,
+        question: Question,
+        found: Callable[[Alternative], object] = lambda _: None,
+    ) -> ev.QuestionAnswered:
+        """Answer a question from what is on record in this session.
+
+        Other plans are checked and rehearsed for it; each is given to `found` as soon as it is.
+        Nothing is decided, and nobody moves by it.
+        """
+        given = await answer(self._reload.services, question, self._record.state, found)
+        if not self._closed:
+            self._emit(given.told, given.mission or None)
+        return given.told
+
     def submit(self, text: str) -> Mission:
-        """Step 1: queue a mission; raises ValueError when it cannot be taken."""
+        """Step 1: queue a mission; raises ValueError when it cannot be taken.
+
+        A question about what is on record is no mission.
+        """
         self._writable()
         if self.stopped:
             raise ValueError(IS_STOPPED)
+        if self.question_in(text) is not None:
+            raise ValueError(IS_QUESTION)
         mission, received = self._intake.submit(text, self._worker.busy, self._reload.services.read)
         self._emit(received, mission.id)
         self._worker.queue_changed()
@@ -426,6 +464,7 @@ class Station:
     def _emit(self, payload: ev.EventPayload, mission: str | None = None) -> None:
         event = ev.Event(t=datetime.now(UTC), tick=self._fleet.tick, mission=mission, data=payload)
         self._journal.append(event)
+        self._record.take(event)
         self._events.put_nowait(event)
 
     def _broken(self, error: BaseException) -> None:

@@ -51,6 +51,7 @@ from pa_console.schema.events.planning import (
     TextStreamed,
     told_confidence,
 )
+from pa_console.schema.events.questions import AnswerLine, QuestionAnswered, QuestionTopic
 from pa_console.schema.events.session import (
     AuthorityChanged,
     CommandTaken,
@@ -86,6 +87,7 @@ __all__ = (
     "AlarmCleared",
     "AlarmRaised",
     "AllStopped",
+    "AnswerLine",
     "ApprovalRequested",
     "AuthorityChanged",
     "CommandRefused",
@@ -120,7 +122,9 @@ __all__ = (
     "PlanRehearsed",
     "PlanVoided",
     "PromptBuilt",
+    "QuestionAnswered",
     "QuestionAsked",
+    "QuestionTopic",
     "QueueChanged",
     "Reference",
     "RepairRequested",
@@ -158,7 +162,7 @@ EventPayload = Annotated[
     | MissionVerified | OutcomeJudged | MissionReported | MissionFinished | AllStopped
     | StopReleased | CommandRefused | RulesReplaced | SessionEnded | SessionResumed | CommandTaken
     | AuthorityChanged | LogSigned | LogTroubled | StandingOrderRead | StandingOrderApproved
-    | StandingOrderStarted | StandingOrderWithheld | StandingOrderRevoked,
+    | StandingOrderStarted | StandingOrderWithheld | StandingOrderRevoked | QuestionAnswered,
     Field(discriminator="kind"),
 ]  # fmt: skip
 

@@ -12,6 +12,7 @@ from pa_console.session.state.mission_trace import CommandTrace, MissionTrace, a
 from pa_console.session.state.standing_trace import StandingTrace, apply_to_standing
 from pa_console.session.wording import (
     alarm_now,
+    answer_in_words,
     command_taken_in_words,
     in_words,
     order_in_words,
@@ -181,6 +182,10 @@ class SessionState:
                 self.log_problem = problem
                 text = f"nothing is dispatched: {problem}" if problem else "written again"
                 self._notice(event, "alarm" if problem else "info", "session log", text)
+            case ev.QuestionAnswered(question=question):
+                asked = f"asked “{question}”; its trace has the answer"
+                text = asked if event.mission else answer_in_words(event.data)
+                self._notice(event, "info", event.mission or "question", text)
             case ev.SessionEnded(reason=reason):
                 self.ended = reason
             case ev.SessionResumed():

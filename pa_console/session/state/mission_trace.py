@@ -157,6 +157,8 @@ class MissionTrace:
     decisions: list[ev.DecisionMade] = field(default_factory=list[ev.DecisionMade])
     questions: list[ev.QuestionAsked] = field(default_factory=list[ev.QuestionAsked])
     """What was asked back before anything was planned."""
+    answers: list[ev.QuestionAnswered] = field(default_factory=list[ev.QuestionAnswered])
+    """What the operator has asked about it, and was answered."""
     references: tuple[ev.Reference, ...] = ()
     """What the order points at, and what that is."""
     standing: ev.StandingOrderRead | None = None
@@ -246,6 +248,8 @@ def _apply_reading(trace: MissionTrace, data: ev.EventPayload) -> None:
     match data:
         case ev.QuestionAsked():
             trace.questions.append(data)
+        case ev.QuestionAnswered():
+            trace.answers.append(data)
         case ev.OrderRead(text=text, typed=typed, references=references):
             words = {"text": text, "typed": typed if typed != text else ""}
             trace.mission = trace.mission.model_copy(update=words)

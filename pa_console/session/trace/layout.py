@@ -18,6 +18,7 @@ from pa_console.session.trace.parts import (
     said,
 )
 from pa_console.session.trace.planning import Rules
+from pa_console.session.trace.questions import answered
 from pa_console.session.trace.rounds import Round, chosen_attempt, rounds
 from pa_console.session.trace.standing import standing_order, workflow
 
@@ -52,7 +53,7 @@ def lay_out(trace: MissionTrace, rules: Rules, options: TraceOptions) -> list[Se
         result.append(execution.outcome(trace))
     if trace.metrics is not None:
         result.append(execution.timings(trace, options))
-    return result
+    return result + answered(trace.answers)
 
 
 def lay_out_proposal(

@@ -2,24 +2,34 @@
 
 from textual.screen import Screen
 
+from pa_console.orchestrator.answers.alternatives import Alternative
+from pa_console.orchestrator.answers.answering import NO_OTHER
+from pa_console.orchestrator.answers.planned import attempt_of
 from pa_console.orders.plain_words import plain_reading
+from pa_console.orders.questions.question import Question
 from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Plan
+from pa_console.schema.world import World
 from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.tui.controllers.commands import CommandController
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.plan_preview.candidate import (
     MOST_BESIDE,
+    Candidate,
     other_reading,
     other_way,
+    past_candidate,
     said_of,
     waiting_candidate,
 )
 from pa_console.tui.plan_preview.comparison import PlanComparison
 from pa_console.tui.plan_preview.preview import PlanPreview, waiting_plan
 from pa_console.tui.widgets.approval.panel import ApprovalPanel
+from pa_console.tui.widgets.mission_prompt import MissionPrompt
 
+CHOOSE = "Alt+1 to Alt+3 point at a plan, Enter chooses it: it is checked, judged and put to you"
+ORDER = "Alt+1 to Alt+3 point at a plan; Enter types an order for it, which you send or not"
 BACK_TO_PROPOSED = "back to the plan as it was proposed"
 
 PlanKey = tuple[str, int]
@@ -58,38 +68,77 @@ class ApprovalController:
             self._look_at(asked), group="reading", exclusive=True, exit_on_error=False
         )
 
-    def compare(self) -> None:
-        """Show other plans beside the one that waits, as they are found."""
+    def compare(self, question: Question | None = None) -> bool:
+        """Show other plans beside the one that waits, as they are found.
+
+        Where a `question` asks for them, they are its answer, and where no plan waits, they stand
+        beside the last one. Returns whether there is a plan to be compared.
+        """
         session, trace = self._session, self._session.state.current
         request = trace.approval if trace is not None else None
-        waits = waiting_plan(session.world, trace) if trace is not None else None
-        if trace is None or request is None or waits is None:
-            session.tell("there is no plan to be compared with others", "Compare")
-            return
+        first = _compared_with(session.world, trace, over=question is not None)
+        if trace is None or first is None or (request is None and question is None):
+            if question is None:
+                session.tell("there is no plan to be compared with others", "Compare")
+            return False
         app = session.app
-
-        def chosen(decision: Decision | None) -> None:
-            if decision is not None:
-                self.decide(decision)
 
         def ended() -> None:
             self._comparing = None
             app.workers.cancel_group(app, "comparison")
 
         def begin(screen: PlanComparison) -> None:
-            looking = self._compare(screen, trace, request)
+            looking = (
+                self._answer(screen, question, request)
+                if question is not None
+                else self._compare(screen, trace, request)
+            )
             app.run_worker(looking, group="comparison", exclusive=True, exit_on_error=False)
 
-        screen = PlanComparison(waiting_candidate(trace, waits), begin, ended)
-        self._comparing = request.request_id, screen
-        app.push_screen(screen, chosen)
+        screen = PlanComparison(first, begin, ended)
+        if request is not None:
+            self._comparing = request.request_id, screen
+        app.push_screen(screen, self._chosen)
+        return True
+
+    def _chosen(self, candidate: Candidate | None) -> None:
+        """Put a plan forward that was chosen; where nothing waits, its order is only typed."""
+        if candidate is None:
+            return
+        if candidate.decision is not None:
+            self.decide(candidate.decision)
+        elif candidate.order and self._session.main is not None:
+            self._session.main.query_one(MissionPrompt).put(candidate.order)
+
+    async def _answer(
+        self, screen: PlanComparison, question: Question, request: ApprovalRequested | None
+    ) -> None:
+        """Add the plans that answer a question to the screen, each as soon as it is rehearsed."""
+        station, world = self._session.station, self._session.world
+        if station is None:
+            return
+
+        def add(each: Alternative) -> None:
+            number = len(screen.columns)
+            if each.sort == "reading" and request is not None:
+                name = request.request_id
+                screen.add(other_reading(number, each.asked, each.found, world, name))
+            else:
+                name = request.request_id if request is not None else None
+                screen.add(other_way(number, each.asked, each.found, world, name))
+
+        await station.answer(question, add)
+        if len(screen.columns) == 1:
+            screen.tell(NO_OTHER)
+        else:
+            screen.tell(CHOOSE if request is not None else ORDER)
 
     async def _compare(
-        self, screen: PlanComparison, trace: MissionTrace, request: ApprovalRequested
+        self, screen: PlanComparison, trace: MissionTrace, request: ApprovalRequested | None
     ) -> None:
         """Rehearse other readings, then other ways, and add each to the screen."""
         station, world = self._session.station, self._session.world
-        if station is None:
+        if station is None or request is None:
             return
         known, asked = 0, said_of(trace)
         for reading in request.readings:
@@ -106,11 +155,7 @@ class ApprovalController:
                 break
             known += 1
             screen.add(other_way(known, asked, found, world, request.request_id))
-        screen.tell(
-            "Alt+1 to Alt+3 point at a plan, Enter chooses it: it is checked, judged and put to you"
-            if known
-            else "no other sound plan is known for this order"
-        )
+        screen.tell(CHOOSE if known else NO_OTHER)
 
     async def _look_at(self, asked: str) -> None:
         """Rehearse a reading once and show it, unless the plan has changed meanwhile."""
@@ -177,6 +222,15 @@ class ApprovalController:
         if key != open_key and self._session.app.screen is editor:
             editor.dismiss(None)
             self._session.tell("the plan no longer waits for a decision", "Modify", bad=True)
+
+
+def _compared_with(world: World, trace: MissionTrace | None, *, over: bool) -> Candidate | None:
+    """Return the plan that waits, or else, with `over`, the last one of the mission."""
+    waits = waiting_plan(world, trace) if trace is not None else None
+    if trace is None or waits is not None:
+        return waiting_candidate(trace, waits) if trace is not None and waits is not None else None
+    attempt = attempt_of(trace) if over and trace.approval is None else None
+    return past_candidate(trace, attempt, world) if attempt is not None else None
 
 
 def _proposed(trace: MissionTrace, request: ApprovalRequested) -> Plan:

@@ -39,11 +39,15 @@ class CommandController:
         if self._session.station is not None:
             self._session.station.typing(text)
 
-    def submit(self, text: str) -> None:
-        """Submit a mission; a refused text stays in the field."""
+    def point(self) -> None:
+        """Tell the station what is marked on the map, which *this one* means."""
         shown = self._session.main
         if self._session.station is not None and shown is not None:
             self._session.station.point(shown.query_one(MapView).followed)
+
+    def submit(self, text: str) -> None:
+        """Submit a mission; a refused text stays in the field."""
+        self.point()
         taken = self.attempt("Mission", lambda station: station.submit(text))
         if taken and self._session.main is not None:
             self._session.main.query_one(MissionPrompt).taken(text)

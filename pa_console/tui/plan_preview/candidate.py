@@ -3,12 +3,13 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from pa_console.orchestrator.answers.alternatives import order_for
 from pa_console.orders.plain_words import plain_reading
 from pa_console.orders.reading import asked_words
 from pa_console.schema.mission import Decision
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World
-from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.session.state.mission_trace import Attempt, MissionTrace
 from pa_console.tui.plan_preview.action_rows import action_rows, cover_row
 from pa_console.tui.plan_preview.preview import PlanPreview
 from pa_console.tui.status_words import BAD, GOOD, QUIET, WARN
@@ -25,6 +26,7 @@ _LEAD = 11
 class Candidate:
     """A rehearsed plan; `decision` puts it forward, None for the one that waits already.
 
+    Where nothing waits, `order` is what to order for it, and empty for the plan that there was.
     `judge` and `sure` are what judge and models said of it, where they were asked.
     """
 
@@ -35,6 +37,22 @@ class Candidate:
     decision: Decision | None = None
     judge: str = ""
     sure: float | None = None
+    order: str = ""
+
+
+def past_candidate(trace: MissionTrace, attempt: Attempt, world: World) -> Candidate | None:
+    """Return a plan that came last of a mission; None where it was not rehearsed."""
+    if attempt.plan is None or attempt.rehearsal is None:
+        return None
+    verdict = attempt.verdict
+    return Candidate(
+        f"The plan of {trace.mission.id}",
+        plain_reading(asked_words(attempt.plan.reason).rstrip("; ")),
+        PlanPreview(world, attempt.plan, attempt.rehearsal),
+        tuple(finding.rule_id for finding in attempt.findings if finding.broken),
+        judge="" if verdict is None else "objects" if verdict.verdict == "Failure" else "passes it",
+        sure=attempt.sure,
+    )
 
 
 def waiting_candidate(trace: MissionTrace, preview: PlanPreview) -> Candidate:
@@ -76,15 +94,19 @@ def other_reading(
 
 
 def other_way(
-    number: int, asked: str, found: RehearsedReading, world: World, request_id: str
+    number: int, asked: str, found: RehearsedReading, world: World, request_id: str | None
 ) -> Candidate:
-    """Return another plan for the same reading."""
+    """Return another plan for the same reading; one to be ordered where no request waits."""
+    decision = None
+    if request_id is not None:
+        decision = Decision(kind="modify", request_id=request_id, plan=found.plan, reason=OTHER_WAY)
     return Candidate(
         f"(Alt+{number}) another way",
         plain_reading(asked),
         PlanPreview(world, found.plan, found.rehearsal),
         found.faults,
-        Decision(kind="modify", request_id=request_id, plan=found.plan, reason=OTHER_WAY),
+        decision,
+        order="" if decision is not None else order_for(found.plan, world.base),
     )
 
 
@@ -100,7 +122,7 @@ def candidate_rows(candidate: Candidate) -> Iterator[Row]:
         yield row(_lead("rules"), ("; ".join(candidate.broken), BAD))
     else:
         yield row(_lead("rules"), ("none broken", GOOD))
-    chosen = candidate.decision is not None
+    chosen = candidate.decision is not None or bool(candidate.order)
     judge = candidate.judge or ("asked once you choose it" if chosen else "not asked")
     yield row(_lead("judge"), (judge, WARN if judge == "objects" else QUIET if chosen else ""))
     sure = f"{candidate.sure:.0%}" if candidate.sure is not None else ""

@@ -10,7 +10,6 @@ from textual.content import Content
 from textual.screen import Screen
 from textual.widgets import Static
 
-from pa_console.schema.mission import Decision
 from pa_console.schema.quantities import count
 from pa_console.tui.actions.keymap import ALT_DIGITS, READING_KEYS
 from pa_console.tui.plan_preview.candidate import Candidate, candidate_rows
@@ -38,11 +37,11 @@ class CandidateColumn(VerticalScroll, can_focus=True):
         self.query_one(TextRows).show(tuple(candidate_rows(self.candidate)))
 
 
-class PlanComparison(Screen[Decision | None]):
-    """Plans in columns, on narrow terminals as a list; Enter puts the one at the pointer forward.
+class PlanComparison(Screen[Candidate | None]):
+    """Plans in columns, on narrow terminals as a list; Enter chooses the one at the pointer.
 
     Nothing is approved here: what is chosen is checked, judged and put to the operator like any
-    other plan. It is left with None where nothing was chosen.
+    other plan. It is left with the plan that was chosen, with None for none.
     """
 
     BINDINGS = [
@@ -62,7 +61,7 @@ class PlanComparison(Screen[Decision | None]):
         begin: "Callable[[PlanComparison], object]",
         ended: Callable[[], object],
     ) -> None:
-        """Begin with the plan that waits.
+        """Begin with the plan that waits, or was the last one.
 
         `begin` is called once others can be added, and `ended` when the screen is left.
         """
@@ -79,11 +78,11 @@ class PlanComparison(Screen[Decision | None]):
 
     @property
     def columns(self) -> list[CandidateColumn]:
-        """The plans, the one that waits first."""
+        """The plans, the one that there is already first."""
         return list(self.query(CandidateColumn).results(CandidateColumn))
 
     def on_mount(self) -> None:
-        """Point at the plan that waits."""
+        """Point at the first plan."""
         self.columns[0].focus()
         self.tell("looking for other plans; Esc ends that")
         self._begin(self)
@@ -123,9 +122,9 @@ class PlanComparison(Screen[Decision | None]):
         return next((n for n, each in enumerate(columns) if each.has_focus), 0)
 
     def action_choose(self) -> None:
-        """Put the plan at the pointer forward; the one that waits is gone back to."""
+        """Choose the plan at the pointer; the one that waits is gone back to."""
         columns = self.columns
-        self.dismiss(columns[self._pointed(columns)].candidate.decision)
+        self.dismiss(columns[self._pointed(columns)].candidate)
 
     def action_leave(self) -> None:
         """Go back without a choice."""

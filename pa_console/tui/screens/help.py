@@ -24,6 +24,7 @@ _APPROVAL = (
 )  # fmt: skip
 _PROMPT = (
     ("Enter", "Send the mission; ^j or alt+Enter begins a new line"),
+    ("Why? …", "A question is answered: why, why not another, what instead; a plan still waits"),
     ("↑ ↓", "Missions typed before"),
     ("Tab →", "Take the name that is shown in grey; Tab again tries the next, or goes to a slot"),
     ("Alt+1 … 4", "Before the first mission: type an example"),

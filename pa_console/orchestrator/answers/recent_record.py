@@ -1,0 +1,31 @@
+"""What questions are answered from: the session so far, with its last missions."""
+
+from pa_console.schema.events import event as ev
+from pa_console.session.state.fold import SessionState
+
+MOST_REMEMBERED = 50
+"""So many missions are kept; a question is about the last one."""
+
+
+class RecentRecord:
+    """Folds the events of a session as its log has them, and forgets missions of long ago."""
+
+    def __init__(self, state: SessionState) -> None:
+        """Go on from `state`, which is the record's own from then on."""
+        self.state = state
+
+    def take(self, event: ev.Event) -> None:
+        """Take in one event; what no log tells is no part of the record."""
+        if event.data.transient:
+            return
+        self.state.apply(event)
+        if isinstance(event.data, ev.MissionReceived):
+            self._forget()
+
+    def _forget(self) -> None:
+        missions = self.state.missions
+        over = [name for name, trace in missions.items() if trace.status is not None]
+        kept = (self.state.active, self.state.last_active)
+        for name in over[: max(len(missions) - MOST_REMEMBERED, 0)]:
+            if name not in kept:
+                del missions[name]

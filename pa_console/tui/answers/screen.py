@@ -1,0 +1,60 @@
+"""The answer to a question, over the console; the plan that waits goes on waiting below it."""
+
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.containers import VerticalScroll
+from textual.content import Content
+from textual.screen import ModalScreen
+
+from pa_console.schema.events.questions import QuestionAnswered
+from pa_console.session.trace.questions import answered
+from pa_console.tui.status_words import QUIET
+from pa_console.tui.trace.rows import Row, row
+from pa_console.tui.trace.sections import drawn
+from pa_console.tui.widgets.row_views import TextRows
+
+LOOKING = "looking at the record, and checking what has to be checked …"
+
+
+class AnswerScreen(ModalScreen[None]):
+    """Shows what was asked and what is answered; nothing can be decided here."""
+
+    BINDINGS = [
+        Binding("escape,enter,q", "dismiss", "Back"),
+        Binding("pagedown,space", "page(1)", "Further", show=False),
+        Binding("pageup", "page(-1)", "Back", show=False),
+    ]
+
+    def __init__(self, question: str, *, waits: bool) -> None:
+        """`waits` says whether a plan waits for a decision meanwhile."""
+        super().__init__()
+        self._question, self._waits = question, waits
+        self._rows: tuple[Row, ...] = (row("", (LOOKING, QUIET)),)
+
+    def compose(self) -> ComposeResult:
+        """Yield the panel."""
+        with VerticalScroll(id="answer"):
+            yield TextRows(self._rows, id="answer-rows")
+
+    def on_mount(self) -> None:
+        """Name the panel after the question, and let the arrow keys scroll it."""
+        panel = self.query_one("#answer", VerticalScroll)
+        panel.border_title = Content(f"You asked: {self._question}")
+        waits = "the plan still waits; " if self._waits else ""
+        panel.border_subtitle = f"{waits}Esc goes back"
+        panel.focus()
+        self._show()
+
+    def show(self, told: QuestionAnswered) -> None:
+        """Show the answer, also where the panel is not there yet; on one that was left, nothing."""
+        self._rows = tuple(each for part in answered((told,)) for each in drawn(part)[0].rows)
+        self._show()
+
+    def _show(self) -> None:
+        for rows in self.query("#answer-rows").results(TextRows):
+            rows.show(self._rows)
+
+    def action_page(self, pages: int) -> None:
+        """Show what follows, or what comes before."""
+        panel = self.query_one("#answer", VerticalScroll)
+        panel.scroll_relative(y=pages * max(panel.size.height - 1, 1), animate=False)

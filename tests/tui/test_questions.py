@@ -1,0 +1,137 @@
+"""A question at the prompt is answered in a panel; the plan that waits goes on waiting."""
+
+from pathlib import Path
+
+import pytest
+from textual.widgets import Static
+
+from pa_console.orchestrator.answers.alternatives import Alternative
+from pa_console.orders.questions.question import Question
+from pa_console.schema.events.event import AnswerLine
+from pa_console.schema.plan import Action, Plan
+from pa_console.schema.rehearsal import RehearsedReading
+from pa_console.tui.answers.screen import LOOKING, AnswerScreen
+from pa_console.tui.app import ConsoleApp
+from pa_console.tui.plan_preview.comparison import PlanComparison
+from pa_console.tui.widgets.approval.panel import ARM_DELAY_S, ApprovalPanel
+from pa_console.tui.widgets.mission_prompt import MissionInput
+from pa_console.tui.widgets.row_views import TextRows
+from tests.tui import story
+from tests.tui.scripted import FakeClock, ScriptedStation, console, settle, until
+from tests.tui.test_mission import shown
+
+pytestmark = pytest.mark.long
+
+SIZE = (120, 36)
+WHY = Question("Why not Ugv_T02?", "other_asset", ("Ugv_T02",))
+INSTEAD = Question("What else?", "alternatives")
+LINES = (
+    AnswerLine(about="Ugv_T02", said="it alone covers EastGate"),
+    AnswerLine(about="Ugv_T02", said="WF-03: EastGate left uncovered"),
+)
+WAY = Plan(reason=story.ASKED, actions=(Action(agent="Ugv_T02", command="move_to NorthGate"),))
+
+
+def asked(state: str) -> ScriptedStation:
+    station = ScriptedStation(story.told(state))
+    station.questions = {WHY.text: WHY, INSTEAD.text: INSTEAD}
+    station.answers = {WHY.text: LINES, INSTEAD.text: LINES[:1]}
+    found = RehearsedReading(plan=WAY, rehearsal=story.rehearsal())
+    station.alternatives = [Alternative("way", story.ASKED, found)]
+    return station
+
+
+def said(app: ConsoleApp) -> str:
+    return " ".join(app.screen.query_one("#answer-rows", TextRows).render().plain.split())
+
+
+@pytest.mark.parametrize("slow", [False, True])
+async def test_a_question_is_answered_over_a_plan_that_still_waits(
+    tmp_path: Path, *, slow: bool
+) -> None:
+    station, clock = asked("approval"), FakeClock()
+    if slow:
+        station.slow.clear()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("escape", "slash", *WHY.text, "enter")
+        await until(pilot, lambda: isinstance(app.screen, AnswerScreen))
+        if slow:
+            await settle(pilot)
+            assert said(app) == LOOKING
+            station.slow.set()
+        await until(pilot, lambda: "it alone covers EastGate" in said(app))
+        clock.now += ARM_DELAY_S
+        await pilot.press("a", "r", "m")
+        await pilot.press("escape")
+        await settle(pilot, station)
+        assert app.session.main is not None
+        assert app.screen is app.session.main
+        assert app.screen.query_one(ApprovalPanel).display
+        assert app.screen.query_one(MissionInput).text == ""
+        assert "You asked: Why not Ugv_T02?" in shown(app)
+        assert "EastGate left uncovered" in shown(app)
+        assert not station.submitted
+        assert not station.decisions
+
+
+async def test_an_order_beside_a_question_is_an_order(tmp_path: Path) -> None:
+    station = asked("approval")
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("escape", "slash", *"Send it instead", "enter")
+        await settle(pilot, station)
+        assert station.submitted == ["Send it instead"]
+        assert app.screen is app.session.main
+
+
+async def test_what_else_stands_beside_the_plan_that_waits(tmp_path: Path) -> None:
+    station, clock = asked("approval"), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("escape", "slash", *INSTEAD.text, "enter")
+        await until(pilot, lambda: isinstance(app.screen, PlanComparison))
+        screen = app.screen
+        assert isinstance(screen, PlanComparison)
+        await until(pilot, lambda: len(screen.columns) == 2)
+        await pilot.press("alt+1", "enter")
+        await settle(pilot, station)
+        assert [(each.kind, each.plan) for each in station.decisions] == [("modify", WAY)]
+        assert not station.submitted
+
+
+async def test_where_nothing_waits_an_order_for_what_is_chosen_is_only_typed(
+    tmp_path: Path,
+) -> None:
+    station = asked("finished")
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("escape", "slash", *INSTEAD.text, "enter")
+        await until(pilot, lambda: isinstance(app.screen, PlanComparison))
+        screen = app.screen
+        assert isinstance(screen, PlanComparison)
+        await until(pilot, lambda: len(screen.columns) == 2)
+        await settle(pilot)
+        assert "types an order" in str(screen.query_one("#comparison-note", Static).render())
+        await pilot.press("alt+1", "enter")
+        await settle(pilot, station)
+        assert app.screen is app.session.main
+        assert app.screen.query_one(MissionInput).text == "Ugv_T02 to NorthGate."
+        assert not station.submitted
+        assert not station.decisions
+
+
+async def test_the_stop_works_while_an_answer_is_read(tmp_path: Path) -> None:
+    station = asked("executing")
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("escape", "slash", *WHY.text, "enter")
+        await until(pilot, lambda: isinstance(app.screen, AnswerScreen))
+        await pilot.press("f9")
+        await settle(pilot, station)
+        assert station.stopped == 1
