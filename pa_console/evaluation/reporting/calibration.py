@@ -23,7 +23,7 @@ from pa_console.evaluation.reporting.record_groups import Records, by_model, mai
 from pa_console.evaluation.reporting.statistics import Rate
 from pa_console.evaluation.reporting.table import Table, rate_cell
 from pa_console.evaluation.runs.run_record import RunRecord
-from pa_console.schema.events.event import UNSURE
+from pa_console.session.confidence import UNSURE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
