@@ -28,7 +28,7 @@ from pa_console.session.confidence import UNSURE
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-LEVELS = (UNSURE, 0.7, 0.9)
+LEVELS = (0.5, UNSURE, 0.9)
 BINS = 10
 """Confidence is cut into so many bins of equal width."""
 

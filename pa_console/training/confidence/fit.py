@@ -21,10 +21,8 @@ from pa_console.training.confidence.read_orders import ReadOrder
 FOLDS, BINS = 10, 10
 STEPS, RATE, RIDGE = 4000, 0.2, 1.0
 """Gradient descent, and how much large weights cost: as much as this times their square."""
-_RISING = slice(4, 7)
+_RISING = slice(3, 5)
 """The weights that must not be negative: of chances."""
-_FALLING = 7
-"""The weight that must not be positive: of gaps."""
 
 Numbers = NDArray[np.float64]
 
@@ -61,25 +59,24 @@ def known_orders(read: Sequence[ReadOrder]) -> list[Known]:
 
 def fit(known: Sequence[Known]) -> Coefficients:
     """Return the coefficients under which `known` is likeliest, monotone, by gradient descent."""
-    signs = np.array([_signs(one.evidence) for one in known])
-    right = np.array([one.right for one in known], dtype=float)
+    fitted = [one for one in known if one.evidence.second != "other"]
+    signs = np.array([_signs(one.evidence) for one in fitted])
+    right = np.array([one.right for one in fitted], dtype=float)
     weights = np.zeros(signs.shape[1])
     for _ in range(STEPS):
         told = 1.0 / (1.0 + np.exp(-signs @ weights))
-        slope = signs.T @ (told - right) / len(known) + RIDGE * weights / len(known)
+        slope = signs.T @ (told - right) / len(fitted) + RIDGE * weights / len(fitted)
         weights -= RATE * slope
         weights[_RISING] = np.maximum(weights[_RISING], 0.0)
-        weights[_FALLING] = min(weights[_FALLING], 0.0)
     return Coefficients(*(round(float(weight), 3) for weight in weights))
 
 
 def _signs(read: Evidence) -> list[float]:
     """Return what each coefficient is multiplied with, in their order."""
-    kinds = [float(read.second == kind) for kind in ("", "same", "other", "alone")]
-    chance = log_odds(read.chance or 0.0) if read.second != "alone" else 0.0
-    second = log_odds(read.second_chance) if read.second in ("same", "alone") else 0.0
-    alike = read.second == "same"
-    return [*kinds, chance * (not alike), chance * alike, second, float(read.gaps)]
+    kinds = [float(read.second == kind) for kind in ("", "same", "alone")]
+    chance = log_odds(read.chance or 0.0) if not read.second else 0.0
+    second = log_odds(read.second_chance) if read.second else 0.0
+    return [*kinds, chance, second]
 
 
 def cross_validated(known: Sequence[Known]) -> list[tuple[float, bool]]:

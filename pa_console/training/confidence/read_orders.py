@@ -35,6 +35,7 @@ from pa_console.orders.order import Order
 from pa_console.orders.reading import asked_words, read_asked, read_reason
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import find_data
+from pa_console.schema.base import StrictModel
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan
 from pa_console.training.order_generator.sampler import sample_order
@@ -51,7 +52,6 @@ from pa_console.training.situations.worlds import (
     shipped_missions,
 )
 from pa_console.training.teacher.teacher import Target, teach
-from pa_console.schema.base import StrictModel
 
 SEEDS = (434, 436)
 """Seeds of which neither the default model nor its second reader has learnt the words."""
@@ -179,9 +179,7 @@ async def _reads(
     return await judge.read(JudgeQuestion("judge", prompt, opening))
 
 
-async def _plan_for(
-    services: Services, question: Question, text: str, asked: str
-) -> Plan | None:
+async def _plan_for(services: Services, question: Question, text: str, asked: str) -> Plan | None:
     """Return the plan for another reading: the console gives the commands, the planner chooses."""
     fleet, reading = services.fleet, read_asked(asked)
     if reading is None or not reading.readable:
@@ -220,7 +218,7 @@ def _said(recipe: Recipe, rng: random.Random, situation: Situation) -> Iterator[
 async def read_all(
     out: Path, reader: OrderReader, seeds: Sequence[int], first: int, groups: int
 ) -> None:
-    """Read the orders of groups `first` to `first + groups` of every seed, and add them to `out`."""
+    """Read the orders of `groups` groups of every seed, from `first` on, and add them to `out`."""
     forbidden = generated_numbers(shipped_missions())
     for number in range(first, first + groups):
         for seed in seeds:
