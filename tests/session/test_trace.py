@@ -84,7 +84,7 @@ def test_what_stands_against_a_plan_is_told_everywhere(
     words = told(front_end, payloads)
     for expected in (
         "1 drone to WestGate: nobody can be spared",
-        "read with 77% confidence",
+        "read with 41% confidence",
         "✘ 1 broken",
         "WF-03",
         "VIOLATES",

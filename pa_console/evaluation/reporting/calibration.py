@@ -148,9 +148,8 @@ def confidence_tables(records: Records) -> list[Table]:
         ),
         rows=tuple(rows),
         note=(
-            "Confidence: the chance that planner and judge gave to the words in which they say "
-            "what was asked, the lower of the two. The operator is warned below "
-            f"{UNSURE:.0%}. Runs without confidence, where neither says what was asked, are left "
+            "Confidence: how often an order that was read so is right, as the operator was told. "
+            f"The operator is warned below {UNSURE:.0%}. Runs without confidence, where neither says what was asked, are left "
             "out."
         ),
     )  # fmt: skip

@@ -38,6 +38,7 @@ from pa_console.resources import find_data
 from pa_console.schema.base import StrictModel
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan
+from pa_console.schema.rule import RuleHit
 from pa_console.training.order_generator.sampler import sample_order
 from pa_console.training.phrasing.phrasing import phrase
 from pa_console.training.phrasing.rewording import spoken_words
@@ -169,7 +170,7 @@ def _orders(plan: Plan) -> frozenset[tuple[str, str]]:
 
 
 async def _reads(
-    judge: Judge, services: Services, question: Question, task: Mission, hits: Sequence[object]
+    judge: Judge, services: Services, question: Question, task: Mission, hits: Sequence[RuleHit]
 ) -> OrderRead:
     world, dialect = services.fleet.world, services.dialect
     rules = [services.rulebook.get(hit.rule_id) for hit in hits]
