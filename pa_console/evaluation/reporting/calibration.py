@@ -149,8 +149,8 @@ def confidence_tables(records: Records) -> list[Table]:
         rows=tuple(rows),
         note=(
             "Confidence: how often an order that was read so is right, as the operator was told. "
-            f"The operator is warned below {UNSURE:.0%}. Runs without confidence, where neither says what was asked, are left "
-            "out."
+            f"The operator is warned below {UNSURE:.0%}. Runs without confidence, where neither "
+            "says what was asked, are left out."
         ),
     )  # fmt: skip
     return [table] if rows else []
