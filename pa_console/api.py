@@ -55,7 +55,7 @@ Approver = Callable[[ev.ApprovalRequested], Decision | Awaitable[Decision]]
 OnEvent = Callable[[ev.Event, SessionState], None]
 """Is told of an event, and of the session as it stands after it."""
 
-STANDING_CONFIDENCE = 0.7
+STANDING_CONFIDENCE = 0.9
 """How sure planner and judge have to be of what was asked, 0 to 1, for `auto_approver`."""
 
 

@@ -287,10 +287,20 @@ class _Words:
         return low or (not asset.available and _DOWN.search(self._text) is not None)
 
     def _has_asset(self, name: str) -> bool:
-        """Whether `name` is named, told of, or its number is said where no name was found."""
+        """Whether `name` is named, told of, or its number is said where no name was found.
+
+        *The drone* names the only one that there is.
+        """
         digits = re.findall(r"\d+", name)
         numbered = bool(digits) and str(int(digits[-1])) in self._numbers
-        return name in self._names or numbered or self._told(name)
+        return name in self._names or numbered or self._told(name) or self._is_the_only(name)
+
+    def _is_the_only(self, name: str) -> bool:
+        """Whether `name` is the only asset of its kind, and that kind is spoken of."""
+        spec = self._world.assets.get(name)
+        if spec is None or spec.kind not in self._kinds:
+            return False
+        return sum(other.kind == spec.kind for other in self._world.assets.values()) == 1
 
     def _team(self, team: Who) -> Iterator[Unsupported]:
         if team.kind is not None and not self._has_kind(team.kind):

@@ -88,6 +88,12 @@ _RULED_OUT = re.compile(
     r"|n['’]t)\b(?:(?!\b(?:but|and|only|then|just)\b).)*$",
     re.IGNORECASE,
 )
+_STAYS_ON = re.compile(
+    r"\band (?:then )?(?:just )?(?P<verb>hold|stay|wait|remain)\b"
+    r"(?= *(?:$|(?:there|here|put|inside|outside|with (?:it|them|him|her)|until|till|for)\b))",
+    re.IGNORECASE,
+)
+"""*Go to the gate and stay there*: whoever is sent somewhere stays there anyhow."""
 _IF = re.compile(
     r"\b(?:if|when|whether|unless|in case|provided|as long as|should|given that|suppose"
     r"|condition|once|otherwise|else)\b",
@@ -182,8 +188,12 @@ class _Finder:
             elif (number := _numeral(low)) and not _counts(words, at):
                 yield Mention("numeral", word, number, False)
         yield from _kinds(words, assets, clause)
+        stays_on = {found.start("verb") for found in _STAYS_ON.finditer(clause.text)}
+        sent = False
         for verb in find_verbs(clause.text):
             plain = verb.plain and clause.asks and not _RULED_OUT.search(clause.text[: verb.start])
+            plain = plain and not (sent and verb.start in stays_on)
+            sent = sent or "go" in verb.tasks
             yield Mention("verb", verb.word, verb.word, plain, verb.tasks, verb.means)
 
     def _spelt(self, words: Sequence[tuple[str, int]], at: int) -> tuple[Sort, str] | None:

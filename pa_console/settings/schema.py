@@ -149,11 +149,11 @@ class Settings(BaseSettings):
         json_schema_extra=_about("Approval and alarms"),
     )
     standing_confidence: float = Field(
-        default=0.7,
+        default=0.9,
         ge=0.0,
         le=1.0,
         title="Standing approval needs",
-        description="How sure planner and judge have to be of what was asked, 0 to 1, for "
+        description="How sure the console has to be of what was asked, 0 to 1, for "
         "`--approve auto` to approve a plan. An order whose words its reading does not account for "
         "is never approved so.",
         json_schema_extra=_about("Approval and alarms", restart=False),

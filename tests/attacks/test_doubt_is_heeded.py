@@ -15,9 +15,9 @@ from pa_console.llm.engine.protocol import Completed, Request
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.orchestrator.planning.approval import CheckedPlan, OrderAsRead, request_approval
 from pa_console.orchestrator.planning.standing_approval import standing_approver
-from pa_console.schema.events.event import UNSURE
 from pa_console.schema.finding import Verdict
 from pa_console.schema.plan import Plan
+from pa_console.session.confidence import UNSURE, Evidence, told_confidence
 from pa_console.session.state.mission_trace import Attempt
 from pa_console.signing import KEY_VARIABLE
 from tests.cli.inside import Call, caller
@@ -118,7 +118,9 @@ def test_what_either_model_doubts_is_held(
     models.read("1 drone to EastGate", order, sure=sure, judge=judge)
     code, done = auto("Send one drone to the east gate.")
     assert (code, done["commands"]) == (3, {})
-    assert f"read with {min(sure, judge):.0%} confidence, 70% are needed" in done["reason"]
+    told = told_confidence(Evidence(min(sure, judge)))
+    assert told is not None
+    assert f"read with {told:.0%} confidence, 90% are needed" in done["reason"]
 
 
 def test_models_that_do_not_tell_how_sure_they_are_do_not_move_anybody_unseen(
@@ -176,8 +178,10 @@ def test_no_doubt_is_ever_approved_by_a_standing_instruction(
 
 def test_an_operator_sees_less_confidence_and_what_is_not_accounted_for() -> None:
     attempt = Attempt(1, confidence=0.98, judge_confidence=0.95)
-    assert (attempt.sure, attempt.doubt) == (0.95, "")
+    sure = attempt.sure
+    assert sure is not None
+    assert (sure >= UNSURE, attempt.doubt) == (True, "")
     attempt.gaps = ("not accounted for: base",)
     assert attempt.sure is not None
-    assert attempt.sure < 0.7
-    assert "not accounted for: base; read with 40% confidence" in attempt.doubt
+    assert attempt.sure < min(sure, UNSURE)
+    assert "not accounted for: base" in attempt.doubt

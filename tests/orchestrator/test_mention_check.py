@@ -32,6 +32,8 @@ def check(site: Site, text: str, asked: str, plan: Plan = NOTHING) -> MentionChe
          "else: nothing; now: At WestGate: no track, not so"),
         ("Send two drones to the north gate, not the south gate.", "2 drones to NorthGate"),
         ("All units hold.", "all hold"),
+        ("Send Drone_T04 to the east gate and stay there.", "Drone_T04 to EastGate"),
+        ("Robot_T01, go to the south gate and stay with it.", "Robot_T01 to SouthGate"),
     ],
 )  # fmt: skip
 def test_a_right_reading_has_no_gap(site: Site, text: str, asked: str) -> None:
@@ -48,6 +50,8 @@ def test_a_right_reading_has_no_gap(site: Site, text: str, asked: str) -> None:
         ("Send Drone_T04 to EastGate.", "Drone_T01 to EastGate", "Drone_T01"),
         ("Send Drone_T04 to EastGate.", "Drone_T04 hold", "not accounted for: Send"),
         ("Hold Drone_T04.", "Drone_T04 to EastGate", "not in the order's words: EastGate"),
+        ("Send a drone to the east gate and hold everybody else.", "1 drone to EastGate", "hold"),
+        ("Send a drone to the east gate, the others stay.", "1 drone to EastGate", "stay"),
         ("Look at the east gate.", "block EastGate", "not in the order's words: block EastGate"),
         (
             "Send a drone to the east gate.",

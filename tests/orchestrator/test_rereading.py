@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from pa_console.llm.models.catalogue import LocalModel
-from pa_console.orchestrator.planning.decision import distinct
 from pa_console.orchestrator.planning.standing_approval import Approver, standing_approver
 from pa_console.orchestrator.station.station import Station
 from pa_console.orders.clause_grammar import exactly
+from pa_console.orders.distinct_readings import agree, distinct
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import Decision
@@ -164,6 +164,25 @@ def test_whom_a_gate_has_lost_makes_no_other_reading() -> None:
         "asked: cover WestGate",
         "asked: cover EastGate by 1 drone",
     )
+
+
+def test_to_send_somebody_to_the_base_is_to_send_them_home() -> None:
+    home, to_base = "asked: Drone_T04 home", "asked: Drone_T04 to Base"
+    assert distinct(home, [to_base], "Base") == ()
+    assert distinct(home, [to_base], "Depot") == (to_base,)
+    assert agree(home, to_base, "Base")
+
+
+def test_names_in_another_order_or_one_by_one_make_no_other_reading() -> None:
+    both = "asked: Robot_T01, Ugv_T02 to Checkpoint"
+    apart = "asked: Ugv_T02 to Checkpoint; Robot_T01 to Checkpoint"
+    assert distinct(both, ["asked: Ugv_T02, Robot_T01 to Checkpoint", apart]) == ()
+    assert not agree(both, "asked: Robot_T01 to Checkpoint")
+
+
+def test_two_of_a_kind_are_more_than_one() -> None:
+    one = "asked: 1 drone to NorthGate"
+    assert not agree(one, f"{one}; 1 drone to NorthGate")
 
 
 @pytest.mark.parametrize(

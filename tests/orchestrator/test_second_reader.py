@@ -7,6 +7,7 @@ import pytest
 from pa_console.llm.errors import EngineDiedError
 from pa_console.orchestrator.planning import second_reader
 from pa_console.schema.events import event as ev
+from pa_console.session.confidence import UNSURE
 from tests.orchestrator.conftest import Rig
 from tests.orchestrator.test_rereading import EAST, NORTH, choosing, engine, requests, verdicts
 from tests.scripted import Answer, ScriptedEngine
@@ -41,7 +42,7 @@ async def test_a_second_reader_that_says_the_same_takes_the_doubt_away(rig: Rig)
     assert (read.asked, read.confidence) == (EAST, 0.9)
     assert request.plan.actions[0].command == "move_to EastGate"
     assert request.confidence is not None
-    assert 0.5 < request.confidence < 0.9
+    assert request.confidence >= UNSURE
     assert request.state == "approve"
 
 
@@ -88,6 +89,16 @@ async def test_a_second_reader_that_never_answers_is_not_waited_for(
     [read], [request] = read_again(rig), requests(rig)
     assert "no answer within" in read.error
     assert request.plan.actions[0].command == "move_to EastGate"
+
+
+async def test_a_reading_that_comes_to_the_same_orders_bears_the_plan_out(rig: Rig) -> None:
+    scripted = engine([EAST, EAST], [EAST], sure=0.4)
+    scripted.second_reader = reader("asked: Drone_T04 to EastGate", 0.9)
+    await rig.run(scripted, text=TO_EAST)
+    [request] = requests(rig)
+    assert request.plan.actions[0].command == "move_to EastGate"
+    assert (request.read_apart, request.state) == (False, "approve")
+    assert "asked: Drone_T04 to EastGate" not in request.readings
 
 
 async def test_what_it_alone_has_read_is_never_plain_approve(rig: Rig) -> None:

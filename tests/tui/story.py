@@ -179,6 +179,7 @@ def judged(
             needs_override=verdict == "Failure",
             asked=ASKED if readings else "",
             readings=readings,
+            confidence=read.confidence,
             state=approval_state(read, blocked=bool(blocked), objected=not good),
         ),
     ]

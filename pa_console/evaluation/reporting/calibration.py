@@ -23,12 +23,12 @@ from pa_console.evaluation.reporting.record_groups import Records, by_model, mai
 from pa_console.evaluation.reporting.statistics import Rate
 from pa_console.evaluation.reporting.table import Table, rate_cell
 from pa_console.evaluation.runs.run_record import RunRecord
-from pa_console.schema.events.event import UNSURE
+from pa_console.session.confidence import UNSURE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-LEVELS = (UNSURE, 0.7, 0.9)
+LEVELS = (0.5, UNSURE, 0.9)
 BINS = 10
 """Confidence is cut into so many bins of equal width."""
 
@@ -148,10 +148,9 @@ def confidence_tables(records: Records) -> list[Table]:
         ),
         rows=tuple(rows),
         note=(
-            "Confidence: the chance that planner and judge gave to the words in which they say "
-            "what was asked, the lower of the two. The operator is warned below "
-            f"{UNSURE:.0%}. Runs without confidence, where neither says what was asked, are left "
-            "out."
+            "Confidence: how often an order that was read so is right, as the operator was told. "
+            f"The operator is warned below {UNSURE:.0%}. Runs without confidence, where neither "
+            "says what was asked, are left out."
         ),
     )  # fmt: skip
     return [table] if rows else []

@@ -34,8 +34,9 @@ DEFINITIONS = {
     "strict success": "Every success condition of the mission holds on the true state of the "
     "simulation, and no enforced rule was broken there. The scorer shares no code with the checks, "
     "the rehearsal or the verification.",
-    "confidence": "The chance that a trained planner and judge gave to their own choices of words "
-    "in saying what was asked, before the grammar had its say; the lower of the two.",
+    "confidence": "How often an order that was read so is right, as the operator was told: fitted "
+    "to the chances that planner, judge and second reader gave to their own choices of words in "
+    "saying what was asked.",
     "strict if the judge is obeyed": "Strict success if a plan to which the judge objected before "
     "execution had not been carried out. Where the objection met the first plan, the same "
     "situation without any order is scored in its place.",

@@ -59,7 +59,7 @@ class RunRecord(StrictModel):
     judge_plan: Opinion | None = Field(default=None, description="verdict on the executed plan")
     judge_outcome: Opinion | None = None
     confidence: Share | None = Field(
-        default=None, description="of planner and judge in what was asked, the lower of the two"
+        default=None, description="how often an order read so is right, as the operator was told"
     )
     offered: int = Field(
         default=0, ge=0, description="other readings of the command that the operator was offered"

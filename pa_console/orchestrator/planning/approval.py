@@ -3,10 +3,11 @@
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from pa_console.schema.events.event import UNSURE, ApprovalRequested
+from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.finding import Finding, Verdict
 from pa_console.schema.mission import ApprovalState, Decision
 from pa_console.schema.plan import Action, Plan
+from pa_console.session.confidence import UNSURE
 
 NOT_BEFOREHAND = "a standing order is approved by somebody who reads it, and nobody did"
 

@@ -11,17 +11,12 @@ from pa_console.orchestrator.tasking.obstacles import unmet_asks
 from pa_console.orders.mention_check import NOTHING_SAID, MentionCheck
 from pa_console.orders.order import Reading
 from pa_console.orders.reading import read_asked, read_reason
-from pa_console.schema.events.event import UNSURE, told_confidence
 from pa_console.schema.finding import Verdict
 from pa_console.schema.world import World
+from pa_console.session.confidence import Evidence, Second, told_confidence
 
-ALONE = 0.5
-"""How often a second reader is right that contradicts the planner: 62 of 150 such orders."""
-
-CLEARED = 0.6
-"""So much of a doubt a second reader takes away that is sure of the same: both are wrong together
-in 4 of 14 such orders."""
-
+LIKELIER_OTHERWISE = 0.5
+"""Below this chance, something else was asked, in the model's own eyes, than what it wrote."""
 
 VOUCHED = 0.8
 """A judge at least so sure bears out how a model read an order that tells no chance of its own."""
@@ -36,7 +31,7 @@ class ReadAgain:
     asked: str
     confidence: float
     same: bool
-    """Whether that is what the plan is for."""
+    """Whether that is what the plan is for, or comes to the same orders."""
     measured: bool = True
     """Whether it was measured how often this reader is right: only then can it take a doubt away,
     and decide what is planned."""
@@ -88,17 +83,27 @@ class Candidate:
 
     @property
     def agreed(self) -> float | None:
-        """The same, None where not both of them have read the order for themselves.
+        """How often an order that was read so is right, as the operator is told.
 
-        It is less where the words of the order and its reading do not match. A second reader that
-        says the same makes it more, one that says something else less.
+        None where neither the second reader nor both others have read the order for themselves.
         """
-        again = self.read_again
+        again, gaps = self.read_again, bool(self.mentions.gaps)
         if again is not None and (again.measured or not again.same):
-            return told_confidence(_with_second(self.sure, again), self.mentions.gaps)
-        if self.confidence is None or self.judge_confidence is None:
+            read = Evidence(self.sure, gaps, self._second(again), again.confidence)
+        elif self.confidence is None or self.judge_confidence is None:
             return None
-        return told_confidence(self.sure, self.mentions.gaps)
+        else:
+            read = Evidence(self.sure, gaps)
+        return told_confidence(read)
+
+    def _second(self, again: ReadAgain) -> Second:
+        """Return what the second reader says of the plan.
+
+        Without a chance of the planner's, the plan is for what the second reader alone has read.
+        """
+        if not again.same:
+            return "other"
+        return "alone" if self.sure is None else "same"
 
     @property
     def gaps_told(self) -> tuple[str, ...]:
@@ -132,26 +137,24 @@ class Candidate:
             return ""
         less = own is not None and len(judged.asks) < len(own.asks)
         sure = self.confidence
-        unsure = sure is not None and sure < min(UNSURE, self.judge_confidence or 0.0)
+        unsure = sure is not None and sure < min(LIKELIER_OTHERWISE, self.judge_confidence or 0.0)
         idle = all(action.verb == "hold" for action in plan.actions)
         return asked if idle or (unsure and not less) else ""
+
+    def does_as(self, other: "Candidate") -> bool:
+        """Whether the plan gives the orders of the `other`, for all of what it is for.
+
+        Plans that leave everybody where they are bear each other out in nothing.
+        """
+        orders = frozenset(self.examination.plan.actions)
+        if self.narrowed or self.gaps or all(action.verb == "hold" for action in orders):
+            return False
+        return orders == frozenset(other.examination.plan.actions)
 
     @property
     def objected(self) -> bool:
         """Whether the judge says that the plan is not right."""
         return self.verdict is not None and self.verdict.verdict == "Failure"
-
-
-def _with_second(sure: float | None, read: ReadAgain) -> float:
-    """Return how sure the two are together of what the plan is for.
-
-    Without a chance of the planner's, the plan is for what the second reader alone has read.
-    """
-    if not read.same:
-        return min(sure or 0.0, 1.0 - read.confidence)
-    if sure is None:
-        return ALONE * read.confidence
-    return 1.0 - (1.0 - sure) * (1.0 - CLEARED * read.confidence)
 
 
 def _refuses(reading: Reading | None) -> bool:

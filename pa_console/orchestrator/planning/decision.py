@@ -18,7 +18,7 @@ from pa_console.orchestrator.planning.approval import (
     inadmissible,
     request_approval,
 )
-from pa_console.orchestrator.planning.candidate import Candidate
+from pa_console.orchestrator.planning.candidate import LIKELIER_OTHERWISE, Candidate
 from pa_console.orchestrator.planning.planning import Planned
 from pa_console.orchestrator.planning.proposal import other_readings
 from pa_console.orchestrator.planning.standing_approval import unasked_decision
@@ -28,7 +28,7 @@ from pa_console.orders.mention_check import check_mentions
 from pa_console.orders.order import Task
 from pa_console.orders.reading import asked_words, read_asked
 from pa_console.schema.events import event as ev
-from pa_console.schema.events.event import MOST_READINGS, UNSURE
+from pa_console.schema.events.event import MOST_READINGS
 from pa_console.schema.mission import ELSEWHERE, Decision, MissionStatus
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.world import World
@@ -87,10 +87,12 @@ async def reconsider(context: MissionContext, planned: Planned, before: Readings
     own = said_by_planner(shown) or said
     known = [before.own, *before.offered] if before.offered else []
     if not planned.answered.retrieved.chosen:
-        known = [said_by_judge(shown), said, shown.read_again.asked if shown.read_again else ""]
-        if shown.sure is not None and shown.sure < UNSURE:
+        again = shown.read_again
+        known = [said_by_judge(shown), said, again.asked if again and not again.same else ""]
+        if shown.sure is not None and shown.sure < LIKELIER_OTHERWISE:
             known += await other_readings(context, planned.answered, looked_at)
-    founded = (said for said in distinct(own, known) if not _baseless(context, planned, said))
+    others = distinct(own, known, context.services.fleet.world.base)
+    founded = (said for said in others if not _baseless(context, planned, said))
     offered = tuple(islice(founded, MOST_READINGS))
     return Readings(own, offered) if offered else Readings()
 
@@ -110,7 +112,7 @@ async def ask_operator(
             readings=readings.offered,
             gaps=shown.gaps_told,
             confidence=shown.agreed,
-            read_apart=read_apart(shown),
+            read_apart=read_apart(shown, context.services.fleet.world.base),
             narrowed=shown.narrowed,
             question=_question(shown),
         ),
@@ -293,7 +295,7 @@ def said_by_judge(shown: Candidate) -> str:
     return said if planned else ""
 
 
-def read_apart(shown: Candidate) -> bool:
+def read_apart(shown: Candidate, base: str) -> bool:
     """Whether another reader says that something else was asked than the plan on show is for.
 
     That is the second reader where it was asked, else the judge. Where nobody but the second
@@ -302,4 +304,4 @@ def read_apart(shown: Candidate) -> bool:
     if shown.read_again is not None:
         return not shown.read_again.same or shown.sure is None
     judged = said_by_judge(shown)
-    return bool(judged) and bool(distinct(said_by_planner(shown), (judged,)))
+    return bool(judged) and bool(distinct(said_by_planner(shown), (judged,), base))

@@ -128,7 +128,8 @@ async def _as_read_again(
 ) -> Candidate:
     """Let another model read an order that is in doubt; where it is surer, its reading is served.
 
-    The judge is then told what was asked: it judges the plan for that.
+    The judge is then told what was asked: it judges the plan for that. Where both readings come to
+    the same orders, there is nothing to choose between: the second reader bears the plan out.
     """
     if answered.retrieved.chosen or shown.examination.rehearsal is None:
         return shown
@@ -142,6 +143,8 @@ async def _as_read_again(
     )
     if other is shown or other.examination.blocked:
         return shown
+    if not shown.objected and other.does_as(shown):
+        return replace(shown, read_again=replace(second, same=True))
     other = await _judged(context, answered, other, second.asked)
     return shown if other.objected else replace(other, read_again=replace(second, same=True))
 

@@ -73,7 +73,8 @@ async def read_again(context: MissionContext, case: PlanCase, shown: Candidate) 
     if not read.asked or (measured and read.confidence is None):
         return shown
     own, sure = asked_words(shown.examination.plan.reason).rstrip("; "), read.confidence or 0.0
-    again = ReadAgain(read.asked, sure, agree(own, read.asked), measured)
+    same = agree(own, read.asked, world.base)
+    again = ReadAgain(read.asked, sure, same=same, measured=measured)
     return replace(shown, read_again=again)
 
 

@@ -17,8 +17,8 @@ from pa_console.session.status_words import status_of
 Approver = Callable[[ev.ApprovalRequested], Decision]
 ApprovalMode = Literal["auto", "never"]
 
-SURE_ENOUGH = 0.7
-"""How sure both models have to be of what was asked where a standing order approves a plan."""
+SURE_ENOUGH = 0.9
+"""How sure the console has to be of what was asked where a standing order approves a plan."""
 _STILL = frozenset(("hold", "report"))
 
 
@@ -40,7 +40,7 @@ def standing_approver(
     every plan.
 
     Nobody watches a standing approval, so it takes a plan in the state `approve` alone, and none
-    for an order that may have been misread (`doubt`): both models have to be at least so sure, 0 to
+    for an order that may have been misread (`doubt`): the console has to be at least so sure, 0 to
     1, as `least` says. None takes it all the same, for evaluations, where the truth of every plan
     is wanted; what was not understood is taken by nobody.
 

@@ -35,7 +35,6 @@ from pa_console.schema.events.intake import (
 )
 from pa_console.schema.events.planning import (
     MOST_READINGS,
-    UNSURE,
     ApprovalRequested,
     DecisionMade,
     OrderReadAgain,
@@ -49,7 +48,6 @@ from pa_console.schema.events.planning import (
     RepairRequested,
     RulesRetrieved,
     TextStreamed,
-    told_confidence,
 )
 from pa_console.schema.events.questions import AnswerLine, QuestionAnswered, QuestionTopic
 from pa_console.schema.events.session import (
@@ -82,7 +80,6 @@ from pa_console.schema.events.standing import (
 
 __all__ = (
     "MOST_READINGS",
-    "UNSURE",
     "AlarmAcknowledged",
     "AlarmCleared",
     "AlarmRaised",
@@ -148,7 +145,6 @@ __all__ = (
     "WorkerChanged",
     "WorkerState",
     "WorkflowMoved",
-    "told_confidence",
 )
 
 EventPayload = Annotated[

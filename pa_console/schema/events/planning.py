@@ -1,6 +1,5 @@
 """Events of steps 2 to 6: from a mission's words to a decision on a plan."""
 
-from collections.abc import Sequence
 from typing import ClassVar, Literal
 
 from pydantic import Field
@@ -15,20 +14,8 @@ from pa_console.schema.rule import RuleHit
 from pa_console.schema.standing import StandingOrder
 from pa_console.schema.telemetry import Digest
 
-UNSURE = 0.5
-"""Below this confidence it is told that an order may have been misread: that something else was
-asked is then likelier, in the model's own eyes, than what it wrote."""
-
-SURE_WITH_GAPS = 0.4
-"""The confidence in a reading is told as at most this where order and reading do not match."""
-
 MOST_READINGS = 3
 """So many other readings of an order can be taken in at a glance."""
-
-
-def told_confidence(sure: float | None, gaps: Sequence[str]) -> float | None:
-    """Return how sure the models' reading is said to be, with what it does not account for."""
-    return sure if sure is None or not gaps else min(sure, SURE_WITH_GAPS)
 
 
 class RulesRetrieved(Payload):
@@ -198,8 +185,8 @@ class ApprovalRequested(Payload):
     )
     confidence: Share | None = Field(
         default=None,
-        description="how sure both models were of what was asked: the less sure of them, and less "
-        "where there are gaps; None where one of them has not read the order for itself",
+        description="how often an order that was read so is right; None where one of the models "
+        "has not read it for itself",
     )
     read_apart: bool = Field(
         default=False, description="the judge has read the order otherwise than the planner"

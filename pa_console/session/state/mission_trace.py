@@ -17,6 +17,7 @@ from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.rule import RuleHit
 from pa_console.schema.telemetry import Digest
+from pa_console.session.confidence import UNSURE, Evidence, told_confidence
 
 
 @dataclass
@@ -76,21 +77,20 @@ class Attempt:
 
     @property
     def sure(self) -> float | None:
-        """How sure planner and judge were of what was asked: the less sure of them, 0 to 1.
+        """How often an order that was read so is right, 0 to 1: as the operator was told.
 
-        It is less where the words of the order and their reading do not match, and what a second
-        reader says is in it.
+        Before that, it is what planner and judge tell of it.
         """
         if self.told is not None:
             return self.told
         known = [c for c in (self.confidence, self.judge_confidence) if c is not None]
-        return ev.told_confidence(min(known, default=None), self.gaps)
+        return told_confidence(Evidence(min(known, default=None), bool(self.gaps)))
 
     @property
     def doubt(self) -> str:
         """That the order may have been misread, in words; '' where both were sure."""
         why = list(self.gaps)
-        if self.sure is not None and self.sure < ev.UNSURE:
+        if self.sure is not None and self.sure < UNSURE:
             why.append(f"read with {self.sure:.0%} confidence")
         return f"the order may mean something else: {'; '.join(why)}" if why else ""
 

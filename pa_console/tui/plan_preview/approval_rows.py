@@ -12,8 +12,9 @@ from pa_console.orchestrator.planning.approval import people_words
 from pa_console.orders.clauses import ASKED
 from pa_console.orders.plain_words import plain_reading
 from pa_console.orders.reading import asked_words
-from pa_console.schema.events.event import UNSURE, ApprovalRequested
+from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import ELSEWHERE, Mission
+from pa_console.session.confidence import UNSURE
 from pa_console.session.state.mission_trace import Attempt, MissionTrace
 from pa_console.session.wording import safety_in_words
 from pa_console.tui.plan_preview.action_rows import action_rows, cover_row, unrehearsed_row

@@ -122,11 +122,11 @@ def test_runs_without_a_verdict_are_counted_apart() -> None:
 def test_success_is_told_apart_by_confidence() -> None:
     records = [
         made_record(confidence=0.95),
-        made_record(seed=1, confidence=0.75, strict=False, judge_plan="Failure"),
+        made_record(seed=1, confidence=0.85, strict=False, judge_plan="Failure"),
         made_record(seed=2, confidence=0.2, strict=False),
         made_record(seed=3),
     ]
-    found = row(named(records, "confidence"), "m", "70%")
+    found = row(named(records, "confidence"), "m", "80%")
     assert found["sure"].endswith("2/3")
     assert found["strict where sure"].endswith("1/2")
     assert found["strict where not"].endswith("0/1")

@@ -1,0 +1,1 @@
+"""How often an order was understood, told from what the models say: the data, and the fit."""
