@@ -135,6 +135,7 @@ class SessionState:
         """Take one event in; an event of an unknown mission changes no mission."""
         self.tick = max(self.tick, event.tick)
         self._apply_to_session(event)
+        self._apply_to_command(event)
         self._apply_to_alarms(event)
         self._apply_to_queue(event)
         self._apply_to_standing(event)
@@ -168,14 +169,6 @@ class SessionState:
                 subject = "what-if" if source == "operator" else "scenario"
                 hidden = source == "scenario"
                 self._notice(event, "warning", subject, in_words(incident), hidden=hidden)
-            case ev.AllStopped(by=by):
-                orders = self.stop.orders if self.stop is not None else self.loose_orders
-                self.stop = Stop(by, event.tick, orders)
-                self.loose_orders = {}
-                self._notice(event, "alarm", "stop", f"all assets hold, ordered by {by}")
-            case ev.StopReleased(by=by):
-                self.stop = None
-                self._notice(event, "warning", "stop", f"released by {by}")
             case ev.CommandRefused(command=command, reason=reason):
                 self._notice(event, "alarm", command.agent, f"{order_in_words(command)}: {reason}")
             case ev.LogTroubled(problem=problem):
@@ -192,6 +185,20 @@ class SessionState:
                 self.ended, self.relieved, self.worker, self.servers = "", "", None, {}
                 text = "goes on after its console ended without closing it"
                 self._notice(event, "warning", "session", text)
+            case _:
+                pass
+
+    def _apply_to_command(self, event: ev.Event) -> None:
+        """Who has command of the team, and whether all of it is stopped."""
+        match event.data:
+            case ev.AllStopped(by=by):
+                orders = self.stop.orders if self.stop is not None else self.loose_orders
+                self.stop = Stop(by, event.tick, orders)
+                self.loose_orders = {}
+                self._notice(event, "alarm", "stop", f"all assets hold, ordered by {by}")
+            case ev.StopReleased(by=by):
+                self.stop = None
+                self._notice(event, "warning", "stop", f"released by {by}")
             case ev.AuthorityChanged(refusal=refusal):
                 self.relieved = refusal
             case ev.CommandTaken():
