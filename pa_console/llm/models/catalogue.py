@@ -373,10 +373,10 @@ class Catalog(StrictModel):
         if not wanted and self.get(name).local_file is None:
             return None
         reader = self.get(name).as_pinned() or self.locate(name, progress)
-        if reader.prompts != entry.prompts:
+        if reader.prompts == "examples":
             raise ModelError(
-                f"second reader {name}: has no adapters: name a model that was trained for PA "
-                f"Console, or {NO_READER!r}"
+                f"second reader {name}: writes plans and says nothing of an order; "
+                f"name another model, or {NO_READER!r}"
             )
         return reader
 
