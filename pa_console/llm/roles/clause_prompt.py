@@ -47,7 +47,7 @@ SHOWN = 8
 """Taught orders that a prompt has."""
 
 
-def reading_prompt(  # noqa: PLR0917
+def reading_prompt(
     world: World,
     digest: Digest,
     _rules: Sequence[Rule],

@@ -163,12 +163,11 @@ class Services:
 
 
 def _second_reader(engine: Engine) -> Judge | ClauseReader | None:
-    """Return what reads orders again with the second reader of `engine`, in its own dialect."""
+    """Return what reads orders again: a judge as it was trained, or any model, in clauses."""
     second = engine.second_reader
-    if second is None:
-        return None
-    dialect = DIALECTS[second.model.prompts]
-    return ClauseReader(second) if dialect.served else Judge(second, max_tokens=dialect.verdict_tokens)
+    if second is None or second.model.prompts != "compact":
+        return ClauseReader(second) if second is not None else None
+    return Judge(second, max_tokens=DIALECTS["compact"].verdict_tokens)
 
 
 @dataclass
