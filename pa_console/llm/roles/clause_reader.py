@@ -52,7 +52,8 @@ class ClauseReader:
     def __init__(
         self, engine: Answering, role: Role = "judge", *, deadline_s: float = DEADLINE_S
     ) -> None:
-        self._engine, self._role, self._deadline_s = engine, role, deadline_s
+        self._engine, self._deadline_s = engine, deadline_s
+        self._role: Role = role
 
     @property
     def model(self) -> str:
