@@ -103,31 +103,34 @@ def situation(world: World, condition: Disturbance, seed: int) -> Scenario:
 async def run_condition(
     site: Site, engine: MemoEngine, condition: Disturbance, seeds: Sequence[int]
 ) -> AsyncIterator[tuple[int, RunResult]]:
-    """Yield (seed, result) of one run a seed: alarms start missions, checks alone decide on plans.
+    """Yield (seed, result) of one run a seed."""
+    for seed in seeds:
+        yield seed, await run_once(site, engine, condition, seed)
+
+
+async def run_once(site: Site, engine: MemoEngine, condition: Disturbance, seed: int) -> RunResult:
+    """Return what comes of a run: alarms start missions, checks alone decide on plans.
 
     The judge is left out: a standing approval would override its objections.
     """
     world = worsened(site.world, condition)
-    for seed in seeds:
-        sim = Checkpoint(world, seed, situation(world, condition, seed))
-        watch = TruthWatch(world)
-        station = open_station(
-            site,
-            engine.engine(),
-            SteppedClock(),
-            fleet=SimulatedFleet(sim),
-            keep_engine=True,
-            respond=True,
-            variant=Variant(name="without-judge", judging=False),
-        )
+    sim = Checkpoint(world, seed, situation(world, condition, seed))
+    watch = TruthWatch(world)
+    station = open_station(
+        site,
+        engine.engine(),
+        SteppedClock(),
+        fleet=SimulatedFleet(sim),
+        keep_engine=True,
+        respond=True,
+        variant=Variant(name="without-judge", judging=False),
+    )
 
-        def sink(
-            event: Event, _: SessionState, watch: TruthWatch = watch, sim: Checkpoint = sim
-        ) -> None:
-            watch.see(event, sim)
+    def sink(event: Event, _: SessionState) -> None:
+        watch.see(event, sim)
 
-        await run_missions(station, [], standing_approver("auto"), sink, duration_s=DURATION_S)
-        yield seed, watch.result()
+    await run_missions(station, [], standing_approver("auto"), sink, duration_s=DURATION_S)
+    return watch.result()
 
 
 class _Run(StrictModel):
@@ -167,6 +170,17 @@ class RunFile:
         if self._path is not None:
             with self._path.open("a", encoding="utf-8") as file:
                 file.write(run.model_dump_json() + "\n")
+
+    def arrange(self) -> None:
+        """Put the runs in the order of the rows, then of the seeds, whoever was first."""
+        names = [condition.name for condition in CONDITIONS]
+        places = {name: place for place, name in enumerate(names)}
+        self._runs.sort(key=lambda run: (places.get(run.condition, len(places)), run.seed))
+        if self._path is not None and self._runs:
+            whole = self._path.with_name(f"{self._path.name}.partial")
+            lines = (run.model_dump_json() + "\n" for run in self._runs)
+            whole.write_text("".join(lines), encoding="utf-8")
+            whole.replace(self._path)
 
 
 def summarise(condition: Disturbance, results: Sequence[RunResult]) -> Row:

@@ -154,6 +154,11 @@ class Variant(StrictModel):
         default=True, description="a trained planner states only what the picture says"
     )
     prompt: PromptStyle = "console"
+    dialect: Literal["", "examples", "clauses"] = Field(
+        default="",
+        description="whether a model without adapters writes plans or says what is asked; empty: "
+        "as the catalogue says",
+    )
     workflows: bool = Field(default=True, description="a mission may take several plans (WF-01)")
 
 

@@ -10,11 +10,12 @@ from typing import Any, cast
 import pytest
 from distributed import Scheduler, Worker
 
+from pa_console.evaluation.runs.dask_sweep import SweepError, Workers, cluster
 from pa_console.evaluation.runs.jobs import Job, LoadedSet, find_variant, plan_jobs
 from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.run_record import EvaluationFolder, RunRecord, read_runs
 from pa_console.evaluation.runs.runner import Runner
-from pa_console.evaluation.runs.sweep import RemoteRun, Sweep, SweepError, Workers, cluster
+from pa_console.evaluation.runs.sweep import RemoteRun, Sweep
 from pa_console.orchestrator.station.assembly import Site
 from pa_console.schema.evaluation import MissionCase, MissionSet
 from tests.scripted import SUCCESS, ScriptedEngine, plan
@@ -100,7 +101,7 @@ async def test_a_scheduler_that_is_restarted_is_sent_what_is_missing(
     async with scheduling(int(address.rpartition(":")[2])):
         made += [record async for record in records]
     assert len(made) == len({record.run for record in made}) == 4
-    assert any("sent again" in text for text in said)
+    assert any("asked for again" in text for text in said)
     assert same(read_runs(tmp_path / "swept"), await single(tmp_path / "single", planned))
 
 

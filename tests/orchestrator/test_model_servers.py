@@ -152,7 +152,7 @@ async def test_an_objection_is_no_failure_of_the_server(rig: Rig) -> None:
 async def read_again(rig: Rig, said: str, sure: float) -> ev.ApprovalRequested:
     """The request for an order that was read as EAST, where a second reader on a server says so."""
     proxy = FaultProxy()
-    proxy.answers = [json.dumps({"asked": said})]
+    proxy.answers = [json.dumps({"reason": said})]
     scripted = compact_engine([EAST], [EAST], sure=sure)
     scripted.second_reader = compact_engine([EAST], [EAST], sure=0.99)
     async with server_engine(proxy) as server:

@@ -23,6 +23,7 @@ from rich.text import Text
 
 from pa_console import __version__
 from pa_console.benchmarks.machine import describe_machine
+from pa_console.cli.dask_options import SchedulerOption, WorkersOption, one_of
 from pa_console.cli.output import (
     JsonOption,
     RulesOption,
@@ -200,13 +201,8 @@ def evaluate(
             "greedy); the time that was measured for it counts again.",
         ),
     ] = False,
-    workers: Annotated[
-        int, typer.Option(min=0, help="Make the runs in so many processes of this machine (Dask).")
-    ] = 0,
-    scheduler: Annotated[
-        str,
-        typer.Option(help="Make the runs on the workers of this Dask scheduler: tcp://HOST:PORT."),
-    ] = "",
+    workers: WorkersOption = 0,
+    scheduler: SchedulerOption = "",
     logs: Annotated[bool, typer.Option(help="Keep the event log of every run.")] = True,
     unsigned: UnsignedOption = False,
     json: JsonOption = False,
@@ -223,8 +219,7 @@ def evaluate(
             markup=False,
             soft_wrap=True,
         )
-    if sum(map(bool, (workers, scheduler, jobs > 1))) > 1:
-        raise ValueError("give one of --jobs, --workers and --scheduler")
+    one_of(jobs=jobs > 1, workers=bool(workers), scheduler=bool(scheduler))
     variants = [find_variant(name) for name in variant or ("full",)]
     reader = settings_of(context).values.second_reader
     asked = model or [None]

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import aclosing
 from dataclasses import dataclass
 
+from pa_console.cli.dask_options import dask_workers
 from pa_console.cli.output import errors
 from pa_console.evaluation.runs.jobs import Job
 from pa_console.evaluation.runs.run_record import EvaluationFolder, RunRecord
@@ -33,11 +34,9 @@ async def sweep(
 
     `add` is told of each run as it comes back. Raises ValueError without Dask, or a scheduler.
     """
-    try:
-        from pa_console.evaluation.runs.sweep import ModelOnWorker, Sweep, Workers  # noqa: PLC0415
-    except ImportError as error:
-        raise ValueError("a sweep needs Dask: pip install 'pa-console[sweep]'") from error
-    workers = Workers(count=where) if isinstance(where, int) else Workers(scheduler=where)
+    workers = dask_workers(where)
+    from pa_console.evaluation.runs.sweep import ModelOnWorker, Sweep  # noqa: PLC0415
+
     prints = {name: model.fingerprint for name, model in models.local.items()}
     engine_for = ModelOnWorker(
         models.asked, prints, models.second_reader, workers.count, models.reuse

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from rich.table import Table
 
+from pa_console.cli.dask_options import dask_workers
 from pa_console.cli.output import errors, out, print_json
 from pa_console.cli.train.progress import DataProgress, ReadingProgress
 from pa_console.resources import find_data, training_data
@@ -14,6 +15,7 @@ from pa_console.training.samples.data_report import DataReport, fingerprint, wri
 from pa_console.training.samples.data_set import REPORT, DataFolder, Job, Made, Part, build
 from pa_console.training.samples.planner_samples import Recipe
 from pa_console.training.samples.reading_samples import write_readings
+from pa_console.training.samples.taught_orders import write_taught_orders
 
 MOST_REASONS = 12
 """Reasons for drops that are printed; the report has them all."""
@@ -23,14 +25,16 @@ def make_data(
     folder: Path,
     recipes: Sequence[Recipe],
     processes: int,
+    where: int | str,
     parts: tuple[Part, ...],
     rules: str,
     json: bool,
 ) -> None:
     """Make the groups of `recipes` that `folder` does not have yet, write and print its report.
 
+    They are made by so many `processes`, or with Dask: `where` is how many workers, or a scheduler.
     Raises DocumentError for a broken rule file, ValueError for a folder that holds something
-    else and without a clone.
+    else, without a clone, and without Dask or a scheduler.
     """
     training_data("language")
     rules_file = find_data("rules", rules, "rules.yaml")
@@ -43,9 +47,20 @@ def make_data(
 
             def keep(job: Job, made: Made) -> None:
                 data.add(job.recipe, job.parts, made)
+
+            def keep_and_tell(job: Job, made: Made) -> None:
+                keep(job, made)
                 progress.add(made)
 
-            build(jobs, rules_file, processes, keep)
+            if where:
+                workers = dask_workers(where)
+                from pa_console.training.samples.data_sweep import build_on_dask  # noqa: PLC0415
+
+                build_on_dask(
+                    jobs, rules_file, workers, keep, on_made=progress.add, told=errors.print
+                )
+            else:
+                build(jobs, rules_file, processes, keep_and_tell)
     except KeyboardInterrupt:
         errors.print(
             f"stopped: what is whole is kept; the same command with --out {folder} goes on",
@@ -90,6 +105,19 @@ def _print(folder: Path, report: DataReport) -> None:
         dropped.add_row(why, str(number))
     out.print(dropped)
     out.print(str(folder / REPORT), markup=False, soft_wrap=True)
+
+
+def make_taught_orders(file: Path, groups: int) -> None:
+    """Write the orders of so many situations; raises ValueError without a clone."""
+    training_data("language")
+    file.parent.mkdir(parents=True, exist_ok=True)
+    made = 0
+    with ReadingProgress(groups) as progress:
+        for orders in write_taught_orders(file, groups):
+            made += orders
+            progress.add(orders)
+    out.print(str(file), markup=False, soft_wrap=True)
+    errors.print(count(made, "order"))
 
 
 def make_readings(file: Path, recipes: Sequence[Recipe], rules: str, processes: int) -> None:

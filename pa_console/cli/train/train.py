@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from pa_console.cli.dask_options import SchedulerOption, WorkersOption, one_of
 from pa_console.cli.output import JsonOption, RulesOption
 
 app = typer.Typer(
@@ -56,7 +57,11 @@ def data(
         ),
     ] = 3,
     seed: SeedOption = 1,
-    jobs: JobsOption = 2,
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", min=1, help="Processes side by side; 2 if left out.")
+    ] = None,
+    workers: WorkersOption = 0,
+    scheduler: SchedulerOption = "",
     only: Annotated[
         Literal["planner", "judge"] | None,
         typer.Option(help="Make the samples of one adapter only; the other's can follow later."),
@@ -68,14 +73,27 @@ def data(
     from pa_console.cli.train.data import make_data  # noqa: PLC0415 - see the module
     from pa_console.training.samples.planner_samples import Recipe  # noqa: PLC0415
 
+    one_of(jobs=jobs is not None, workers=bool(workers), scheduler=bool(scheduler))
     make_data(
         out,
         [Recipe(number, seed, missions, wordings=wordings) for number in range(groups)],
-        jobs,
+        jobs or 2,
+        workers or scheduler,
         (only,) if only else ("planner", "judge"),
         rules,
         json,
     )
+
+
+@app.command()
+def orders(
+    out: Annotated[Path, typer.Option("--out", help="The file: taught_orders.tsv.")],
+    groups: Annotated[int, typer.Option(min=1, help="Situations in random worlds.")] = 400,
+) -> None:
+    """Make the short orders, with what they ask, that models without adapters are shown."""
+    from pa_console.cli.train.data import make_taught_orders  # noqa: PLC0415
+
+    make_taught_orders(out, groups)
 
 
 @app.command()

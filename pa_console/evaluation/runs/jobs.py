@@ -90,6 +90,8 @@ ABOUT: dict[str, str] = {
     "reading-3": "one-plan; the third of them, if there are so many",
     "ungrounded": "one-plan; the planner's reason may state what the picture denies",
     "no-grammar": "one-plan; the planner writes whatever it likes",
+    "clauses": "one-plan; a model without adapters says what is asked, the console plans",
+    "written-plan": "one-plan; a model without adapters writes the plan itself",
     "paper-retrieval": "one-plan with the paper's retrieval",
     "paper": "the paper's retrieval, prompt and judge; no checks, rehearsal, repair or grammar",
 }
@@ -117,6 +119,8 @@ VARIANTS: dict[str, Variant] = {
         *(_without(f"reading-{n}", reading=n) for n in range(1, MOST_READINGS + 1)),
         _without("ungrounded", grounded=False),
         _without("no-grammar", grammar=False),
+        _without("clauses", dialect="clauses"),
+        _without("written-plan", dialect="examples"),
         _without("paper-retrieval", method="paper"),
         _without(
             "paper",

@@ -1,13 +1,15 @@
 """How a model is spoken to and how it answers: at length with examples, or as adapters learnt it.
 
-A model without adapters needs instructions and examples in every prompt; one with adapters was
-trained on short prompts and short verdicts (`compact_prompt.py`).
+A model without adapters needs instructions and examples in every prompt. It says what an order
+asks and no more (`clauses`), or writes the plan itself (`examples`). One with adapters was trained
+on short prompts and short verdicts (`compact_prompt.py`).
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
+from pa_console.llm.roles.clause_prompt import MAX_TOKENS, reading_prefix, reading_prompt
 from pa_console.llm.roles.compact_prompt import (
     compact_fixed,
     compact_judge_prompt,
@@ -29,12 +31,13 @@ from pa_console.llm.roles.prompts import (
     planner_prompt,
 )
 from pa_console.orders.clause_grammar import ASKED_ONCE, grounded_asked, grounded_reason
+from pa_console.schema.evaluation import Variant
 from pa_console.schema.events.event import Role
 from pa_console.schema.rule import Rule
 from pa_console.schema.telemetry import Digest
 from pa_console.schema.world import World
 
-DialectName = Literal["examples", "compact"]
+DialectName = Literal["examples", "clauses", "compact"]
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,8 @@ class Dialect:
     plan_tokens: int
     verdict_tokens: int
     """The longest answers; room for them is kept in the context."""
+    served: bool = False
+    """Whether the planner says what is asked and no more, and the console makes the plan."""
 
 
 def _fixed_only(role: Role, world: World, _digest: Digest | None) -> Prompt:
@@ -83,20 +88,38 @@ def _compact_opening(world: World, digest: Digest, words: str, asked: str) -> st
     return compact_opening_grammar(grounded_asked(world, digest, words, asked))
 
 
+def _reader_ahead(role: Role, world: World, digest: Digest | None) -> Prompt:
+    """Return the clauses and the picture for a planner; its verdicts are those of `examples`."""
+    if role == "planner":
+        return reading_prefix(world, digest)
+    return _fixed_only(role, world, digest)
+
+
+_EXAMPLES = Dialect(
+    "examples",
+    planner_prompt,
+    judge_prompt,
+    outcome_prompt,
+    judge_grammar,
+    lambda _world, _digest, _words, _asked: (),
+    None,
+    None,
+    _fixed_only,
+    None,
+    700,
+    900,
+)
+
 DIALECTS: dict[DialectName, Dialect] = {
-    "examples": Dialect(
-        "examples",
-        planner_prompt,
-        judge_prompt,
-        outcome_prompt,
-        judge_grammar,
-        lambda _world, _digest, _words, _asked: (),
-        None,
-        None,
-        _fixed_only,
-        None,
-        700,
-        900,
+    "examples": _EXAMPLES,
+    "clauses": replace(
+        _EXAMPLES,
+        name="clauses",
+        planner=reading_prompt,
+        reason=grounded_asked,
+        ahead=_reader_ahead,
+        plan_tokens=MAX_TOKENS,
+        served=True,
     ),
     "compact": Dialect(
         "compact",
@@ -114,3 +137,13 @@ DIALECTS: dict[DialectName, Dialect] = {
     ),
 }
 """The dialects by the name that a catalogue entry gives."""
+
+
+def dialect_in(variant: Variant, prompts: DialectName) -> DialectName:
+    """Return the dialect of a model whose entry says `prompts`, in an evaluation's `variant`.
+
+    One that was trained keeps its own; the paper's prompt asks for a plan.
+    """
+    if prompts == "compact":
+        return prompts
+    return "examples" if variant.prompt == "paper" else variant.dialect or prompts

@@ -96,8 +96,13 @@ def reason_grammar(reasons: Sequence[str]) -> str:
     return f"start: {_literal(_REASON)} REASON {_literal(_ACTIONS)}\nREASON: {_all(reasons)}\n"
 
 
+def begun_grammar(reasons: Sequence[str]) -> str:
+    """Return the grammar of a plan without its actions; `reasons` are as in `reason_grammar`."""
+    return f"start: {_literal(_REASON)} REASON {_literal(_END)}\nREASON: {_all(reasons)}\n"
+
+
 def begun_reason(text: str) -> str:
-    """Return the reason in `text`, the beginning of what `reason_grammar` accepts."""
+    """Return the reason in `text`, the beginning of what either of the two accepts."""
     return text.removeprefix(_REASON).partition('"')[0]
 
 
@@ -214,6 +219,11 @@ class CommandSlot(NamedTuple):
 
     agents: tuple[str, ...]
     command: str
+
+    @property
+    def verb(self) -> Verb:
+        """The command's first word."""
+        return Action(agent=self.agents[0], command=self.command).verb
 
 
 def slot_grammar(slots: Sequence[CommandSlot], reasons: Sequence[str]) -> str:

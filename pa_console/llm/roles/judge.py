@@ -61,6 +61,10 @@ class OrderRead:
     error: str = ""
     usage: Usage = field(default_factory=Usage)
     confidence: float | None = None
+    text: str = ""
+    """The whole answer, as far as it came."""
+    fatal: bool = False
+    """Whether asking again would not help."""
 
 
 class Judge:

@@ -8,6 +8,7 @@ from pydantic import ValidationError
 
 from pa_console.llm.engine.protocol import Answering, Request, confidence
 from pa_console.llm.roles.answer_schema import Schema
+from pa_console.llm.roles.clause_reader import ClauseReader
 from pa_console.llm.roles.engine_call import OnText, ask_model
 from pa_console.llm.roles.grammar import READ, begun_reason, reason_grammar
 from pa_console.llm.roles.prompts import Prompt
@@ -44,6 +45,11 @@ class Planner:
         self, engine: Answering, *, max_tokens: int = MAX_TOKENS, deadline_s: float = DEADLINE_S
     ) -> None:
         self._engine, self._max_tokens, self._deadline_s = engine, max_tokens, deadline_s
+
+    @property
+    def reader(self) -> ClauseReader:
+        """The same model, asked for no more than what an order asks."""
+        return ClauseReader(self._engine, "planner", deadline_s=self._deadline_s)
 
     async def plan(
         self,

@@ -8,11 +8,11 @@ from typing import Self
 
 from pa_console.fleets.fleet import Fleet
 from pa_console.llm.engine.engine import Engine
-from pa_console.llm.roles.dialect import DIALECTS, Dialect
+from pa_console.llm.roles.clause_reader import ClauseReader
+from pa_console.llm.roles.dialect import DIALECTS, Dialect, dialect_in
 from pa_console.llm.roles.judge import Judge
 from pa_console.llm.roles.planner import Planner
 from pa_console.llm.roles.role_model import RoleModel
-from pa_console.llm.roles.server_reader import ServerReader
 from pa_console.llm.servers.servers import NO_SERVERS, Servers
 from pa_console.orchestrator.execution.command_gate import Authority, CommandGate
 from pa_console.orchestrator.intake.order_language import is_english, question_back
@@ -60,7 +60,7 @@ class Services:
     """What was seen where in this session; the station keeps it."""
     standing: StandingOrders
     """The standing orders in force in this session; the station keeps them."""
-    second_reader: Judge | None = None
+    second_reader: Judge | ClauseReader | None = None
     """What reads an order again of which planner or judge is unsure."""
     servers: Servers = NO_SERVERS
     """Models on servers, which are asked before the own one."""
@@ -88,8 +88,8 @@ class Services:
         `authority`, people and the station sign what is approved and sent. Models on `servers` are
         asked first, as long as they answer.
         """
-        dialect, variant = dialect or DIALECTS[engine.model.prompts], variant or Variant()
-        second = engine.second_reader
+        variant = variant or Variant()
+        dialect = dialect or DIALECTS[dialect_in(variant, engine.model.prompts)]
         if retriever is None:
             retriever = Retriever(rulebook.rules, variant.method or DEFAULT_METHOD)
         journal, standing = Journal(), StandingOrders()
@@ -106,7 +106,7 @@ class Services:
             gate=CommandGate(fleet, journal, authority, standing),
             sightings=Sightings(fleet.world),
             standing=standing,
-            second_reader=Judge(second, max_tokens=dialect.verdict_tokens) if second else None,
+            second_reader=_second_reader(engine),
             servers=servers,
         )
 
@@ -121,10 +121,10 @@ class Services:
         return self._on_server("judge")
 
     @property
-    def server_reader(self) -> ServerReader | None:
+    def server_reader(self) -> ClauseReader | None:
         """What reads unclear orders again on a server, while that answers."""
         server = self.servers.by_use.get("second reader")
-        return ServerReader(server) if server is not None and server.usable else None
+        return ClauseReader(server) if server is not None and server.usable else None
 
     def _on_server(self, use: ServerUse) -> tuple[RoleModel, ...]:
         """Return the model on a server that is to be `use`, if it answers, and then the own one."""
@@ -166,6 +166,14 @@ class Services:
         """Return the same with other rules; what was seen is kept, and what was decided."""
         retriever = self.retriever.over(rulebook.rules)
         return replace(self, rulebook=with_core(rulebook), retriever=retriever)
+
+
+def _second_reader(engine: Engine) -> Judge | ClauseReader | None:
+    """Return what reads orders again: a judge as it was trained, or any model, in clauses."""
+    second = engine.second_reader
+    if second is None or second.model.prompts != "compact":
+        return ClauseReader(second) if second is not None else None
+    return Judge(second, max_tokens=DIALECTS["compact"].verdict_tokens)
 
 
 @dataclass

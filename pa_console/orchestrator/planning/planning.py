@@ -52,7 +52,9 @@ async def plan(
     """Steps 3 to 6: ask for a plan until nothing blocks it, at most 1 + repairs times.
 
     `reasons` say what was wrong with the `previous` plan. The least bad plan is the one to decide
-    on; a mere warning is for the operator to acknowledge.
+    on; a mere warning is for the operator to acknowledge. A model that says only what is asked is
+    not asked again for plans that the console has made: an order means the same when they are
+    blocked.
     """
     best: Candidate | None = None
     reading: Reading | None = None
@@ -80,7 +82,8 @@ async def plan(
                 sent_back = best
             reasons = sent_back.examination.faults if best.examination.blocked else ()
             answer = sent_back.examination.plan.answer
-        if proposal.fatal or not reasons or left <= 0 or proposal.plan in seen:
+        again = not proposal.fatal and left > 0 and proposal.plan not in seen
+        if not (again and reasons) or (answered.model.dialect.served and proposal.plan is not None):
             break
         left -= 1
         if proposal.plan is not None:

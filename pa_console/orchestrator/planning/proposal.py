@@ -8,7 +8,15 @@ from time import perf_counter
 from typing import Literal
 
 from pa_console.llm.roles.answer_schema import Schema, plan_schema, slot_schema
-from pa_console.llm.roles.grammar import ANY_TEXT, CommandSlot, plan_grammar, slot_grammar
+from pa_console.llm.roles.clause_reader import ReadingQuestion
+from pa_console.llm.roles.engine_call import OnText
+from pa_console.llm.roles.grammar import (
+    ANY_TEXT,
+    CommandSlot,
+    begun_grammar,
+    plan_grammar,
+    slot_grammar,
+)
 from pa_console.llm.roles.planner import Proposal
 from pa_console.llm.roles.prompts import Prompt, paper_prompt
 from pa_console.llm.roles.role_model import RoleModel, first_answer
@@ -17,8 +25,10 @@ from pa_console.orchestrator.planning.digest import digest_picture
 from pa_console.orchestrator.planning.picture_selection import select
 from pa_console.orchestrator.planning.understanding import Retrieved
 from pa_console.orchestrator.tasking.command_choices import commands_serving
+from pa_console.orchestrator.tasking.served_plans import served_plan, still
 from pa_console.orders.clause_grammar import asked_now, grounded_reason
 from pa_console.orders.reading import asked_words, read_asked
+from pa_console.schema.command import Verb
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Usage
 from pa_console.schema.plan import Plan
@@ -85,8 +95,9 @@ class Answered:
     @property
     def begun(self) -> str:
         """The beginning of the answer in which it says what was asked; '' without that."""
-        text, words = self.proposal.text, self._words
-        return text[: text.find(words) + len(words)] if words and words in text else ""
+        text = self.proposal.text
+        words = next((words for words in (self._words, self.said) if words in text), "")
+        return text[: text.find(words) + len(words)]
 
     @property
     def _words(self) -> str:
@@ -120,7 +131,10 @@ def ask_for_plan(
         prompt = dialect.planner(world, digest, rules, task, reasons, previous)
     grammar, stated, asked = ANY_TEXT, (), asked_now(world, digest, retrieved.chosen)
     schema: Schema | None = None
-    if services.variant.grammar:
+    if dialect.served:
+        stated = tuple(dialect.reason(world, digest, task.text, asked))
+        grammar = begun_grammar(stated)
+    elif services.variant.grammar:
         shown = (None, None) if selection is None else (selection.assets, selection.frames)
         if services.variant.grounded:
             stated = tuple(dialect.reason(world, digest, task.text, asked))
@@ -179,12 +193,33 @@ async def _answered(
         context.emit(ev.TextStreamed(role="planner", attempt=attempt, text=piece))
 
     with watch.time("planning_s"):
-        proposal = await model.planner.plan(
-            question.prompt, question.grammar, on_text, question.schema
-        )
+        if model.dialect.served:
+            proposal = await _served(context, model, retrieved, question, on_text)
+        else:
+            proposal = await model.planner.plan(
+                question.prompt, question.grammar, on_text, question.schema
+            )
     if retrieved.chosen:
         proposal = replace(proposal, confidence=None)
     return Answered(model, retrieved, question, proposal, attempt)
+
+
+async def _served(
+    context: MissionContext,
+    model: RoleModel,
+    retrieved: Retrieved,
+    question: Question,
+    on_text: OnText,
+) -> Proposal:
+    """Ask `model` what is asked, and make the plan for that."""
+    asked = ReadingQuestion(question.prompt, question.reasons)
+    read = await model.planner.reader.read(asked, on_text)
+    if read.error:
+        return Proposal(read.text, None, read.error, read.fatal, read.usage)
+    ways = await commands_for(context, retrieved, read.asked, 1, retrieved.verbs)
+    slots = ways[0] if ways else still(context.services.fleet.picture())
+    made = served_plan(read.asked, slots, question.digest)
+    return Proposal(read.text, made, usage=read.usage, confidence=read.confidence)
 
 
 async def ask_for_others(
@@ -193,10 +228,10 @@ async def ask_for_others(
     """Step 5 once more, several answers at once: the other plans, the likeliest first.
 
     With `as_asked` all of them say of what was asked what the first answer said. All of them are
-    told.
+    told. There are none where the console makes the plan.
     """
     question, count = answered.question, context.services.variant.candidates - 1
-    if count < 1:
+    if count < 1 or answered.model.dialect.served:
         return []
     first = context.attempts
     with context.stopwatch.time("planning_s"):
@@ -236,18 +271,26 @@ async def other_readings(context: MissionContext, answered: Answered, count: int
 
 
 async def commands_for(
-    context: MissionContext, retrieved: Retrieved, asked: str, most: int
+    context: MissionContext,
+    retrieved: Retrieved,
+    asked: str,
+    most: int,
+    verbs: Sequence[Verb] = (),
 ) -> list[tuple[CommandSlot, ...]]:
     """Return the commands of plans that serve what was `asked`, each with who may have it.
 
-    None where the planner may give some commands only. In a large world it takes a while to
-    find them, which the screen does not wait for.
+    Where the planner may give some commands only, there are none but those in `verbs`. In a large
+    world it takes a while to find them, which the screen does not wait for.
     """
     fleet, reading = context.services.fleet, read_asked(asked)
-    if reading is None or retrieved.verbs:
+    if reading is None or (retrieved.verbs and not verbs):
         return []
-    found = islice(commands_serving(reading, fleet.world, fleet.picture()), most)
-    return await asyncio.to_thread(list, found)
+    found = (
+        slots
+        for slots in commands_serving(reading, fleet.world, fleet.picture())
+        if not verbs or all(slot.verb in verbs for slot in slots)
+    )
+    return await asyncio.to_thread(list, islice(found, most))
 
 
 async def ask_who(
@@ -260,18 +303,13 @@ async def ask_who(
     """Step 5 once more, with the commands of `slots` given: who of those open to it has each.
 
     The plan says that this was `asked`; `instead` says who read that in the mission, if not the
-    planner. None when there is no plan in the answer.
+    planner. None when there is no plan in the answer. Where the console makes the plans, it says
+    who.
     """
-    services, question = context.services, answered.question
-    task = answered.retrieved.task
-    reasons = grounded_reason(services.fleet.world, question.digest, task.text, asked)
     first = context.attempts
     by_server = answered.model.server is not None
-    schema = slot_schema(slots, asked) if by_server else None
     with context.stopwatch.time("planning_s"):
-        proposal = await answered.model.planner.plan(
-            question.prompt, slot_grammar(slots, reasons), schema=schema
-        )
+        proposal = await _given_commands(context, answered, asked, slots)
         number = context.next_attempt()
         sure = None if instead else answered.proposal.confidence
         given = replace(proposal, confidence=sure)
@@ -284,6 +322,20 @@ async def ask_who(
         if given.plan is not None
         else None
     )
+
+
+async def _given_commands(
+    context: MissionContext, answered: Answered, asked: str, slots: Sequence[CommandSlot]
+) -> Proposal:
+    """Return a plan for what was `asked` with the commands of `slots`."""
+    model, question, task = answered.model, answered.question, answered.retrieved.task
+    if model.dialect.served:
+        made = served_plan(asked, slots, question.digest)
+        return Proposal(made.answer, made)
+    world = context.services.fleet.world
+    grammar = slot_grammar(slots, grounded_reason(world, question.digest, task.text, asked))
+    schema = slot_schema(slots, asked) if model.server is not None else None
+    return await model.planner.plan(question.prompt, grammar, schema=schema)
 
 
 def _proposed(

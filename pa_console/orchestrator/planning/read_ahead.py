@@ -10,6 +10,8 @@ from contextlib import suppress
 
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.errors import EngineError
+from pa_console.llm.roles.clause_prompt import reading_prefix
+from pa_console.llm.roles.clause_reader import ClauseReader
 from pa_console.orchestrator.intake.spelling_correction import prepare
 from pa_console.orchestrator.mission.services import Services
 from pa_console.orchestrator.planning.digest import digest_picture
@@ -87,6 +89,10 @@ class ReadAhead:
         if services.engine.busy or self._read.get((engine, role)) == (digest, words):
             return
         self._read[engine, role] = (digest, words)
+        if isinstance(services.second_reader, ClauseReader) and engine is not services.engine:
+            prompt = reading_prefix(fleet.world, digest)
+            await engine.warm(role, prompt.system, prompt.user)
+            return
         prompt = services.dialect.ahead(role, fleet.world, digest)
         if services.dialect.typed is not None and digest is not None and words.strip():
             hits = services.retriever.retrieve(words, services.top_k)

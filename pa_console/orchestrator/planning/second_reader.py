@@ -2,15 +2,16 @@
 
 Planner and judge share their weights, and so their misreadings. The second reader is a larger model
 of another family: it is asked only where there is doubt, so that a clear order costs no more time.
-It says what was asked and nothing else; the plan for that goes the same way as any other. One on a
-server is not measured: what it reads is offered, makes no doubt less and decides nothing.
+It says what was asked and nothing else; the plan for that goes the same way as any other. One that
+was not trained for orders, or is on a server, is not measured: what it reads is offered, makes no
+doubt less and decides nothing.
 """
 
 import asyncio
 from dataclasses import replace
 
+from pa_console.llm.roles.clause_reader import ClauseReader, ask_what_is_asked
 from pa_console.llm.roles.judge import Judge, OrderRead
-from pa_console.llm.roles.server_reader import ServerReader
 from pa_console.orchestrator.mission.services import MissionContext
 from pa_console.orchestrator.planning.candidate import Candidate, ReadAgain
 from pa_console.orchestrator.planning.judging import PlanCase, ask_about_plan
@@ -52,8 +53,8 @@ async def read_again(context: MissionContext, case: PlanCase, shown: Candidate) 
     with context.stopwatch.time("readings_s"):
         try:
             async with asyncio.timeout(PATIENCE_S):
-                if isinstance(reader, ServerReader):
-                    read = await reader.read(world, case.digest, case.task)
+                if isinstance(reader, ClauseReader):
+                    read = await reader.read(ask_what_is_asked(world, case.digest, case.task))
                 else:
                     question = ask_about_plan(services.dialect, world, services.rulebook, case)
                     read = await reader.read(question)

@@ -85,7 +85,7 @@ class Job(NamedTuple):
 class Made:
     """The samples of one group; `dropped` counts why missions or texts were not taken.
 
-    `near` says how near its missions came to those of the test sets.
+    `near` says how near its missions came to those of the test sets, whatever was made before.
     """
 
     near: NearReport
@@ -105,19 +105,23 @@ def build(
     load_rules(rules)
     forbidden = generated_numbers(shipped_missions())
     tasks = [(job, rules, forbidden) for job in jobs]
-    with closing(each_in_order(_make, tasks, processes)) as groups:
+    with closing(each_in_order(made_in, tasks, processes)) as groups:
         for job, made in zip(jobs, groups, strict=True):
             on_group(job, made)
 
 
-def _make(task: tuple[Job, Path, frozenset[Numbers]]) -> Made:
+def made_in(task: tuple[Job, Path, frozenset[Numbers]]) -> Made:
+    """Return the group of a job, made in this process under a rule file.
+
+    Worlds of the generator with those numbers are not drawn.
+    """
     job, rules, forbidden = task
     rulebook, retriever = _policy(rules)
     recipe, known = job.recipe, _filter()
-    before = known.report()
+    known.forget()
     group = make_group(recipe, rulebook, forbidden)
     drop_known(group)
-    made = Made(before)
+    made = Made(known.report())
     if "planner" in job.parts:
         rng, spoken = _rng("words", recipe), spoken_words(recipe)
         words = Rewording(group.situation, rulebook, known, rng, recipe.split, spoken)
@@ -131,7 +135,7 @@ def _make(task: tuple[Job, Path, frozenset[Numbers]]) -> Made:
             group, rulebook, retriever, rng, split, dropped, words.reworded
         )
         made.samples += outcome_samples(group, rulebook, rng, dropped)
-    made.near = seen_since(before, known.report())
+    made.near = known.report()
     return made
 
 
@@ -211,6 +215,10 @@ class DataFolder:
         path.mkdir(parents=True, exist_ok=True)
         self.path, self._generator = path, generator
         self.entries = _fitting(path, read_journal(path))
+        self._nearest: dict[str, float] = {}
+        for entry in self.entries:
+            for name, score in entry.near.nearest.items():
+                self._nearest[name] = max(score, self._nearest.get(name, 0.0))
         self.mend()
 
     @property
@@ -236,7 +244,7 @@ class DataFolder:
             generator=self._generator,
             counts=Counter(f"{sample.task} {sample.kind}" for sample in made.samples),
             dropped=+made.dropped,
-            near=made.near,
+            near=self._nearer(made.near),
             sizes=sizes,
         )
         _append(self.path / JOURNAL, entry.model_dump_json() + "\n")
@@ -248,6 +256,13 @@ class DataFolder:
         _shorten(self.path / JOURNAL, len(text.encode()))
         for name in FILES:
             _shorten(self.path / name, self.entries[-1].sizes[name] if self.entries else 0)
+
+    def _nearer(self, near: NearReport) -> NearReport:
+        """Return how near a group came, of the missions only those to which it came nearest."""
+        most = self._nearest
+        news = {name: s for name, s in near.nearest.items() if s > most.get(name, 0.0)}
+        most.update(news)
+        return near.model_copy(update={"nearest": news})
 
     def _there(self, recipe: Recipe) -> set[Part]:
         return {

@@ -83,6 +83,10 @@ class NearDuplicates:
         self._words = [*own, *any_world]
         self._sorted = [_in_order(words) for words in self._words]
         self._lengths = np.array([len(words) for words in self._words])
+        self.forget()
+
+    def forget(self) -> None:
+        """Count from nothing again."""
         self._nearest = np.zeros(len(self._ids), dtype=np.float32)
         self._histogram = np.zeros(100 // _BIN + 1, dtype=np.int64)
         self._checked = self._dropped = 0

@@ -1,0 +1,242 @@
+"""Work on the workers of a Dask scheduler; imported where one is asked for, and for that alone.
+
+What is to be made goes under a key of its own: it is made once however often it is sent. Results
+come as they finish. What a killed worker had under way is made by another one, and what a scheduler
+that was restarted has forgotten is sent again.
+"""
+
+import asyncio
+import hashlib
+import logging
+import signal
+from abc import ABC, abstractmethod
+from collections.abc import AsyncGenerator, Callable, Coroutine, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from threading import Lock, Thread
+from typing import Any, Generic, Protocol, TypeVar, cast
+
+from distributed import Client, LocalCluster, WorkerPlugin, as_completed, get_worker
+from distributed.scheduler import KilledWorker
+
+from pa_console.orchestrator.station.assembly import Site, load_site
+
+AWAY_S = 600.0
+"""So long a scheduler that is away is waited for."""
+AGAIN_S = 2.0
+"""Between two tries to reach it."""
+
+
+class SweepError(ValueError):
+    """A sweep that cannot go on; what was made is kept, and the same command goes on with it."""
+
+
+class Keyed(Protocol):
+    """Something to be made."""
+
+    @property
+    def key(self) -> str:
+        """What it goes by on the scheduler: a hash of everything that it depends on is in it."""
+        ...
+
+
+TaskT = TypeVar("TaskT", bound=Keyed)
+MadeT = TypeVar("MadeT")
+
+
+class TaskMaker(WorkerPlugin, ABC, Generic[TaskT, MadeT]):
+    """Makes results on a worker, one at a time; it is sent there once, with what it needs."""
+
+    name: str
+    """Tells one kind of work on a scheduler from any other."""
+    own_process = False
+    """Whether the worker is a process of this program's own: that leaves Ctrl-C to the program."""
+
+    def setup(self, worker: object) -> None:  # noqa: ARG002 - the library's signature
+        """Begin on a worker."""
+        if self.own_process:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+        self.turn = Lock()
+        self._temporary = TemporaryDirectory(prefix="pa-console-")
+        self.folder = Path(self._temporary.name)
+        self.begin()
+
+    def teardown(self, worker: object) -> None:  # noqa: ARG002
+        """End on a worker."""
+        self.end()
+        self._temporary.cleanup()
+
+    def begin(self) -> None:
+        """Make ready, once on a worker; `folder` is for its files."""
+
+    def end(self) -> None:
+        """Undo that."""
+
+    @abstractmethod
+    def make(self, task: TaskT) -> MadeT:
+        """Return what `task` comes to; called by threads of the worker."""
+
+
+class LoopMaker(TaskMaker[TaskT, MadeT]):
+    """Makes results in a loop of its own beside the worker's, where engines live."""
+
+    def begin(self) -> None:
+        """Start the loop."""
+        self._loop = asyncio.new_event_loop()
+        self._thread = Thread(target=self._loop.run_forever, daemon=True)
+        self._thread.start()
+        self._one = asyncio.Lock()
+
+    def end(self) -> None:
+        """Break off what is being made, whose thread would wait for it; then close."""
+        asyncio.run_coroutine_threadsafe(self._break_off(), self._loop).result()
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+
+    def make(self, task: TaskT) -> MadeT:
+        """Wait for what `task` comes to; raises what it ran into."""
+        return asyncio.run_coroutine_threadsafe(self._in_turn(task), self._loop).result()
+
+    @abstractmethod
+    def made(self, task: TaskT) -> Coroutine[Any, Any, MadeT]:
+        """Return what `task` comes to."""
+
+    @abstractmethod
+    async def close(self) -> None:
+        """End the models' processes."""
+
+    async def _in_turn(self, task: TaskT) -> MadeT:
+        async with self._one:
+            return await self.made(task)
+
+    async def _break_off(self) -> None:
+        making = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in making:
+            task.cancel()
+        await asyncio.gather(*making, return_exceptions=True)
+        await self.close()
+
+
+class SentSites:
+    """The sites that were sent to a worker as the texts of their files, which are written once."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._sites: dict[str, Site] = {}
+
+    def site(self, world: str, rules: str) -> Site:
+        """Return the site of these texts; raises DocumentError."""
+        name = hashlib.sha256(f"{world}\0{rules}".encode()).hexdigest()[:16]
+        if name not in self._sites:
+            folder = self._folder / name
+            folder.mkdir()
+            world_file, rules_file = folder / "world.yaml", folder / "rules.yaml"
+            world_file.write_text(world, encoding="utf-8")
+            rules_file.write_text(rules, encoding="utf-8")
+            self._sites[name] = load_site(str(world_file), str(rules_file), unsigned=True)
+        return self._sites[name]
+
+
+def make_remotely(maker: str, task: Keyed) -> object:
+    """Make `task` with the `maker` of that name on the worker that this is called on."""
+    return cast(Any, get_worker()).plugins[maker].make(task)
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Where the work is done: at the `scheduler` at that address, or by `count` processes here."""
+
+    scheduler: str = ""
+    count: int = 0
+
+
+class DaskSweep(Generic[TaskT, MadeT]):
+    """Makes on Dask's workers whatever is `missing` still, with a `maker` that is sent to them."""
+
+    def __init__(
+        self,
+        maker: TaskMaker[TaskT, MadeT],
+        missing: Callable[[], Sequence[TaskT]],
+        *,
+        told: Callable[[str], None] = lambda _text: None,
+        again_s: float = AGAIN_S,
+    ) -> None:
+        """`told` gets what a person should know.
+
+        A scheduler that is away is looked for again after `again_s` seconds.
+        """
+        self._maker, self._missing, self._told, self._again_s = maker, missing, told, again_s
+        self._reached = False
+        """Whether there was a scheduler: one that goes away is waited for."""
+
+    async def run(self, workers: Workers) -> AsyncGenerator[MadeT]:
+        """Yield each result as it comes back; when the next is asked for, it has to be kept.
+
+        Raises SweepError when there is no scheduler, or a task ends every worker that makes it.
+        """
+        async with cluster(workers) as target:
+            async for made in self.run_on(target):
+                yield made
+
+    async def run_on(self, target: Any) -> AsyncGenerator[MadeT]:
+        """Yield the same with the workers of `target`, an address or a cluster of Dask."""
+        clock = asyncio.get_running_loop().time
+        last = clock()
+        while tasks := self._missing():
+            try:
+                async for made in self._round(target, tasks):
+                    last = clock()
+                    yield made
+            except (OSError, TimeoutError) as error:
+                if not self._reached or clock() - last > AWAY_S:
+                    raise SweepError(
+                        f"no scheduler answers at {target}: see its address"
+                    ) from error
+            if left := self._missing():
+                self._told(f"the scheduler is away: {len(left)} results are asked for again")
+                await asyncio.sleep(self._again_s)
+
+    async def _round(self, target: Any, tasks: Sequence[TaskT]) -> AsyncGenerator[MadeT]:
+        """Send `tasks` and yield what comes back, until all are there or the scheduler is gone."""
+        connecting: Any = Client(target, asynchronous=True, timeout=AGAIN_S)
+        async with connecting as client:
+            self._reached = True
+            self._maker.own_process = not isinstance(target, str)
+            name = self._maker.name
+            await client.register_plugin(self._maker, name=name)
+            futures = [client.submit(make_remotely, name, task, key=task.key) for task in tasks]
+            completed: Any = as_completed(futures)
+            async for future in completed:
+                if future.status == "error":
+                    raise _failed(await future.exception())
+                if future.status != "finished":  # the scheduler forgot it
+                    continue
+                yield cast(MadeT, await future.result())
+                future.release()
+
+
+def _failed(error: BaseException) -> BaseException:
+    if isinstance(error, KilledWorker):
+        return SweepError(f"one task ended every worker that made it: {error}")
+    return error
+
+
+@asynccontextmanager
+async def cluster(workers: Workers) -> AsyncGenerator[Any]:
+    """Give what a client connects to; processes of this machine end when this is left."""
+    if workers.scheduler:
+        yield workers.scheduler
+        return
+    started = cast(Any, LocalCluster)(
+        n_workers=workers.count,
+        threads_per_worker=1,
+        processes=True,
+        asynchronous=True,
+        host="127.0.0.1",
+        dashboard_address=None,
+        silence_logs=logging.CRITICAL,
+    )
+    async with started as running:
+        yield running
