@@ -60,7 +60,7 @@ def test_the_adapters_of_the_catalogue_are_inside_and_no_other_weights(wheel: se
 
 def test_what_training_needs_and_learnt_stays_in_the_repository(wheel: set[str]) -> None:
     models = {name for name in wheel if name.startswith("pa_console/data/models/")}
-    assert {Path(name).suffix for name in models} == {".yaml", ".gguf", ".md"}
+    assert {Path(name).suffix for name in models} == {".yaml", ".gguf", ".md", ".tsv"}
     cards = {f"{name.removesuffix('.lora.gguf')}.md" for name in models if name.endswith(".gguf")}
     assert {name for name in models if name.endswith(".md")} == cards
     assert [name for name in models if name.endswith(".yaml")] == [
