@@ -53,7 +53,7 @@ VERBS = {
     ),
     "keys": Verb(
         "keys.keys:app",
-        "Make, list, enrol, revoke and rotate the keys of a site; put a station in command.",
+        "Make, list, enrol, revoke and rotate the keys of a site; sign; put a station in command.",
     ),
     "models": Verb("models:app", "List and pull language models."),
     "eval": Verb(

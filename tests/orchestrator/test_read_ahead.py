@@ -1,6 +1,7 @@
 """What is known before a mission is read by the model while nobody waits for it."""
 
 import asyncio
+from dataclasses import replace
 
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.roles.dialect import DIALECTS
@@ -98,6 +99,7 @@ async def test_whole_words_are_read_with_their_rules_while_the_next_is_typed(rig
 
 async def test_the_second_reader_reads_what_is_typed_after_planner_and_judge(rig: Rig) -> None:
     engine, second = ScriptedEngine([]), ScriptedEngine([])
+    second.model = replace(second.model, prompts="compact")
     engine.second_reader = second
     ahead = ReadAhead(services(rig.site, engine))
     await ahead.load()

@@ -1,6 +1,7 @@
 """Where planner or judge is unsure of an order, another model reads it again."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -17,9 +18,11 @@ TO_NORTH = "Send a drone to NorthGate."
 
 
 def reader(asked: Answer, sure: float) -> ScriptedEngine:
-    """Return a second reader that says that so much was `asked`, and how sure it is."""
+    """Return a trained second reader that says that so much was `asked`, and how sure it is."""
     said = verdicts(asked)[0] if isinstance(asked, str) else asked
-    return ScriptedEngine([], [said], chances=[(0, math.log(sure))])
+    scripted = ScriptedEngine([], [said], chances=[(0, math.log(sure))])
+    scripted.model = replace(scripted.model, prompts="compact")
+    return scripted
 
 
 def read_again(rig: Rig) -> list[ev.OrderReadAgain]:

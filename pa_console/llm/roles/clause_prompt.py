@@ -72,9 +72,13 @@ def reading_prompt(
 
 
 def reading_prefix(world: World, digest: Digest | None) -> Prompt:
-    """Return the beginning of every such prompt while the picture stays as it is."""
-    lines = [f"Gates: {', '.join(world.gates)}"] if digest is None else [*_there(world, digest)]
-    return Prompt(READER, "\n".join(lines) + "\n")
+    """Return the beginning of every such prompt while the picture stays as it is.
+
+    Without a `digest`, that of a world too large to be told, it is what never changes.
+    """
+    if digest is None:
+        return Prompt(READER, "")
+    return Prompt(READER, "".join(f"{line}\n" for line in _there(world, digest)))
 
 
 def _there(world: World, digest: Digest) -> Iterator[str]:
