@@ -87,7 +87,9 @@ def data(
 
 @app.command()
 def orders(
-    out: Annotated[Path, typer.Option("--out", help="The file that is written: tab-separated values.")],
+    out: Annotated[
+        Path, typer.Option("--out", help="The file that is written: tab-separated values.")
+    ],
     groups: Annotated[int, typer.Option(min=1, help="Situations in random worlds.")] = 400,
 ) -> None:
     """Make the short orders, with what they ask, that models without adapters are shown."""
