@@ -99,7 +99,7 @@ def talks(site: Site, play: Callable[[Talk], Awaitable[None]], *setup: Incident,
 async def test_before_anything_is_ordered_there_is_nothing_to_tell(site: Site) -> None:
     async def play(talk: Talk) -> None:
         for text in ("Why?", "why that drone", "why not the robot", "any other option?"):
-            assert list(await talk.ask(text)) == ["nothing yet"]
+            assert list(await talk.ask(text)) == ["on record"]
 
     await talks(site, play)
 

@@ -312,3 +312,12 @@ async def test_a_timer_that_fires_while_the_console_closes_finds_nothing_to_pain
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot, station)
     assert fired == [False]  # its field was gone already
+
+
+async def test_the_key_that_leads_to_the_prompt_is_no_part_of_a_mission(tmp_path: Path) -> None:
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        await pilot.press("slash", *"hold 1", "slash", "2")
+        assert app.screen.query_one(MissionInput).text == "hold 1/2"

@@ -49,7 +49,7 @@ async def answer(
         lines = gate_lines(state, question.subjects[0], services.fleet.world.dt_s)
         return Answer(_told(question, [*lines]))
     if trace is None:
-        return Answer(_told(question, [AnswerLine(about="nothing yet", said=NOTHING_YET)]))
+        return Answer(_told(question, [AnswerLine(about="on record", said=NOTHING_YET)]))
     lines = await _about(services, question, trace, found)
     return Answer(_told(question, lines), trace.mission.id)
 

@@ -7,6 +7,7 @@ the `Enter` that may have been meant for the menu.
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Horizontal
@@ -98,6 +99,12 @@ class MissionInput(TextField):
         if action in ("select_line", "select_all"):
             return False
         return super().check_action(action, parameters)
+
+    async def on_key(self, event: events.Key) -> None:
+        """Take no slash as the first letter: it is the key that leads here."""
+        if event.key == "slash" and not self.text:
+            event.stop()
+            event.prevent_default()
 
     def action_send(self) -> None:
         """Tell that the text is to be sent; not by a key that is held, or was for something else.
