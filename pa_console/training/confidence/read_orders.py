@@ -124,8 +124,9 @@ class OrderReader:
         fits = not compare_with_order(judged.asked, moves).gaps
         sure = min(proposal.confidence, judged.confidence or 1.0)
         second, same, alone, shown = OrderRead(""), False, False, (asked, plan)
-        if services.second_reader is not None and (sure < DOUBT or not fits or gaps):
-            second = await _reads(services.second_reader, services, question, task, hits)
+        again = services.second_reader  # one without adapters is not measured, and not fitted to
+        if isinstance(again, Judge) and (sure < DOUBT or not fits or gaps):
+            second = await _reads(again, services, question, task, hits)
             same = agree(asked, second.asked, world.base)
             if second.asked and not same and (second.confidence or 0.0) >= LEAST:
                 other = await _plan_for(services, question, said.text, second.asked)
