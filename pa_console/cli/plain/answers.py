@@ -11,6 +11,7 @@ from pa_console.schema.plan import Plan
 
 HOW = "approve, reject, modify, show, stop; with an objection of the judge: approve because REASON"
 _WORDS = re.compile(r"(?is)\s*(approve|reject|modify|reading|reason|show)\b[\s:,]*(.*)")
+_STOP = re.compile(r"(?i)\s*stop(\s+all)?\s*[.!]*\s*")
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,11 @@ class Answer:
     confirm: str = ""
     problem: str = ""
     show: bool = False
+
+
+def is_stop(line: str) -> bool:
+    """Whether `line` stops everybody, at any console in lines and whatever waits there."""
+    return _STOP.fullmatch(line) is not None
 
 
 def read_answer(line: str, request: ApprovalRequested, reason: str = "") -> Answer | None:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import aclosing
 from time import monotonic
 
-from pa_console.cli.plain.answers import read_answer, reason_of
+from pa_console.cli.plain.answers import is_stop, read_answer, reason_of
 from pa_console.cli.plain.told_session import ToldSession
 from pa_console.orchestrator.joined.joined_station import JoinedStation
 from pa_console.schema.events import event as ev
@@ -25,7 +25,6 @@ This is the session of {station}: it is commanded there. Each of these is a line
   take command      put this station in command, after a question; a commander may
   help, quit        quit, or Ctrl-C, leaves; the session goes on"""
 
-_STOP = re.compile(r"(?i)\s*stop(\s+all)?\s*[.!]*\s*")
 _SIGN = re.compile(r"(?is)\s*(sign|countersign|approve)\b(.*)")
 _TAKE = re.compile(r"(?i)\s*take\s+(command|over)\s*[.!]*\s*")
 
@@ -159,7 +158,7 @@ class JoinedConsole:
         confirming, self._confirming = self._confirming, None
         word = line.casefold()
         try:
-            if _STOP.fullmatch(line):
+            if is_stop(line):
                 self._station.stop_all()
                 self._say(f"{self._station.station} was asked to stop everybody")
             elif confirming is not None and word == "yes":

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import aclosing, suppress
 from time import monotonic
 
-from pa_console.cli.plain.answers import HOW, Answer, is_answer, read_answer, reason_of
+from pa_console.cli.plain.answers import HOW, Answer, is_answer, is_stop, read_answer, reason_of
 from pa_console.cli.plain.told_session import ToldSession
 from pa_console.observability.observers import Observer, unobserved
 from pa_console.orchestrator.station.station import Station
@@ -39,7 +39,6 @@ CTRL_C = (
 TOLD_EVERY_S = 5.0
 """How often it is said what is being waited for."""
 
-_STOP = re.compile(r"(?i)\s*stop(\s+all)?\s*[.!]*\s*")
 _SPEED = re.compile(r"(?i)\s*speed\s+(\S+)\s*")
 _REVOKE = re.compile(r"(?i)\s*revoke\s+(\S+)\s*")
 _MISSION = re.compile(r"(?is)\s*mission\b[\s:]+(\S.*)")
@@ -168,7 +167,7 @@ class LineConsole:
         """Carry out one line; what is wrong with it is said."""
         confirming, self._confirming = self._confirming, None
         try:
-            if _STOP.fullmatch(line):
+            if is_stop(line):
                 self._station.stop_all()
             elif confirming is not None and line.casefold() == "yes":
                 confirming()
