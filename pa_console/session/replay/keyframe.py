@@ -6,44 +6,22 @@ A keyframe holds no picture, which the log has, and no mission, which are kept o
 import zlib
 from collections import deque
 from collections.abc import Callable, Iterator, MutableMapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import replace
 from functools import cache
 
 from pydantic import TypeAdapter
 
-from pa_console.schema.alarm import QueueEntry
-from pa_console.schema.events import event as ev
-from pa_console.session.state.fold import NOTICES_KEPT, Notice, OpenAlarm, SessionState, Stop
-from pa_console.session.state.mission_trace import CommandTrace, MissionTrace
-from pa_console.session.state.standing_trace import StandingTrace
-
-
-@dataclass(frozen=True)
-class Keyframe:
-    """A SessionState without its picture and missions, of which it has the first `arrived`."""
-
-    arrived: int
-    started: ev.SessionStarted | None
-    ended: str
-    tick: int
-    worker: ev.WorkerChanged | None
-    active: str | None
-    last_active: str | None
-    latest: str | None
-    queue: tuple[QueueEntry, ...]
-    stop: Stop | None
-    notices: list[Notice]
-    open_alarms: dict[str, OpenAlarm]
-    answers: dict[str, str]
-    loose_orders: dict[str, CommandTrace]
-    servers: dict[str, ev.ServerChanged] = field(default_factory=dict[str, ev.ServerChanged])
-    standing: dict[str, StandingTrace] = field(default_factory=dict[str, StandingTrace])
+from pa_console.session.state.fold import NOTICES_KEPT, SessionState
+from pa_console.session.state.mission_trace import MissionTrace
 
 
 @cache
-def _keyframes() -> TypeAdapter[Keyframe]:
-    """Return what reads and writes keyframes; made when a recording is, not when a console is."""
-    return TypeAdapter(Keyframe)
+def _keyframes() -> TypeAdapter[tuple[int, SessionState]]:
+    """Return what reads and writes keyframes; made when a recording is, not when a console is.
+
+    A keyframe is how many missions had arrived, and the session without them and its picture.
+    """
+    return TypeAdapter(tuple[int, SessionState])
 
 
 @cache
@@ -88,24 +66,7 @@ class MissionShelf(MutableMapping[str, MissionTrace]):
 
 def pack_state(state: SessionState) -> bytes:
     """Return `state` without its picture and missions."""
-    frame = Keyframe(
-        arrived=len(state.missions),
-        started=state.started,
-        ended=state.ended,
-        tick=state.tick,
-        worker=state.worker,
-        servers=state.servers,
-        standing=state.standing,
-        active=state.active,
-        last_active=state.last_active,
-        latest=state.latest,
-        queue=state.queue,
-        stop=state.stop,
-        notices=list(state.notices),
-        open_alarms=state.open_alarms,
-        answers=state.answers,
-        loose_orders=state.loose_orders,
-    )
+    frame = len(state.missions), replace(state, picture=None, missions={})
     return zlib.compress(_keyframes().dump_json(frame), 1)
 
 
@@ -113,25 +74,10 @@ def unpack_state(
     packed: bytes, missions: Sequence[str], load: Callable[[str], MissionTrace]
 ) -> SessionState:
     """Return the state that was packed, without its picture; `missions` are all of the session."""
-    frame = _keyframes().validate_json(zlib.decompress(packed))
-    return SessionState(
-        started=frame.started,
-        ended=frame.ended,
-        tick=frame.tick,
-        worker=frame.worker,
-        servers=frame.servers,
-        standing=frame.standing,
-        missions=MissionShelf(missions[: frame.arrived], load),
-        active=frame.active,
-        last_active=frame.last_active,
-        latest=frame.latest,
-        queue=frame.queue,
-        stop=frame.stop,
-        notices=deque(frame.notices, maxlen=NOTICES_KEPT),
-        open_alarms=frame.open_alarms,
-        answers=frame.answers,
-        loose_orders=frame.loose_orders,
-    )
+    arrived, state = _keyframes().validate_json(zlib.decompress(packed))
+    state.missions = MissionShelf(missions[:arrived], load)
+    state.notices = deque(state.notices, maxlen=NOTICES_KEPT)
+    return state
 
 
 def pack_mission(trace: MissionTrace) -> bytes:
