@@ -86,6 +86,14 @@ def test_any_events_come_back_from_keyframes_as_they_were_folded(
     assert player.state == folded(logged[:target])
 
 
+def test_whoever_seeks_past_a_relief_sees_a_station_that_is_relieved(tmp_path: Path) -> None:
+    relieved = "station 2 has command"
+    happened = [at(0.0, ev.AuthorityChanged(refusal=relieved)), *long_story(1)]
+    player = Player(Recording.read(write(tmp_path / "s.jsonl", happened), frame_events=1))
+    player.seek(player.duration)
+    assert player.state.relieved == relieved
+
+
 def test_a_kept_index_serves_until_the_log_changes_or_it_is_damaged(
     log: Path, tmp_path: Path
 ) -> None:
