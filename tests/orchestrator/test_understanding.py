@@ -26,6 +26,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Verdict
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
+from pa_console.session.confidence import UNSURE
 from tests.orchestrator.conftest import Rig
 from tests.scripted import ScriptedEngine, plan
 
@@ -61,7 +62,7 @@ def test_a_plan_is_approve_only_where_nothing_speaks_against_it(
     read: OrderAsRead, blocked: bool, objected: bool
 ) -> None:
     state = approval_state(read, blocked=blocked, objected=objected)
-    unsure = read.confidence is not None and read.confidence < 0.5
+    unsure = read.confidence is not None and read.confidence < UNSURE
     doubted = unsure or bool(read.gaps) or read.read_apart
     worst = [
         (bool(read.question), "not_understood"),
