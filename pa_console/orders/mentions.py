@@ -1,8 +1,9 @@
 """What the words of an order name: places, assets, tracks, kinds, how many, and verbs.
 
 Names are found as entity linking finds them (`name_linking.py`). A name is asked about, or only
-told, quoted or ruled out: *the east gate is quiet, send a drone to the west gate* asks for nothing
-at the east gate. Of an order that asks in no clause, every clause counts as asking.
+told, quoted, addressed or ruled out: *the east gate is quiet, send a drone to the west gate* asks
+for nothing at the east gate, *East gate, this is Watch* for nothing there either. Of an order that
+asks in no clause, every clause counts as asking.
 """
 
 import re
@@ -88,6 +89,10 @@ _RULED_OUT = re.compile(
     r"|n['’]t)\b(?:(?!\b(?:but|and|only|then|just)\b).)*$",
     re.IGNORECASE,
 )
+_STATION = re.compile(r"\s*this is\b", re.IGNORECASE)
+"""How a radio message goes on after the call signs of those that it is addressed to."""
+_MOST_ADDRESSED = 3
+"""Words of a call sign."""
 _STAYS_ON = re.compile(
     r"\band (?:then )?(?:just )?(?P<verb>hold|stay|wait|remain)\b"
     r"(?= *(?:$|(?:there|here|put|inside|outside|with (?:it|them|him|her)|until|till|for)\b))",
@@ -104,7 +109,7 @@ _IF = re.compile(
 class Mention(NamedTuple):
     """Words of an order as they were `said`, and what they mean: a name, a kind, a number, a verb.
 
-    `asked` is False where they are only told, quoted or ruled out.
+    `asked` is False where they are only told, quoted or ruled out, or call a place by radio.
     """
 
     sort: Sort
@@ -123,6 +128,13 @@ class _Clause(NamedTuple):
     text: str
     asks: bool
     quoted: bool = False
+    addressed: bool = False
+    """Whether it is a call sign at the start of a radio message."""
+
+    def asks_about(self, start: int, sort: Sort) -> bool:
+        """Whether it asks about what is of this `sort` and begins at `start`."""
+        called = self.addressed and sort == "place"
+        return self.asks and not called and not _RULED_OUT.search(self.text[:start])
 
 
 def find_mentions(world: World, text: str, tracks: Iterable[str] = ()) -> tuple[Mention, ...]:
@@ -171,17 +183,19 @@ class _Finder:
         words = [(found[0], found.start()) for found in _WORD.finditer(clause.text)]
         assets: set[int] = set()
         for at, (word, start) in enumerate(words):
-            asked = clause.asks and not _RULED_OUT.search(clause.text[:start])
             low = word.lower().removeprefix("frame_")
             if found := self._sorts.get(low):
-                yield Mention(found[0], word, found[1], asked)
-                assets.update((at,) if found[0] == "asset" else ())
+                sort, means = found
+                yield Mention(sort, word, means, clause.asks_about(start, sort))
+                assets.update((at,) if sort == "asset" else ())
             elif _is_name(word):
-                yield Mention("asset", word, word, asked)
+                yield Mention("asset", word, word, clause.asks_about(start, "asset"))
             elif whole := self._spelt(words, at):
-                yield Mention(whole[0], word, whole[1], asked)
-                assets.update((at,) if whole[0] == "asset" else ())
+                sort, means = whole
+                yield Mention(sort, word, means, clause.asks_about(start, sort))
+                assets.update((at,) if sort == "asset" else ())
             elif low in self._compass:
+                asked = clause.asks_about(start, "place")
                 yield Mention("place", word, self._compass[low], asked)
             elif low in self._parts:
                 yield Mention("place", word, self._parts[low], False)
@@ -191,7 +205,7 @@ class _Finder:
         stays_on = {found.start("verb") for found in _STAYS_ON.finditer(clause.text)}
         sent = False
         for verb in find_verbs(clause.text):
-            plain = verb.plain and clause.asks and not _RULED_OUT.search(clause.text[: verb.start])
+            plain = verb.plain and clause.asks_about(verb.start, "verb")
             plain = plain and not (sent and verb.start in stays_on)
             sent = sent or "go" in verb.tasks
             yield Mention("verb", verb.word, verb.word, plain, verb.tasks, verb.means)
@@ -218,10 +232,25 @@ def _clauses(text: str) -> list[_Clause]:
     """Return the clauses of `text`, those that are quoted first."""
     quoted = [_Clause(found[0], asks=False, quoted=True) for found in _QUOTED.finditer(text)]
     parts = [found[0] for found in _CLAUSE.finditer(_QUOTED.sub(" , ", text)) if found[0].strip()]
+    addressed = _addressed(parts)
     asks = [_asks(part) for part in parts]
     if not any(asks):
         asks = [True] * len(parts)
-    return [*quoted, *(_Clause(part, ask) for part, ask in zip(parts, asks, strict=True))]
+    told = zip(parts, asks, strict=True)
+    return [
+        *quoted,
+        *(_Clause(part, ask, addressed=at < addressed) for at, (part, ask) in enumerate(told)),
+    ]
+
+
+def _addressed(parts: Sequence[str]) -> int:
+    """Return how many clauses at the start are call signs: *Plaza, Plaza, this is Watch*."""
+    for at, part in enumerate(parts):
+        if _STATION.match(part):
+            return at
+        if len(part.split()) > _MOST_ADDRESSED:
+            break
+    return 0
 
 
 def _asks(clause: str) -> bool:
@@ -236,7 +265,7 @@ def _kinds(
 ) -> Iterator[Mention]:
     """Yield the kinds that are spoken of, and how many of them or of all assets."""
     for at, (word, start) in enumerate(words):
-        asked = clause.asks and not _RULED_OUT.search(clause.text[:start])
+        asked = clause.asks_about(start, "kind")
         kind = KINDS.get(word.lower()) or KINDS.get(word.lower().removesuffix("s"))
         after = words[at + 1][0].lower() if at + 1 < len(words) else ""
         if kind == "robot" and _CAR.fullmatch(after):

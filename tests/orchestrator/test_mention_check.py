@@ -34,6 +34,8 @@ def check(site: Site, text: str, asked: str, plan: Plan = NOTHING) -> MentionChe
         ("All units hold.", "all hold"),
         ("Send Drone_T04 to the east gate and stay there.", "Drone_T04 to EastGate"),
         ("Robot_T01, go to the south gate and stay with it.", "Robot_T01 to SouthGate"),
+        ("West gate, West gate, this is Watch. One drone to the east gate. Out.",
+         "1 drone to EastGate"),
     ],
 )  # fmt: skip
 def test_a_right_reading_has_no_gap(site: Site, text: str, asked: str) -> None:
@@ -45,6 +47,7 @@ def test_a_right_reading_has_no_gap(site: Site, text: str, asked: str) -> None:
     [
         ("Send all assets to base.", "all free to WestGate", "not accounted for: base"),
         ("Send a drone to the east gate.", "1 drone to WestGate", "EastGate"),
+        ("Drone_T04, this is Watch. Go to the east gate.", "Drone_T01 to EastGate", "Drone_T04"),
         ("Send a drone to the east gate.", "1 robot to EastGate", "not accounted for: drone"),
         ("Send two drones to the east gate.", "1 drone to EastGate", "not accounted for: 2 drones"),
         ("Send Drone_T04 to EastGate.", "Drone_T01 to EastGate", "Drone_T01"),
