@@ -140,7 +140,7 @@ def test_a_judge_that_reads_something_else_and_says_success_anyway_is_no_witness
     models.read("1 drone to EastGate", order, judged="1 drone to NorthGate")
     code, done = auto("Send one drone to the east gate.")
     assert (code, done["commands"]) == (3, {})
-    assert "read the order apart" in done["reason"]
+    assert "another reader reads the order otherwise" in done["reason"]
 
 
 @pytest.mark.parametrize(

@@ -121,6 +121,22 @@ async def test_the_typed_words_stand_beside_their_reading(tmp_path: Path) -> Non
         assert told in text
 
 
+@pytest.mark.parametrize(("sure", "doubt"), [(0.9, "Another reader differs"), (0.4, "Unsure")])
+async def test_a_reading_says_why_it_may_be_wrong(sure: float, doubt: str, tmp_path: Path) -> None:
+    told = [
+        data.model_copy(update={"read_apart": True, "state": "may_be_misunderstood"})
+        if isinstance(data, ev.ApprovalRequested)
+        else data
+        for data in story.told("approval", confidence=sure, readings=("asked: all hold",))
+    ]
+    app = console(station := ScriptedStation(told), tmp_path, FakeClock())
+    async with app.run_test(size=SMALL) as pilot:
+        await settle(pilot, station)
+        panel = app.screen.query_one(ApprovalPanel)
+        read = panel.query_one("#approval-reading", TextRows).render().plain
+        assert f"△ {doubt}  read with {sure:.0%} confidence as: " in read
+
+
 async def test_what_was_not_understood_can_only_be_rejected(tmp_path: Path) -> None:
     station, clock = ScriptedStation(story.not_understood("asdf qwer")), FakeClock()
     app = console(station, tmp_path, clock)

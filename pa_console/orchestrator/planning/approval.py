@@ -33,7 +33,7 @@ class OrderAsRead:
     """Words of the order that the reading does not account for."""
     confidence: float | None = None
     read_apart: bool = False
-    """Whether planner and judge have read the order apart."""
+    """Whether another reader, second model or judge, reads the order otherwise."""
     narrowed: bool = False
     """Whether the plan leaves out a part of what was asked."""
     question: str = ""

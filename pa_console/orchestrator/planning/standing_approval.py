@@ -88,7 +88,7 @@ def doubt(request: ev.ApprovalRequested, least: float) -> str:
     """
     why = list(request.gaps)
     if request.read_apart:
-        why.append("planner and judge have read the order apart")
+        why.append("another reader reads the order otherwise")
     if least > 0.0 and request.confidence is None:
         why.append("not both models have told how sure they are of what was asked")
     if request.confidence is not None and request.confidence < least:

@@ -189,7 +189,7 @@ class ApprovalRequested(Payload):
         "has not read it for itself",
     )
     read_apart: bool = Field(
-        default=False, description="the judge has read the order otherwise than the planner"
+        default=False, description="the second reader, else the judge, reads the order otherwise"
     )
     state: ApprovalState | None = Field(
         default=None,

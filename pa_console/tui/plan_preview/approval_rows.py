@@ -190,8 +190,11 @@ def reading_rows(trace: MissionTrace) -> Iterator[Row]:
     if attempt is not None and attempt.as_chosen:
         yield row(("✎ ", NOTE), "read as you meant it: ", asked)
         return
-    sure = f" with {attempt.sure:.0%} confidence" if attempt and attempt.sure is not None else ""
-    yield row(("△ ", WARN), ("Unsure  ", f"bold {WARN}"), f"read{sure} as: {asked}")
+    sure = attempt.sure if attempt is not None else None
+    differs = request.read_apart and (sure is None or sure >= UNSURE)
+    doubt = "Another reader differs" if differs else "Unsure"
+    told = f" with {sure:.0%} confidence" if sure is not None else ""
+    yield row(("△ ", WARN), (f"{doubt}  ", f"bold {WARN}"), f"read{told} as: {asked}")
 
 
 def looked_at_rows(preview: PlanPreview | None, faults: tuple[str, ...]) -> Iterator[Row]:
