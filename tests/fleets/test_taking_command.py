@@ -2,6 +2,8 @@
 
 import asyncio
 import time
+from collections.abc import AsyncGenerator
+from contextlib import asynccontextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -9,6 +11,7 @@ import pytest
 
 from pa_console.fleets import authorization as auth
 from pa_console.fleets.bus.address import BrokerAddress
+from pa_console.fleets.bus.mqtt_fleet import MqttFleet
 from pa_console.fleets.bus.session_sharing import SharedSession
 from pa_console.fleets.bus.station_link import StationLink
 from pa_console.fleets.bus.trust_topics import signed_messages
@@ -34,6 +37,7 @@ from tests.scripted import ScriptedEngine, plan
 SENT = datetime(2026, 1, 1, tzinfo=UTC)
 MOVE = plan(("Drone_T04", "move_to EastGate"))
 TEXT = "Move Drone_T04 to the east gate."
+NEXT = "Send Drone_T04 to the north gate."
 
 
 def keys(station: str, person: str, site: Site) -> Keys:
@@ -81,6 +85,44 @@ def succession_of(
     return link, station, Succession(log, signatory, its)
 
 
+@asynccontextmanager
+async def shared(
+    site: Site, authority: StationAuthority, fleet: MqttFleet, folder: Path
+) -> AsyncGenerator[tuple[Station, Watched, LogWriter]]:
+    """The session of a station, watched, shared on the bus and written to a log."""
+    station = own_station(site, authority, fleet=fleet)
+    log = LogWriter(folder / f"{authority.name}.jsonl", station.session)
+    session = SharedSession(station.session, authority.name, log.path, authority.vouch)
+    log.on_record = session.add
+    fleet.share(session)
+    station.write_to(log)
+    watched = Watched(station)
+    try:
+        yield station, watched, log
+    finally:
+        await station.close()
+        await watched.task
+        log.close()
+
+
+@asynccontextmanager
+async def in_its_place(
+    world: World, address: BrokerAddress, site: Site
+) -> AsyncGenerator[tuple[Station, Watched]]:
+    """The session of south, as Cleo begins it at a console that had joined and takes command."""
+    link, there, succession = await asyncio.to_thread(succession_of, address, "cleo", site)
+    authority = succession.prepare(there.started)
+    with joined(world, address, authority) as fleet:
+        south = own_station(site, authority, fleet=fleet)
+        taken = succession.take(fleet.publish_signed)
+        south.succeed(taken, there.left_missions(succession.last))
+        watched = Watched(south)
+        yield south, watched
+        await south.close()
+        await watched.task
+    link.close()
+
+
 async def test_command_goes_over_with_no_moment_in_which_both_have_it(
     world: World, address: BrokerAddress, tmp_path: Path
 ) -> None:
@@ -91,44 +133,36 @@ async def test_command_goes_over_with_no_moment_in_which_both_have_it(
         running(world, address, rate=RATE, verify=vehicles.verify, take=vehicles.take),
         joined(world, address, first) as fleet,
     ):
-        north = own_station(site, first, fleet=fleet)
-        log = LogWriter(tmp_path / "north.jsonl", north.session)
-        shared = SharedSession(north.session, first.name, log.path, first.vouch)
-        log.on_record = shared.add
-        fleet.share(shared)
-        north.write_to(log)
-        ann = Watched(north)
-        await until(lambda: ann.state.picture)
-        assert (await approved(ann, north)).accepted
+        async with shared(site, first, fleet, tmp_path) as (north, ann, log):
+            await until(lambda: ann.state.picture)
+            assert (await approved(ann, north)).accepted
 
-        link, cleos, succession = await asyncio.to_thread(succession_of, address, "cleo", site)
-        second = succession.prepare(cleos.started)
-        question = cleos.command_question(second.trust.next_epoch, second.name)
-        assert "Put south in command in place of north? The epoch rises to 2." in question
-        with joined(world, address, second) as other:
-            south = own_station(site, second, fleet=other)
-            assert first.refusal == "", "what is prepared takes nothing"
-            assert "south" not in vehicles.in_command
-            south.succeed(succession.take(other.publish_signed))
-            own_log = LogWriter(tmp_path / "south.jsonl", south.session)
-            south.write_to(own_log)
-            cleo = Watched(south)
-            await until(lambda: ann.state.relieved and "south" in vehicles.in_command)
-            assert "south is in command since epoch 2" in ann.state.relieved
-            relieved = await approved(ann, north)
-            assert relieved.decision.kind == "reject", "its plan was blocked"
-            assert (await approved(cleo, south)).accepted
-            missions = [trace.status for trace in cleo.state.missions.values()]
-            assert missions == ["verified"]
-            await south.close()
-            await cleo.task
-            own_log.close()
-        link.close()
-        await north.close()
-        await ann.task
-        log.close()
+            link, cleos, succession = await asyncio.to_thread(succession_of, address, "cleo", site)
+            second = succession.prepare(cleos.started)
+            question = cleos.command_question(second.trust.next_epoch, second.name)
+            assert "Put south in command in place of north? The epoch rises to 2." in question
+            with joined(world, address, second) as other:
+                south = own_station(site, second, fleet=other)
+                assert first.refusal == "", "what is prepared takes nothing"
+                assert "south" not in vehicles.in_command
+                taken = succession.take(other.publish_signed)
+                south.succeed(taken, cleos.left_missions(succession.last))
+                own_log = LogWriter(tmp_path / "south.jsonl", south.session)
+                south.write_to(own_log)
+                cleo = Watched(south)
+                await until(lambda: ann.state.relieved and "south" in vehicles.in_command)
+                assert "south is in command since epoch 2" in ann.state.relieved
+                relieved = await approved(ann, north)
+                assert relieved.decision.kind == "reject", "its plan was blocked"
+                assert (await approved(cleo, south)).accepted
+                missions = [trace.status for trace in cleo.state.missions.values()]
+                assert missions == ["verified"]
+                await south.close()
+                await cleo.task
+                own_log.close()
+            link.close()
     told = [event.data for event in read_log(own_log.path)]
-    (taken,) = [data for data in told if isinstance(data, ev.CommandTaken)]
+    assert [data for data in told if isinstance(data, ev.CommandTaken)] == [taken]
     first_told = [data.kind for data in told if data.kind != "log_signed"][:2]
     assert first_told == ["session_started", "command_taken"]
     lines = log.path.read_text("utf-8").splitlines()
@@ -147,23 +181,64 @@ async def test_why_command_cannot_be_taken_is_said_before_anything_is_done(
     south = StationAuthority(keys("south", "cleo", site))
     south.take_command("cleo", KEYS["cleo"])
     with running(world, address), joined(world, address, south) as fleet:
-        station = own_station(site, south, fleet=fleet)
-        log = LogWriter(tmp_path / "south.jsonl", station.session)
-        shared = SharedSession(station.session, south.name, log.path, south.vouch)
-        log.on_record = shared.add
-        fleet.share(shared)
-        station.write_to(log)
-        watched = Watched(station)
-        link, there, succession = await asyncio.to_thread(
-            succession_of, address, person, site, south
-        )
-        assert succession.possible == (person == "cleo")
-        with pytest.raises(ValueError, match=said):
-            succession.prepare(there.started)
-        link.close()
-        await station.close()
-        await watched.task
-        log.close()
+        async with shared(site, south, fleet, tmp_path):
+            link, there, succession = await asyncio.to_thread(
+                succession_of, address, person, site, south
+            )
+            assert succession.possible == (person == "cleo")
+            with pytest.raises(ValueError, match=said):
+                succession.prepare(there.started)
+            link.close()
+
+
+async def test_a_mission_that_has_moved_nobody_waits_where_command_was_taken(
+    world: World, address: BrokerAddress, tmp_path: Path
+) -> None:
+    site = two_people(tmp_path)
+    vehicles = Vehicles(world.assets, PUBLIC["owner"], (), time.time)
+    first = StationAuthority(keys("north", "ann", site))
+    with (
+        running(world, address, rate=RATE, verify=vehicles.verify, take=vehicles.take),
+        joined(world, address, first) as fleet,
+    ):
+        async with shared(site, first, fleet, tmp_path) as (north, ann, _):
+            await until(lambda: ann.state.picture)
+            north.submit(TEXT)
+            north.submit(NEXT)
+            await until(lambda: ann.request)
+            async with in_its_place(world, address, site) as (south, cleo):
+                await until(lambda: cleo.request)
+                texts = [trace.mission.text for trace in cleo.state.missions.values()]
+                assert texts == [TEXT, NEXT]
+                assert not [e for e in cleo.events if isinstance(e.data, ev.CommandSent)]
+                south.decide(Decision(kind="approve", reason="seen"))
+                first_one = next(iter(cleo.state.missions.values()))
+                await until(lambda: first_one.status)
+                assert first_one.status == "verified"
+
+
+async def test_whom_the_first_station_had_stopped_stays_stopped(
+    world: World, address: BrokerAddress, tmp_path: Path
+) -> None:
+    site = two_people(tmp_path)
+    vehicles = Vehicles(world.assets, PUBLIC["owner"], (), time.time)
+    first = StationAuthority(keys("north", "ann", site))
+    with (
+        running(world, address, rate=RATE, verify=vehicles.verify, take=vehicles.take),
+        joined(world, address, first) as fleet,
+    ):
+        async with shared(site, first, fleet, tmp_path) as (north, ann, _):
+            await until(lambda: ann.state.picture)
+            north.stop_all()
+            await until(lambda: ann.state.stop)
+            async with in_its_place(world, address, site) as (south, cleo):
+                await until(lambda: cleo.state.stop and not cleo.state.stop.unconfirmed)
+                with pytest.raises(ValueError, match="stopped"):
+                    south.submit(TEXT)
+                told = [notice.text for notice in cleo.state.notices]
+                assert (
+                    "north had stopped everybody: they stay stopped until you release them" in told
+                )
 
 
 def test_an_older_takeover_that_is_retained_is_replaced(

@@ -109,7 +109,8 @@ class JoinedSession:
         """Take command for a session that is ready to begin; raises ValueError where that fails."""
         if opened.fleet is None or not opened.fleet.connected:
             raise ValueError("there is no connection to the broker")
-        opened.station.succeed(self.succession.take(opened.fleet.publish_signed))
+        taken = self.succession.take(opened.fleet.publish_signed)
+        opened.station.succeed(taken, self.station.left_missions(self.succession.last))
 
     @property
     def opening(self) -> str:

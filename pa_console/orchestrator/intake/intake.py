@@ -103,6 +103,13 @@ class Intake:
             mission=mission, position=self._position(mission) + active
         )
 
+    def wait_again(self, mission: Mission) -> tuple[Mission, ev.MissionReceived]:
+        """Queue the words of a mission of another session, as one of this session."""
+        changes = {"id": self._new_id(), "created": datetime.now(UTC)}
+        again = mission.model_copy(update=changes)
+        self._queue.add(again, None)
+        return again, ev.MissionReceived(mission=again, position=self._position(again))
+
     def start(self, due: Due) -> tuple[Mission, ev.MissionReceived]:
         """Queue the mission that a standing order starts."""
         mission = Mission(

@@ -22,6 +22,7 @@ from pa_console.fleets.vda5050.vehicle import EXPIRY_S
 from pa_console.orchestrator.answers.alternatives import Alternative
 from pa_console.orchestrator.joined.shared_log import LOOK_S, SharedLog
 from pa_console.orchestrator.planning.approval import inadmissible
+from pa_console.orchestrator.station.left_missions import LeftMissions
 from pa_console.orders.questions.question import Question
 from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.schema.events import event as ev
@@ -207,10 +208,17 @@ class JoinedStation:
             f"Put {own} in command in place of {station}? The epoch rises to {epoch}.\n"
             f"From then on vehicles take nothing from {station}, and its screen says so.\n"
             f"{under_way}"
+            "Missions that have moved nobody yet wait here again, and take an approval here.\n"
             f"This console closes and opens again as that of {own}: with a session and a log of "
             f"its own,\nwhose beginning says how far the log of {station} had come. "
             f"{station} commands until all is ready."
         )
+
+    def left_missions(self, last: Sequence[ev.Event]) -> LeftMissions:
+        """Return what the session leaves, whose `last` events this console has not shown."""
+        for event in last:
+            self._state.apply(event)
+        return LeftMissions.of(self._state)
 
     # What only the station whose session it is can do: each raises ValueError
 

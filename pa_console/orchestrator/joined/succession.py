@@ -6,7 +6,7 @@ from pa_console.fleets.authorization import RefusedError
 from pa_console.fleets.station_authority import StationAuthority
 from pa_console.orchestrator.joined.joined_station import Signatory
 from pa_console.orchestrator.joined.shared_log import SharedLog
-from pa_console.schema.events.event import CommandTaken, SessionStarted
+from pa_console.schema.events.event import CommandTaken, Event, SessionStarted
 
 OwnStation = Callable[[], StationAuthority]
 """Return the keys of the station of this machine; raises ValueError where it cannot command."""
@@ -25,6 +25,8 @@ class Succession:
         """The keys that this station commands with, once it was found that it may."""
         self.taken: CommandTaken | None = None
         """Command as it was taken, None before."""
+        self.last: tuple[Event, ...] = ()
+        """What came of the other session until command was taken, after its console had closed."""
 
     @property
     def possible(self) -> bool:
@@ -68,7 +70,7 @@ class Succession:
             raise ValueError("nothing was prepared")
         authority.take_command(self._signatory.name, self._signatory.key)
         publish()
-        self._log.take()
+        self.last = tuple(self._log.take())
         self.taken = CommandTaken(
             station=stream.station,
             session=stream.session,

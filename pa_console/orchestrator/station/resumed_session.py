@@ -22,6 +22,7 @@ from pa_console.session.log.reader import read_log
 from pa_console.session.past.soundness import is_held
 from pa_console.session.past.summary import newest_logs, summarise
 from pa_console.session.state.fold import MissionTrace, SessionState
+from pa_console.session.state.unfinished import begun_missions, waiting_entries
 
 OTHERWISE = "its world did not come out again as the log tells of it"
 LOOKED_AT = 30
@@ -48,43 +49,25 @@ class UnclosedSession:
     @property
     def waiting(self) -> tuple[QueueEntry, ...]:
         """The missions that waited and had not begun."""
-        return tuple(
-            entry
-            for entry in self.state.queue
-            if not self._begun(self.state.missions.get(entry.mission.id))
-            if not entry.mission.standing
-        )
+        return tuple(entry for entry in waiting_entries(self.state) if not entry.mission.standing)
 
     @property
     def started_by_standing(self) -> tuple[str, ...]:
         """The missions that wait which standing orders had started."""
         return tuple(
-            entry.mission.id
-            for entry in self.state.queue
-            if entry.mission.standing
-            if not self._begun(self.state.missions.get(entry.mission.id))
+            entry.mission.id for entry in waiting_entries(self.state) if entry.mission.standing
         )
 
     @property
     def interrupted(self) -> tuple[MissionTrace, ...]:
         """The missions that had begun and had not ended."""
-        return tuple(
-            trace
-            for trace in self.state.missions.values()
-            if trace.status is None and self._begun(trace)
-        )
+        return begun_missions(self.state)
 
     @property
     def unfinished(self) -> bool:
         """Whether anything was under way: a mission, an alarm, a stop."""
         state = self.state
         return bool(self.interrupted or self.waiting or state.alarms or state.stop)
-
-    def _begun(self, trace: MissionTrace | None) -> bool:
-        """Whether a mission was worked on, now or before an emergency went first."""
-        if trace is None:
-            return False
-        return bool(trace.attempts) or trace.mission.id == self.state.active
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from pa_console.orchestrator.planning.reading_rehearsal import (
 )
 from pa_console.orchestrator.station.background import Background
 from pa_console.orchestrator.station.journal import Log
+from pa_console.orchestrator.station.left_missions import LeftMissions
 from pa_console.orchestrator.station.mission_worker import MissionWorker, StationParts
 from pa_console.orchestrator.station.resumed_session import ResumedSession
 from pa_console.orchestrator.station.rules_in_force import RulesReload, RulesWatch
@@ -73,6 +74,7 @@ class Station:
         self._services, self._clock, self._started = services, clock, started
         self.readonly, self._keep_engine = readonly, keep_engine
         self._taken: ev.CommandTaken | None = None
+        self._left = LeftMissions()
         self._fleet, self._journal = services.fleet, services.journal
         self._feed = StepFeed()
         self._events: asyncio.Queue[ev.Event | None] = asyncio.Queue()
@@ -156,9 +158,12 @@ class Station:
         """
         self._journal.open(log, self._emit)
 
-    def succeed(self, taken: ev.CommandTaken) -> None:
-        """Let the log begin with whose command this session has taken over; before `run`."""
-        self._taken = taken
+    def succeed(self, taken: ev.CommandTaken, left: LeftMissions) -> None:
+        """Let the log begin with whose command this session has taken over; before `run`.
+
+        What that session `left` unsent waits here again; nothing is dispatched by that.
+        """
+        self._taken, self._left = taken, left
 
     async def run(self) -> AsyncGenerator[ev.Event]:
         """Yield every event of the session until `close`; stopping the iteration closes it too.
@@ -170,6 +175,8 @@ class Station:
             if self._taken is not None:
                 self._emit(self._taken)
             self._emit(ev.TelemetryReceived(picture=self._ticking.first))
+            if self._taken is not None:
+                self._take_over(self._taken.station, self._left)
         else:
             self._go_on(self._resumed)
         if problem := self._gate.objection(self._services.rulebook):
@@ -213,6 +220,18 @@ class Station:
             self._emit(held, name)
         for payload, mission in self._again:
             self._emit(payload, mission)
+        self._worker.queue_changed()
+
+    def _take_over(self, station: str, left: LeftMissions) -> None:
+        """Tell what the relieved `station` leaves, and take up what it had sent nothing for."""
+        for text in left.notices(station):
+            self._emit(ev.Noticed(level="warning", subject="command", text=text))
+        if left.stopped:
+            self.stop_all(station)
+            return
+        for mission in left.again:
+            again, received = self._intake.wait_again(mission)
+            self._emit(received, again.id)
         self._worker.queue_changed()
 
     async def reload_rules(self) -> None:
