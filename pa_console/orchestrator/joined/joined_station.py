@@ -197,18 +197,20 @@ class JoinedStation:
 
     def command_question(self, epoch: int, own: str) -> str:
         """Return what taking command for the station `own` would do, for a commander to confirm."""
-        station, state = self.station, self._state
+        station, left = self.station, LeftMissions.of(self._state)
+        moved = ", ".join(trace.mission.id for trace in left.under_way)
+        waits = ", ".join(mission.id for mission in left.again)
         under_way = (
-            f"Mission {state.active} of {station} is under way: vehicles end what they have begun, "
-            "and what it has not sent yet is refused.\n"
-            if state.active is not None
-            else ""
-        )
+            f"Under way at {station}: {moved}. Vehicles end what they have begun, and what it has "
+            "not sent yet is refused.\n"
+        ) * bool(moved)
+        under_way += (
+            f"Moved nobody yet: {waits}. Their words wait here again, for an approval here.\n"
+        ) * bool(waits)
         return (
             f"Put {own} in command in place of {station}? The epoch rises to {epoch}.\n"
             f"From then on vehicles take nothing from {station}, and its screen says so.\n"
             f"{under_way}"
-            "Missions that have moved nobody yet wait here again, and take an approval here.\n"
             f"This console closes and opens again as that of {own}: with a session and a log of "
             f"its own,\nwhose beginning says how far the log of {station} had come. "
             f"{station} commands until all is ready."

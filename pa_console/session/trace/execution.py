@@ -46,7 +46,7 @@ def decisions(made: Sequence[DecisionMade], voided: str) -> Section:
         if len(given.signatures) > 1:
             blocks.append(labelled("signed", ", ".join(given.signatures), depth=1))
         if not item.accepted and given.signatures:
-            blocks.append(_below(f"not enough yet: {item.detail}"))
+            blocks.append(_below(f"not accepted yet: {item.detail}"))
         elif not item.accepted:
             blocks.append(Line((Span(f"not accepted: {item.detail}", "bad"),), depth=1))
     if voided:
