@@ -1,6 +1,7 @@
 """`pa-console keys`: made, listed, enrolled, revoked, rotated, and a station put in command."""
 
 import json
+import re
 import stat
 import time
 from pathlib import Path
@@ -129,8 +130,9 @@ def test_a_second_machine_joins_and_gets_what_the_owner_signs(
     assert "not newer" in other.take(owner.messages[0]) or owner.messages == other.messages
     assert (other.keys().person, other.trust().in_command[:5]) == ("bob", "north")
     monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "third" / "key.pem"))
-    told = call("keys", "make", "cleo", "--station", "west", "--join", owner.owner).said
-    assert "pa-console keys enrol person cleo" in told
+    joining = ("--role", "commander", "--station", "west", "--join", owner.owner)
+    told = call("keys", "make", "cleo", *joining).said
+    assert re.search(r"pa-console keys enrol person cleo \w{64} --role commander", told)
     assert "pa-console keys enrol station west" in told
 
 

@@ -69,7 +69,7 @@ def make(
         str | None, typer.Argument(help="Whose key; default: the user of this machine.")
     ] = None,
     role: Annotated[
-        RoleOption, typer.Option(help="The role of one more person of a site that is there.")
+        RoleOption, typer.Option(help="The role of one more person of a site; the owner gives it.")
     ] = RoleOption.operator,
     station: Annotated[
         str | None, typer.Option(help="The name of this station; default: that of the machine.")
@@ -90,7 +90,8 @@ def make(
     if join is not None:
         own, other = folder.join(person, its, _public(join), _new_passphrase(wanted=passphrase))
         out.print("The owner of the site has to enrol both:", markup=False)
-        out.print(f"pa-console keys enrol person {person} {own}", markup=False, soft_wrap=True)
+        enrol = f"pa-console keys enrol person {person} {own} --role {role.value}"
+        out.print(enrol, markup=False, soft_wrap=True)
         out.print(f"pa-console keys enrol station {its} {other}", markup=False, soft_wrap=True)
         return
     if folder.made:
