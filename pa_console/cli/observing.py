@@ -1,17 +1,27 @@
-"""Observes the session of a verb as its settings say."""
+"""Observes the session of a verb as its settings say, and brings in what comes from outside."""
 
 from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 
 from pa_console import __version__
 from pa_console.cli.output import errors
 from pa_console.observability.observers import Observer, Observing, observed
+from pa_console.orchestrator.station.outside_reports import Outside
 from pa_console.settings.schema import Settings
 
 
+@dataclass(frozen=True)
+class Beside:
+    """What is beside a session: `observer` takes its events, `outside` has reports for it."""
+
+    observer: Observer
+    outside: Outside | None = None
+
+
 @contextmanager
-def observing(settings: Settings, world: str = "", *, live: bool = False) -> Generator[Observer]:
-    """Give what takes the session's events; what there is to say of it is told at the end.
+def observing(settings: Settings, world: str = "", *, live: bool = False) -> Generator[Beside]:
+    """Give what is beside the session; what there is to say of it is told at the end.
 
     With the name of a `world`, the session is shown on the map of a TAK server, if one is set.
     What happens to that connection is told meanwhile where stderr is `live`: no screen is over it.
@@ -24,18 +34,18 @@ def observing(settings: Settings, world: str = "", *, live: bool = False) -> Gen
     )
     try:
         with ExitStack() as stack:
-            also: list[Observer] = []
+            also, outside = list[Observer](), None
             if world and settings.tak:
                 from pa_console.cli.tak.needed import naming_what_is_missing  # noqa: PLC0415
 
                 with naming_what_is_missing():
                     from pa_console.cli.tak.own_session import on_map  # noqa: PLC0415 - then only
-                also.append(
-                    stack.enter_context(
-                        on_map(settings, world, problems.append, _say if live else _nothing)
-                    )
+                shown = stack.enter_context(
+                    on_map(settings, world, problems.append, _say if live else _nothing)
                 )
-            yield stack.enter_context(observed(asked, problems.append, also))
+                also.append(shown.take)
+                outside = shown.reports
+            yield Beside(stack.enter_context(observed(asked, problems.append, also)), outside)
     finally:
         for problem in dict.fromkeys(problems):
             errors.print(f"warning: {problem}", style="yellow", markup=False, soft_wrap=True)

@@ -140,6 +140,14 @@ TakOriginOption = Annotated[
         help="Where on the earth the world's (0, 0) is, in place of what the world file says.",
     ),
 ]
+TakContactsOption = Annotated[
+    bool | None,
+    typer.Option(
+        "--tak-contacts/--no-tak-contacts",
+        help="Show what others on the TAK server report, as unverified contacts, or not; shown by "
+        "default where the server is reached over TLS, or is on this machine.",
+    ),
+]
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else there.")
 ]

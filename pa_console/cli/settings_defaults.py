@@ -85,6 +85,7 @@ def _defaults(loaded: Loaded) -> dict[str, Any]:
         "metrics_port": values.metrics_port,
         "tak": values.tak,
         "tak_origin": values.tak_origin,
+        "tak_contacts": values.tak_contacts,
     }
     tls = {
         "tls_cert": values.tak_certificate,

@@ -119,6 +119,8 @@ STATUSES: dict[str, Status] = {
     "server.ready": Status("●", "ready", "good"),
     "server.unconstrained": Status("△", "not constrained", "warn"),
     "server.away": Status("✘", "away", "bad"),
+    "tak.connected": Status("●", "connected", "good"),
+    "tak.away": Status("✘", "not connected", "bad"),
     "priority.critical": Status("▲", "critical", "bad"),
     "priority.high": Status("△", "high", "warn"),
     "priority.medium": Status("▽", "medium", "calm"),

@@ -214,8 +214,35 @@ def event_in_words(data: ev.EventPayload) -> str:
         case ev.QueueChanged(entries=entries):
             said = ", ".join(entry.mission.id for entry in entries) or "empty"
         case _:
-            said = _standing(data) or _planned(data) or _done(data)
+            said = _standing(data) or _planned(data) or _done(data) or _of_tak(data)
     return said
+
+
+def _of_tak(data: ev.EventPayload) -> str:
+    """Return the words of what comes from a TAK server."""
+    said = ""
+    match data:
+        case ev.TakChanged(detail=detail):
+            said = detail
+        case ev.ContactReported(contact=contact):
+            said = contact_in_words(contact)
+        case ev.ContactLost(uid=uid, reason=reason):
+            said = f"{uid}: {reason}"
+        case ev.ContactsLeftOut():
+            said = (
+                f"{data.outside} beyond the site, {data.too_many} too many, "
+                f"{data.unreadable} unreadable"
+            )
+        case _:
+            pass
+    return said
+
+
+def contact_in_words(contact: ev.ReportedContact) -> str:
+    """Say what is claimed of a contact: *“ALPHA-1”, said to be a friend, vehicle, at (12, -3)*."""
+    x, y = contact.at
+    claimed = f"said to be {contact.affiliation}, {contact.what}"
+    return f"“{contact.name}”, {claimed}, at ({x:.0f}, {y:.0f})"
 
 
 def _standing(data: ev.EventPayload) -> str:

@@ -272,6 +272,13 @@ class Settings(BaseSettings):
         "what the world's file says.",
         json_schema_extra=_about("TAK maps"),
     )
+    tak_contacts: bool | None = Field(
+        default=None,
+        title="Contacts from TAK",
+        description="Whether what others on the TAK server report is shown as unverified contacts. "
+        "Empty: where the server is reached over TLS, or is on this machine.",
+        json_schema_extra=_about("TAK maps", form="on or off"),
+    )
     tak_certificate: WholePath | None = Field(
         default=None,
         title="Certificate for TAK",

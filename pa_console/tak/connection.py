@@ -1,6 +1,7 @@
 """The connection to a TAK server: a thread that sends, connects again, and delays nobody.
 
-PyTAK opens it, with or without TLS. What the server sends is read and thrown away.
+PyTAK opens it, with or without TLS. What the server sends goes to whoever has ears for it; nobody
+else reads it.
 """
 
 import asyncio
@@ -11,7 +12,7 @@ from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from threading import Event, Thread
 from types import TracebackType
-from typing import Self, cast
+from typing import Protocol, Self, cast
 
 from pytak import client_functions
 
@@ -39,6 +40,26 @@ GOODBYE_S = 1.0
 READ_BYTES = 65_536
 
 
+class Ears(Protocol):
+    """What is told of a connection in its own thread: its state, what is sent, what is heard."""
+
+    def connected(self, line: str) -> None:
+        """Note that there is a connection, which `line` says."""
+        ...
+
+    def away(self, line: str) -> None:
+        """Note that there is none, and why."""
+        ...
+
+    def sent(self, event: CotEvent) -> None:
+        """Note what is about to be sent."""
+        ...
+
+    def heard(self, data: bytes) -> None:
+        """Take what the server has sent, in pieces of any length."""
+        ...
+
+
 class TakConnection:
     """Sends CoT events to a server while its `with` block lasts; `tell` is told of its state.
 
@@ -46,9 +67,16 @@ class TakConnection:
     """
 
     def __init__(
-        self, server: TakServer, uid: str, tell: Callable[[str], None], retry_s: float = 1.0
+        self,
+        server: TakServer,
+        uid: str,
+        tell: Callable[[str], None],
+        retry_s: float = 1.0,
+        ears: Ears | None = None,
     ) -> None:
         """`retry_s` is waited after a first failure, and twice as long after each other one.
+
+        Without `ears`, what the server sends is thrown away.
 
         Raises ValueError for certificates that cannot be used.
         """
@@ -61,6 +89,7 @@ class TakConnection:
                     f"{server.certificate.certificate}: cannot be used: {why}"
                 ) from None
         self._server, self._uid, self._tell = server, uid, tell
+        self._ears = ears
         self._first_retry_s, self._most_retry_s = retry_s, 60.0 * retry_s
         self._outbox = Outbox()
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -126,7 +155,10 @@ class TakConnection:
             except _ClosedError:
                 return
             except Exception as error:  # whatever a library raises must not reach a session
-                self._say(f"no connection to {self._server}: {_why(error)}; it is tried again")
+                self._say(
+                    f"no connection to {self._server}: {_why(error)}; it is tried again",
+                    connected=False,
+                )
             if self._loop.time() - begun_s > STEADY_S:
                 retry_s = self._first_retry_s
             await self._pause(retry_s * random.uniform(0.8, 1.2))
@@ -136,7 +168,7 @@ class TakConnection:
         """Serve one connection; raises whatever kept it from being made, or ended it."""
         reader, writer = await self._unless_closing(self._open())
         self.connections += 1
-        self._say(f"connected to {self._server}")
+        self._say(f"connected to {self._server}", connected=True)
         try:
             await self._serve(reader, writer)
         finally:
@@ -167,7 +199,7 @@ class TakConnection:
         """Send until the session ends; raises OSError or TimeoutError for a lost connection."""
         jobs = [
             asyncio.create_task(job)
-            for job in (self._send_all(writer), _ignore(reader), self._overdue())
+            for job in (self._send_all(writer), self._listen(reader), self._overdue())
         ]
         sending, reading, _ = jobs
         done, rest = await asyncio.wait(jobs, return_when=asyncio.FIRST_COMPLETED)
@@ -187,12 +219,20 @@ class TakConnection:
         await self._closing.wait()
         await asyncio.sleep(FLUSH_S)
 
+    async def _listen(self, reader: StreamReader) -> None:
+        """Read what the server sends, until it closes."""
+        while data := await reader.read(READ_BYTES):
+            if self._ears is not None:
+                self._ears.heard(data)
+
     async def _send_all(self, writer: StreamWriter) -> None:
         """Send what waits, again and again, as fast as the server takes it; then say goodbye."""
         while True:
             self._news.clear()
             last = self._closing.is_set()
             while (event := self._outbox.take()) is not None:
+                if self._ears is not None:
+                    self._ears.sent(event)
                 writer.write(event.xml())
                 async with asyncio.timeout(STUCK_S):
                     await writer.drain()
@@ -211,23 +251,19 @@ class TakConnection:
             writer.close()
             await writer.wait_closed()
 
-    def _say(self, line: str) -> None:
+    def _say(self, line: str, *, connected: bool) -> None:
         """Tell the state when it is another one; that things were dropped is told with it."""
         if line == self._told:
             return
         self._told = line
+        if self._ears is not None:
+            (self._ears.connected if connected else self._ears.away)(line)
         lost = f"; {count(self.dropped, 'event')} dropped so far" if self.dropped else ""
         self._tell(f"{line}{lost}")
 
 
 class _ClosedError(Exception):
     """Nobody waits for the connection any more."""
-
-
-async def _ignore(reader: StreamReader) -> None:
-    """Read and throw away what the server sends, until it closes."""
-    while await reader.read(READ_BYTES):
-        pass
 
 
 def _why(error: Exception) -> str:

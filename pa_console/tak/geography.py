@@ -17,6 +17,8 @@ from pa_console.schema.world import Origin
 Triple = tuple[float, float, float]
 _TO_GEODETIC = cast(Callable[..., Triple], pymap3d.enu2geodetic)
 _TO_PLANE = cast(Callable[..., Triple], pymap3d.geodetic2enu)
+CURVED_M = 1000.0
+"""How far below the plane the ground is 110 km away; beyond it nothing is near."""
 KNOWN = 8192
 """So many places are remembered: most of a team stands still."""
 
@@ -46,6 +48,11 @@ class Geography:
         east, north, _ = _TO_PLANE(latitude, longitude, self._at[2], *self._at)
         x, y = east * self._cos - north * self._sin, east * self._sin + north * self._cos
         return float(x), float(y)
+
+    def near(self, latitude: float, longitude: float) -> Point | None:
+        """Return the point likewise, None where the earth has curved away from the plane."""
+        *_, up = _TO_PLANE(latitude, longitude, self._at[2], *self._at)
+        return self.metres(latitude, longitude) if up > -CURVED_M else None
 
     def course(self, heading_deg: float) -> float:
         """Return degrees from true north, clockwise, of a heading (0 along the x axis)."""

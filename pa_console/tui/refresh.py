@@ -14,12 +14,17 @@ ALL_VIEWS: frozenset[str] = frozenset(("status", "map", "assets", "alarms", "tra
 _PICTURE = frozenset(("status", "map", "assets"))
 _TRACE = frozenset(("trace",))
 _ALARMS = frozenset(("status", "alarms", "events"))
+_CONTACTS = frozenset(("status", "map", "events"))
 _COMMAND = frozenset(("status", "trace"))
 _BY_KIND = {
     "telemetry": _PICTURE | frozenset(("alarms",)),
     "incident": frozenset(("events",)),
     "noticed": frozenset(("events",)),
     "worker": frozenset(("status", "events")),
+    "tak": frozenset(("status", "events")),
+    "contact_reported": _CONTACTS,
+    "contact_lost": _CONTACTS,
+    "contacts_left_out": frozenset(("events",)),
     "log_troubled": frozenset(("status", "events")),
     "alarm_raised": _ALARMS,
     "alarm_acknowledged": _ALARMS,

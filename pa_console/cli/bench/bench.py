@@ -104,8 +104,8 @@ def bench(
     machine = describe_machine()
     if not json:
         _introduce(machine, weights, runs)
-    with observing(settings_of(context, traces=traces).values) as observer:
-        found = _measure(site, weights, runs, parts, observer, show=not json)
+    with observing(settings_of(context, traces=traces).values) as beside:
+        found = _measure(site, weights, runs, parts, beside.observer, show=not json)
     if json:
         print_json(
             BenchReport(

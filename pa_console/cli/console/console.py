@@ -24,6 +24,7 @@ from pa_console.cli.output import (
     RulesOption,
     ScenarioOption,
     SeedOption,
+    TakContactsOption,
     TakOption,
     TakOriginOption,
     TracesOption,
@@ -73,6 +74,7 @@ def console(
     metrics_port: MetricsPortOption = 0,
     tak: TakOption = "",
     tak_origin: TakOriginOption = "",
+    tak_contacts: TakContactsOption = None,
     unsigned: UnsignedOption = False,
     accept_rules: AcceptRulesOption = False,
     resume: Annotated[
@@ -114,6 +116,7 @@ def console(
         metrics_port=metrics_port,
         tak=tak,
         tak_origin=tak_origin,
+        tak_contacts=tak_contacts,
     )
     asked = Asked(
         world,
@@ -167,12 +170,13 @@ def _open(
             from pa_console.cli.console.live_session import open_live  # noqa: PLC0415 - meanwhile
             from pa_console.cli.observing import observing  # noqa: PLC0415
 
-            observer = observes.enter_context(observing(settings.values, asked.world))
+            beside = observes.enter_context(observing(settings.values, asked.world))
             engine = Engine(found.result())
         loop.run(engine.start())
         try:
             authority = joined.succession.authority if joined is not None else None
             opened = open_live(asked, settings.values, engine, servers, authority)
+            opened.station.listen_to(beside.outside)
             if plain:
                 from pa_console.cli.plain.session import run_plain as run  # noqa: PLC0415
             else:
@@ -180,7 +184,7 @@ def _open(
                     from pa_console.cli.console.screen import run_screen as run  # noqa: PLC0415
 
                 require_keys("use 'pa-console mission' in scripts, or --plain")
-            prepared = run(opened, engine, settings, witness, observer)
+            prepared = run(opened, engine, settings, witness, beside.observer)
             if joined is not None:
                 joined.take_command(opened)
         except BaseException:

@@ -16,6 +16,7 @@ from pa_console.cli.output import (
     RulesOption,
     ScenarioOption,
     SeedOption,
+    TakContactsOption,
     TakOption,
     TakOriginOption,
     TracesOption,
@@ -76,6 +77,7 @@ def mission(
     metrics_port: MetricsPortOption = 0,
     tak: TakOption = "",
     tak_origin: TakOriginOption = "",
+    tak_contacts: TakContactsOption = None,
     unsigned: UnsignedOption = False,
     accept_rules: AcceptRulesOption = False,
     json: JsonOption = False,
@@ -85,9 +87,14 @@ def mission(
     from pa_console.cli.observing import observing  # noqa: PLC0415
 
     settings = settings_of(
-        context, traces=traces, metrics_port=metrics_port, tak=tak, tak_origin=tak_origin
+        context,
+        traces=traces,
+        metrics_port=metrics_port,
+        tak=tak,
+        tak_origin=tak_origin,
+        tak_contacts=tak_contacts,
     )
-    with observing(settings.values, world, live=True) as observer:
+    with observing(settings.values, world, live=True) as beside:
         run_session(
             settings,
             text,
@@ -107,5 +114,6 @@ def mission(
             unsigned=unsigned,
             accept_rules=accept_rules,
             json=json,
-            observer=observer,
+            observer=beside.observer,
+            outside=beside.outside,
         )

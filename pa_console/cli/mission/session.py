@@ -32,6 +32,7 @@ from pa_console.observability.observers import Observer, unobserved
 from pa_console.orchestrator.planning.standing_approval import ApprovalMode, standing_approver
 from pa_console.orchestrator.station.assembly import load_site, open_station
 from pa_console.orchestrator.station.headless import exit_code, run_missions
+from pa_console.orchestrator.station.outside_reports import Outside
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.policy.trust.pinned_rules import RulesPins
 from pa_console.schema.document import Document
@@ -74,6 +75,7 @@ def run_session(
     accept_rules: bool,
     json: bool,
     observer: Observer = unobserved,
+    outside: Outside | None = None,
 ) -> None:
     """Carry out what the verb was asked for, `setup` as YAML; raises Exit with the exit code.
 
@@ -121,6 +123,7 @@ def run_session(
     try:
         with end_signals(endable.end), writer, progress:
             station.write_to(writer)
+            station.listen_to(outside)
             endable.run(
                 run_missions(
                     station,

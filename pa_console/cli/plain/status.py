@@ -27,6 +27,9 @@ def status_lines(state: SessionState) -> list[str]:
         lines.append(f"model {state.worker.state} {state.worker.detail}".strip())
     for server in state.servers.values():
         lines.append(f"model server {server.server} {server.state}: {server.detail}")
+    if (tak := state.tak.connection) is not None:
+        reported = count(len(state.reported_contacts), "contact")
+        lines.append(f"TAK {tak.state}: {tak.detail}; {reported} reported, none verified")
     trace = state.current
     if trace is None:
         lines.append("no mission yet")

@@ -16,6 +16,7 @@ from pa_console.cli.output import (
     RulesOption,
     ScenarioOption,
     SeedOption,
+    TakContactsOption,
     TakOption,
     TakOriginOption,
     TracesOption,
@@ -68,6 +69,7 @@ def serve(
     metrics_port: MetricsPortOption = 0,
     tak: TakOption = "",
     tak_origin: TakOriginOption = "",
+    tak_contacts: TakContactsOption = None,
     unsigned: UnsignedOption = False,
     accept_rules: AcceptRulesOption = False,
     json: JsonOption = False,
@@ -94,6 +96,7 @@ def serve(
         metrics_port=metrics_port,
         tak=tak,
         tak_origin=tak_origin,
+        tak_contacts=tak_contacts,
     )
     asked = Asked(
         world,
@@ -136,7 +139,7 @@ def _console(context: typer.Context) -> list[str]:
         if value is True:
             words.append(f"--{option}")
         elif value is False:
-            words += [f"--no-{option}"] if name == "alarms" else []
+            words += [f"--no-{option}"] if name in ("alarms", "tak_contacts") else []
         elif value not in (None, ""):
             words += [f"--{option}", str(value)]
     return words

@@ -37,7 +37,7 @@ def serve_session(
     values = settings.values
     with (
         listen(port) as listening,
-        observing(values, asked.world, live=True) as observer,
+        observing(values, asked.world, live=True) as beside,
         Runner() as loop,
     ):
         engine = Engine(find_model(model, second_reader=values.second_reader))
@@ -54,7 +54,8 @@ def serve_session(
         opened.share(writer)
         with end_signals(ending.end), writer:
             opened.station.write_to(writer)
-            loop.run(_serve(opened, writer, tokens, listening, observer, ending))
+            opened.station.listen_to(beside.outside)
+            loop.run(_serve(opened, writer, tokens, listening, beside.observer, ending))
         tell_of_witness(writer)
         out.print(f"session log: {writer.path}", markup=False, soft_wrap=True)
     return exit_code_of(ending.ended_by) if ending.ended_by else 0

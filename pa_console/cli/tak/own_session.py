@@ -1,7 +1,8 @@
-"""Shows the session of a verb on the map of a TAK server, as an observer of its events."""
+"""Shows the session of a verb on the map of a TAK server, and hears what others report there."""
 
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 from pa_console.cli.tak.placing import placed
 from pa_console.observability.observers import Observer
@@ -9,15 +10,24 @@ from pa_console.orchestrator.station.assembly import open_world
 from pa_console.settings.schema import Settings
 from pa_console.tak.background import InBackground
 from pa_console.tak.connection import TakConnection
+from pa_console.tak.inbound.reports import TakReports
 from pa_console.tak.server import Certificate, TakServer
 from pa_console.tak.session_on_map import SessionOnMap
+
+
+@dataclass(frozen=True)
+class OnMap:
+    """What shows a session's events on the map, and what the session is told from there."""
+
+    take: Observer
+    reports: TakReports
 
 
 @contextmanager
 def on_map(
     settings: Settings, world: str, tell: Callable[[str], None], say: Callable[[str], None]
-) -> Generator[Observer]:
-    """Give what shows events on the map; `tell` is told at the end of what was not shown.
+) -> Generator[OnMap]:
+    """Give both ways; `tell` is told at the end of what was not shown.
 
     `say` is told of the connection, whenever that changes, in another thread.
 
@@ -35,13 +45,17 @@ def on_map(
 
     if server.open_to_all:
         tell(server.warning)
-    connection = TakConnection(server, site.uid("station"), changed)
+    contacts = settings.tak_contacts
+    reports = TakReports(
+        site, str(server), contacts=not server.open_to_all if contacts is None else contacts
+    )
+    connection = TakConnection(server, site.uid("station"), changed, ears=reports)
     try:
         with connection:
             shown = SessionOnMap(site, connection)
             try:
                 with InBackground(shown.take, tell) as showing:
-                    yield showing.take
+                    yield OnMap(showing.take, reports)
             finally:
                 shown.end()
     finally:

@@ -25,6 +25,7 @@ from pa_console.orchestrator.station.background import Background
 from pa_console.orchestrator.station.journal import Log
 from pa_console.orchestrator.station.left_missions import LeftMissions
 from pa_console.orchestrator.station.mission_worker import MissionWorker, StationParts
+from pa_console.orchestrator.station.outside_reports import Outside, pass_on
 from pa_console.orchestrator.station.resumed_session import ResumedSession
 from pa_console.orchestrator.station.rules_in_force import RulesReload, RulesWatch
 from pa_console.orchestrator.station.ticking import Clock, Ticking
@@ -75,6 +76,7 @@ class Station:
         self.readonly, self._keep_engine = readonly, keep_engine
         self._taken: ev.CommandTaken | None = None
         self._left = LeftMissions()
+        self._outside: Outside | None = None
         self._fleet, self._journal = services.fleet, services.journal
         self._feed = StepFeed()
         self._events: asyncio.Queue[ev.Event | None] = asyncio.Queue()
@@ -158,6 +160,10 @@ class Station:
         """
         self._journal.open(log, self._emit)
 
+    def listen_to(self, outside: Outside | None) -> None:
+        """Tell in the session what `outside` reports, None for nothing; before `run`."""
+        self._outside = outside
+
     def succeed(self, taken: ev.CommandTaken, left: LeftMissions) -> None:
         """Let the log begin with whose command this session has taken over; before `run`.
 
@@ -194,6 +200,8 @@ class Station:
             self._reload.serve(),
         ):
             self._background.start(work)
+        if self._outside is not None:
+            self._background.start(pass_on(self._outside, self._emit))
         try:
             while (event := await self._events.get()) is not None:
                 yield event

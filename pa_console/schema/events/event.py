@@ -77,8 +77,19 @@ from pa_console.schema.events.standing import (
     StandingOrderStarted,
     StandingOrderWithheld,
 )
+from pa_console.schema.events.tak import (
+    MOST_CONTACTS,
+    ContactLost,
+    ContactReported,
+    ContactsLeftOut,
+    OutsideReport,
+    ReportedContact,
+    TakChanged,
+    TakState,
+)
 
 __all__ = (
+    "MOST_CONTACTS",
     "MOST_READINGS",
     "AlarmAcknowledged",
     "AlarmCleared",
@@ -92,6 +103,9 @@ __all__ = (
     "CommandResent",
     "CommandSent",
     "CommandTaken",
+    "ContactLost",
+    "ContactReported",
+    "ContactsLeftOut",
     "DecisionMade",
     "Event",
     "EventPayload",
@@ -110,6 +124,7 @@ __all__ = (
     "OrderRead",
     "OrderReadAgain",
     "OutcomeJudged",
+    "OutsideReport",
     "Payload",
     "PictureDigested",
     "PlanChecked",
@@ -125,6 +140,7 @@ __all__ = (
     "QueueChanged",
     "Reference",
     "RepairRequested",
+    "ReportedContact",
     "Role",
     "RulesReplaced",
     "RulesRetrieved",
@@ -140,6 +156,8 @@ __all__ = (
     "StandingOrderStarted",
     "StandingOrderWithheld",
     "StopReleased",
+    "TakChanged",
+    "TakState",
     "TelemetryReceived",
     "TextStreamed",
     "WorkerChanged",
@@ -158,7 +176,8 @@ EventPayload = Annotated[
     | MissionVerified | OutcomeJudged | MissionReported | MissionFinished | AllStopped
     | StopReleased | CommandRefused | RulesReplaced | SessionEnded | SessionResumed | CommandTaken
     | AuthorityChanged | LogSigned | LogTroubled | StandingOrderRead | StandingOrderApproved
-    | StandingOrderStarted | StandingOrderWithheld | StandingOrderRevoked | QuestionAnswered,
+    | StandingOrderStarted | StandingOrderWithheld | StandingOrderRevoked | QuestionAnswered
+    | TakChanged | ContactReported | ContactLost | ContactsLeftOut,
     Field(discriminator="kind"),
 ]  # fmt: skip
 

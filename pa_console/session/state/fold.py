@@ -1,7 +1,7 @@
 """Folds the event stream into the state that every view shows; live and replay use the same."""
 
 from collections import deque
-from collections.abc import MutableMapping
+from collections.abc import Mapping, MutableMapping
 from dataclasses import dataclass, field
 from datetime import datetime
 
@@ -10,6 +10,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.telemetry import Picture
 from pa_console.session.state.mission_trace import CommandTrace, MissionTrace, apply_to_mission
 from pa_console.session.state.standing_trace import StandingTrace, apply_to_standing
+from pa_console.session.state.tak_trace import TakTrace
 from pa_console.session.wording import (
     alarm_now,
     answer_in_words,
@@ -97,6 +98,12 @@ class SessionState:
     loose_orders: dict[str, CommandTrace] = field(default_factory=dict[str, CommandTrace])
     standing: dict[str, StandingTrace] = field(default_factory=dict[str, StandingTrace])
     """The standing orders that were approved, by their ids, the oldest first."""
+    tak: TakTrace = field(default_factory=TakTrace)
+
+    @property
+    def reported_contacts(self) -> Mapping[str, ev.ReportedContact]:
+        """What others on the TAK server say is around, by uid; our sensors have not seen it."""
+        return self.tak.contacts
 
     @property
     def current(self) -> MissionTrace | None:
@@ -139,6 +146,8 @@ class SessionState:
         self._apply_to_alarms(event)
         self._apply_to_queue(event)
         self._apply_to_standing(event)
+        for level, text in self.tak.apply(event):
+            self._notice(event, level, "TAK", text)
         trace = self.missions.get(event.mission) if event.mission else None
         if trace is not None:
             apply_to_mission(trace, event.data)

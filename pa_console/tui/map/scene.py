@@ -1,12 +1,14 @@
 """Draws the picture over the ground: routes, cover of gates, cameras, assets and tracks."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from functools import lru_cache
 
 from pa_console.schema.base import Point
+from pa_console.schema.events.tak import ReportedContact
 from pa_console.schema.telemetry import AssetTelemetry, Picture
 from pa_console.schema.world import World
 from pa_console.tui.map.canvas import Canvas, Cell, Spot
+from pa_console.tui.map.contacts import Contacts
 from pa_console.tui.map.frames import Frames
 from pa_console.tui.map.ground import Ground, draw_ground
 from pa_console.tui.map.labels import Labels
@@ -25,7 +27,7 @@ ROLES = (
     "camera-field", "trail", "route", "uav", "ugv", "robot", "down", "stale", "suspect", "crowd",
     "crowd-down", "crowd-stale", "camera", "camera-failed", "camera-unknown", "track-unknown",
     "track-authorized", "track-unauthorized", "track-hostile", "track-stale", "warning", "detail",
-    "legend", "ghost", "arrival", "gate-gains", "gate-loses", "dimmed",
+    "legend", "ghost", "arrival", "gate-gains", "gate-loses", "dimmed", "contact",
 )  # fmt: skip
 
 CELLS_PER_NAME = 48
@@ -72,12 +74,14 @@ class MapScene:
         sensors: Sensors = "",
         plan: PlanLayer | None = None,
         fit: tuple[int, int] | None = None,
+        contacts: Collection[ReportedContact] = (),
     ) -> Canvas:
         """Return the map of `width` x `height` cells; without a picture only the ground.
 
         `marked` is the asset or track that gets a pointer, `trails` are ways behind assets and
         tracks, in metres; `sensors` says of which sensors the fields of view are shown, and `plan`
-        is drawn over it before it runs. The scale is that of a map of the size `fit`.
+        is drawn over it before it runs. The scale is that of a map of the size `fit`. `contacts`
+        are what others report; they take no room from anything else.
         """
         ground = self._ground(width, height, window, fit)
         canvas, view = ground.canvas.copy(), ground.view
@@ -102,16 +106,21 @@ class MapScene:
             plan.draw_routes(canvas, view)
         shown = self._markers(picture, view, seen, look, plan, whole=whole, health=not crowded)
         markers = Markers(canvas, shown, marked)
+        reported = Contacts(canvas, view, contacts, whole=whole)
+        reported.draw(canvas)
         self._draw_cameras(canvas, view, picture, look, crowded=crowded)
         markers.draw(canvas)
-        named = self._named(canvas, ground, picture, look, markers, plan=plan, crowded=crowded)
+        named = self._named(
+            canvas, ground, picture, look, markers, reported, plan=plan, crowded=crowded
+        )
         first: tuple[Cell, ...] = ()
         for _ in range(0 if crowded else MOST_RETRIES):
             if left_out := markers.unnamed(named):
                 first = (*left_out, *first)
                 again = self._named(
-                    canvas, ground, picture, look, markers, first=first, plan=plan, crowded=False
-                )
+                    canvas, ground, picture, look, markers, reported, first=first, plan=plan,
+                    crowded=False,
+                )  # fmt: skip
                 named = min(named, again, key=lambda tried: len(markers.unnamed(tried)))
         return named
 
@@ -122,6 +131,7 @@ class MapScene:
         picture: Picture,
         look: Reliance,
         markers: Markers,
+        reported: Contacts,
         *,
         first: Sequence[Cell] = (),
         plan: PlanLayer | None = None,
@@ -143,6 +153,7 @@ class MapScene:
         self._name_cameras(canvas, labels, ground.view, picture, look)
         if not crowded:
             frames.name_displaced()
+            reported.name(canvas, labels)
         return canvas
 
     def _markers(

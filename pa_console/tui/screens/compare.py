@@ -163,7 +163,9 @@ class CompareScreen(ModalScreen[None]):
         if side.world is not None:
             player = Player(side.recording)
             player.to_event(self._at(place))
-            self.query_one(f"#compare-map-{place}", MapView).show(player.state.picture)
+            self.query_one(f"#compare-map-{place}", MapView).show(
+                player.state.picture, player.state.reported_contacts.values()
+            )
         name = self.query_one(f"#compare-name-{place}", Static)
         note = f"  {side.note}" if side.note else ""
         name.update(f"{'AB'[place]}  {side.name}{note}")

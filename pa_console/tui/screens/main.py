@@ -211,7 +211,9 @@ class MainScreen(Screen[None]):
         if "map" in views:
             self._names.use_tracks(state.picture.tracks if state.picture is not None else ())
             self.query_one(MapView).show(
-                state.picture, live=self.mode == "LIVE" or self._joined is not None
+                state.picture,
+                state.reported_contacts.values(),
+                live=self.mode == "LIVE" or self._joined is not None,
             )
         if "assets" in views:
             self.query_one(AssetPane).show(state.picture)

@@ -8,10 +8,11 @@ from textual.content import Content
 from textual.message import Message
 from textual.widgets import Footer, Static
 
-from pa_console.schema.quantities import clock_text, few
+from pa_console.schema.quantities import clock_text, count, few
 from pa_console.schema.rule import RulesSeal
 from pa_console.session.replay.timeline import MarkKind, Timeline
 from pa_console.session.state.fold import SessionState
+from pa_console.session.state.tak_trace import TakTrace
 from pa_console.tui.actions.registry import first_key
 from pa_console.tui.report_condition import cover_state
 from pa_console.tui.status_words import QUIET, WARN, term
@@ -148,7 +149,11 @@ class StatusBar(Static):
         if wide or worker.word != "ready":
             parts += [("  model ", QUIET), (f"{worker.glyph} {worker.word}", worker.style)]
         parts += self._servers(state)
+        if wide:
+            parts += self._tak(state.tak, wide=True)
         parts += ["  ", self._gates(state), "  ", self._mission(state, mode)]
+        if not wide:
+            parts += self._tak(state.tak, wide=False)
         self.update(Content.assemble(*parts), layout=False)
 
     def _servers(self, state: SessionState) -> list[tuple[str, str] | Content | str]:
@@ -159,6 +164,18 @@ class StatusBar(Static):
         worst = min((one.state for one in state.servers.values()), key=order.index)
         mark = term("server", worst)
         return [("  server ", QUIET), (f"{mark.glyph} {mark.word}", mark.style)]
+
+    def _tak(self, tak: TakTrace, *, wide: bool) -> list[tuple[str, str] | Content | str]:
+        """Say how the connection to the TAK server is, and how many contacts it has brought."""
+        if tak.connection is None or tak.since is None:
+            return []
+        mark, number = term("tak", tak.connection.state), len(tak.contacts)
+        words = [mark.word] if wide or tak.connection.state == "away" else []
+        if tak.connection.state == "away":
+            words.append(f"since {tak.since:%H:%M}")
+        if number:
+            words.append(f"{count(number, 'contact')}" if wide else str(number))
+        return [("  TAK ", QUIET), (" ".join((mark.glyph, *words)), mark.style)]
 
     def _mode(self, mode: str) -> Content:
         style = {"LIVE": "bold $text-success"}.get(mode, "bold reverse $text-warning")

@@ -1,5 +1,6 @@
 """The live map: only rows that changed are painted again; it can be zoomed and follow something."""
 
+from collections.abc import Collection
 from math import hypot
 
 from rich.segment import Segment
@@ -11,6 +12,7 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from pa_console.schema.base import Point
+from pa_console.schema.events.tak import ReportedContact
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.tui.map.canvas import Canvas, Cell, Run
@@ -34,6 +36,7 @@ LEGEND = (
     ("▿?", "camera unknown", "camera-unknown"), ("3", "so many here", "crowd"),
     ("◆", "covered", "gate-covered"), ("⠤", "route", "route"), ("⠂", "way so far", "trail"),
     ("▿", "camera", "camera"), ("╱", "restricted", "zone"),
+    ("◌", "TAK, unverified", "contact"),
 )  # fmt: skip
 """Glyph, word and role; named only while something of that role is on the map."""
 
@@ -75,6 +78,7 @@ class MapView(Widget):
         self._world = world
         self._scene = MapScene(world)
         self._picture: Picture | None = None
+        self._contacts: tuple[ReportedContact, ...] = ()
         self._rows: list[list[Run]] = []
         self._canvas = Canvas(0, 0)
         self._view: Projection | None = None
@@ -92,12 +96,18 @@ class MapView(Widget):
         self.followed = ""
         self.border_title = "Map"
 
-    def show(self, picture: Picture | None, *, live: bool = False) -> None:
+    def show(
+        self,
+        picture: Picture | None,
+        contacts: Collection[ReportedContact] = (),
+        *,
+        live: bool = False,
+    ) -> None:
         """Show another picture; hidden, nothing is drawn until the map is seen again.
 
-        There are trails only where it is `live`: what a replay shows depends on its moment alone.
+        `contacts` are what others report. There are trails only where it is `live`: what a replay shows depends on its moment alone.
         """
-        self._picture = picture
+        self._picture, self._contacts = picture, tuple(contacts)
         self._trails.add(picture if live else None)
         if self.is_on_screen and self.content_size.height > 1:
             self._draw_next()
@@ -230,13 +240,15 @@ class MapView(Widget):
         room = height - 1 if height >= LEGEND_FROM_ROWS else height
         window, fit = self._window(), self._fit_of(width, room)
         picture, layer, trails = self._picture, None, self._trails
+        contacts = self._contacts
         if self._plan is not None:
             layer = PlanLayer(self._plan, self._scene.short, self._moment_s or 0.0)
         if self._plan is not None and self._moment_s is not None:
             picture, trails = self._plan.picture_at(self._moment_s), ()
+            contacts = ()
         canvas = self._scene.draw(
             picture, width, room, window, self.followed,
-            trails=trails, sensors=self._sensors, plan=layer, fit=fit,
+            trails=trails, sensors=self._sensors, plan=layer, fit=fit, contacts=contacts,
         )  # fmt: skip
         rows = [canvas.runs(row) for row in range(room)]
         self._canvas, self._view = canvas, Projection(self._world, width, room, *window, fit)

@@ -1,0 +1,1 @@
+"""What a TAK server sends: read with care, bounded, told as reports that nobody has verified."""
