@@ -48,6 +48,29 @@ STARTED = ev.SessionStarted(
 )
 
 
+TAK_UP = ev.TakChanged(
+    server="tls://tak.example:8089",
+    state="connected",
+    detail="connected to tls://tak.example:8089",
+)
+
+
+def reported() -> list[ev.EventPayload]:
+    """What others on a TAK server say is around: a unit of theirs, and somebody hostile."""
+    unit = ev.ReportedContact(
+        uid="ANDROID-1",
+        callsign="ALPHA 1",
+        affiliation="friend",
+        what="ground unit",
+        at=(-24.0, 24.0),
+        time=START,
+        stale=START + timedelta(minutes=5),
+    )
+    hostile = {"uid": "ANDROID-2", "callsign": "RED 7", "affiliation": "hostile"}
+    other = unit.model_copy(update={**hostile, "what": "vehicle", "at": (36.0, 14.0)})
+    return [ev.ContactReported(contact=contact) for contact in (unit, other)]
+
+
 def opening() -> list[ev.EventPayload]:
     """The events before the first mission."""
     return [

@@ -60,6 +60,7 @@ SCREENS: dict[str, tuple[list[EventPayload], tuple[str, ...]]] = {
     "workflow": (living.workflow(), ("escape", "f4")),
     "halted": (living.halted(), ("escape", "f4")),
     "stopped": (living.stopped(), ()),
+    "reported": ([*story.opening(), story.TAK_UP, *story.reported()], ()),
 }
 WHY = (
     AnswerLine(about="order", said="M-001, Watch the north gate and report."),
@@ -82,6 +83,7 @@ LOOKED_AT = (
     *((name, size) for name in ("alarmed", "workflow", "halted", "stopped") for size in BOTH),
     *((name, size) for name in ("move", "compound") for size in SIZES),
     *(("rehearsed", size) for size in BOTH),
+    *(("reported", size) for size in BOTH),
     *((name, "80x24") for name in ("queue", "doubtful", "partly", "unclear")),
     *((name, "80x24") for name in ("empty", "finished", "assets", "help")),
     *((name, "120x36") for name in ("blocked", "editor", "leaving", "unclear")),

@@ -1,4 +1,4 @@
-"""The status bar says what the model does."""
+"""The status bar says what the model does, and how the servers are that the session has."""
 
 from pathlib import Path
 
@@ -42,3 +42,29 @@ async def test_it_says_how_the_server_of_a_model_is_where_one_is_named(
             station.emit(ev.ServerChanged.model_validate({**changed, "state": state}), mission=None)
             await settle(pilot, station)
             assert word in top_line(app)[0]
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 36)])
+async def test_it_says_how_the_tak_server_is_and_how_many_contacts_it_reports(
+    tmp_path: Path, size: tuple[int, int]
+) -> None:
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path)
+    wide = size[0] > 80
+    async with app.run_test(size=size) as pilot:
+        await settle(pilot, station)
+        assert "TAK" not in top_line(app)[0]
+        station.emit(story.TAK_UP, mission=None)
+        await settle(pilot, station)
+        assert ("TAK ● connected" if wide else "TAK ●") in top_line(app)[0]
+        station.emit(*story.reported(), mission=None)
+        await settle(pilot, station)
+        assert ("TAK ● connected, 2 contacts" if wide else "TAK ● 2") in top_line(app)[0]
+        gone = {"state": "away", "detail": "no connection to tls://tak.example:8089: gone"}
+        down = story.TAK_UP.model_copy(update=gone)
+        station.emit(down, mission=None)
+        await settle(pilot, station)
+        since = "not connected since 09:30, 2 contacts" if wide else "since 09:30"
+        assert f"TAK ✘ {since}" in top_line(app)[0]
+        lines = app.session.state.notices
+        assert [line.text for line in lines if line.subject == "TAK"][-1] == down.detail

@@ -15,8 +15,8 @@ class RecentRecord:
         self.state = state
 
     def take(self, event: ev.Event) -> None:
-        """Take in one event; what no log tells is no part of the record."""
-        if event.data.transient:
+        """Take in one event; what no log tells, or nobody has verified, is no part of it."""
+        if event.data.transient or isinstance(event.data, ev.UNVERIFIED):
             return
         self.state.apply(event)
         if isinstance(event.data, ev.MissionReceived):

@@ -79,6 +79,7 @@ from pa_console.schema.events.standing import (
 )
 from pa_console.schema.events.tak import (
     MOST_CONTACTS,
+    UNVERIFIED,
     ContactLost,
     ContactReported,
     ContactsLeftOut,
@@ -91,6 +92,7 @@ from pa_console.schema.events.tak import (
 __all__ = (
     "MOST_CONTACTS",
     "MOST_READINGS",
+    "UNVERIFIED",
     "AlarmAcknowledged",
     "AlarmCleared",
     "AlarmRaised",

@@ -88,5 +88,8 @@ class ContactsLeftOut(Payload):
     unreadable: Count = 0
 
 
+UNVERIFIED = (TakChanged, ContactReported, ContactLost, ContactsLeftOut)
+"""What is told of a TAK server; nothing that answers, plans or decides reads it."""
+
 OutsideReport = TakChanged | ContactReported | ContactLost | ContactsLeftOut | Noticed
 """All that may come into a session from a TAK server; none of it is a picture or an order."""

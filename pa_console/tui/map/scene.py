@@ -111,15 +111,15 @@ class MapScene:
         self._draw_cameras(canvas, view, picture, look, crowded=crowded)
         markers.draw(canvas)
         named = self._named(
-            canvas, ground, picture, look, markers, reported, plan=plan, crowded=crowded
+            canvas, ground, picture, look, markers, reported=reported, plan=plan, crowded=crowded
         )
         first: tuple[Cell, ...] = ()
         for _ in range(0 if crowded else MOST_RETRIES):
             if left_out := markers.unnamed(named):
                 first = (*left_out, *first)
                 again = self._named(
-                    canvas, ground, picture, look, markers, reported, first=first, plan=plan,
-                    crowded=False,
+                    canvas, ground, picture, look, markers, reported=reported, first=first,
+                    plan=plan, crowded=False,
                 )  # fmt: skip
                 named = min(named, again, key=lambda tried: len(markers.unnamed(tried)))
         return named
@@ -131,8 +131,8 @@ class MapScene:
         picture: Picture,
         look: Reliance,
         markers: Markers,
-        reported: Contacts,
         *,
+        reported: Contacts,
         first: Sequence[Cell] = (),
         plan: PlanLayer | None = None,
         crowded: bool,

@@ -170,12 +170,12 @@ class StatusBar(Static):
         if tak.connection is None or tak.since is None:
             return []
         mark, number = term("tak", tak.connection.state), len(tak.contacts)
-        words = [mark.word] if wide or tak.connection.state == "away" else []
-        if tak.connection.state == "away":
-            words.append(f"since {tak.since:%H:%M}")
-        if number:
-            words.append(f"{count(number, 'contact')}" if wide else str(number))
-        return [("  TAK ", QUIET), (" ".join((mark.glyph, *words)), mark.style)]
+        away, said = tak.connection.state == "away", mark.word if wide else ""
+        if away:
+            said += f" since {tak.since:%H:%M}"
+        if number and (wide or not away):
+            said += f", {count(number, 'contact')}" if wide else str(number)
+        return [("  TAK ", QUIET), (f"{mark.glyph} {said.strip()}".strip(), mark.style)]
 
     def _mode(self, mode: str) -> Content:
         style = {"LIVE": "bold $text-success"}.get(mode, "bold reverse $text-warning")

@@ -31,12 +31,12 @@ LEGEND = (
     ("◇", "UNCOVERED", "gate-uncovered"), ("?", "cover unknown", "gate-unknown"),
     ("‼", "hostile", "track-hostile"), ("!", "unauthorized", "track-unauthorized"),
     ("?", "unknown", "track-unknown"), ("✔", "authorized", "track-authorized"),
-    ("?", "not seen now", "track-stale"), ("?", "stale report", "stale"),
+    ("?", "not seen now", "track-stale"), ("◌", "TAK, unverified", "contact"),
+    ("?", "stale report", "stale"),
     ("≠", "suspect", "suspect"), ("✘", "down", "down"), ("▿✘", "camera failed", "camera-failed"),
     ("▿?", "camera unknown", "camera-unknown"), ("3", "so many here", "crowd"),
     ("◆", "covered", "gate-covered"), ("⠤", "route", "route"), ("⠂", "way so far", "trail"),
     ("▿", "camera", "camera"), ("╱", "restricted", "zone"),
-    ("◌", "TAK, unverified", "contact"),
 )  # fmt: skip
 """Glyph, word and role; named only while something of that role is on the map."""
 
@@ -105,7 +105,8 @@ class MapView(Widget):
     ) -> None:
         """Show another picture; hidden, nothing is drawn until the map is seen again.
 
-        `contacts` are what others report. There are trails only where it is `live`: what a replay shows depends on its moment alone.
+        `contacts` are what others report. There are trails only where it is `live`: what a replay
+        shows depends on its moment alone.
         """
         self._picture, self._contacts = picture, tuple(contacts)
         self._trails.add(picture if live else None)
