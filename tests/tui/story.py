@@ -67,7 +67,7 @@ def reported() -> list[ev.EventPayload]:
         stale=START + timedelta(minutes=5),
     )
     hostile = {"uid": "ANDROID-2", "callsign": "RED 7", "affiliation": "hostile"}
-    other = unit.model_copy(update={**hostile, "what": "vehicle", "at": (36.0, 14.0)})
+    other = unit.model_copy(update={**hostile, "what": "vehicle", "at": (30.0, 24.0)})
     return [ev.ContactReported(contact=contact) for contact in (unit, other)]
 
 

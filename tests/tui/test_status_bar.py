@@ -59,12 +59,12 @@ async def test_it_says_how_the_tak_server_is_and_how_many_contacts_it_reports(
         assert ("TAK ● connected" if wide else "TAK ●") in top_line(app)[0]
         station.emit(*story.reported(), mission=None)
         await settle(pilot, station)
-        assert ("TAK ● connected, 2 contacts" if wide else "TAK ● 2") in top_line(app)[0]
+        assert ("TAK ● 2 contacts" if wide else "TAK ● 2") in top_line(app)[0]
         gone = {"state": "away", "detail": "no connection to tls://tak.example:8089: gone"}
         down = story.TAK_UP.model_copy(update=gone)
         station.emit(down, mission=None)
         await settle(pilot, station)
-        since = "not connected since 09:30, 2 contacts" if wide else "since 09:30"
+        since = "not connected since 09:30" if wide else "since 09:30"
         assert f"TAK ✘ {since}" in top_line(app)[0]
         lines = app.session.state.notices
         assert [line.text for line in lines if line.subject == "TAK"][-1] == down.detail

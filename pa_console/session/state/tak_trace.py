@@ -34,6 +34,11 @@ class TakTrace:
     contacts: dict[str, ev.ReportedContact] = field(default_factory=dict[str, ev.ReportedContact])
     left_out: ev.ContactsLeftOut = field(default_factory=ev.ContactsLeftOut)
 
+    @property
+    def away(self) -> bool:
+        """Whether there is a server, and no connection to it."""
+        return self.connection is not None and self.connection.state == "away"
+
     def apply(self, event: ev.Event) -> list[Line]:
         """Take one event in; return what is to be said of it."""
         match event.data:

@@ -1,6 +1,6 @@
-"""Draws what others report on the map: hollow, without weight, below all that our sensors tell.
+"""Draws what others report on the map: hollow, in grey, and only where there is nothing of ours.
 
-Such a marker takes no place from another and cannot be pointed at: no order means it.
+Such a marker hides no other, moves no name and cannot be pointed at: no order means it.
 """
 
 from collections.abc import Collection
@@ -10,7 +10,7 @@ from typing import NamedTuple
 from rich.cells import cell_len
 
 from pa_console.schema.events.tak import ReportedContact
-from pa_console.tui.map.canvas import Canvas, Cell, Spot
+from pa_console.tui.map.canvas import FREE, Canvas, Cell, Spot
 from pa_console.tui.map.labels import Labels
 from pa_console.tui.map.projection import Projection
 from pa_console.tui.map.symbols import edge_arrow
@@ -18,6 +18,8 @@ from pa_console.tui.map.symbols import edge_arrow
 GLYPH, ROLE = "◌", "contact"
 MOST_NAME = 14
 """A longer call sign is cut on the map; the event list has it whole."""
+
+_FREE = FREE | {"wall"}
 
 
 class _Drawn(NamedTuple):
@@ -47,21 +49,27 @@ class Contacts:
                 )
                 self._drawn.append(_Drawn(at, spot, contact))
 
-    def draw(self, canvas: Canvas) -> None:
-        """Draw the markers; whatever is drawn later lies on top."""
+    def draw(self, canvas: Canvas, labels: Labels | None) -> None:
+        """Draw each where nothing else is, and with `labels` its name where that hides nothing."""
         for at, (column, row), _ in self._drawn:
-            way = floor(column) - at[0], floor(row) - at[1]
-            canvas.put(at, GLYPH if way == (0, 0) else edge_arrow(*way), ROLE)
-
-    def name(self, canvas: Canvas, labels: Labels) -> None:
-        """Write names where there is room that nothing else has taken."""
+            if canvas.role(at) in _FREE:
+                way = floor(column) - at[0], floor(row) - at[1]
+                canvas.put(at, GLYPH if way == (0, 0) else edge_arrow(*way), ROLE)
+        if labels is None or not self._drawn:
+            return
+        self._keep_what_is_there(canvas, labels)
         for at, spot, contact in self._drawn:
-            if canvas.role(at) != ROLE:
-                continue
-            name = f"TAK {short_name(contact.name)}"
+            hidden = "" if canvas.role(at) == ROLE else GLYPH
+            name = f"{hidden}TAK {short_name(contact.name)}"
             for text in (f"{name} {contact.affiliation}?", name):
-                if labels.place(at, [spot], [[(text, ROLE)]]):
+                if labels.place(at, [spot], [[(text, ROLE)]], gap=len(hidden)):
                     break
+
+    def _keep_what_is_there(self, canvas: Canvas, labels: Labels) -> None:
+        for row, roles in enumerate(canvas.roles):
+            for column, role in enumerate(roles):
+                if role not in FREE:
+                    labels.keep((column, row))
 
 
 def short_name(name: str) -> str:

@@ -7,7 +7,7 @@ from pa_console.schema.base import Point
 from pa_console.schema.events.tak import ReportedContact
 from pa_console.schema.telemetry import AssetTelemetry, Picture
 from pa_console.schema.world import World
-from pa_console.tui.map.canvas import Canvas, Cell, Spot
+from pa_console.tui.map.canvas import FREE, Canvas, Cell, Spot
 from pa_console.tui.map.contacts import Contacts
 from pa_console.tui.map.frames import Frames
 from pa_console.tui.map.ground import Ground, draw_ground
@@ -33,7 +33,6 @@ ROLES = (
 CELLS_PER_NAME = 48
 """With less room than this for each asset, names are left out except those that matter."""
 
-_FREE = frozenset(("", "lane", "zone", "asset-field", "camera-field", "trail", "route"))
 MOST_RETRIES = 2
 """How often names are written anew with those first that found no room."""
 
@@ -81,7 +80,7 @@ class MapScene:
         `marked` is the asset or track that gets a pointer, `trails` are ways behind assets and
         tracks, in metres; `sensors` says of which sensors the fields of view are shown, and `plan`
         is drawn over it before it runs. The scale is that of a map of the size `fit`. `contacts`
-        are what others report; they take no room from anything else.
+        are what others report; they are drawn where there is nothing else.
         """
         ground = self._ground(width, height, window, fit)
         canvas, view = ground.canvas.copy(), ground.view
@@ -94,20 +93,19 @@ class MapScene:
         crowded = len(seen) * CELLS_PER_NAME > width * height
         if sensors == "all":
             seen_by_assets = asset_fields(self.world, picture, look)
-            _lines(view, seen_by_assets, 4, 1).draw(canvas, "asset-field", over=_FREE)
+            _lines(view, seen_by_assets, 4, 1).draw(canvas, "asset-field", over=FREE)
         if sensors:
             seen_by_cameras = camera_fields(self.world, picture, look)
-            _lines(view, seen_by_cameras, 2, 1).draw(canvas, "camera-field", over=_FREE)
+            _lines(view, seen_by_cameras, 2, 1).draw(canvas, "camera-field", over=FREE)
         if not crowded:
             routes = [(asset.position, *asset.route) for asset in seen if asset.route]
-            _lines(view, trails, 2, 1).draw(canvas, "trail", over=_FREE)
-            _lines(view, routes, 3, 2).draw(canvas, "route", over=_FREE)
+            _lines(view, trails, 2, 1).draw(canvas, "trail", over=FREE)
+            _lines(view, routes, 3, 2).draw(canvas, "route", over=FREE)
         if plan is not None:
             plan.draw_routes(canvas, view)
         shown = self._markers(picture, view, seen, look, plan, whole=whole, health=not crowded)
         markers = Markers(canvas, shown, marked)
         reported = Contacts(canvas, view, contacts, whole=whole)
-        reported.draw(canvas)
         self._draw_cameras(canvas, view, picture, look, crowded=crowded)
         markers.draw(canvas)
         named = self._named(
@@ -153,7 +151,7 @@ class MapScene:
         self._name_cameras(canvas, labels, ground.view, picture, look)
         if not crowded:
             frames.name_displaced()
-            reported.name(canvas, labels)
+        reported.draw(canvas, None if crowded else labels)
         return canvas
 
     def _markers(

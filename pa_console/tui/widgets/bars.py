@@ -149,11 +149,10 @@ class StatusBar(Static):
         if wide or worker.word != "ready":
             parts += [("  model ", QUIET), (f"{worker.glyph} {worker.word}", worker.style)]
         parts += self._servers(state)
-        if wide:
-            parts += self._tak(state.tak, wide=True)
-        parts += ["  ", self._gates(state), "  ", self._mission(state, mode)]
-        if not wide:
-            parts += self._tak(state.tak, wide=False)
+        rest = ["  ", self._gates(state), "  ", self._mission(state, mode)]
+        tak = self._tak(state.tak, wide=wide)
+        first = state.tak.away and state.active is None and state.stop is None
+        parts += [*tak, *rest] if first else [*rest, *tak]
         self.update(Content.assemble(*parts), layout=False)
 
     def _servers(self, state: SessionState) -> list[tuple[str, str] | Content | str]:
@@ -170,11 +169,11 @@ class StatusBar(Static):
         if tak.connection is None or tak.since is None:
             return []
         mark, number = term("tak", tak.connection.state), len(tak.contacts)
-        away, said = tak.connection.state == "away", mark.word if wide else ""
-        if away:
+        said = mark.word if wide else ""
+        if tak.away:
             said += f" since {tak.since:%H:%M}"
-        if number and (wide or not away):
-            said += f", {count(number, 'contact')}" if wide else str(number)
+        elif number:
+            said = count(number, "contact") if wide else str(number)
         return [("  TAK ", QUIET), (f"{mark.glyph} {said.strip()}".strip(), mark.style)]
 
     def _mode(self, mode: str) -> Content:
