@@ -1,5 +1,6 @@
-"""`pa-console tak`: a recorded session on a TAK map, and what it says when something is missing."""
+"""`pa-console tak`, and `--tak`: a session on a TAK map, and what others report there."""
 
+import json
 import sys
 import threading
 from collections.abc import Iterator, Sequence
@@ -8,9 +9,17 @@ from xml.etree.ElementTree import Element
 
 import pytest
 
+from pa_console.cli.tak.own_session import on_map
+from pa_console.resources import find_data
+from pa_console.schema.world import Origin
+from pa_console.settings.schema import Settings
+from pa_console.sim.worlds.world_file import load_world
+from pa_console.tak.geography import Geography
+from pa_console.tak.site_on_map import SiteOnMap
 from tests.cli.inside import Call
 from tests.fleets.broker import free_port
 from tests.golden.sessions import played
+from tests.tak.heard import said
 from tests.tak.taky_server import LOOPBACK, Taky
 
 SEA = ("--origin", "2.0,-30.0,15,12")
@@ -100,6 +109,64 @@ def test_a_mission_is_shown_while_it_lasts(call: Call, taky: Taky, tmp_path: Pat
     assert f"TAK map: connected to {taky.url}" in done.err
     assert "warning" not in done.err, "all of it was shown"
     assert "pa-console.checkpoint.Drone_T04" in {event.get("uid", "") for event in seen}
+
+
+@pytest.mark.usefixtures("engine")
+@pytest.mark.parametrize(
+    ("option", "seen"), [((), {"ANDROID-1"}), (("--no-tak-contacts",), set[str]())]
+)
+def test_a_mission_s_log_tells_what_others_report_meanwhile(
+    call: Call, taky: Taky, tmp_path: Path, option: tuple[str, ...], seen: set[str]
+) -> None:
+    file = tmp_path / "l.jsonl"
+    over = threading.Event()
+    with taky.client() as client:
+
+        def report() -> None:
+            while not over.wait(0.02):
+                unit = said(site(), "ANDROID-1", "a-h-G-U", (20.0, 5.0), "RED 7")
+                client.send(unit.xml())
+
+        reporting = threading.Thread(target=report)
+        reporting.start()
+        try:
+            words = ("mission", "Move the drone to the east gate.", "--approve", "auto")
+            shown = ("--tak", taky.url, "--tak-origin", "2.0,-30.0", "--log", str(file), *option)
+            done = call("--set", "standing_confidence=0", *words, *shown)
+        finally:
+            over.set()
+            reporting.join()
+    assert done.code == 0, done.err
+    told = [json.loads(line) for line in file.read_text().splitlines()]
+    assert any(line["kind"] == "tak" for line in told)
+    reported = [line["data"] for line in told if line["kind"] == "contact_reported"]
+    assert {data["contact"]["uid"] for data in reported} == seen
+    assert call("replay", "--verify", str(file)).code == 0
+
+
+def site() -> SiteOnMap:
+    """The checkpoint where the sessions are."""
+    world = load_world(find_data("worlds", "checkpoint", "world.yaml"))
+    return SiteOnMap(world, Geography(Origin(latitude=2.0, longitude=-30.0)), world.name)
+
+
+@pytest.mark.parametrize(
+    ("server", "chosen", "read"),
+    [
+        ("tcp://127.0.0.1", None, True),
+        ("tcp://127.0.0.1", False, False),
+        ("tcp://192.0.2.7", None, False),
+        ("tcp://192.0.2.7", True, True),
+    ],
+)
+def test_where_anybody_may_invent_them_contacts_are_shown_when_that_is_asked_for(
+    server: str, chosen: bool | None, read: bool
+) -> None:
+    values = Settings(tak=f"{server}:{free_port()}", tak_origin="2.0,-30.0", tak_contacts=chosen)
+    with on_map(values, "checkpoint", lambda _: None, lambda _: None) as shown:
+        shown.reports.heard(said(site(), "ANDROID-1", "a-f-G", (0.0, 0.0)).xml())
+        kinds = {data.kind for data in shown.reports.news()}
+    assert ("contact_reported" in kinds) == read
 
 
 @pytest.mark.usefixtures("engine")
