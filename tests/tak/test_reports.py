@@ -1,8 +1,10 @@
 """What others on a TAK server report is in a session, as unverified contacts, and goes stale."""
 
 import math
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -17,7 +19,7 @@ from pa_console.schema.events.event import (
 )
 from pa_console.session.replay.player import Player
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.tak.cot_event import deletion
+from pa_console.tak.cot_event import CotPoint, deletion, element
 from pa_console.tak.inbound.contact_book import HOLDS_MOST, TOLD_EVERY
 from pa_console.tak.inbound.event_stream import MOST_BYTES, EventStream
 from pa_console.tak.inbound.heard_event import read_event
@@ -157,6 +159,28 @@ def test_what_a_server_sends_back_is_no_impostor(
     reports.heard(replayed.xml())
     assert not reports.news()
     assert not later.news(), "an earlier session of the site told that"
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"type": "a-h-A-M-H-Q"},
+        {"time": START + timedelta(seconds=1)},
+        {"stale": START + timedelta(hours=1)},
+        {"point": CotPoint(2.0001, -30.0)},
+        {"detail": (element("contact", {"callsign": "RED 7"}),)},
+    ],
+)
+def test_whoever_changes_what_we_have_said_is_an_impostor(
+    site: SiteOnMap, reports: TakReports, clock: Clock, changed: dict[str, Any]
+) -> None:
+    uid = site.uid("Drone_T04")
+    ours = said(site, uid, "a-f-A-M-H-Q", (1.0, 1.0), "Drone_T04", stale_s=3.0, now=clock.now)
+    reports.sent(ours)
+    reports.heard(ours.xml())
+    assert not reports.news()
+    reports.heard(replace(ours, **changed).xml())
+    assert [data.kind for data in reports.news()] == ["noticed"]
 
 
 def test_impostors_of_many_are_told_of_a_few_times(

@@ -5,15 +5,18 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 
+from pa_console.schema.events.tak import MOST_CALLSIGN
 from pa_console.tak.cot_event import DELETE, CotEvent
 from pa_console.tak.inbound.heard_event import HeardEvent
 from pa_console.tak.site_on_map import SiteOnMap
 
-KEPT = 8
+KEPT = 30
 """So many events of a thing are remembered: a server may send the last ones back."""
 MOST_THINGS = 10_000
 SAME = timedelta(milliseconds=20)
 """How far two times may be apart that a server has written anew."""
+ROUNDED = 2e-6
+"""How far two angles may be apart likewise, in degrees."""
 
 
 @dataclass(frozen=True)
@@ -21,6 +24,9 @@ class _Sent:
     type: str
     time: datetime
     stale: datetime
+    latitude: float
+    longitude: float
+    callsign: str
 
 
 class OwnEvents:
@@ -37,10 +43,22 @@ class OwnEvents:
 
     def sent(self, event: CotEvent) -> None:
         """Note that `event` is about to be sent."""
-        subject = event.subject
+        if not (event.type.startswith("a-") or event.type == DELETE):
+            return
+        subject, at = event.subject, event.point
+        callsign = next((e.get("callsign", "") for e in event.detail if e.tag == "contact"), "")
         known = self._sent.pop(subject, None)
         self._sent[subject] = known if known is not None else deque[_Sent](maxlen=KEPT)
-        self._sent[subject].append(_Sent(event.type, event.time, event.stale))
+        self._sent[subject].append(
+            _Sent(
+                event.type,
+                event.time,
+                event.stale,
+                at.latitude,
+                at.longitude,
+                callsign[:MOST_CALLSIGN],
+            )
+        )
         if len(self._sent) > MOST_THINGS:
             self._sent.popitem(last=False)
 
@@ -68,4 +86,7 @@ def _is_same(sent: _Sent, heard: HeardEvent) -> bool:
         sent.type == heard.type
         and abs(sent.time - heard.time) <= SAME
         and heard.stale <= sent.stale + SAME
+        and abs(sent.latitude - heard.latitude) <= ROUNDED
+        and abs(sent.longitude - heard.longitude) <= ROUNDED
+        and sent.callsign == heard.callsign
     )
