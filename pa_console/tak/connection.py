@@ -38,6 +38,8 @@ FLUSH_S = 3.0
 GOODBYE_S = 1.0
 """A server that was told that nothing more comes has so long to take what is under way."""
 READ_BYTES = 65_536
+BYTES_A_SECOND = 4_000_000
+"""More is not taken from a server: whoever floods it must not keep a processor busy here."""
 
 
 class Ears(Protocol):
@@ -224,6 +226,7 @@ class TakConnection:
         while data := await reader.read(READ_BYTES):
             if self._ears is not None:
                 self._ears.heard(data)
+            await asyncio.sleep(len(data) / BYTES_A_SECOND)
 
     async def _send_all(self, writer: StreamWriter) -> None:
         """Send what waits, again and again, as fast as the server takes it; then say goodbye."""

@@ -236,6 +236,15 @@ def test_a_report_for_ever_holds_ten_minutes(
     assert reports.news() == [ContactLost(uid="U", reason="stale")]
 
 
+def test_a_clock_that_is_set_back_lets_nothing_hold_for_longer(
+    site: SiteOnMap, reports: TakReports, clock: Clock
+) -> None:
+    reports.heard(said(site, "U", "a-f-G", (0.0, 0.0), stale_s=60.0, now=clock.now).xml())
+    assert len(reports.news()) == 1
+    clock.pass_by(-24 * 3600.0)
+    assert reports.news() == [ContactLost(uid="U", reason="stale")]
+
+
 @pytest.mark.parametrize("at", [(2000.0, 0.0), (0.0, -2e6), (1e7, 1e7)])
 def test_what_is_beyond_the_site_is_counted_and_a_contact_may_leave(
     site: SiteOnMap, reports: TakReports, clock: Clock, at: tuple[float, float]

@@ -84,8 +84,9 @@ class ContactBook:
 
     def news(self, now: datetime) -> Iterator[ContactReported | ContactLost]:
         """Yield what is to be told now: what is gone, then what is new or has changed."""
-        over = [uid for uid, known in self._known.items() if known.contact.stale <= now]
-        for uid in over:
+        most = now + HOLDS_MOST  # where the clock was set back, nothing holds for longer either
+        stales = {uid: known.contact.stale for uid, known in self._known.items()}
+        for uid in (uid for uid, stale in stales.items() if not now < stale <= most):
             self.lose(uid, "stale")
         lost, self._lost = self._lost, []
         yield from lost

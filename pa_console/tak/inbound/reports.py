@@ -79,17 +79,17 @@ class TakReports:
         """Take in what the server has sent."""
         if not self._contacts:
             return
-        with self._lock:
-            for document in self._stream.feed(data):
-                now = self._now()
-                if not timedelta() <= now - self._second < timedelta(seconds=1):
-                    self._second, self._read = now, 0
-                self._read += 1
-                if self._read > READ_A_SECOND:
-                    self._unread += 1
-                elif (heard := read_event(document)) is None:
-                    self._unreadable += 1
-                else:
+        for document in self._stream.feed(data):
+            now = self._now()
+            if not timedelta() <= now - self._second < timedelta(seconds=1):
+                self._second, self._read = now, 0
+            self._read += 1
+            is_read = self._read <= READ_A_SECOND
+            heard = read_event(document) if is_read else None
+            with self._lock:
+                self._unread += not is_read
+                self._unreadable += is_read and heard is None
+                if heard is not None:
                     self._take(heard, now)
 
     def news(self) -> list[OutsideReport]:
