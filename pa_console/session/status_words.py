@@ -120,7 +120,7 @@ STATUSES: dict[str, Status] = {
     "server.unconstrained": Status("△", "not constrained", "warn"),
     "server.away": Status("✘", "away", "bad"),
     "tak.connected": Status("●", "connected", "good"),
-    "tak.away": Status("✘", "not connected", "bad"),
+    "tak.away": Status("✘", "away", "bad"),
     "priority.critical": Status("▲", "critical", "bad"),
     "priority.high": Status("△", "high", "warn"),
     "priority.medium": Status("▽", "medium", "calm"),

@@ -64,7 +64,7 @@ async def test_it_says_how_the_tak_server_is_and_how_many_contacts_it_reports(
         down = story.TAK_UP.model_copy(update=gone)
         station.emit(down, mission=None)
         await settle(pilot, station)
-        since = "not connected since 09:30" if wide else "since 09:30"
+        since = "away since 09:30" if wide else "since 09:30"
         assert f"TAK ✘ {since}" in top_line(app)[0]
         lines = app.session.state.notices
         assert [line.text for line in lines if line.subject == "TAK"][-1] == down.detail

@@ -149,10 +149,10 @@ class StatusBar(Static):
         if wide or worker.word != "ready":
             parts += [("  model ", QUIET), (f"{worker.glyph} {worker.word}", worker.style)]
         parts += self._servers(state)
-        rest = ["  ", self._gates(state), "  ", self._mission(state, mode)]
-        tak = self._tak(state.tak, wide=wide)
-        first = state.tak.away and state.active is None and state.stop is None
-        parts += [*tak, *rest] if first else [*rest, *tak]
+        mission, tak = ["  ", self._mission(state, mode)], self._tak(state.tak, wide=wide)
+        idle = state.active is None and state.stop is None
+        parts += ["  ", self._gates(state)]
+        parts += [*tak, *mission] if idle and state.tak.away else [*mission, *tak]
         self.update(Content.assemble(*parts), layout=False)
 
     def _servers(self, state: SessionState) -> list[tuple[str, str] | Content | str]:
