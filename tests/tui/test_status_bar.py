@@ -7,6 +7,7 @@ import pytest
 from pa_console.schema.events import event as ev
 from tests.tui import story
 from tests.tui.scripted import ScriptedStation, console, settle
+from tests.tui.site import WORLD
 from tests.tui.test_log_alarm import top_line
 
 
@@ -68,3 +69,19 @@ async def test_it_says_how_the_tak_server_is_and_how_many_contacts_it_reports(
         assert f"TAK ✘ {since}" in top_line(app)[0]
         lines = app.session.state.notices
         assert [line.text for line in lines if line.subject == "TAK"][-1] == down.detail
+
+
+async def test_the_title_makes_room_for_what_has_to_be_known(tmp_path: Path) -> None:
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path)
+    async with app.run_test(size=(120, 36)) as pilot:
+        await settle(pilot, station)
+        assert WORLD.title in top_line(app)[0]
+        gone = {"state": "away", "detail": "no connection to tls://tak.example:8089: gone"}
+        slow = ev.WorkerChanged(state="slow")
+        station.emit(slow, story.TAK_UP.model_copy(update=gone), mission=None)
+        await settle(pilot, station)
+        line = top_line(app)[0]
+        assert WORLD.title not in line
+        assert "slow, busy machine" in line
+        assert "TAK ✘ away since 09:30 no mission" in line

@@ -132,10 +132,8 @@ class StatusBar(Static):
         stale = silent_s > self.stale_after_s and (mode == "LIVE" or mode.startswith(JOINED))
         worker = term("worker", state.worker.state if state.worker else "none")
         parts: list[tuple[str, str] | Content | str] = []
-        if wide:
-            parts.append(("PA Console  ", "bold $text-primary"))
-        if wide and state.active is None:
-            parts.append((f"{title}  ", QUIET))
+        named = [("PA Console  ", "bold $text-primary")] if wide else []
+        titled = [(f"{title}  ", QUIET)] if wide and state.active is None else []
         clock = ("session ", QUIET) if mode == "REPLAY" else ""
         parts += [self._mode(mode), "  ", clock, f"{time} ", (f"×{rate:g}", QUIET)]
         if state.started is not None and (alarm := _rules_alarm(state.started.rules_seal)):
@@ -153,7 +151,10 @@ class StatusBar(Static):
         idle = state.active is None and state.stop is None
         parts += ["  ", self._gates(state)]
         parts += [*tak, *mission] if idle and state.tak.away else [*mission, *tak]
-        self.update(Content.assemble(*parts), layout=False)
+        line = Content.assemble(*named, *titled, *parts)
+        if line.cell_length > self.content_size.width:
+            line = Content.assemble(*named, *parts)
+        self.update(line, layout=False)
 
     def _servers(self, state: SessionState) -> list[tuple[str, str] | Content | str]:
         """Say how the models on servers are, the worst of them where there are several."""
