@@ -20,10 +20,10 @@ from pa_console.fleets.key_folder import KeyFolder
 from pa_console.fleets.station_authority import StationAuthority
 from pa_console.orchestrator.joined.joined_station import JoinedStation, Signatory
 from pa_console.orchestrator.joined.shared_log import HEARD, SharedLog, read_so_far
+from pa_console.orchestrator.joined.site_copy import SiteCopy
 from pa_console.orchestrator.joined.succession import Succession
 from pa_console.orchestrator.station.assembly import open_world
 from pa_console.orchestrator.station.session_site import SessionSites
-from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events.event import Event, SessionStarted
 from pa_console.schema.world import World
@@ -168,7 +168,7 @@ def joining(asked: Joining, settings: Loaded) -> Generator[JoinedSession]:
             return StationAuthority(folder.keys(person), keep=folder.take)
 
         yield JoinedSession(
-            JoinedStation(log, found.before, Retriever(rules.rules), signatory),
+            JoinedStation(log, found.before, signatory, SiteCopy(world, rules)),
             world,
             rules,
             Succession(log, signatory, own_station),

@@ -6,11 +6,11 @@ from typing import Literal
 
 from pa_console.orchestrator.answers.planned import asked_of, attempt_of
 from pa_console.orchestrator.answers.why_plan import rehearsed_in_words
-from pa_console.orchestrator.mission.services import Services
 from pa_console.orchestrator.planning.reading_rehearsal import (
     rehearse_other_ways,
     rehearse_reading,
 )
+from pa_console.orchestrator.planning.safeguards import CheckBasis
 from pa_console.orders.plain_words import plain_reading
 from pa_console.schema.events.questions import AnswerLine
 from pa_console.schema.plan import Plan
@@ -42,7 +42,7 @@ class Alternative:
         return AnswerLine(about=f"another {self.sort}", said=said)
 
 
-async def find_alternatives(services: Services, trace: MissionTrace) -> AsyncGenerator[Alternative]:
+async def find_alternatives(basis: CheckBasis, trace: MissionTrace) -> AsyncGenerator[Alternative]:
     """Yield plans that are not the one that waits or came last: for other readings, other ways.
 
     They are rehearsed in the present picture, and no model is asked.
@@ -53,14 +53,14 @@ async def find_alternatives(services: Services, trace: MissionTrace) -> AsyncGen
     known = 0
     readings: Sequence[str] = request.readings if request is not None else ()
     for asked in readings:
-        found = await rehearse_reading(services, trace.mission, asked)
+        found = await rehearse_reading(basis, trace.mission, asked)
         if found is not None:
             known += 1
             yield Alternative("reading", asked, found)
     asked = asked_of(trace, attempt)
     if not asked:
         return
-    ways = rehearse_other_ways(services, trace.mission, asked, attempt.plan)
+    ways = rehearse_other_ways(basis, trace.mission, asked, attempt.plan)
     while known < MOST_ALTERNATIVES:
         found = await anext(ways, None)
         if found is None:

@@ -13,7 +13,7 @@ from pa_console.orchestrator.answers.planned import attempt_of
 from pa_console.orchestrator.answers.why_asset import asset_lines, not_in_plan
 from pa_console.orchestrator.answers.why_not import why_not_lines
 from pa_console.orchestrator.answers.why_plan import checked_lines, end_lines, plan_lines
-from pa_console.orchestrator.mission.services import Services
+from pa_console.orchestrator.planning.safeguards import CheckBasis
 from pa_console.orders.questions.question import Question
 from pa_console.schema.events.questions import AnswerLine, QuestionAnswered
 from pa_console.session.state.fold import SessionState
@@ -34,7 +34,7 @@ class Answer:
 
 
 async def answer(
-    services: Services,
+    basis: CheckBasis,
     question: Question,
     state: SessionState,
     found: Callable[[Alternative], object] = lambda _: None,
@@ -46,11 +46,11 @@ async def answer(
     """
     trace = state.current
     if question.topic == "gate":
-        lines = gate_lines(state, question.subjects[0], services.fleet.world.dt_s)
+        lines = gate_lines(state, question.subjects[0], basis.fleet.world.dt_s)
         return Answer(_told(question, [*lines]))
     if trace is None:
         return Answer(_told(question, [AnswerLine(about="on record", said=NOTHING_YET)]))
-    lines = await _about(services, question, trace, found)
+    lines = await _about(basis, question, trace, found)
     return Answer(_told(question, lines), trace.mission.id)
 
 
@@ -64,13 +64,13 @@ def _told(question: Question, lines: list[AnswerLine]) -> QuestionAnswered:
 
 
 async def _about(
-    services: Services,
+    basis: CheckBasis,
     question: Question,
     trace: MissionTrace,
     found: Callable[[Alternative], object],
 ) -> list[AnswerLine]:
     """Return the answer to a question about one mission."""
-    world, attempt = services.fleet.world, attempt_of(trace)
+    world, attempt = basis.fleet.world, attempt_of(trace)
     if question.topic == "plan":
         return [*plan_lines(trace, world)]
     if attempt is None:
@@ -83,10 +83,10 @@ async def _about(
             lines = [*asset_lines(trace, attempt, world, question.subjects)]
             return [*lines, *checked_lines(attempt), *end_lines(trace)]
         case "other_asset":
-            told = why_not_lines(services, trace, attempt, question.subjects)
+            told = why_not_lines(basis, trace, attempt, question.subjects)
             return [line async for line in told]
         case _:
-            return await _alternatives(services, trace, found)
+            return await _alternatives(basis, trace, found)
 
 
 def _not_sent(trace: MissionTrace, attempt: Attempt, question: Question) -> list[AnswerLine]:
@@ -100,10 +100,10 @@ def _not_sent(trace: MissionTrace, attempt: Attempt, question: Question) -> list
 
 
 async def _alternatives(
-    services: Services, trace: MissionTrace, found: Callable[[Alternative], object]
+    basis: CheckBasis, trace: MissionTrace, found: Callable[[Alternative], object]
 ) -> list[AnswerLine]:
     lines: list[AnswerLine] = []
-    async for each in find_alternatives(services, trace):
+    async for each in find_alternatives(basis, trace):
         found(each)
         lines.append(each.line)
     if not lines:

@@ -53,7 +53,7 @@ def _reasons(trace: MissionTrace, attempt: Attempt, action: Action, world: World
     """Yield what bears on who has this action, the strongest first."""
     name = action.agent
     if attempt.author == "operator":
-        yield "you have put it into the plan"
+        yield "the operator has put it into the plan"
     meant = [one.said for one in trace.references if name in one.means.split(", ")]
     if meant:
         yield f"“{meant[0]}” means it"

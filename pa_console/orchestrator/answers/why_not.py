@@ -15,8 +15,7 @@ from pa_console.orchestrator.answers.asset_facts import (
 )
 from pa_console.orchestrator.answers.planned import actions_of, asked_of, kind_asked_for
 from pa_console.orchestrator.answers.why_plan import rehearsed_in_words
-from pa_console.orchestrator.mission.services import Services
-from pa_console.orchestrator.planning.safeguards import Examination, examine
+from pa_console.orchestrator.planning.safeguards import CheckBasis, Examination, examine
 from pa_console.schema.events.questions import AnswerLine
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Rehearsal
@@ -30,19 +29,19 @@ MOST_CHECKED = 4
 
 
 async def why_not_lines(
-    services: Services, trace: MissionTrace, attempt: Attempt, names: Sequence[str]
+    basis: CheckBasis, trace: MissionTrace, attempt: Attempt, names: Sequence[str]
 ) -> AsyncGenerator[AnswerLine]:
     """Yield for each of `names` what stands against it in place of who has its part."""
-    world, actions = services.fleet.world, actions_of(attempt)
+    world, actions = basis.fleet.world, actions_of(attempt)
     planned = {action.agent: action for action in actions}
     others = [name for name in names if name not in planned]
     for name in names:
         if name in planned and (len(names) == 1 or not others):
             said = f"it is in the plan: {order_in_words(planned[name])}"
             yield AnswerLine(about=name, said=said)
-    nearest = sorted(others, key=lambda name: _nearness(name, actions, world, services))
+    nearest = sorted(others, key=lambda name: _nearness(name, actions, world, basis))
     for name in nearest[:MOST_CHECKED]:
-        async for said in _checked(services, trace, attempt, name):
+        async for said in _checked(basis, trace, attempt, name):
             yield AnswerLine(about=name, said=said)
     if len(nearest) > MOST_CHECKED:
         said = f"{len(nearest) - MOST_CHECKED} more are farther away and were not checked"
@@ -62,17 +61,17 @@ def part_for(name: str, actions: Sequence[Action], world: World) -> Action | Non
     return next(iter((*alike, *able)), None)
 
 
-def _nearness(name: str, actions: Sequence[Action], world: World, services: Services) -> float:
-    part, picture = part_for(name, actions, world), services.fleet.picture()
+def _nearness(name: str, actions: Sequence[Action], world: World, basis: CheckBasis) -> float:
+    part, picture = part_for(name, actions, world), basis.fleet.picture()
     found = distance_m(name, part, world, picture) if part is not None else None
     return float("inf") if found is None else found
 
 
 async def _checked(
-    services: Services, trace: MissionTrace, attempt: Attempt, name: str
+    basis: CheckBasis, trace: MissionTrace, attempt: Attempt, name: str
 ) -> AsyncGenerator[str]:
     """Yield what stands against one asset, and what checks and rehearsal say of it in the plan."""
-    world, actions = services.fleet.world, actions_of(attempt)
+    world, actions = basis.fleet.world, actions_of(attempt)
     part = part_for(name, actions, world)
     if part is None:
         first = next((each for each in actions if goal_of(each, world)), None)
@@ -82,7 +81,7 @@ async def _checked(
     then = attempt.rehearsal.before if attempt.rehearsal is not None else None
     if over and then is not None:
         yield f"when it was planned: {_facts(name, part, attempt, trace, world, then)}"
-    now = services.fleet.picture()
+    now = basis.fleet.picture()
     with_it = Plan(
         reason=attempt.plan.reason if attempt.plan is not None else "",
         actions=tuple(
@@ -90,7 +89,7 @@ async def _checked(
         ),
     )
     found = await examine(
-        with_it, trace.mission, services.fleet, services.rulebook, variant=services.variant
+        with_it, trace.mission, basis.fleet, basis.rulebook, variant=basis.variant
     )
     if not over:
         yield _facts(name, part, attempt, trace, world, now)

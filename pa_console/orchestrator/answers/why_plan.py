@@ -177,7 +177,7 @@ def end_lines(trace: MissionTrace) -> Iterator[AnswerLine]:
         yield _line("void", trace.voided)
     if request is not None:
         state = status_of("approval", request.state or "none").word
-        yield _line("decision", f"it waits for you: {state}")
+        yield _line("decision", f"it waits for the operator: {state}")
         for why in request.blocked_by:
             yield _line("blocked", why)
     for halt in trace.halts:

@@ -14,6 +14,7 @@ from pa_console.orchestrator.intake.known_words import (
     name_words,
     rule_words,
 )
+from pa_console.orchestrator.intake.order_language import is_english
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.world import World
 
@@ -21,6 +22,11 @@ _TYPED = re.compile(r"(?<![\w'])(?:[A-Z][a-z]{2,}|[a-z]{3,}|[A-Z]{3,})(?![\w'])"
 """What may be misspelt: no name in digits or camel case, no contraction, nothing of two letters."""
 _FOREIGN = 0.25
 """When nothing is near to more than this share of the unknown words, they are not English."""
+
+
+def read_words(text: str, world: World, rulebook: Rulebook) -> str:
+    """Return the words of an operator with what is misspelt put right, if they are English."""
+    return respell(text, world, rulebook) if is_english(text, world, rulebook) else text
 
 
 def respell(text: str, world: World, rulebook: Rulebook) -> str:

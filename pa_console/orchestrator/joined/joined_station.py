@@ -2,11 +2,12 @@
 
 Nothing is commanded from here but a stop, which that station carries out. What a person signs goes
 to the station whose session it is, which counts it, and from there to the vehicle, which checks it
-again.
+again. What a person asks is answered here, and told to nobody else.
 """
 
 import asyncio
 import time
+from collections import deque
 from collections.abc import AsyncGenerator, Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -21,6 +22,7 @@ from pa_console.fleets.vda5050.session_messages import Countersignature, StopAsk
 from pa_console.fleets.vda5050.vehicle import EXPIRY_S
 from pa_console.orchestrator.answers.alternatives import Alternative
 from pa_console.orchestrator.joined.shared_log import LOOK_S, SharedLog
+from pa_console.orchestrator.joined.site_copy import SiteCopy
 from pa_console.orchestrator.planning.approval import inadmissible
 from pa_console.orchestrator.station.left_missions import LeftMissions
 from pa_console.orders.questions.question import Question
@@ -53,13 +55,15 @@ class JoinedStation:
         self,
         log: SharedLog,
         before: Sequence[ev.Event],
-        retriever: Retriever,
         signatory: Signatory,
+        site: SiteCopy,
     ) -> None:
-        """`before` is what has happened so far; `retriever` finds among the session's rules."""
-        self._log, self._before, self.retriever = log, before, retriever
+        """`before` is what has happened so far; `site` has the session's world and rules."""
+        self._log, self._before, self._site = log, before, site
         self._signatory, self._state = signatory, SessionState()
-        self._news = _ConnectionNews(log)
+        self._news, self._pointer = _ConnectionNews(log), ""
+        self._answered = deque[ev.Event]()
+        """What was answered here: it is shown here, and is in no log."""
         self._closing = False
         for event in before:
             self._state.apply(event)
@@ -68,6 +72,11 @@ class JoinedStation:
     def station(self) -> str:
         """The name of the station whose session it is."""
         return self._log.stream.station
+
+    @property
+    def retriever(self) -> Retriever:
+        """What finds among the session's rules."""
+        return self._site.retriever
 
     @property
     def signer(self) -> str:
@@ -89,7 +98,7 @@ class JoinedStation:
         return _without_old_pictures(before)
 
     async def run(self) -> AsyncGenerator[ev.Event]:
-        """Yield every event of the session, and what is to be known of the connection to it.
+        """Yield every event of the session, the connection's news, and what was answered here.
 
         It ends with the session, or with `close`; whoever has opened the connection closes it.
         """
@@ -102,6 +111,8 @@ class JoinedStation:
                 yield event
             for told in self._news.take(heard=bool(events)):
                 yield ev.Event(t=datetime.now(UTC), tick=self._state.tick, data=told)
+            while self._answered:
+                yield self._answered.popleft()
             if self._state.ended:
                 return
             await asyncio.sleep(LOOK_S)
@@ -165,7 +176,7 @@ class JoinedStation:
         self._closing = True
 
     async def look_at(self, mission: Mission, asked: str) -> RehearsedReading | None:  # noqa: ARG002
-        """Rehearse nothing: there is no model here."""
+        """Rehearse nothing: no reading is chosen here."""
         return None
 
     async def other_ways(
@@ -178,22 +189,33 @@ class JoinedStation:
         for rehearsed in ():
             yield rehearsed
 
-    def question_in(self, text: str) -> None:
-        """Find no question: nothing is typed here."""
+    def question_in(self, text: str) -> Question | None:
+        """Return what `text` asks about the session, for `answer`; None for anything else."""
+        return self._site.question_in(text, self._state, self._pointer)
 
     async def answer(
         self,
-        question: Question,  # noqa: ARG002
-        found: Callable[[Alternative], object] = lambda _: None,  # noqa: ARG002
+        question: Question,
+        found: Callable[[Alternative], object] = lambda _: None,
     ) -> ev.QuestionAnswered:
-        """Answer nothing: the station whose session it is does."""
-        raise self._refusal
+        """Answer a question from what has come of the session and from the copy of its site here.
+
+        The station whose session it is hears nothing of it. Where it alone can answer, that is the
+        answer.
+        """
+        given = await self._site.answer(question, self._state, self.station, found)
+        now, tick = datetime.now(UTC), self._state.tick
+        self._answered.append(
+            ev.Event(t=now, tick=tick, mission=given.mission or None, data=given.told)
+        )
+        return given.told
 
     def typing(self, text: str) -> None:
         """Take no notice."""
 
     def point(self, name: str) -> None:
-        """Take no notice."""
+        """Note what is marked on the screen, "" for nothing: *this one* means it in a question."""
+        self._pointer = name
 
     def command_question(self, epoch: int, own: str) -> str:
         """Return what taking command for the station `own` would do, for a commander to confirm."""

@@ -15,15 +15,14 @@ from pa_console.llm.roles.planner import Planner
 from pa_console.llm.roles.role_model import RoleModel
 from pa_console.llm.servers.servers import NO_SERVERS, Servers
 from pa_console.orchestrator.execution.command_gate import Authority, CommandGate
-from pa_console.orchestrator.intake.order_language import is_english, question_back
+from pa_console.orchestrator.intake.order_language import question_back
 from pa_console.orchestrator.intake.past_orders import PastOrders
-from pa_console.orchestrator.intake.spelling_correction import respell
+from pa_console.orchestrator.intake.spelling_correction import read_words
 from pa_console.orchestrator.intake.standing_orders import StandingOrders
 from pa_console.orchestrator.station.journal import Journal
-from pa_console.orders.questions.question import Question
-from pa_console.orders.questions.question_grammar import read_question
 from pa_console.orders.references.outcome import Unclear
 from pa_console.orders.references.resolution import Answers, Resolved, resolve
+from pa_console.orders.references.scene import Scene
 from pa_console.orders.standing.order_words import ReadStanding, read_standing
 from pa_console.policy.checks.sightings import Sightings
 from pa_console.policy.ordering.monitor import Monitor
@@ -132,10 +131,14 @@ class Services:
         server = self.servers.by_use.get(use)
         return (RoleModel.on(server), own) if server is not None and server.usable else (own,)
 
+    @property
+    def scene(self) -> Scene:
+        """What words can point at now."""
+        return self.past.scene(self.fleet.world, self.fleet.picture())
+
     def read(self, text: str) -> str:
         """Return the words of a mission with what is misspelt put right, if they are English."""
-        known = self.fleet.world, self.rulebook
-        return respell(text, *known) if is_english(text, *known) else text
+        return read_words(text, self.fleet.world, self.rulebook)
 
     def read_now(self, text: str) -> str:
         """Return the same with names for what the words point at now, if that is clear."""
@@ -145,15 +148,11 @@ class Services:
 
     def resolve(self, text: str, answers: Answers) -> Resolved | Unclear:
         """Return an order with names for what it points at now, or what has to be asked first."""
-        return resolve(self.past.scene(self.fleet.world, self.fleet.picture()), text, answers)
+        return resolve(self.scene, text, answers)
 
     def read_standing(self, text: str) -> ReadStanding | Unclear | None:
         """Return a standing order as it is read, what to ask about it, or None for none."""
-        return read_standing(self.past.scene(self.fleet.world, self.fleet.picture()), text)
-
-    def question_in(self, text: str) -> Question | None:
-        """Return what `text` asks about what is on record; None for an order."""
-        return read_question(self.past.scene(self.fleet.world, self.fleet.picture()), text)
+        return read_standing(self.scene, text)
 
     def question_back(self, mission: Mission, read: str) -> str:
         """Return what to ask of who gave `mission`, where that is no order; '' where it may be.

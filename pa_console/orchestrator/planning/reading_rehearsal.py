@@ -9,8 +9,7 @@ from collections.abc import AsyncGenerator, Iterator, Sequence
 from itertools import islice, product
 
 from pa_console.llm.roles.grammar import CommandSlot
-from pa_console.orchestrator.mission.services import Services
-from pa_console.orchestrator.planning.safeguards import examine
+from pa_console.orchestrator.planning.safeguards import CheckBasis, examine
 from pa_console.orchestrator.tasking.command_choices import commands_serving
 from pa_console.orders.reading import read_asked
 from pa_console.schema.mission import Mission
@@ -25,21 +24,19 @@ MOST_ASSIGNED = 12
 """Assignments of the same commands that are looked at for other ways to do what was asked."""
 
 
-async def rehearse_reading(
-    services: Services, task: Mission, asked: str
-) -> RehearsedReading | None:
+async def rehearse_reading(basis: CheckBasis, task: Mission, asked: str) -> RehearsedReading | None:
     """Return the best plan that serves what was `asked`, rehearsed in the present picture.
 
     None where the console cannot tell what would serve it.
     """
-    fleet, reading = services.fleet, read_asked(asked)
+    fleet, reading = basis.fleet, read_asked(asked)
     if reading is None or not reading.readable:
         return None
     ways = islice(commands_serving(reading, fleet.world, fleet.picture()), MOST_TRIED)
     first: RehearsedReading | None = None
     for slots in await asyncio.to_thread(list, ways):
         plan = Plan(reason="", actions=_assigned(slots))
-        found = await examine(plan, task, fleet, services.rulebook, variant=services.variant)
+        found = await examine(plan, task, fleet, basis.rulebook, variant=basis.variant)
         if found.rehearsal is None:
             continue
         rehearsed = RehearsedReading(plan=plan, rehearsal=found.rehearsal, faults=found.faults)
@@ -50,14 +47,14 @@ async def rehearse_reading(
 
 
 async def rehearse_other_ways(
-    services: Services, task: Mission, asked: str, but: Plan
+    basis: CheckBasis, task: Mission, asked: str, but: Plan
 ) -> AsyncGenerator[RehearsedReading]:
     """Yield sound plans that serve what was `asked` with other agents than the plan `but`.
 
     The commands are those that the console itself would give, and nobody could say no to a plan
     that is yielded. Nothing where the console cannot tell what would serve it.
     """
-    fleet, reading = services.fleet, read_asked(asked)
+    fleet, reading = basis.fleet, read_asked(asked)
     if reading is None or not reading.readable:
         return
     first = await asyncio.to_thread(
@@ -69,7 +66,7 @@ async def rehearse_other_ways(
         if _orders(plan) in known:
             continue
         known.add(_orders(plan))
-        found = await examine(plan, task, fleet, services.rulebook, variant=services.variant)
+        found = await examine(plan, task, fleet, basis.rulebook, variant=basis.variant)
         if found.rehearsal is not None and not found.blocked:
             yield RehearsedReading(plan=plan, rehearsal=found.rehearsal, faults=found.faults)
 

@@ -5,6 +5,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from time import perf_counter
+from typing import Protocol
 
 from shapely import Point, Polygon
 
@@ -29,6 +30,25 @@ from pa_console.schema.rehearsal import (
 )
 from pa_console.schema.telemetry import GateCover, Picture, Track
 from pa_console.schema.world import World
+
+
+class CheckBasis(Protocol):
+    """What plans are examined on: a fleet as it stands, the rules in force, what takes part."""
+
+    @property
+    def fleet(self) -> Outlook:
+        """The present picture, and the forecast from it."""
+        ...
+
+    @property
+    def rulebook(self) -> Rulebook:
+        """The rules in force."""
+        ...
+
+    @property
+    def variant(self) -> Variant:
+        """Which safeguards take part; all of them outside evaluations."""
+        ...
 
 
 def assume_done(before: Picture, world: World, plan: Plan) -> Rehearsal:

@@ -15,6 +15,12 @@ from pa_console.schema.world import World
 WORLD_FILE = "world.yaml"
 
 
+def has_rules_of(started: SessionStarted, book: Rulebook) -> bool:
+    """Whether `book` has the very rules of a session, by its file or by their content."""
+    content = started.rules_seal.content_sha256 if started.rules_seal is not None else None
+    return book.sha256 == started.rules_sha256 or book.seal.content_sha256 == content
+
+
 class SessionSites:
     """Looks among given files, what is installed, and the worlds that lie beside a log.
 
@@ -51,7 +57,6 @@ class SessionSites:
 
     def rules_of(self, started: SessionStarted) -> Rulebook | None:
         """Return the rules of a session, None when none here are what they were."""
-        content = started.rules_seal.content_sha256 if started.rules_seal is not None else None
         for name in (*self._rules, started.rules):
             path = find_data("rules", name, "rules.yaml")
             if not path.is_file():
@@ -59,7 +64,7 @@ class SessionSites:
             if path not in self._books:
                 self._books[path] = load_rules(path)
             book = self._books[path]
-            if book.sha256 == started.rules_sha256 or book.seal.content_sha256 == content:
+            if has_rules_of(started, book):
                 return book
         return None
 

@@ -2,7 +2,6 @@
 
 import asyncio
 from collections.abc import AsyncGenerator, Callable
-from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 
@@ -10,6 +9,7 @@ from pa_console import __version__
 from pa_console.fleets.fleet import Countersigned, Simulated
 from pa_console.orchestrator.answers.alternatives import Alternative
 from pa_console.orchestrator.answers.answering import answer
+from pa_console.orchestrator.answers.question_reading import question_in
 from pa_console.orchestrator.answers.recent_record import RecentRecord
 from pa_console.orchestrator.execution.emergency_stop import EmergencyStop
 from pa_console.orchestrator.execution.step_feed import StepFeed
@@ -30,12 +30,11 @@ from pa_console.orchestrator.station.resumed_session import ResumedSession
 from pa_console.orchestrator.station.rules_in_force import RulesReload, RulesWatch
 from pa_console.orchestrator.station.ticking import Clock, Ticking
 from pa_console.orders.questions.question import Question
-from pa_console.policy.checks.plain_text import compatible_form
 from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident
-from pa_console.schema.mission import MAX_MISSION_TEXT, Decision, Metrics, Mission
+from pa_console.schema.mission import Decision, Metrics, Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World
@@ -45,7 +44,7 @@ READ_ONLY = "this console is read-only: commands are refused"
 NOT_SIMULATED = "incidents can only be made to happen in a simulated fleet"
 INTERRUPTED = "the console ended while it was under way; give it again if it is still wanted"
 NOT_KEPT = "a standing order ends with its console; give it again if it is still wanted"
-IS_QUESTION = "this is a question, and no mission is made of it; ask it in a console"
+IS_QUESTION = "this is a question: it is answered where it is asked, and no mission is made of it"
 IS_STOPPED = "everything is stopped: no mission is taken until the stop is released"
 
 
@@ -273,12 +272,8 @@ class Station:
 
     def question_in(self, text: str) -> Question | None:
         """Return what `text` asks about what is on record, for `answer`; None for an order."""
-        if len(text) > MAX_MISSION_TEXT:
-            return None
         services = self._reload.services
-        read = services.read(" ".join(compatible_form(text).split()))
-        found = services.question_in(read)
-        return None if found is None else replace(found, text=" ".join(text.split()))
+        return question_in(text, services.scene, services.rulebook)
 
     async def answer(
         self,

@@ -1,0 +1,23 @@
+"""Tells the questions that are answered from the record from orders, as the words were typed."""
+
+from dataclasses import replace
+
+from pa_console.orchestrator.intake.spelling_correction import read_words
+from pa_console.orders.questions.question import Question
+from pa_console.orders.questions.question_grammar import read_question
+from pa_console.orders.references.scene import Scene
+from pa_console.policy.checks.plain_text import compatible_form
+from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.mission import MAX_MISSION_TEXT
+
+
+def question_in(text: str, scene: Scene, rulebook: Rulebook) -> Question | None:
+    """Return what `text` asks about what is on record; None for an order.
+
+    It is read as an order is, slips of the hand put right, and kept as it was typed.
+    """
+    if len(text) > MAX_MISSION_TEXT:
+        return None
+    plain = " ".join(compatible_form(text).split())
+    found = read_question(scene, read_words(plain, scene.world, rulebook))
+    return replace(found, text=" ".join(text.split())) if found is not None else None
