@@ -138,7 +138,11 @@ class Outside:
 
     def until_shown(self, text: str) -> None:
         """Wait until `text` is on the terminal."""
-        self._until(lambda: text in self.shown, lambda: None)
+        self.until_shown_times(text, 1)
+
+    def until_shown_times(self, text: str, times: int) -> None:
+        """Wait until `text` has come to the terminal so many times."""
+        self._until(lambda: self.shown.count(text) >= times, lambda: None)
 
     def until_new(self, log: Path) -> None:
         """Wait until another log than `log` tells of telemetry."""

@@ -1,14 +1,20 @@
 """What an operator sees on the terminal before deciding, and what an answer comes to."""
 
 import io
+from collections.abc import Callable, Generator
+from pathlib import Path
 
 import pytest
 
-from pa_console.cli.mission.terminal_approval import ask_decision
+from pa_console.cli.mission.terminal_approval import ask_decision, show_request
+from pa_console.orders.questions.question import Question
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.session.state.fold import SessionState
+from tests.cli.outside import WITHIN_S, Outside
 from tests.tui import story
+
+ORDER = "Send a drone to the east gate."
 
 
 def decided(monkeypatch: pytest.MonkeyPatch, typed: str, **options: object) -> Decision:
@@ -18,7 +24,10 @@ def decided(monkeypatch: pytest.MonkeyPatch, typed: str, **options: object) -> D
         state.apply(event)
     monkeypatch.setattr("sys.stdin", io.StringIO(typed))
     request = next(e.data for e in events if isinstance(e.data, ev.ApprovalRequested))
-    return ask_decision(request, state.current)
+    show_request(request, state.current)
+    decision = ask_decision(request, state.current, lambda text: Question(text, "plan"))
+    assert isinstance(decision, Decision), "without a terminal nothing is a question"
+    return decision
 
 
 def test_rules_plan_and_verdict_are_shown_before_the_question(
@@ -101,3 +110,53 @@ def test_a_blocked_plan_can_give_way_to_what_was_meant(monkeypatch: pytest.Monke
     options: dict[str, object] = {"blocked": blocked, "readings": READINGS}
     assert decided(monkeypatch, "1\n", **options).asked == READINGS[0]
     assert decided(monkeypatch, "0\ny\n", **options).kind == "reject"
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Generator[Callable[..., Outside]]:
+    """Return what gives a mission at a terminal of its own, which is ended after the test."""
+    started: list[Outside] = []
+
+    def begin(order: str, *words: str) -> Outside:
+        started.append(Outside(tmp_path, "mission", order, *words, terminal=True))
+        return started[-1]
+
+    yield begin
+    for program in started:
+        program.close()
+
+
+def test_a_question_at_the_terminal_is_answered_and_the_plan_is_asked_about_again(
+    start: Callable[..., Outside],
+) -> None:
+    mission = start(ORDER)
+    mission.until_shown("Approve?")
+    for asked, answer in (
+        ("Why not Drone_T02?", "it alone covers NorthGate"),
+        ("why?", "it waits for the operator"),
+        ("What would you do instead?", "You asked: What would you do instead?"),
+    ):
+        times = mission.shown.count("Approve?")
+        mission.type(f"{asked}\n")
+        mission.until_shown(answer)
+        mission.until_shown_times("Approve?", times + 1)
+    assert mission.kinds.count("question_answered") == 3
+    assert mission.kinds.count("mission_received") == 1
+    assert not {"decision_made", "command_sent"} & set(mission.kinds)
+    mission.type("n\n")
+    assert mission.process.wait(WITHIN_S) == 3
+    assert "command_sent" not in mission.kinds
+    assert mission.kinds[-1] == "session_ended"
+
+
+def test_a_question_is_answered_where_the_order_is_asked_back_about(
+    start: Callable[..., Outside],
+) -> None:
+    mission = start("Send a drone to the gate with two guards.")
+    mission.until_shown("A number, or in words")
+    mission.type("Why?\n")
+    mission.until_shown("You asked: Why?")
+    mission.until_shown_times("A number, or in words", 2)
+    mission.type("\n")
+    assert mission.process.wait(WITHIN_S) == 3
+    assert "command_sent" not in mission.kinds

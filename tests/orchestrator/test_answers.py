@@ -115,7 +115,7 @@ async def test_why_tells_reading_rules_asset_checks_judge_and_decision(site: Sit
         assert "no rule is broken" in said["checks"]
         assert "every gate kept its guard" in said["rehearsal"]
         assert said["judge"] == "passes it"
-        assert "waits for you" in said["decision"]
+        assert "waits for the operator" in said["decision"]
         await talk.decide(request)
         said = await talk.ask("Why?")
         assert "approved by" in said["decision"]

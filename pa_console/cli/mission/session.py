@@ -15,7 +15,7 @@ from pa_console.cli.chosen_models import chosen_models, open_servers
 from pa_console.cli.fleet import find_fleet
 from pa_console.cli.keys.site_keys import load_authority
 from pa_console.cli.mission.steps import step_line
-from pa_console.cli.mission.terminal_approval import ask_decision
+from pa_console.cli.mission.terminal_approval import ask_decision, show_request
 from pa_console.cli.mission.trace import print_answer, print_trace
 from pa_console.cli.output import (
     BAD_INPUT,
@@ -33,6 +33,7 @@ from pa_console.orchestrator.planning.standing_approval import ApprovalMode, sta
 from pa_console.orchestrator.station.assembly import load_site, open_station
 from pa_console.orchestrator.station.headless import exit_code, run_missions
 from pa_console.orchestrator.station.outside_reports import Outside
+from pa_console.orchestrator.station.station import Station
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.policy.trust.pinned_rules import RulesPins
 from pa_console.schema.document import Document
@@ -113,7 +114,7 @@ def run_session(
     )
     writer = open_log(settings.values, station.session, signer, _cannot_write, log, witness)
     endable = EndableRun()
-    progress = _Progress(writer, endable, engine.model.sha256, observer)
+    progress = _Progress(station, writer, endable, engine.model.sha256, observer)
     approver = (
         progress.ask
         if standing is None
@@ -204,9 +205,17 @@ class _Progress:
     """
 
     def __init__(
-        self, writer: LogWriter, endable: EndableRun, model: str, observer: Observer
+        self,
+        station: Station,
+        writer: LogWriter,
+        endable: EndableRun,
+        model: str,
+        observer: Observer,
     ) -> None:
         """`model` is the SHA-256 of the model, whose usual times are kept."""
+        self._station = station
+        self._told: list[QuestionAnswered] = []
+        """What was answered at the terminal already."""
         self._writer, self._endable, self._model = writer, endable, model
         self._status = errors.status("starting")
         self._waiting = Waiting(load_usual(usual_file(), model))
@@ -214,7 +223,7 @@ class _Progress:
         """The session as it was told last."""
         self._recorded: set[str] = set()
         self.answers: list[QuestionAnswered] = []
-        """What was answered to questions, the first one first."""
+        """What was answered to questions and is still to be told, the first one first."""
         self._observe = observer
 
     @property
@@ -227,7 +236,7 @@ class _Progress:
         """Take in one event; raises LogError when the log is behind."""
         self.state = state
         self._observe(event)
-        if isinstance(event.data, QuestionAnswered):
+        if isinstance(event.data, QuestionAnswered) and event.data not in self._told:
             self.answers.append(event.data)
         finished = event.mission if isinstance(event.data, MissionFinished) else None
         if finished is not None:
@@ -251,14 +260,30 @@ class _Progress:
             return f"{trace.mission.id}: {trace.stage}{attempt}"
         return f"model {worker.state} {worker.detail}" if worker is not None else "starting"
 
-    def ask(self, request: ApprovalRequested) -> Decision:
-        """Return the operator's answer on the terminal, the progress line out of the way."""
+    async def ask(self, request: ApprovalRequested) -> Decision:
+        """Return the operator's answer on the terminal, the progress line out of the way.
+
+        A question of the operator's is answered first, and the plan is asked about again.
+        """
         self._status.stop()
-        try:
-            with self._endable.asking():
-                return ask_decision(request, self.state.current)
-        finally:
-            self._status.start()
+        show_request(request, self.state.current)
+        while True:
+            self._status.stop()
+            try:
+                with self._endable.asking():
+                    trace, question_in = self.state.current, self._station.question_in
+                    said = ask_decision(request, trace, question_in)
+            finally:
+                self._status.start()
+            if isinstance(said, Decision):
+                return said
+            self._status.update("looking at the record, and checking what has to be checked")
+            told = await self._station.answer(said)
+            self._told.append(told)
+            self._status.stop()
+            print_answer(errors, told)
+            if not self._station.awaits_decision:
+                return Decision(kind="reject", reason="the plan does not wait any more")
 
     def __enter__(self) -> None:
         self._status.start()

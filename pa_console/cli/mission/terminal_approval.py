@@ -1,9 +1,12 @@
-"""Asks the operator on the terminal about a plan, after showing what decides about it."""
+"""Asks the operator on the terminal about a plan, after showing what decides about it.
+
+Somebody at a terminal may ask back there, *Why?* or *Why not the robot?*, before deciding.
+"""
 
 import signal
 import sys
 import termios
-from collections.abc import Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager, suppress
 
 from rich.prompt import Confirm, Prompt
@@ -12,16 +15,66 @@ from pa_console.cli.mission.trace import print_proposal
 from pa_console.cli.output import errors
 from pa_console.orchestrator.planning.approval import people_words
 from pa_console.orders.plain_words import plain_reading
+from pa_console.orders.questions.question import Question
 from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import Decision
 from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.session.status_words import status_of
 
+QuestionIn = Callable[[str], Question | None]
+"""Returns what a text asks about what is on record; None for anything else."""
 
-def ask_decision(request: ApprovalRequested, trace: MissionTrace | None) -> Decision:
-    """Show the rules, the plan and the verdict and ask; no answer, or no terminal, rejects."""
+HOW_TO_ASK = "Why?  Why not ASSET?  What would you do instead? are answered here, too"
+
+
+class _AskedError(Exception):
+    """A question was typed instead of an answer."""
+
+    def __init__(self, question: Question) -> None:
+        super().__init__(question.text)
+        self.question = question
+
+
+class _YesOrNo(Confirm):
+    """Asks for yes or no; `question_in` tells what asks back instead."""
+
+    def __init__(self, prompt: str, question_in: QuestionIn) -> None:
+        super().__init__(prompt, console=errors)
+        self._question_in = question_in
+
+    def process_response(self, value: str) -> bool:
+        """Return the answer; raises _AskedError for a question."""
+        _raise_question(value, self._question_in)
+        return super().process_response(value)
+
+
+class _Words(Prompt):
+    """Asks for words, or for one of `choices`; `question_in` tells what asks back instead."""
+
+    def __init__(
+        self,
+        prompt: str,
+        question_in: QuestionIn,
+        choices: list[str] | None = None,
+        *,
+        show_default: bool = True,
+    ) -> None:
+        super().__init__(prompt, console=errors, choices=choices, show_default=show_default)
+        self._question_in = question_in
+
+    def process_response(self, value: str) -> str:
+        """Return the answer; raises _AskedError for a question."""
+        _raise_question(value, self._question_in)
+        return super().process_response(value)
+
+
+def show_request(request: ApprovalRequested, trace: MissionTrace | None) -> None:
+    """Show all that decides about a plan that waits, or what has to be asked about the order."""
     if request.state == "not_understood":
-        return _answered(request, trace)
+        errors.print("; ".join(request.blocked_by), style="bold yellow", markup=False)
+        for number, choice in enumerate(_choices(trace), start=1):
+            errors.print(f"  {number}  {choice}", markup=False)
+        return
     if trace is not None:
         print_proposal(errors, trace, request.attempt)
     if request.state in ("narrowed", "may_be_misunderstood"):
@@ -29,6 +82,31 @@ def ask_decision(request: ApprovalRequested, trace: MissionTrace | None) -> Deci
         errors.print(told.text, style="bold yellow", markup=False)
     for reason in request.blocked_by:
         errors.print(f"blocked: {reason}", style="bold red", markup=False)
+
+
+def ask_decision(
+    request: ApprovalRequested,
+    trace: MissionTrace | None,
+    question_in: QuestionIn = lambda _: None,
+) -> Decision | Question:
+    """Ask about what `show_request` has shown; no answer, or no terminal, rejects.
+
+    Somebody at a terminal may ask a question instead of answering: that is returned then, and
+    nothing is decided.
+    """
+    if not sys.stdin.isatty():
+        return _asked(request, trace, lambda _: None)
+    try:
+        return _asked(request, trace, question_in)
+    except _AskedError as asked:
+        return asked.question
+
+
+def _asked(
+    request: ApprovalRequested, trace: MissionTrace | None, question_in: QuestionIn
+) -> Decision:
+    if request.state == "not_understood":
+        return _answered(request, trace, question_in)
     if request.blocked_by and not request.readings:
         return Decision(kind="reject", reason="; ".join(request.blocked_by))
     if request.approvals:
@@ -38,18 +116,18 @@ def ask_decision(request: ApprovalRequested, trace: MissionTrace | None) -> Deci
     if request.acknowledge:
         errors.print(f"broken, to be acknowledged: {', '.join(request.acknowledge)}", markup=False)
     reason = ""
-    _forget_typed()
+    _begin_asking()
     try:
         with _interruptible():
-            if request.readings and (asked := _what_was_meant(request)):
+            if request.readings and (asked := _what_was_meant(request, question_in)):
                 return Decision(kind="choose", asked=asked)
             if request.blocked_by:
                 return Decision(kind="reject", reason="; ".join(request.blocked_by))
-            if not Confirm.ask("Approve?", console=errors, default=False):
+            if not _YesOrNo("Approve?", question_in)(default=False):
                 return Decision(kind="reject", reason="rejected at the terminal")
             while request.needs_override and not reason:
                 why = "The judge said Failure. Reason for overriding it"
-                reason = Prompt.ask(why, console=errors).strip()
+                reason = _Words(why, question_in)().strip()
     except EOFError:
         return Decision(kind="reject", reason="nobody answered at the terminal")
     return Decision(
@@ -60,18 +138,16 @@ def ask_decision(request: ApprovalRequested, trace: MissionTrace | None) -> Deci
     )
 
 
-def _answered(request: ApprovalRequested, trace: MissionTrace | None) -> Decision:
+def _answered(
+    request: ApprovalRequested, trace: MissionTrace | None, question_in: QuestionIn
+) -> Decision:
     """Ask what the order means; without an answer, or a terminal, it is rejected."""
-    errors.print("; ".join(request.blocked_by), style="bold yellow", markup=False)
-    choices = trace.choices if trace is not None else ()
-    for number, choice in enumerate(choices, start=1):
-        errors.print(f"  {number}  {choice}", markup=False)
-    answer = ""
+    choices, answer = _choices(trace), ""
     if sys.stdin.isatty():
-        _forget_typed()
+        _begin_asking()
         hint = "A number, or in words; Enter for none" if choices else "In words; Enter for none"
         with _interruptible(), suppress(EOFError):
-            answer = Prompt.ask(hint, console=errors, default="", show_default=False).strip()
+            answer = _Words(hint, question_in, show_default=False)(default="").strip()
     if answer.isdigit() and 0 < int(answer) <= len(choices):
         answer = choices[int(answer) - 1]
     if not answer:
@@ -79,7 +155,17 @@ def _answered(request: ApprovalRequested, trace: MissionTrace | None) -> Decisio
     return Decision(kind="answer", asked=answer)
 
 
-def _what_was_meant(request: ApprovalRequested) -> str:
+def _choices(trace: MissionTrace | None) -> Sequence[str]:
+    """Return the answers that are offered to what is asked about the order."""
+    return trace.choices if trace is not None else ()
+
+
+def _raise_question(text: str, question_in: QuestionIn) -> None:
+    if (question := question_in(text)) is not None:
+        raise _AskedError(question)
+
+
+def _what_was_meant(request: ApprovalRequested, question_in: QuestionIn) -> str:
     """Ask which reading of the order was meant; '' for the one that was planned for."""
     own = f"read as: {plain_reading(request.asked)}; " if request.asked else ""
     errors.print(f"{own}the order may also mean:", markup=False)
@@ -87,13 +173,17 @@ def _what_was_meant(request: ApprovalRequested) -> str:
     for number, asked in zip(numbers, request.readings, strict=True):
         errors.print(f"  {number}  {plain_reading(asked)}", markup=False)
     question = "Was one of these meant? 0: no"
-    chosen = Prompt.ask(question, console=errors, choices=["0", *numbers], default="0")
+    chosen = _Words(question, question_in, ["0", *numbers])(default="0")
     return request.readings[int(chosen) - 1] if chosen != "0" else ""
 
 
-def _forget_typed() -> None:
-    """Drop what was typed before the plan was on screen: it cannot have been meant for it."""
+def _begin_asking() -> None:
+    """Say at a terminal what may be asked there.
+
+    What was typed before the plan was on screen is dropped: it cannot have been meant for it.
+    """
     if sys.stdin.isatty():
+        errors.print(HOW_TO_ASK, style="dim", markup=False)
         termios.tcflush(sys.stdin, termios.TCIFLUSH)
 
 

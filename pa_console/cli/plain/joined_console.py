@@ -7,6 +7,7 @@ from contextlib import aclosing
 from time import monotonic
 
 from pa_console.cli.plain.answers import is_stop, read_answer, reason_of
+from pa_console.cli.plain.asked_lines import AskedLines
 from pa_console.cli.plain.told_session import ToldSession
 from pa_console.orchestrator.joined.joined_station import JoinedStation
 from pa_console.schema.events import event as ev
@@ -14,14 +15,15 @@ from pa_console.schema.mission import Decision
 from pa_console.session.state.fold import MissionTrace, SessionState
 
 HELP = """\
-This is the session of {station}: it is commanded there. Each of these is a line:
+This is the session of {station}: it is commanded there, and what you ask is answered here.
+Each of these is a line:
   sign              countersign the plan that waits, where it takes two people
   sign because WHY  the same, where the judge objects
   show              say the plan that waits once more
   stop              ask {station} to stop everybody; that needs no signature
   status            time, gates, stop, the active mission, what waits
   assets, alarms, queue, trace, standing
-  why               why nothing else is commanded from here
+  why?              why this plan; why Drone_T04? why not the robot? what else could you do?
   take command      put this station in command, after a question; a commander may
   help, quit        quit, or Ctrl-C, leaves; the session goes on"""
 
@@ -55,6 +57,7 @@ class JoinedConsole:
         self._confirming: Callable[[], None] | None = None
         self._reason, self._shown_at = "", 0.0
         self._closing: asyncio.Task[None] | None = None
+        self._asked = AskedLines(station, say)
         self.takes_command = False
         """Whether the session was left to take command."""
 
@@ -169,11 +172,9 @@ class JoinedConsole:
                 self._take_command()
             elif word in ("help", "?"):
                 self._say(HELP.format(station=self._station.station))
-            elif word == "why":
-                self._say(self._why)
             elif word in ("quit", "exit"):
                 self._leave()
-            elif not self._told.look(word):
+            elif not self._told.look(word) and not self._asked.take(line):
                 self._answer(line)
         except ValueError as error:
             self._say(str(error))

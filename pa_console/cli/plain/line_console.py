@@ -7,10 +7,10 @@ from contextlib import aclosing, suppress
 from time import monotonic
 
 from pa_console.cli.plain.answers import HOW, Answer, is_answer, is_stop, read_answer, reason_of
+from pa_console.cli.plain.asked_lines import AskedLines
 from pa_console.cli.plain.told_session import ToldSession
 from pa_console.observability.observers import Observer, unobserved
 from pa_console.orchestrator.station.station import Station
-from pa_console.orders.questions.question import Question
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.session.state.fold import MissionTrace, SessionState
@@ -74,7 +74,7 @@ class LineConsole:
         self._shown_at = 0.0
         self._closing: asyncio.Task[None] | None = None
         self._input_ended = False
-        self._answering: set[asyncio.Task[None]] = set()
+        self._asked = AskedLines(station, say, self._tell_waits)
 
     @property
     def state(self) -> SessionState:
@@ -152,7 +152,7 @@ class LineConsole:
                 self._do(line.strip())
         self._say("no more lines can come: the session ends when nothing is under way")
         self._input_ended = True
-        await asyncio.gather(*self._answering)
+        await self._asked.all_answered()
         if self.request is not None:
             self._reject_unanswered(self.request)
         await self._station.settled()
@@ -173,7 +173,7 @@ class LineConsole:
                 confirming()
             elif confirming is not None and line.casefold() == "no":
                 self._say("left as it is")
-            elif not self._simple(line) and not self._question(line):
+            elif not self._simple(line) and not self._asked.take(line):
                 self._answer_or_order(line)
         except ValueError as error:
             self._say(str(error))
@@ -202,21 +202,8 @@ class LineConsole:
             return False
         return True
 
-    def _question(self, line: str) -> bool:
-        """Answer a line that asks about what is on record; return whether it does."""
-        question = self._station.question_in(line)
-        if question is None:
-            return False
-        task = asyncio.create_task(self._tell_answer(question))
-        self._answering.add(task)
-        task.add_done_callback(self._answering.discard)
-        return True
-
-    async def _tell_answer(self, question: Question) -> None:
-        """Say the answer line by line; a plan that waits still does."""
-        told = await self._station.answer(question)
-        for line in told.lines:
-            self._say(f"{line.about}: {line.said}")
+    def _tell_waits(self) -> None:
+        """Say, after an answer, that the plan still waits, where one does."""
         if self.request is not None:
             self._say(f"The plan still waits: {HOW}")
 

@@ -1,16 +1,17 @@
 """Runs missions without a screen: one station, one mission after another, a given approver."""
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from contextlib import aclosing
 
-from pa_console.orchestrator.planning.standing_approval import Approver
 from pa_console.orchestrator.station.station import Station
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, MissionStatus
 from pa_console.session.state.fold import MissionTrace, SessionState
 
+Approver = Callable[[ev.ApprovalRequested], Decision | Awaitable[Decision]]
+"""Decides about one plan at a time; the session goes on while it takes its time over that."""
 Sink = Callable[[ev.Event, SessionState], None]
 SETUP_SETTLE_S = 2.0
 
@@ -73,9 +74,9 @@ async def run_missions(  # noqa: PLR0917
                         mine = await submit()
                         ending = asyncio.create_task(_end(station, duration_s, all_given, decided))
                     case ev.ApprovalRequested():
-                        answers.decide(event.data)
+                        await answers.decide(event.data)
                     case ev.DecisionMade(accepted=False, detail=problem):
-                        answers.decide_again(problem)
+                        await answers.decide_again(problem)
                     case ev.AllStopped():
                         waiting.clear()
                         all_given.set()
@@ -98,32 +99,36 @@ class _Answers:
         self._asked: ev.ApprovalRequested | None = None
         self._given: Decision | None = None
 
-    def decide(self, asked: ev.ApprovalRequested) -> None:
+    async def decide(self, asked: ev.ApprovalRequested) -> None:
         """Decide about `asked` and no other plan, unless none waits any more."""
         self._asked = asked
         if self._station.awaits_decision:
-            self._give(self._decision(asked))
+            self._give(await self._decision(asked))
 
-    def decide_again(self, problem: str) -> None:
+    async def decide_again(self, problem: str) -> None:
         """Decide anew, for the last decision was not accepted.
 
         The same once more would go on for ever: the plan is rejected instead.
         """
         if self._asked is None or not self._station.awaits_decision:
             return
-        decision = self._decision(self._asked)
+        decision = await self._decision(self._asked)
         if decision == self._given:
             decision = Decision(
                 kind="reject", request_id=decision.request_id, by=decision.by, reason=problem
             )
         self._give(decision)
 
-    def _decision(self, asked: ev.ApprovalRequested) -> Decision:
-        return self._approver(asked).model_copy(update={"request_id": asked.request_id})
+    async def _decision(self, asked: ev.ApprovalRequested) -> Decision:
+        said = self._approver(asked)
+        decision = said if isinstance(said, Decision) else await said
+        return decision.model_copy(update={"request_id": asked.request_id})
 
     def _give(self, decision: Decision) -> None:
-        self._given = decision
-        self._station.decide(decision)
+        """Give a decision, unless the plan stopped waiting while it was thought about."""
+        if self._station.awaits_decision:
+            self._given = decision
+            self._station.decide(decision)
 
 
 async def _end(

@@ -9,6 +9,7 @@ Need = Literal[
     "live",
     "replay",
     "writable",
+    "types",
     "decides",
     "stops",
     "commander",
@@ -34,6 +35,8 @@ class ActionContext:
     decides: bool = True
     stops: bool = True
     commander: bool = False
+    asks: bool = False
+    """Whether questions are taken where nothing else that is typed is."""
     mission: bool = False
     traced: bool = False
     approval: bool = False
@@ -105,6 +108,7 @@ def _refusal(need: Need, now: ActionContext) -> str:
         "live": (not now.replay, "not in a replay"),
         "replay": (now.replay, "only in a replay"),
         "writable": (not now.readonly, "the console is read-only"),
+        "types": (not now.readonly or now.asks, "the console is read-only"),
         "decides": (now.decides, "nothing is decided here"),
         "stops": (now.stops, "the console is read-only"),
         "commander": (now.commander, "only for a commander at a console that has joined"),
@@ -203,7 +207,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
                   "View", opens_field=True),
     ConsoleAction("problems", "F", "Problems", "Show only what needs an eye, or all again", "View"),
     ConsoleAction("prompt", "i,slash", "Mission", "Type a mission", "Mission",
-                  needs=_COMMAND, opens_field=True),
+                  needs=("live", "types"), opens_field=True),
     ConsoleAction("history", "ctrl+r", "Earlier orders",
                   "Search the orders of this and of earlier sessions, to type one again",
                   "Mission", needs=_COMMAND,

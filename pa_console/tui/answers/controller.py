@@ -9,7 +9,10 @@ from pa_console.tui.widgets.mission_prompt import MissionPrompt
 
 
 class QuestionController:
-    """Takes what is sent at the prompt: a question is answered, everything else is a mission."""
+    """Takes what is sent at the prompt: a question is answered, everything else is a mission.
+
+    Other plans stand side by side where one of them can be chosen.
+    """
 
     def __init__(
         self, session: ConsoleSession, commands: CommandController, approval: ApprovalController
@@ -20,14 +23,15 @@ class QuestionController:
         """Answer a question, or submit a mission."""
         station, main = self._session.station, self._session.main
         question = None
-        if station is not None and main is not None and not self._session.readonly:
+        if station is not None and main is not None and self._session.asks:
             self._commands.point()
             question = station.question_in(text)
         if question is None or main is None:
             self._commands.submit(text)
             return
         main.query_one(MissionPrompt).taken(text)
-        if question.topic == "alternatives" and self._approval.compare(question):
+        beside = question.topic == "alternatives" and not self._session.readonly
+        if beside and self._approval.compare(question):
             return
         self._ask(question)
 

@@ -68,6 +68,11 @@ class ConsoleSession:
         """Whether something may be decided here: that is a signature where another was joined."""
         return bool(self.joined.signer) if self.joined is not None else not self.readonly
 
+    @property
+    def asks(self) -> bool:
+        """Whether questions are answered here: also where another station's session was joined."""
+        return self.station is not None and (self.joined is not None or not self.readonly)
+
     def is_open(self, kind: type[Screen[Any]]) -> bool:
         """Return whether a screen of this kind is open, on top or below another one."""
         return any(isinstance(screen, kind) for screen in self.app.screen_stack)
@@ -92,6 +97,7 @@ class ConsoleSession:
             readonly=self.readonly or self.station is None,
             decides=self.decides and self.station is not None,
             stops=(self.joined is not None or not self.readonly) and self.station is not None,
+            asks=self.asks,
             commander=self.joined is not None and self.joined.command_question is not None,
             mission=state.active is not None,
             traced=current is not None,

@@ -111,7 +111,13 @@ class MainScreen(Screen[None]):
                     yield ExampleOrders(example_orders(self._world), id="examples")
                 yield ApprovalPanel(self._clock, decides=self._decides, joined=self._joined)
         yield from self.replay_line()
-        yield MissionPrompt(self._history, self._names, self._clock, self._closed_why)
+        yield MissionPrompt(
+            self._history,
+            self._names,
+            self._clock,
+            self._closed_why,
+            asks=self._joined is not None,
+        )
         yield KeyFooter()
         yield Static(id="too-small", markup=False)
 

@@ -28,6 +28,8 @@ ELSEWHERE = "Say in plain words what is to be done; / brings you here"
 
 _HERE = "Say in plain words what is to be done; Enter sends it"
 
+_ASK = "Why?   Why not ASSET?   What would you do instead?   Enter asks it"
+"""What the empty prompt says where only questions are taken."""
 
 PUT_S = 0.5
 """An `Enter` sooner than this, in seconds, after a text was put here, or after another `Enter` that
@@ -65,14 +67,24 @@ class MissionInput(TextField):
 
     _instead = ""
 
-    def __init__(self, history: History, names: OrderNames, clock: Clock) -> None:
+    def __init__(
+        self,
+        history: History,
+        names: OrderNames,
+        clock: Clock,
+        *,
+        here: str = _HERE,
+        elsewhere: str = ELSEWHERE,
+    ) -> None:
+        """`here` is what the empty field says while keys go to it, `elsewhere` what else."""
         self._names, self._clock = names, clock
+        self._here, self._elsewhere = here, elsewhere
         self._put_at_s: float | None = None
         self._tried: _Tried | None = None
         super().__init__(
             compact=True,
             id="mission-input",
-            placeholder=ELSEWHERE,
+            placeholder=elsewhere,
             tab_behavior="focus",
             highlight_cursor_line=False,
         )
@@ -90,7 +102,7 @@ class MissionInput(TextField):
         self._say()
 
     def _say(self) -> None:
-        said = self._instead or (_HERE if self.has_focus else ELSEWHERE)
+        said = self._instead or (self._here if self.has_focus else self._elsewhere)
         if self.placeholder != said:
             self.placeholder = said
 
@@ -239,7 +251,7 @@ class MissionInput(TextField):
 
 
 class MissionPrompt(Horizontal):
-    """The prompt; closed, it says why no mission can be given."""
+    """The prompt; closed, it says why no mission can be given, and takes questions at most."""
 
     class Given(Message):
         """The operator sent a mission."""
@@ -255,17 +267,34 @@ class MissionPrompt(Horizontal):
             super().__init__()
             self.text = text
 
-    def __init__(self, history: History, names: OrderNames, clock: Clock, closed: str = "") -> None:
-        """`closed` is the reason why no missions are taken, empty for an open prompt."""
+    def __init__(
+        self,
+        history: History,
+        names: OrderNames,
+        clock: Clock,
+        closed: str = "",
+        *,
+        asks: bool = False,
+    ) -> None:
+        """`closed` is the reason why no missions are taken, empty for an open prompt.
+
+        With `asks`, questions are taken all the same.
+        """
         super().__init__(id="prompt")
         self._history, self._closed_why = history, closed
+        self._takes = asks or not closed
         self._names, self._clock = names, clock
         self._waiting = self._hint = self._keys = ""
 
     def compose(self) -> ComposeResult:
         """Yield the label and the field."""
-        if self._closed_why:
+        if not self._takes:
             yield Static(Content.styled(f" {self._closed_why} ", "bold"), id="prompt-closed")
+        elif self._closed_why:
+            yield Static("Ask ❯ ", id="prompt-label")
+            yield MissionInput(
+                self._history, self._names, self._clock, here=_ASK, elsewhere=self._closed_why
+            )
         else:
             yield Static("Mission ❯ ", id="prompt-label")
             yield MissionInput(self._history, self._names, self._clock)
@@ -321,7 +350,7 @@ class MissionPrompt(Horizontal):
 
     def put(self, text: str) -> None:
         """Type a text into the field in place of what stands there; nothing is sent."""
-        if not self._closed_why:
+        if self._takes:
             self.query_one(MissionInput).put(text)
             self.take_cursor()
 
@@ -337,7 +366,7 @@ class MissionPrompt(Horizontal):
 
     def fitting(self, names: Sequence[str]) -> tuple[Slot, str] | None:
         """Return the open slot that one of `names` fits, and that name; the cursor's slot first."""
-        if self._closed_why:
+        if not self._takes:
             return None
         field = self.query_one(MissionInput)
         first = field.slot
@@ -374,14 +403,14 @@ class MissionPrompt(Horizontal):
     @property
     def draft(self) -> str:
         """What is typed and not yet sent."""
-        return "" if self._closed_why else self.query_one(MissionInput).text
+        return self.query_one(MissionInput).text if self._takes else ""
 
     @property
     def has_cursor(self) -> bool:
         """Whether keys go to the field."""
-        return not self._closed_why and self.query_one(MissionInput).has_focus
+        return self._takes and self.query_one(MissionInput).has_focus
 
     def take_cursor(self) -> None:
         """Let keys go to the field, the very next one too."""
-        if not self._closed_why:
+        if self._takes:
             self.screen.set_focus(self.query_one(MissionInput))
