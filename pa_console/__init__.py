@@ -8,26 +8,27 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pa_console.api import (
+    from pa_console.api.logs import read_log, verify_log
+    from pa_console.api.sites import check_plan, load_rules, load_site, load_world
+    from pa_console.api.station import (
         Outcome,
         Served,
         Station,
         auto_approver,
-        check_plan,
         leave_to_clients,
-        load_rules,
-        load_site,
-        load_world,
         open_station,
-        read_log,
-        verify_log,
     )
     from pa_console.fleets.fleet import Fleet, Forecast, Received
     from pa_console.fleets.simulated import SimulatedFleet
     from pa_console.orchestrator.station.assembly import Site
     from pa_console.policy.rulebook import Rulebook
     from pa_console.schema.command import CommandReply, DeviceCommand
-    from pa_console.schema.events.event import ApprovalRequested, Event
+    from pa_console.schema.events.event import (
+        AnswerLine,
+        ApprovalRequested,
+        Event,
+        QuestionAnswered,
+    )
     from pa_console.schema.finding import Finding
     from pa_console.schema.mission import Decision, Mission
     from pa_console.schema.plan import Plan
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
+    "AnswerLine",
     "ApprovalRequested",
     "AssetTelemetry",
     "CommandReply",
@@ -52,6 +54,7 @@ __all__ = [
     "Outcome",
     "Picture",
     "Plan",
+    "QuestionAnswered",
     "Received",
     "Rulebook",
     "Served",
@@ -73,16 +76,17 @@ __all__ = [
 ]
 
 _HOMES = {
-    "api": (
-        "Outcome", "Served", "Station", "auto_approver", "check_plan", "leave_to_clients",
-        "load_rules", "load_site", "load_world", "open_station", "read_log", "verify_log",
+    "api.logs": ("read_log", "verify_log"),
+    "api.sites": ("check_plan", "load_rules", "load_site", "load_world"),
+    "api.station": (
+        "Outcome", "Served", "Station", "auto_approver", "leave_to_clients", "open_station",
     ),
     "fleets.fleet": ("Fleet", "Forecast", "Received"),
     "fleets.simulated": ("SimulatedFleet",),
     "orchestrator.station.assembly": ("Site",),
     "policy.rulebook": ("Rulebook",),
     "schema.command": ("CommandReply", "DeviceCommand"),
-    "schema.events.event": ("ApprovalRequested", "Event"),
+    "schema.events.event": ("AnswerLine", "ApprovalRequested", "Event", "QuestionAnswered"),
     "schema.finding": ("Finding",),
     "schema.mission": ("Decision", "Mission"),
     "schema.plan": ("Plan",),

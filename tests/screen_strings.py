@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).parent.parent / "pa_console"
 SPEAKING = (
-    "api.py", "cli", "export", "fleets", "orchestrator", "policy", "schema", "session", "settings",
+    "api", "cli", "export", "fleets", "orchestrator", "policy", "schema", "session", "settings",
     "sim/worlds", "tui",
 )  # fmt: skip
 _SILENT_CALLS = frozenset(("compile", "sub", "search", "fullmatch", "match", "query", "query_one"))

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import pa_console as pa
-from pa_console.api import STANDING_CONFIDENCE
+from pa_console.api.station import STANDING_CONFIDENCE
 from pa_console.llm.errors import EngineError
 from pa_console.llm.models.catalogue import Catalog, LocalModel
 from pa_console.schema.incident import FailAsset
@@ -23,7 +23,9 @@ from tests.scripted import SUCCESS, ScriptedEngine, plan
 ROOT = Path(pa.__file__).parents[1]
 PAGE = ROOT / "pa_console" / "manual" / "python-api.md"
 README = ROOT / "README.md"
-APPROVER, CHECK, FLEET, LOG = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
+APPROVER, ASK, CHECK, FLEET, LOG = re.findall(
+    r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL
+)
 [EMBEDDING] = re.findall(r"```python\n(.*?)```", README.read_text("utf-8"), re.DOTALL)
 
 MISSION = "Move the drone to the east gate."
@@ -114,6 +116,35 @@ def test_a_mission_runs_with_an_approver_of_ones_own(
     assert capsys.readouterr().out.startswith("verified telemetry shows every action")
     decided = [e.data for e in pa.read_log(scripted) if e.data.kind == "decision_made"]
     assert [made.decision.by for made in decided] == ["two_at_most"]
+
+
+def test_a_question_is_answered_as_data_and_no_mission_is_made_of_it(
+    scripted: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run_program(ASK)
+    assert "Robot_T02: now in place of Drone_T04: no rule is broken" in capsys.readouterr().out
+    kinds = [event.data.kind for event in pa.read_log(scripted)]
+    assert [kinds.count(each) for each in ("mission_received", "question_answered")] == [1, 1]
+
+
+async def test_an_approver_may_ask_before_it_answers(tmp_path: Path) -> None:
+    answers: list[pa.QuestionAnswered] = []
+
+    async def asking(request: pa.ApprovalRequested) -> pa.Decision:
+        answers.append(await station.ask("Why?"))
+        return approve(request)
+
+    station = open_scripted(tmp_path, asking)
+    async with station:
+        with pytest.raises(ValueError, match="no question that is answered here"):
+            await station.ask("Send a drone to the west gate.")
+        assert (await station.run_mission(MISSION)).status == "verified"
+    (answer,) = answers
+    said = {line.about: line.said for line in answer.lines}
+    assert MISSION in said["order"]
+    assert "waits for the operator" in said["decision"]
+    with pytest.raises(RuntimeError, match="the session is over"):
+        await station.ask("Why?")
 
 
 def test_a_plan_is_checked_without_a_model(capsys: pytest.CaptureFixture[str]) -> None:

@@ -23,14 +23,16 @@ from pa_console.service.rates import Rate
 from pa_console.service.served_session import ServedSession
 from pa_console.service.tokens import Bearer, TokenBook
 
-READS, WRITES, WRONG = (50.0, 200), (5.0, 20), (2.0, 20)
-"""Requests a second and at once: reads and writes of each person, wrong tokens of everybody."""
+READS, WRITES, ASKS, WRONG = (50.0, 200), (5.0, 20), (2.0, 10), (2.0, 20)
+"""Requests a second and at once: reads, writes and questions of each person, wrong tokens of
+everybody. A question may take rehearsals."""
 MOST_READERS = 8
 """So many event streams may one person have open."""
 ABOUT = """\
 The running session of PA Console, for programs of this machine.
 
-Every call needs a bearer token. An observer reads; an operator also gives missions, decides, stops.
+Every call needs a bearer token. An observer reads and asks; an operator also gives missions,
+decides, stops.
 What is given here goes through the same checks, the same gate and the same signed log as in the
 console. Nothing is ever approved by itself: a decision names the plan that was shown, and is made
 in the name of the person whose token it is. Errors are problem details (RFC 9457).
@@ -56,11 +58,16 @@ class _Doors:
 
     def __init__(self, tokens: TokenBook) -> None:
         self._tokens = tokens
-        self._reads, self._writes, self._wrong = Rate(*READS), Rate(*WRITES), Rate(*WRONG)
+        self._reads, self._writes, self._asks = Rate(*READS), Rate(*WRITES), Rate(*ASKS)
+        self._wrong = Rate(*WRONG)
 
     def observer(self, given: Given) -> Bearer:
         """Let in whoever may read, once more."""
         return self._count(self._reads, self._enter(given, "observer"))
+
+    def asker(self, given: Given) -> Bearer:
+        """Let in whoever may read with a question, once more."""
+        return self._count(self._asks, self._enter(given, "observer"))
 
     def lets_read(self, given: Given) -> bool:
         """Whether the token of somebody who reads still lets in."""
@@ -115,6 +122,10 @@ def _observer(request: Request, given: Given) -> Bearer:
     return _doors(request).observer(given)
 
 
+def _asker(request: Request, given: Given) -> Bearer:
+    return _doors(request).asker(given)
+
+
 def _operator(request: Request, given: Given) -> Bearer:
     return _doors(request).operator(given)
 
@@ -128,9 +139,11 @@ def _doors(request: Request) -> _Doors:
 
 
 Watching = Annotated[Bearer, Depends(_observer)]
+Asking = Annotated[Bearer, Depends(_asker)]
 Commanding = Annotated[Bearer, Depends(_operator)]
 Stopping = Annotated[Bearer, Depends(_stopper)]
-"""Who asks, where that may only be somebody who may read, command, or stop everything."""
+"""Who sends a request, where that may only be somebody who may read, ask a question about what is
+read, command, or stop everything."""
 
 
 def make_app(
@@ -151,6 +164,7 @@ def make_app(
     app.state.doors = _Doors(tokens)
     _add_reads(app, session)
     _add_events(app, session)
+    _add_questions(app, session)
     _add_commands(app, session)
     _add_problems(app, failed)
     return app
@@ -241,6 +255,20 @@ def _add_events(app: FastAPI, session: ServedSession) -> None:
         return StreamingResponse(
             _stream(session, after, reader, readers), media_type="text/event-stream"
         )
+
+
+def _add_questions(app: FastAPI, session: ServedSession) -> None:
+    """Add what an observer may ask."""
+
+    @app.post("/v1/questions", tags=["session"])
+    async def ask(_: Asking, body: views.QuestionBody) -> ev.QuestionAnswered:
+        """Answer a question such as *Why?* or *Why not Robot_T02?* from what is on record.
+
+        It is about the plan that waits, else about the mission that is worked on or was last. No
+        model is asked, nothing is decided, and any other text is refused: no mission is made of it.
+        The log tells of the answer.
+        """
+        return await session.answer(body.text)
 
 
 def _add_commands(app: FastAPI, session: ServedSession) -> None:

@@ -14,7 +14,9 @@ from pydantic import ValidationError
 
 from pa_console.fleets.fleet import Countersigned
 from pa_console.fleets.station_authority import StationAuthority
+from pa_console.orchestrator.answers.question_reading import IS_QUESTION, NO_QUESTION
 from pa_console.orchestrator.planning.approval import inadmissible
+from pa_console.orders.questions.question import Question
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import ELSEWHERE, Decision, Mission
@@ -60,6 +62,14 @@ class Commanded(Protocol):
 
     def submit(self, text: str) -> Mission:
         """Queue a mission; raises ValueError when it cannot be taken."""
+        ...
+
+    def question_in(self, text: str) -> Question | None:
+        """Return what `text` asks about what is on record; None for anything else."""
+        ...
+
+    async def answer(self, question: Question) -> ev.QuestionAnswered:
+        """Answer a question; nothing is decided by that, and nobody moves."""
         ...
 
     def decide(self, decision: Decision) -> None:
@@ -114,6 +124,7 @@ class ServedSession:
         self.feed = EventFeed(log, told)
         self._asked: dict[tuple[str, str], asyncio.Future[ev.DecisionMade]] = {}
         """Who waits to hear of a decision, by its request and whose it is."""
+        self._answering = asyncio.Lock()
 
     def take(self, event: ev.Event) -> None:
         """Take in one event of the session, which the state has."""
@@ -147,8 +158,22 @@ class ServedSession:
             )  # fmt: skip
         return found
 
+    async def answer(self, text: str) -> ev.QuestionAnswered:
+        """Answer a question, one at a time; raises ProblemError for a text that is none."""
+        question = self.station.question_in(text)
+        if question is None:
+            raise ProblemError(
+                422, "not-a-question", NO_QUESTION, field="text",
+                remedy="ask one of these; a mission goes to POST /v1/missions",
+            )  # fmt: skip
+        async with self._answering:
+            return await self.station.answer(question)
+
     def submit(self, text: str) -> MissionTrace:
-        """Queue a mission and return it as it stands then."""
+        """Queue a mission and return it as it stands then; a question is none."""
+        if self.station.question_in(text) is not None:
+            raise ProblemError(409, "mission-not-taken", IS_QUESTION, field="text",
+                               remedy="POST /v1/questions answers it")  # fmt: skip
         with _refused("mission-not-taken", "text"):
             mission = self.station.submit(text)
         return self.state.missions.get(mission.id) or MissionTrace(mission)

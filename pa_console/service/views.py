@@ -38,6 +38,19 @@ class MissionBody(Said):
     text: Annotated[str, Field(min_length=1, max_length=MAX_MISSION_TEXT)]
 
 
+class QuestionBody(Said):
+    """A question about what is on record."""
+
+    text: Annotated[
+        str,
+        Field(
+            min_length=1,
+            max_length=MAX_MISSION_TEXT,
+            description="Why?  Why not ASSET?  What would you do instead?",
+        ),
+    ]
+
+
 class ActionBody(Said):
     """One command of a plan of the operator's own."""
 

@@ -140,13 +140,12 @@ def test_a_question_at_the_terminal_is_answered_and_the_plan_is_asked_about_agai
         mission.type(f"{asked}\n")
         mission.until_shown(answer)
         mission.until_shown_times("Approve?", times + 1)
-    assert mission.kinds.count("question_answered") == 3
-    assert mission.kinds.count("mission_received") == 1
-    assert not {"decision_made", "command_sent"} & set(mission.kinds)
     mission.type("n\n")
     assert mission.process.wait(WITHIN_S) == 3
-    assert "command_sent" not in mission.kinds
-    assert mission.kinds[-1] == "session_ended"
+    kinds = mission.kinds
+    assert [kinds.count(kind) for kind in ("mission_received", "question_answered")] == [1, 3]
+    assert kinds.index("question_answered") < kinds.index("decision_made")
+    assert "command_sent" not in kinds
 
 
 def test_a_question_is_answered_where_the_order_is_asked_back_about(

@@ -17,6 +17,7 @@ from pa_console.signing import KEY_VARIABLE
 from tests.scripted import ScriptedEngine, plan
 
 WRITES_AT_ONCE = 40
+ASKS_AT_ONCE = 1000
 FILL = plan(("Drone_T04", "move_to EastGate"))
 PEOPLE: dict[str, Role] = {
     "olaf": "observer",
@@ -123,6 +124,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         patch.setenv(KEY_VARIABLE, str(folder / "key" / "key.pem"))
         patch.setenv("XDG_STATE_HOME", str(folder / "state"))
         patch.setattr(http_app, "WRITES", (0.001, WRITES_AT_ONCE))
+        patch.setattr(http_app, "ASKS", (0.001, ASKS_AT_ONCE))
         served = Site(folder)
         served.start()
         yield served

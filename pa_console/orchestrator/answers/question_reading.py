@@ -10,6 +10,12 @@ from pa_console.policy.checks.plain_text import compatible_form
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.mission import MAX_MISSION_TEXT
 
+IS_QUESTION = "this is a question: it is answered where it is asked, and no mission is made of it"
+NO_QUESTION = (
+    "this is no question that is answered here; those are Why?, Why ASSET?, Why not ASSET?, "
+    "Why is nobody at GATE? and What would you do instead?"
+)
+
 
 def question_in(text: str, scene: Scene, rulebook: Rulebook) -> Question | None:
     """Return what `text` asks about what is on record; None for an order.

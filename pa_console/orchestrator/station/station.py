@@ -9,7 +9,7 @@ from pa_console import __version__
 from pa_console.fleets.fleet import Countersigned, Simulated
 from pa_console.orchestrator.answers.alternatives import Alternative
 from pa_console.orchestrator.answers.answering import answer
-from pa_console.orchestrator.answers.question_reading import question_in
+from pa_console.orchestrator.answers.question_reading import IS_QUESTION, question_in
 from pa_console.orchestrator.answers.recent_record import RecentRecord
 from pa_console.orchestrator.execution.emergency_stop import EmergencyStop
 from pa_console.orchestrator.execution.step_feed import StepFeed
@@ -44,7 +44,6 @@ READ_ONLY = "this console is read-only: commands are refused"
 NOT_SIMULATED = "incidents can only be made to happen in a simulated fleet"
 INTERRUPTED = "the console ended while it was under way; give it again if it is still wanted"
 NOT_KEPT = "a standing order ends with its console; give it again if it is still wanted"
-IS_QUESTION = "this is a question: it is answered where it is asked, and no mission is made of it"
 IS_STOPPED = "everything is stopped: no mission is taken until the stop is released"
 
 

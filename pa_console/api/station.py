@@ -1,15 +1,13 @@
-"""What a program does with PA Console, without a screen; `import pa_console as pa` gives it.
+"""A station for a program, without a screen: missions, an approver, questions, its end.
 
 Everything here is composed of the parts that the console itself uses. The settings of the console
 play no part: a program says what it wants.
 """
 
 import asyncio
-from collections.abc import AsyncGenerator, Awaitable, Callable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping
 from contextlib import AsyncExitStack, aclosing, asynccontextmanager, suppress
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -17,33 +15,26 @@ from typing import TYPE_CHECKING, Self
 
 from pydantic import TypeAdapter
 
-from pa_console.fleets.fleet import Fleet, Outlook, Simulated
-from pa_console.fleets.simulated import SimulatedFleet
+from pa_console.fleets.fleet import Fleet, Simulated
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.llm.servers.servers import NO_SERVERS, Servers
 from pa_console.llm.servers.session_models import session_models
-from pa_console.orchestrator.planning.safeguards import examine
+from pa_console.orchestrator.answers.question_reading import NO_QUESTION
 from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.orchestrator.station import assembly
 from pa_console.orchestrator.station import station as stations
 from pa_console.orchestrator.station.assembly import Site
 from pa_console.orchestrator.station.ticking import RealTimeClock, SteppedClock
-from pa_console.policy.rulebook import Rulebook
-from pa_console.policy.trust.pinned_rules import RulesPins
 from pa_console.schema.events import event as ev
-from pa_console.schema.finding import Finding
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Metrics, Mission, MissionStatus, Verification
 from pa_console.schema.plan import Plan
-from pa_console.schema.world import World
-from pa_console.session.log import reader, verification
 from pa_console.session.log.chain import LogError
 from pa_console.session.log.writer import LogWriter, default_folder, open_session_log
 from pa_console.session.state.fold import MissionTrace, SessionState
 from pa_console.signing import key_path, load_signer
 from pa_console.sim.worlds.scenario_file import open_scenario
-from pa_console.sim.worlds.world_file import open_world
 
 if TYPE_CHECKING:
     from pa_console.fleets.authorization import Role
@@ -57,65 +48,6 @@ OnEvent = Callable[[ev.Event, SessionState], None]
 
 STANDING_CONFIDENCE = 0.9
 """How sure planner and judge have to be of what was asked, 0 to 1, for `auto_approver`."""
-
-
-def load_world(world: str = "checkpoint") -> World:
-    """Return a world: an installed one by its name, or that of a folder or file of yours.
-
-    Lengths are metres, x east and y north, speeds metres per second, times seconds. Raises
-    DocumentError, a ValueError, that names file, line and field.
-    """
-    return open_world(world)[0]
-
-
-def load_rules(rules: str = "checkpoint", *, unsigned: bool = False) -> Rulebook:
-    """Return the rules of an installed set or of a file, and the core, which is always in force.
-
-    Raises DocumentError, a ValueError, that names file, line and field, also for rules that were
-    altered since they were signed, unless they are to be taken as if `unsigned`.
-    """
-    return assembly.open_rules(rules, unsigned=unsigned)[0]
-
-
-def load_site(
-    world: str = "checkpoint",
-    rules: str = "checkpoint",
-    *,
-    unsigned: bool = False,
-    accept_rules: bool = False,
-) -> Site:
-    """Return a world and the rules in force there, for `open_station`.
-
-    As in the console, rules that are less than those used before on this machine (of a lower
-    version, not signed, signed by another) raise ValueError, unless you `accept_rules`. Otherwise
-    as `load_world` and `load_rules`.
-    """
-    return assembly.load_site(
-        world, rules, unsigned=unsigned, pins=RulesPins(), accept=accept_rules
-    )
-
-
-def check_plan(
-    plan: Plan,
-    rules: Rulebook,
-    world: World,
-    *,
-    fleet: Outlook | None = None,
-    mission: str = "Carry out this plan.",
-) -> tuple[Finding, ...]:
-    """Return what the safeguards find in `plan` (paper, Section IV-F); no model is asked.
-
-    The plan is rehearsed in a forecast from the present picture of `fleet`, by default of a quiet
-    watch in `world`. Then there is one finding for every rule, in the order of `rules`. A plan that
-    cannot even be started, for it names what does not exist, has findings of the id PLAN only.
-    `mission` is what was ordered, for rules about the words of an order. No command reaches a
-    device. It takes about a second, and blocks the calling thread.
-    """
-    given = Mission(id="check", text=mission, created=datetime.now(UTC))
-    outlook = SimulatedFleet.start(world) if fleet is None else fleet
-    with ThreadPoolExecutor(1) as beside_any_event_loop:
-        examining = examine(plan, given, outlook, rules)
-        return beside_any_event_loop.submit(asyncio.run, examining).result().findings
 
 
 def auto_approver(request: ev.ApprovalRequested) -> Decision:
@@ -238,6 +170,21 @@ class Station:
             raise
         finally:
             del self._ends[mission.id]
+
+    async def ask(self, question: str) -> ev.QuestionAnswered:
+        """Answer a question about what is on record: *Why?*, *Why not Robot_T02?*, *What else?*.
+
+        It is about the plan that waits, else about the mission that is worked on or was last. No
+        model is asked, nothing is decided and nobody moves; the log tells of it. Each of the
+        answer's `lines` has what it is `about`, and what is `said`. Raises ValueError for a text
+        that is no such question, RuntimeError when the session is over.
+        """
+        if self._over is not None:
+            raise self._over
+        found = self._station.question_in(question)
+        if found is None:
+            raise ValueError(NO_QUESTION)
+        return await self._station.answer(found)
 
     def inject(self, incident: Mapping[str, object]) -> None:
         """Let something happen in a simulated fleet, e.g. a vehicle appear 60 m from a gate.
@@ -431,27 +378,6 @@ def open_station(
         on_error=_told_by_the_station,
     )
     return Station(inner, open_log, approver, on_event)
-
-
-def verify_log(
-    path: Path | str, *, keys: frozenset[str] | None = None
-) -> verification.VerifyResult:
-    """Check every record of a session log, its hash chain, its signatures and its signed head.
-
-    The result's `intact` says that nothing was changed, added or removed since a known key signed
-    it, and `problem` what is wrong. `keys` are fingerprints, `SHA256:` and 43 characters, that may
-    vouch, by default this machine's. Raises LogError, a ValueError, for a file that cannot be read.
-    """
-    return verification.verify(Path(path), keys)
-
-
-def read_log(path: Path | str) -> Iterator[ev.Event]:
-    """Yield the events of a session log, oldest first, its chain and signatures unchecked.
-
-    `t` of an event is wall time in UTC, `tick` steps of the fleet's clock. Raises LogError, a
-    ValueError that names the line, at the first line that cannot be read.
-    """
-    return reader.read_log(Path(path))
 
 
 def _outcome(trace: MissionTrace) -> Outcome:

@@ -1,0 +1,77 @@
+"""The worlds and rules that a program loads, and a plan checked against them without a station."""
+
+import asyncio
+from concurrent.futures import ThreadPoolExecutor
+from datetime import UTC, datetime
+
+from pa_console.fleets.fleet import Outlook
+from pa_console.fleets.simulated import SimulatedFleet
+from pa_console.orchestrator.planning.safeguards import examine
+from pa_console.orchestrator.station import assembly
+from pa_console.orchestrator.station.assembly import Site
+from pa_console.policy.rulebook import Rulebook
+from pa_console.policy.trust.pinned_rules import RulesPins
+from pa_console.schema.finding import Finding
+from pa_console.schema.mission import Mission
+from pa_console.schema.plan import Plan
+from pa_console.schema.world import World
+from pa_console.sim.worlds.world_file import open_world
+
+
+def load_world(world: str = "checkpoint") -> World:
+    """Return a world: an installed one by its name, or that of a folder or file of yours.
+
+    Lengths are metres, x east and y north, speeds metres per second, times seconds. Raises
+    DocumentError, a ValueError, that names file, line and field.
+    """
+    return open_world(world)[0]
+
+
+def load_rules(rules: str = "checkpoint", *, unsigned: bool = False) -> Rulebook:
+    """Return the rules of an installed set or of a file, and the core, which is always in force.
+
+    Raises DocumentError, a ValueError, that names file, line and field, also for rules that were
+    altered since they were signed, unless they are to be taken as if `unsigned`.
+    """
+    return assembly.open_rules(rules, unsigned=unsigned)[0]
+
+
+def load_site(
+    world: str = "checkpoint",
+    rules: str = "checkpoint",
+    *,
+    unsigned: bool = False,
+    accept_rules: bool = False,
+) -> Site:
+    """Return a world and the rules in force there, for `open_station`.
+
+    As in the console, rules that are less than those used before on this machine (of a lower
+    version, not signed, signed by another) raise ValueError, unless you `accept_rules`. Otherwise
+    as `load_world` and `load_rules`.
+    """
+    return assembly.load_site(
+        world, rules, unsigned=unsigned, pins=RulesPins(), accept=accept_rules
+    )
+
+
+def check_plan(
+    plan: Plan,
+    rules: Rulebook,
+    world: World,
+    *,
+    fleet: Outlook | None = None,
+    mission: str = "Carry out this plan.",
+) -> tuple[Finding, ...]:
+    """Return what the safeguards find in `plan` (paper, Section IV-F); no model is asked.
+
+    The plan is rehearsed in a forecast from the present picture of `fleet`, by default of a quiet
+    watch in `world`. Then there is one finding for every rule, in the order of `rules`. A plan that
+    cannot even be started, for it names what does not exist, has findings of the id PLAN only.
+    `mission` is what was ordered, for rules about the words of an order. No command reaches a
+    device. It takes about a second, and blocks the calling thread.
+    """
+    given = Mission(id="check", text=mission, created=datetime.now(UTC))
+    outlook = SimulatedFleet.start(world) if fleet is None else fleet
+    with ThreadPoolExecutor(1) as beside_any_event_loop:
+        examining = examine(plan, given, outlook, rules)
+        return beside_any_event_loop.submit(asyncio.run, examining).result().findings
