@@ -9,6 +9,7 @@ import pytest
 
 from pa_console.cli.plain.joined_console import JoinedConsole
 from pa_console.orchestrator.joined.joined_station import JoinedStation
+from pa_console.orders.questions.question import Question
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from tests.cli.inside import Call
@@ -70,6 +71,15 @@ class North:
         """Note that a stop was asked for."""
         self.stops += 1
 
+    def question_in(self, text: str) -> Question | None:
+        """Take what asks why for a question about the plan."""
+        return Question(text, "plan") if text.casefold().startswith("why") else None
+
+    async def answer(self, question: Question) -> ev.QuestionAnswered:
+        """Say what the test has for an answer."""
+        lines = (ev.AnswerLine(about="judge", said="passes it"),)
+        return ev.QuestionAnswered(question=question.text, topic=question.topic, lines=lines)
+
     async def close(self) -> None:
         """Leave."""
         self.coming.put_nowait(None)
@@ -110,7 +120,6 @@ class Typist:
 
 async def test_it_says_why_it_is_read_only_and_leaves_at_ctrl_c() -> None:
     one = Typist(North(waiting(1)))
-    assert "Read-only: the session is commanded at north; here you may" in await one.type("why")
     refused = await one.type("Send a drone to the east gate.")
     assert "Read-only: the session is commanded at north" in refused
     assert "sign" in await one.type("help")
@@ -145,6 +154,17 @@ async def test_what_takes_two_people_is_signed_once_and_stop_needs_no_signature(
     assert "you have signed; north decides" in await one.type("sign")
     assert "was asked to stop everybody" in await one.type("Stop all!")
     assert (north.stops, len(north.decisions)) == (1, 1)
+    await one.leave()
+
+
+async def test_a_question_is_answered_here_while_the_plan_waits_there() -> None:
+    north = North(waiting(2), signer="")
+    one = Typist(north)
+    for text in ("Why?", "why not Robot_T02"):
+        assert await one.type(text) == "judge: passes it"
+    assert one.console.state.current is not None
+    assert one.console.state.current.approval is not None
+    assert (north.decisions, north.stops) == ([], 0)
     await one.leave()
 
 

@@ -13,10 +13,10 @@ from pa_console.fleets.bus.station_link import StationLink
 from pa_console.fleets.station_authority import Keys, StationAuthority, Vehicles
 from pa_console.orchestrator.joined.joined_station import JoinedStation, Signatory
 from pa_console.orchestrator.joined.shared_log import HEARD, SharedLog, read_so_far
+from pa_console.orchestrator.joined.site_copy import SiteCopy
 from pa_console.orchestrator.station.assembly import Site, load_site, open_station
 from pa_console.orchestrator.station.station import Station
 from pa_console.orchestrator.station.ticking import DevicesClock
-from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.world import World
@@ -46,11 +46,12 @@ def two_people(tmp_path: Path) -> Site:
     return load_site("checkpoint", str(file), unsigned=True)
 
 
-def join(address: BrokerAddress, person: str) -> JoinedStation:
+def join(address: BrokerAddress, person: str, site: Site) -> JoinedStation:
     """A console that has joined, at which `person` sits; it has learnt the roster from the bus."""
     log = SharedLog(StationLink(address, person, HEARD), auth.Trust(PUBLIC["owner"]), len)
     before = read_so_far(log, lambda _done, _total: None)
-    return JoinedStation(log, before, Retriever(()), Signatory(person, KEYS[person]))
+    copy = SiteCopy(site.world, site.rulebook)
+    return JoinedStation(log, before, Signatory(person, KEYS[person]), copy)
 
 
 async def until(done: Callable[[], object]) -> None:
@@ -86,6 +87,15 @@ class Watched:
         return {name for each in made for name in each.decision.signatures}
 
 
+async def ask(joined: JoinedStation, watched: Watched) -> None:
+    """Ask about another vehicle, which anybody may, and wait until it is shown there."""
+    question = joined.question_in("Why not Ugv_T01?")
+    assert question is not None
+    told = await joined.answer(question)
+    await until(lambda: watched.state.current and told in watched.state.current.answers)
+    assert {line.about for line in told.lines} == {"Ugv_T01"}
+
+
 async def test_a_block_is_carried_out_once_both_have_signed(
     world: World, address: BrokerAddress, tmp_path: Path
 ) -> None:
@@ -109,12 +119,13 @@ async def test_a_block_is_carried_out_once_both_have_signed(
         station.write_to(log)
         ann = Watched(station)
         await until(lambda: ann.state.picture)
-        bob, otto = [await asyncio.to_thread(join, address, name) for name in ("bob", "otto")]
+        bob, otto = [await asyncio.to_thread(join, address, name, site) for name in ("bob", "otto")]
         second, third = Watched(bob), Watched(otto)
         station.submit("Block the east gate with Ugv_T02.")
         await until(lambda: ann.request and second.request and third.request)
         assert second.request == ann.request
         assert ann.request is not None
+        await ask(otto, third)
         approve = Decision(kind="approve", reason="seen", acknowledged=ann.request.acknowledge)
         assert (bob.station, bob.signer, otto.signer) == ("north", "bob", "")
         for console, decision in ((otto, approve), (bob, Decision(kind="reject"))):
@@ -138,6 +149,8 @@ async def test_a_block_is_carried_out_once_both_have_signed(
         await until(lambda: second.state.ended and third.state.ended)
         await asyncio.gather(ann.task, second.task, third.task)
         log.close()
+        told = {event.data.kind for each in (ann, second) for event in each.events}
+        assert "question_answered" not in told
     seen = [event for event in second.events if event.data.kind not in ("telemetry", "noticed")]
     logged = [e for e in ann.events if e.data.kind not in ("telemetry", "noticed")]
     assert seen == [event for event in logged if not event.data.transient]

@@ -20,11 +20,11 @@ from pa_console.fleets.vda5050.additions import SIGNED, SignedTakeover
 from pa_console.fleets.vda5050.numbers import Numbers
 from pa_console.orchestrator.joined.joined_station import JoinedStation, Signatory
 from pa_console.orchestrator.joined.shared_log import HEARD, SharedLog, read_so_far
+from pa_console.orchestrator.joined.site_copy import SiteCopy
 from pa_console.orchestrator.joined.succession import Succession
 from pa_console.orchestrator.station.assembly import Site, open_station
 from pa_console.orchestrator.station.station import Station
 from pa_console.orchestrator.station.ticking import DevicesClock
-from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.world import World
@@ -77,7 +77,7 @@ def succession_of(
     log = SharedLog(link, auth.Trust(PUBLIC["owner"]), len)
     before = read_so_far(log, lambda _done, _total: None)
     signatory = Signatory(person, KEYS[person])
-    station = JoinedStation(log, before, Retriever(()), signatory)
+    station = JoinedStation(log, before, signatory, SiteCopy(site.world, site.rulebook))
 
     def its() -> StationAuthority:
         return own or StationAuthority(keys("south", person, site))

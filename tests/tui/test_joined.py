@@ -5,12 +5,15 @@ from pathlib import Path
 import pytest
 from textual.widgets import Button, Static
 
+from pa_console.orders.questions.question import Question
 from pa_console.schema.events import event as ev
+from pa_console.schema.events.event import AnswerLine
 from pa_console.schema.mission import Decision
 from pa_console.tui.protocols import JoinedTo
 from pa_console.tui.screens.questions import Confirm
 from pa_console.tui.widgets.approval.panel import ARM_DELAY_S, ApprovalPanel
 from pa_console.tui.widgets.bars import StatusBar
+from pa_console.tui.widgets.mission_prompt import MissionInput
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, notices, settle, until
@@ -66,6 +69,34 @@ async def test_nothing_is_signed_that_takes_one_person_or_by_an_observer(
         await settle(pilot, station)
         assert station.decisions == []
         assert app.screen.query_one("#approve", Button).disabled or not joined.signer
+
+
+async def test_a_question_is_answered_here_and_an_order_is_refused(tmp_path: Path) -> None:
+    station, clock = ScriptedStation(waiting(1)), FakeClock()
+    question = Question("Why not Ugv_T02?", "other_asset", ("Ugv_T02",))
+    others = Question("What else?", "alternatives")
+    line = AnswerLine(about="Ugv_T02", said="it alone covers EastGate")
+    station.questions = {each.text: each for each in (question, others)}
+    station.answers = {each.text: (line,) for each in (question, others)}
+    app = console(station, tmp_path, clock, joined=BOB)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        field = app.screen.query_one(MissionInput)
+        assert "it is commanded there" in str(field.placeholder)
+        for asked in station.questions:
+            await pilot.press("slash", *asked, "enter")
+            await until(pilot, lambda: bool(app.screen.query("#answer-rows")))
+            rows = app.screen.query_one("#answer-rows", TextRows)
+            await until(pilot, lambda rows=rows: "it alone covers" in rows.render().plain)
+            await pilot.press("escape")
+            await settle(pilot, station)
+            assert field.text == ""
+        station.refuse = "this is the session of north: it is commanded there"
+        await pilot.press("slash", *"Send a drone home", "enter")
+        await settle(pilot, station)
+        assert station.refuse in notices(app)
+        assert field.text == "Send a drone home"
+        assert (station.submitted, station.decisions) == ([], [])
 
 
 async def test_both_screens_say_who_has_signed(tmp_path: Path) -> None:
