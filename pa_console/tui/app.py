@@ -61,7 +61,8 @@ def closed_by(joined: JoinedTo) -> str:
     """Return why no mission is taken where another station's session is shown."""
     may = "you may countersign and stop" if joined.signer else "you may watch and stop"
     more = "" if joined.command_question is None else f"; {first_key('take_command')} takes command"
-    return f"The session of {joined.station}: it is commanded there, {may}; / asks Why?{more}"
+    where = f"The session of {joined.station}: it is commanded there"
+    return f"{where}; / asks Why?; {may}{more}"
 
 
 Opening = Callable[["ConsoleApp"], None]

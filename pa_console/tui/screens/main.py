@@ -23,7 +23,8 @@ from pa_console.tui.plan_preview.playback import Playback
 from pa_console.tui.plan_preview.preview import PlanPreview, waiting_plan
 from pa_console.tui.protocols import Clock, JoinedTo
 from pa_console.tui.widgets.alarms import AlarmBar, AlarmPane
-from pa_console.tui.widgets.approval.panel import DECISION_KEYS, ApprovalPanel
+from pa_console.tui.widgets.approval.decision_buttons import DECISION_KEYS
+from pa_console.tui.widgets.approval.panel import ApprovalPanel
 from pa_console.tui.widgets.approval.plan_schedule import PlanSchedule
 from pa_console.tui.widgets.assets import AssetPane
 from pa_console.tui.widgets.bars import VIEWS, KeyFooter, StatusBar, ViewBar

@@ -5,7 +5,7 @@ import time
 from textual import events, on
 from textual.app import ComposeResult
 from textual.binding import Binding
-from textual.containers import Horizontal, ItemGrid, Vertical, VerticalScroll
+from textual.containers import Vertical
 from textual.message import Message
 from textual.widget import Widget
 from textual.widgets import Button, Input
@@ -14,39 +14,25 @@ from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import Decision
 from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.tui.actions.keymap import READING_KEYS
-from pa_console.tui.plan_preview.approval_rows import (
-    approval_rows,
-    looked_at_rows,
-    reading_label,
-    reading_rows,
-)
+from pa_console.tui.plan_preview.approval_rows import approval_rows, looked_at_rows
 from pa_console.tui.plan_preview.preview import PlanPreview
 from pa_console.tui.protocols import Clock, JoinedTo
 from pa_console.tui.status_words import term
+from pa_console.tui.widgets.approval.arming import Arming, is_free
+from pa_console.tui.widgets.approval.choices import answering, decision_of, reading_of
+from pa_console.tui.widgets.approval.decision_buttons import DECISION_KEYS, DecisionButtons
+from pa_console.tui.widgets.approval.given_fields import GivenFields
+from pa_console.tui.widgets.approval.next_key import FocusAt, next_key
+from pa_console.tui.widgets.approval.panel_room import panel_room
 from pa_console.tui.widgets.approval.plan_text import PlanText
+from pa_console.tui.widgets.approval.reason_field import ReasonField
 from pa_console.tui.widgets.approval.refusals import blocked_reason, not_to_sign
-from pa_console.tui.widgets.fields import CheckBox, LineField
-from pa_console.tui.widgets.row_views import TextRows
+from pa_console.tui.widgets.fields import CheckBox
 
 ARM_DELAY_S = 0.6
 """Quiet seconds before the panel takes keys; every key before that is dropped and counts anew.
 
 The user may choose another delay."""
-
-DECISION_KEYS = {"r": "reject", "m": "modify", "a": "approve"}
-"""The button that each of the panel's letters goes to; Enter presses it."""
-
-ROWS_ELSEWHERE = 6
-"""The lines of the terminal that are neither map nor panel, about."""
-
-WIDE_SHARE, COMPACT_SHARE = 0.7, 0.62
-"""How much of the other lines the panel may take, beside the map and below it."""
-
-LEAST_ROWS, LEAST_BODY_ROWS = 13, 4
-
-REASON = "approval-reason"
-_MEANT = "meant-"
-_FREE_KEYS = ("tab", "shift+tab", "escape", "pageup", "pagedown")
 
 
 class ApprovalPanel(Vertical, can_focus=True):
@@ -107,13 +93,11 @@ class ApprovalPanel(Vertical, can_focus=True):
         """Where another station's session was `joined` a plan is countersigned, or it is not."""
         shown = "-joined" if joined is not None else ""
         super().__init__(id="approval", classes=shown if decides else "-closed")
-        self._clock, self._decides, self._joined = clock, decides, joined
+        self._decides, self._joined = decides, joined
         self.can_focus = decides
-        self.arm_delay_s = ARM_DELAY_S
+        self._arming = Arming(clock, ARM_DELAY_S)
         self._trace: MissionTrace | None = None
         self._shown: tuple[str, int, int] | None = None
-        self._quiet_since = 0.0
-        self._sent = False
         self._width = 0
         self._looked_at = ""
         self._playing = False
@@ -121,21 +105,12 @@ class ApprovalPanel(Vertical, can_focus=True):
     def compose(self) -> ComposeResult:
         """Yield the consequences, what must be given, and the buttons."""
         yield PlanText()
-        with VerticalScroll(id="approval-given", can_focus=False):
-            yield TextRows(id="approval-reading")
-            yield Vertical(id="approval-readings")
-            yield TextRows(id="approval-looked-at")
-            yield ItemGrid(id="approval-warnings", min_column_width=18)
-        yield LineField(compact=True, id=REASON, select_on_focus=False)
-        with Horizontal(id="approval-buttons"):
-            yield Button("Reject (r)", id="reject", variant="error", compact=True)
-            yield Button("Modify (m)", id="modify", compact=True)
-            label = "Countersign (a)" if self._joined is not None else "Approve (a)"
-            yield Button(label, id="approve", variant="success", compact=True)
+        yield GivenFields()
+        yield ReasonField()
+        yield DecisionButtons(joined=self._joined is not None)
 
     def on_mount(self) -> None:
         """Hide until a plan waits."""
-        self.query_one(f"#{REASON}", Input).cursor_blink = False
         self.watch(self._body, "scroll_y", self._saw, init=False)
         self.watch(self._body, "virtual_size", self._saw, init=False)
         self.display = False
@@ -145,7 +120,7 @@ class ApprovalPanel(Vertical, can_focus=True):
 
         `preview` is its plan as the rehearsal has shown it.
         """
-        request = trace.approval if trace else None
+        request = trace.approval if trace is not None else None
         if trace is None or request is None:
             self._trace, self._shown = None, None
             self.display = False
@@ -155,43 +130,21 @@ class ApprovalPanel(Vertical, can_focus=True):
         if key == self._shown:
             self._tell(trace, preview)
             return False
-        self._shown, self._sent = key, False
+        self._shown, self._arming.sent = key, False
         self.display = True
-        self._fill(trace, preview)
+        self._fill(trace, request, preview)
         self._disarm()
         return True
 
-    def _fill(self, trace: MissionTrace, preview: PlanPreview | None) -> None:
-        request = trace.approval
-        assert request is not None
+    def _fill(
+        self, trace: MissionTrace, request: ApprovalRequested, preview: PlanPreview | None
+    ) -> None:
         self._looked_at = ""
         self._tell(trace, preview)
-        self.query_one("#approval-looked-at", TextRows).show(())
         self._body.schedule(preview)
-        self.query_one("#approval-reading", TextRows).show(tuple(reading_rows(trace)))
-        readings = self.query_one("#approval-readings", Vertical)
-        readings.remove_children()
-        readings.mount_all(
-            Button(reading_label(number, asked), name=f"meant-{number}", compact=True)
-            for number, asked in enumerate(trace.choices or request.readings, start=1)
-        )
+        self._given_fields.ask(trace, request)
         self.set_class(bool(trace.choices or request.readings), "-unclear")
-        warnings = self.query_one("#approval-warnings", ItemGrid)
-        warnings.remove_children()
-        warnings.mount_all(
-            CheckBox(f"accept {rule}", rule)
-            for rule in request.acknowledge
-            if not request.blocked_by
-        )
-        reason = self.query_one(f"#{REASON}", Input)
-        reason.value = ""
-        reason.placeholder = (
-            "Why override the judge? (required)"
-            if request.needs_override and not request.blocked_by
-            else "Your answer, Enter sends it"
-            if request.state == "not_understood"
-            else "Reason (optional)"
-        )
+        self._reason.ask(request)
         self._body.begin()
         self.call_after_refresh(self.fit)
         self.call_after_refresh(self._saw)
@@ -222,13 +175,29 @@ class ApprovalPanel(Vertical, can_focus=True):
         self, asked: str, preview: PlanPreview | None, faults: tuple[str, ...] = ()
     ) -> None:
         """Show what the reading that was `asked` for would lead to; None: that is not known."""
-        rows = looked_at_rows(preview, faults) if asked else ()
-        self.query_one("#approval-looked-at", TextRows).show(tuple(rows))
+        self._given_fields.show_reading(tuple(looked_at_rows(preview, faults)) if asked else ())
         self.call_after_refresh(self.fit)
 
     @property
     def _body(self) -> PlanText:
         return self.query_one(PlanText)
+
+    @property
+    def _given_fields(self) -> GivenFields:
+        return self.query_one(GivenFields)
+
+    @property
+    def _reason(self) -> ReasonField:
+        return self.query_one(ReasonField)
+
+    @property
+    def _buttons(self) -> DecisionButtons:
+        return self.query_one(DecisionButtons)
+
+    @property
+    def _request(self) -> ApprovalRequested | None:
+        """What waits for a decision."""
+        return self._trace.approval if self._trace is not None else None
 
     def on_resize(self, event: events.Resize) -> None:
         """Begin anew to tell what was on screen where another width has made other lines."""
@@ -240,15 +209,13 @@ class ApprovalPanel(Vertical, can_focus=True):
 
     def fit(self) -> None:
         """Give the plan the rows that the buttons and what is asked for leave it."""
-        compact = self.screen.has_class("-compact")
-        room = self.screen.size.height - ROWS_ELSEWHERE
         others = [child for child in self.children if child is not self._body and child.display]
         taken = sum(child.outer_size.height + child.styles.margin.height for child in others)
         taken += self.gutter.height
-        share = int(room * (COMPACT_SHARE if compact else WIDE_SHARE))
-        most = max(share, LEAST_ROWS, taken + LEAST_BODY_ROWS)
-        self.styles.max_height = most
-        if self._body.fit(most - taken):
+        compact = self.screen.has_class("-compact")
+        room = panel_room(self.screen.size.height, taken, compact=compact)
+        self.styles.max_height = room.panel
+        if self._body.fit(room.plan):
             self.call_after_refresh(self._saw)
 
     def _saw(self) -> None:
@@ -267,7 +234,7 @@ class ApprovalPanel(Vertical, can_focus=True):
     @property
     def _unseen(self) -> bool:
         """Whether a plan that needs to be read first has not been on screen as a whole."""
-        request = self._trace.approval if self._trace else None
+        request = self._request
         sure = request is not None and request.state == "approve"
         return not sure and not self._body.read
 
@@ -278,18 +245,27 @@ class ApprovalPanel(Vertical, can_focus=True):
 
     def take_focus(self) -> None:
         """Put the focus on Reject, the safe answer; where there is none, on the panel itself."""
-        safe = self if self._joined is not None else self.query_one("#reject", Button)
+        safe = self if self._joined is not None else self._buttons.of("reject")
         safe.focus()
 
-    def _disarm(self) -> None:
-        self._quiet_since = self._clock()
-        self.set_timer(self.arm_delay_s + 0.05, self._saw)
-        self.refresh_state()
+    @property
+    def arm_delay_s(self) -> float:
+        """Quiet seconds before the panel takes keys."""
+        return self._arming.delay_s
+
+    @arm_delay_s.setter
+    def arm_delay_s(self, delay_s: float) -> None:
+        self._arming.delay_s = delay_s
 
     @property
     def armed(self) -> bool:
         """Whether the panel takes decisions: quiet for long enough, and none was sent yet."""
-        return not self._sent and self._clock() - self._quiet_since >= self.arm_delay_s
+        return self._arming.armed
+
+    def _disarm(self) -> None:
+        self._arming.disarm()
+        self.set_timer(self.arm_delay_s + 0.05, self._saw)
+        self.refresh_state()
 
     def refresh_state(self) -> None:
         """Say why Approve is not possible, and enable it when it is."""
@@ -301,26 +277,27 @@ class ApprovalPanel(Vertical, can_focus=True):
             self._tell_state()
             return
         why = self._why_not()
-        self.query_one("#approve", Button).disabled = bool(why)
+        self._buttons.of("approve").disabled = bool(why)
         waiting = "" if self.armed else "keys are ignored for a moment"
-        line = "decision sent" if self._sent else why or waiting or self._next_key()
+        line = "decision sent" if self._arming.sent else why or waiting or self._next_key()
         self.border_subtitle = "Space stops the rehearsal" if self._playing else line
         self._tell_state()
 
     def _next_key(self) -> str:
         """Return what the next key does, where the focus alone does not say it."""
+        request = self._request
+        plays = request is not None and request.standing is None
+        return next_key(self._focus_at, joined=self._joined is not None, plays=plays)
+
+    @property
+    def _focus_at(self) -> FocusAt:
         if self.has_focus:
-            joined = self._joined is not None
-            return "a goes to Countersign" if joined else "r, m or a goes to a button"
+            return "panel"
         if self._looked_at:
-            return "Enter reads the order so, Esc goes back to the plan"
-        approve = self.query_one("#approve", Button)
-        if approve.has_focus:
-            joined = self._joined is not None
-            return "Enter signs it" if joined else "Enter approves, r goes back to Reject"
-        request = self._trace.approval if self._trace else None
-        plays = request is not None and request.standing is None and self.has_focus_within
-        return "Space plays it, Alt+C compares plans" if plays else ""
+            return "reading"
+        if self._buttons.of("approve").has_focus:
+            return "approve"
+        return "within" if self.has_focus_within else "elsewhere"
 
     def on_descendant_focus(self) -> None:
         """Look at a reading no more whose button has no focus, and say what the next key does.
@@ -328,7 +305,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         A button that the mouse presses stays where it is: what it leads to is not shown then.
         """
         focused = self.screen.focused
-        if focused is None or self._reading_of(focused.name or "") != self._looked_at:
+        if focused is None or reading_of(self._trace, focused.name or "") != self._looked_at:
             self._look("")
         self.refresh_state()
 
@@ -342,21 +319,6 @@ class ApprovalPanel(Vertical, can_focus=True):
             self._looked_at = asked
             self.post_message(self.LookedAt(asked))
 
-    def _reading_of(self, name: str) -> str:
-        """Return the reading that a button of this name chooses, '' for none."""
-        request = self._trace.approval if self._trace else None
-        number = name.removeprefix(_MEANT)
-        if request is None or not name.startswith(_MEANT) or not number.isdigit():
-            return ""
-        return next(iter(request.readings[int(number) - 1 : int(number)]), "")
-
-    def _answer_of(self, name: str) -> str:
-        """Return the answer that a button of this name chooses, '' where nothing is asked back."""
-        trace, number = self._trace, name.removeprefix(_MEANT)
-        if trace is None or not name.startswith(_MEANT) or not number.isdigit():
-            return ""
-        return next(iter(trace.choices[int(number) - 1 : int(number)]), "")
-
     def on_descendant_blur(self) -> None:
         """Say no longer what the next key did there; away from here no reading is looked at."""
         if not self.has_focus_within:
@@ -369,7 +331,7 @@ class ApprovalPanel(Vertical, can_focus=True):
 
     def _tell_state(self) -> None:
         """Say in the title and by the colour of the frame what has to be known first."""
-        request = self._trace.approval if self._trace else None
+        request = self._request
         state = (request.state if request else None) or "none"
         mark = term("approval", state)
         self.border_title = f"{mark.glyph} {mark.word}"
@@ -377,24 +339,23 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.set_class(refused or state == "judge_objects", "-blocked")
         self.set_class(state == "approve", "-sure")
         standing = request is not None and request.standing is not None
-        self.query_one("#modify", Button).disabled = standing or state == "not_understood"
+        self._buttons.of("modify").disabled = standing or state == "not_understood"
 
     def _why_not(self) -> str:
         """Return why Approve is not admissible, apart from the arm delay."""
-        request = self._trace.approval if self._trace else None
+        request = self._request
         if request is None:
             return "no plan waits"
         made = self._trace.decisions if self._trace is not None else []
         if self._joined is not None and (why := not_to_sign(self._joined, request, made)):
             return why
-        left = [box.name or "" for box in self.query(CheckBox) if not box.ticked]
-        why = blocked_reason(request, left, self.query_one(f"#{REASON}", Input).value)
+        left = [box.name or "" for box in self._given_fields.unticked]
+        why = blocked_reason(request, left, self._reason.value)
         return why or ("✘ Approve: read to the end first (PgDn)" if self._unseen else "")
 
     def on_key(self, event: events.Key) -> None:
         """Drop keys typed ahead; each makes the panel wait anew."""
-        free = event.key in _FREE_KEYS or (event.key[0] == "f" and event.key[1:].isdigit())
-        if not self.armed and not free and not isinstance(self.app.focused, Input):
+        if not self.armed and not is_free(event.key) and not isinstance(self.app.focused, Input):
             event.stop()
             event.prevent_default()
             self._disarm()
@@ -410,31 +371,30 @@ class ApprovalPanel(Vertical, can_focus=True):
     def _focus_and_look(self, widget: Widget) -> None:
         """Go to a field of the panel; a reading is shown."""
         self.screen.set_focus(widget)
-        self._look(self._reading_of(widget.name or ""))
+        self._look(reading_of(self._trace, widget.name or ""))
 
     def action_go_to(self, button: str) -> None:
         """Go to a button, which Enter presses; to what Approve still needs, where it needs it.
 
         Where it cannot be pressed the panel itself has the focus, so that Enter presses no other.
         """
-        request = self._trace.approval if self._trace else None
+        request = self._request
         if request is None or not self.armed:
             return
-        target: Widget = self.query_one(f"#{button}", Button)
+        target: Widget = self._buttons.of(button)
         if target.disabled or (self._joined is not None and button != "approve"):
             target = self._needed(request) if button == "approve" else self
         self.screen.set_focus(target)
 
     def _needed(self, request: ApprovalRequested) -> Widget:
         """Return where the operator gives what Approve still needs; here if nobody can."""
-        unticked = [box for box in self.query(CheckBox) if not box.ticked]
-        reason = self.query_one(f"#{REASON}", Input)
+        unticked = self._given_fields.unticked
         if request.blocked_by or request.state == "not_understood":
             return self
         if unticked:
             return unticked[0]
-        if request.needs_override and not reason.value.strip():
-            return reason
+        if request.needs_override and not self._reason.said:
+            return self._reason
         self.action_scroll_plan(1)
         return self
 
@@ -446,8 +406,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         if not self.armed:
             self.type_ahead()
             return
-        buttons = list(self.query("#approval-readings Button").results(Button))
-        for button in buttons[number - 1 : number]:
+        for button in self._given_fields.meanings[number - 1 : number]:
             self._focus_and_look(button)
 
     def action_play(self) -> None:
@@ -473,10 +432,8 @@ class ApprovalPanel(Vertical, can_focus=True):
 
     def write_reason(self, text: str) -> None:
         """Go to the reason and add to it what was typed at the buttons."""
-        reason = self.query_one(f"#{REASON}", Input)
-        self.screen.set_focus(reason)
-        reason.cursor_position = len(reason.value)
-        reason.insert_text_at_cursor(text)
+        self.screen.set_focus(self._reason)
+        self._reason.add(text)
 
     def on_paste(self, event: events.Paste) -> None:
         """Take what is pasted at the buttons for the reason."""
@@ -505,43 +462,30 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.screen.set_focus(self)
 
     def _choose(self, choice: str) -> None:
-        request = self._trace.approval if self._trace else None
-        if request is None or not self.armed:
+        trace, request = self._trace, self._request
+        if trace is None or request is None or not self.armed:
             return
         if self._joined is not None and choice != "approve":
             return
-        reason = self.query_one(f"#{REASON}", Input).value.strip()
         if choice == "modify" and request.standing is None and request.state != "not_understood":
             self.post_message(self.ModifyAsked())
-        elif answer := self._answer_of(choice):
-            self._answer(answer)
-        elif asked := self._reading_of(choice):
-            self._send(Decision(kind="choose", request_id=request.request_id, asked=asked))
-        elif choice == "reject":
-            self._send(Decision(kind="reject", request_id=request.request_id, reason=reason))
-        elif choice == "approve" and not self._why_not():
-            self._send(
-                Decision(
-                    kind="approve",
-                    request_id=request.request_id,
-                    reason=reason,
-                    override_judge=request.needs_override,
-                    acknowledged=request.acknowledge,
-                )
-            )
+        elif choice != "approve" or not self._why_not():
+            self._send(decision_of(trace, choice, self._reason.said))
 
     def _answer(self, answer: str) -> None:
         """Answer what is asked about the order; nothing where a plan waits."""
-        request = self._trace.approval if self._trace else None
-        if request is not None and request.state == "not_understood" and self.armed:
-            self._send(Decision(kind="answer", request_id=request.request_id, asked=answer))
+        request = self._request
+        if request is not None and self.armed:
+            self._send(answering(request, answer))
 
-    def _send(self, decision: Decision) -> None:
-        self._sent = True
+    def _send(self, decision: Decision | None) -> None:
+        if decision is None:
+            return
+        self._arming.sent = True
         self.refresh_state()
         self.post_message(self.Decided(decision))
 
     def refused(self) -> None:
         """Take decisions again after the last one could not be delivered."""
-        self._sent = False
+        self._arming.sent = False
         self._disarm()
