@@ -32,6 +32,11 @@ def _named(meanings: Sequence[str], name: str) -> str:
     return next(iter(meanings[int(number) - 1 : int(number)]), "")
 
 
+def may_modify(request: ApprovalRequested) -> bool:
+    """Whether there is a plan that the operator may change."""
+    return request.standing is None and request.state != "not_understood"
+
+
 def decision_of(trace: MissionTrace, choice: str, reason: str) -> Decision | None:
     """Return the decision that a button makes of the request that waits; None for none.
 

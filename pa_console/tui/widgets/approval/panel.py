@@ -19,7 +19,7 @@ from pa_console.tui.plan_preview.preview import PlanPreview
 from pa_console.tui.protocols import Clock, JoinedTo
 from pa_console.tui.status_words import term
 from pa_console.tui.widgets.approval.arming import Arming, is_free
-from pa_console.tui.widgets.approval.choices import answering, decision_of, reading_of
+from pa_console.tui.widgets.approval.choices import answering, decision_of, may_modify, reading_of
 from pa_console.tui.widgets.approval.decision_buttons import DECISION_KEYS, DecisionButtons
 from pa_console.tui.widgets.approval.given_fields import GivenFields
 from pa_console.tui.widgets.approval.next_key import FocusAt, next_key
@@ -338,8 +338,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         refused = request is not None and bool(request.blocked_by) and state != "not_understood"
         self.set_class(refused or state == "judge_objects", "-blocked")
         self.set_class(state == "approve", "-sure")
-        standing = request is not None and request.standing is not None
-        self._buttons.of("modify").disabled = standing or state == "not_understood"
+        self._buttons.of("modify").disabled = request is not None and not may_modify(request)
 
     def _why_not(self) -> str:
         """Return why Approve is not admissible, apart from the arm delay."""
@@ -467,7 +466,7 @@ class ApprovalPanel(Vertical, can_focus=True):
             return
         if self._joined is not None and choice != "approve":
             return
-        if choice == "modify" and request.standing is None and request.state != "not_understood":
+        if choice == "modify" and may_modify(request):
             self.post_message(self.ModifyAsked())
         elif choice != "approve" or not self._why_not():
             self._send(decision_of(trace, choice, self._reason.said))
