@@ -125,7 +125,6 @@ async def test_a_block_is_carried_out_once_both_have_signed(
         await until(lambda: ann.request and second.request and third.request)
         assert second.request == ann.request
         assert ann.request is not None
-        await ask(otto, third)
         approve = Decision(kind="approve", reason="seen", acknowledged=ann.request.acknowledge)
         assert (bob.station, bob.signer, otto.signer) == ("north", "bob", "")
         for console, decision in ((otto, approve), (bob, Decision(kind="reject"))):
@@ -141,6 +140,7 @@ async def test_a_block_is_carried_out_once_both_have_signed(
         assert mission is not None
         assert mission.status == "verified", mission
         assert ann.signers == {"ann", "bob"} == second.signers == third.signers
+        await ask(otto, third)
         otto.stop_all()
         await until(lambda: ann.state.stop and second.state.stop)
         (stop,) = [each.data for each in ann.events if isinstance(each.data, ev.AllStopped)]

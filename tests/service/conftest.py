@@ -17,7 +17,7 @@ from pa_console.signing import KEY_VARIABLE
 from tests.scripted import ScriptedEngine, plan
 
 WRITES_AT_ONCE = 40
-ASKS_AT_ONCE = 1000
+ASKS_AT_ONCE = 250
 FILL = plan(("Drone_T04", "move_to EastGate"))
 PEOPLE: dict[str, Role] = {
     "olaf": "observer",

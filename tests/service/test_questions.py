@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.schema.mission import MAX_MISSION_TEXT
-from tests.service.conftest import Site
+from tests.service.conftest import ASKS_AT_ONCE, Site
 from tests.service.test_served_session import ORDER, decision, events, problem
 
 ACTS = ("mission_received", "command_sent", "decision_made", "all_stopped", "stop_released",
@@ -86,6 +86,14 @@ def test_nobody_asks_without_a_token_or_with_another_body(site: Site) -> None:
         assert site.ask("POST", "/v1/questions", "observer", json=body).status_code == 422
 
 
+def test_questions_have_a_limit_of_their_own(site: Site) -> None:
+    codes = [ask(site, "?", "bert").status_code for _ in range(ASKS_AT_ONCE)]
+    assert set(codes) == {422}
+    assert int(ask(site, "?", "bert").headers["retry-after"]) > 0
+    assert site.ask("GET", "/v1/state", "bert").status_code == 200
+    assert site.ask("POST", "/v1/missions/none/cancel", "bert").status_code == 404
+
+
 def test_the_description_has_the_question_and_its_answer(site: Site) -> None:
     paths = site.ask("GET", "/openapi.json", "").json()["paths"]
     described = paths["/v1/questions"]["post"]
@@ -99,7 +107,7 @@ def test_whatever_is_posted_there_is_no_mission_and_no_command(
     before = acts(site)
     codes = Counter[int]()
 
-    @settings(max_examples=300, deadline=None)
+    @settings(max_examples=200, deadline=None)
     @given(TEXTS)
     def posted(text: str) -> None:
         codes[ask(site, text, "carl").status_code] += 1
