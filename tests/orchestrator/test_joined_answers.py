@@ -13,6 +13,7 @@ from pa_console.orchestrator.joined.shared_log import SharedLog
 from pa_console.orchestrator.joined.site_copy import SiteCopy
 from pa_console.orchestrator.station.assembly import Site
 from pa_console.schema.events import event as ev
+from pa_console.schema.plan import Plan
 from tests.orchestrator.test_answers import Talk, talks
 from tests.scripted import ScriptedEngine, plan
 
@@ -64,6 +65,26 @@ async def test_it_answers_as_the_station_does(site: Site) -> None:
             assert await joined.answer(question) == await talk.station.answer(question)
 
     await talks(site, play)
+
+
+async def test_other_plans_stand_beside_the_one_that_waits_as_at_the_station(site: Site) -> None:
+    robot = plan(("Robot_T01", "move_to EastGate"), reason="asked: 1 robot to EastGate; free")
+
+    async def play(talk: Talk) -> None:
+        request = await talk.order("Send a robot to the east gate.")
+        joined = join(site, talk.events)
+        (mission,) = [e.data.mission for e in talk.events if isinstance(e.data, ev.MissionReceived)]
+        asked = "asked: 1 robot to EastGate"
+        found: list[list[Plan]] = []
+        for station in (talk.station, joined):
+            ways = station.other_ways(mission, asked, request.plan)
+            read = await station.look_at(mission, asked)
+            assert read is not None
+            found.append([read.plan, *[each.plan async for each in ways]])
+        assert found[0] == found[1]
+        assert len(found[0]) > 1
+
+    await talks(site, play, engine=ScriptedEngine([robot]))
 
 
 async def test_the_answer_is_shown_here_and_told_to_nobody_else(site: Site) -> None:

@@ -175,19 +175,15 @@ class JoinedStation:
         """Leave; the session goes on without this console."""
         self._closing = True
 
-    async def look_at(self, mission: Mission, asked: str) -> RehearsedReading | None:  # noqa: ARG002
-        """Rehearse nothing: no reading is chosen here."""
-        return None
+    async def look_at(self, mission: Mission, asked: str) -> RehearsedReading | None:
+        """Rehearse here what another reading of a mission would lead to; None: not known here."""
+        return await self._site.look_at(self._state, mission, asked)
 
-    async def other_ways(
-        self,
-        mission: Mission,  # noqa: ARG002
-        asked: str,  # noqa: ARG002
-        but: Plan,  # noqa: ARG002
+    def other_ways(
+        self, mission: Mission, asked: str, but: Plan
     ) -> AsyncGenerator[RehearsedReading]:
-        """Rehearse nothing either."""
-        for rehearsed in ():
-            yield rehearsed
+        """Rehearse here what else would serve a reading of a mission than the plan `but`."""
+        return self._site.other_ways(self._state, mission, asked, but)
 
     def question_in(self, text: str) -> Question | None:
         """Return what `text` asks about the session, for `answer`; None for anything else."""

@@ -4,12 +4,16 @@ What has come of the session tells why a plan is as it is. What takes a rehearsa
 over the last picture that has come; where this copy does not fit the session, that is said.
 """
 
-from collections.abc import Callable
+from collections.abc import AsyncGenerator, Callable
 
 from pa_console.fleets.shown_picture import ShownPicture
 from pa_console.orchestrator.answers.alternatives import Alternative
 from pa_console.orchestrator.answers.answering import Answer, answer
 from pa_console.orchestrator.answers.question_reading import question_in
+from pa_console.orchestrator.planning.reading_rehearsal import (
+    rehearse_other_ways,
+    rehearse_reading,
+)
 from pa_console.orchestrator.station.session_site import has_rules_of
 from pa_console.orders.questions.question import Question
 from pa_console.orders.references.scene import Scene
@@ -18,6 +22,9 @@ from pa_console.policy.rulebook import Rulebook
 from pa_console.policy.trust.core_rules import with_core
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events.questions import AnswerLine, QuestionAnswered, QuestionTopic
+from pa_console.schema.mission import Mission
+from pa_console.schema.plan import Plan
+from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World
 from pa_console.session.state.fold import SessionState
 
@@ -67,6 +74,22 @@ class SiteCopy:
             current = state.current
             return Answer(told, current.mission.id if current is not None else "")
         return await answer(self, question, state, found)
+
+    async def look_at(
+        self, state: SessionState, mission: Mission, asked: str
+    ) -> RehearsedReading | None:
+        """Return what another reading of a mission would lead to; None where that is not known."""
+        self.fleet.show(state.picture)
+        return None if self._unfit(state) else await rehearse_reading(self, mission, asked)
+
+    async def other_ways(
+        self, state: SessionState, mission: Mission, asked: str, but: Plan
+    ) -> AsyncGenerator[RehearsedReading]:
+        """Yield what else would serve a reading than the plan `but`, as far as that is known."""
+        self.fleet.show(state.picture)
+        if not self._unfit(state):
+            async for found in rehearse_other_ways(self, mission, asked, but):
+                yield found
 
     def _unfit(self, state: SessionState) -> str:
         """Return why nothing can be rehearsed here as it would be there, '' where it can."""
