@@ -17,6 +17,7 @@ from pa_console.tui.widgets.mission_prompt import MissionInput
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, notices, settle, until
+from tests.tui.test_typing import Typist
 
 SIZE = (120, 36)
 BOB = JoinedTo("north", "bob")
@@ -83,6 +84,7 @@ async def test_a_question_is_answered_here_and_an_order_is_refused(tmp_path: Pat
         await settle(pilot, station)
         field = app.screen.query_one(MissionInput)
         assert "it is commanded there" in str(field.placeholder)
+        clock.now += ARM_DELAY_S
         for asked in station.questions:
             await pilot.press("slash", *asked, "enter")
             await until(pilot, lambda: bool(app.screen.query("#answer-rows")))
@@ -97,6 +99,20 @@ async def test_a_question_is_answered_here_and_an_order_is_refused(tmp_path: Pat
         assert station.refuse in notices(app)
         assert field.text == "Send a drone home"
         assert (station.submitted, station.decisions) == ([], [])
+
+
+async def test_a_question_that_is_typed_at_the_plan_signs_nothing(tmp_path: Path) -> None:
+    station, clock = ScriptedStation(waiting(2)), FakeClock()
+    app = console(station, tmp_path, clock, key_time=lambda _key: clock.now, joined=BOB)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        clock.now += ARM_DELAY_S
+        for asked in ("why that\n", "What else\n", "a drone instead\n"):
+            await Typist(pilot, clock).types(asked)
+            await pilot.press("escape", "escape")
+            clock.now += ARM_DELAY_S
+        await settle(pilot, station)
+        assert (station.decisions, station.stopped) == ([], 0)
 
 
 async def test_both_screens_say_who_has_signed(tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ class _Chosen:
 
 
 class TypingController:
-    """Sees every key before anything else does, in a session that takes commands."""
+    """Sees every key before anything else does, where something may be typed."""
 
     def __init__(
         self, session: ConsoleSession, settings: SettingsController, key_time: KeyTime
@@ -51,7 +51,7 @@ class TypingController:
 
     async def takes(self, event: events.Key) -> bool:
         """Whether the key was dealt with and goes no further."""
-        if self._session.station is None or self._session.readonly:
+        if not self._session.asks:
             return False
         (chosen, self._chosen), self._told = (self._chosen, None), False
         taken = await self._takes(event, chosen)
