@@ -264,6 +264,31 @@ async def test_a_blocked_plan_cannot_be_approved(tmp_path: Path) -> None:
         assert station.decisions == []
 
 
+async def test_a_plan_that_waits_is_blocked_while_its_station_is_not_in_command(
+    tmp_path: Path,
+) -> None:
+    station, clock = ScriptedStation(story.told("approval", confidence=0.9)), FakeClock()
+    app = console(station, tmp_path, clock)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(pilot, station)
+        panel = app.screen.query_one(ApprovalPanel)
+        assert str(panel.border_title) == "✔ Approve"
+        station.emit(ev.AuthorityChanged(refusal="south is in command since epoch 2"))
+        await settle(pilot, station)
+        clock.now += ARM_DELAY_S
+        assert "Blocked" in str(panel.border_title)
+        await pilot.press("a", "enter")
+        await pilot.click("#approve")
+        assert station.decisions == []
+        station.emit(ev.AuthorityChanged(refusal=""))
+        await settle(pilot, station)
+        clock.now += ARM_DELAY_S
+        assert str(panel.border_title) == "✔ Approve"
+        await pilot.press("a", "enter")
+        await settle(pilot, station)
+        assert [decision.kind for decision in station.decisions] == ["approve"]
+
+
 async def test_a_judges_failure_needs_a_reason(tmp_path: Path) -> None:
     station, clock = ScriptedStation(story.told("approval", verdict="Failure")), FakeClock()
     app = console(station, tmp_path, clock)

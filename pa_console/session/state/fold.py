@@ -8,7 +8,12 @@ from datetime import datetime
 from pa_console.schema.alarm import ALARM_PRIORITIES, Alarm, QueueEntry
 from pa_console.schema.events import event as ev
 from pa_console.schema.telemetry import Picture
-from pa_console.session.state.mission_trace import CommandTrace, MissionTrace, apply_to_mission
+from pa_console.session.state.mission_trace import (
+    CommandTrace,
+    MissionTrace,
+    apply_to_mission,
+    withhold_approval,
+)
 from pa_console.session.state.standing_trace import StandingTrace, apply_to_standing
 from pa_console.session.state.tak_trace import TakTrace
 from pa_console.session.wording import (
@@ -209,6 +214,8 @@ class SessionState:
                 self.stop = None
                 self._notice(event, "warning", "stop", f"released by {by}")
             case ev.AuthorityChanged(refusal=refusal):
+                if self.active is not None and self.active in self.missions:
+                    withhold_approval(self.missions[self.active], self.relieved, refusal)
                 self.relieved = refusal
             case ev.CommandTaken():
                 self._notice(event, "warning", "command", command_taken_in_words(event.data))

@@ -243,6 +243,22 @@ def apply_to_mission(trace: MissionTrace, data: ev.EventPayload) -> None:
     _apply_execution(trace, data)
 
 
+def withhold_approval(trace: MissionTrace, before: str, refusal: str) -> None:
+    """Block the plan that waits because its station may move nothing, '' for that it may again.
+
+    `before` is why it could not until now.
+    """
+    request = trace.approval
+    if request is None or trace.approval_state in ("blocked", "not_understood"):
+        return
+    others = tuple(why for why in request.blocked_by if why != before)
+    changes = {
+        "blocked_by": (*others, refusal) if refusal else others,
+        "state": "blocked" if refusal else trace.approval_state,
+    }
+    trace.approval = request.model_copy(update=changes)
+
+
 def _apply_reading(trace: MissionTrace, data: ev.EventPayload) -> None:
     """Step 1."""
     match data:

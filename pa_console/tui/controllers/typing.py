@@ -18,8 +18,8 @@ from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.settings import SettingsController
 from pa_console.tui.typed_text import TypedText
 from pa_console.tui.widgets.approval.decision_buttons import DECISION_KEYS
+from pa_console.tui.widgets.approval.given_fields import REASON
 from pa_console.tui.widgets.approval.panel import ApprovalPanel
-from pa_console.tui.widgets.approval.reason_field import REASON
 from pa_console.tui.widgets.key_line import KeyLine
 
 CHOSEN_S = 5.0

@@ -1,9 +1,12 @@
-"""The buttons that decide about a plan, and the keys that lead to them."""
+"""The buttons that decide about a plan, the keys that lead to them, and from when on they do."""
+
+from collections.abc import Callable
 
 from textual.app import ComposeResult
 from textual.containers import Horizontal
 from textual.widgets import Button
 
+_FREE_KEYS = ("tab", "shift+tab", "escape", "pageup", "pagedown")
 DECISION_KEYS = {"r": "reject", "m": "modify", "a": "approve"}
 """The button that each of the panel's letters goes to; Enter presses it."""
 
@@ -24,3 +27,31 @@ class DecisionButtons(Horizontal):
     def of(self, name: str) -> Button:
         """Return the button that `DECISION_KEYS` calls by this name."""
         return self.query_one(f"#{name}", Button)
+
+
+class Arming:
+    """Whether decisions are taken: it was quiet for long enough, and none was sent yet.
+
+    So no key decides that was meant for something else.
+    """
+
+    def __init__(self, clock: Callable[[], float], delay_s: float) -> None:
+        """It has to be quiet for `delay_s` seconds of `clock`."""
+        self._clock, self.delay_s = clock, delay_s
+        self._quiet_since = 0.0
+        self.sent = False
+        """Whether a decision about what is shown was sent."""
+
+    def disarm(self) -> None:
+        """Begin to wait, because something was typed or has appeared."""
+        self._quiet_since = self._clock()
+
+    @property
+    def armed(self) -> bool:
+        """Whether a decision is taken now."""
+        return not self.sent and self._clock() - self._quiet_since >= self.delay_s
+
+
+def is_free(key: str) -> bool:
+    """Whether a key decides nothing wherever the focus is, so that it need not wait."""
+    return key in _FREE_KEYS or (key[0] == "f" and key[1:].isdigit())

@@ -1,4 +1,4 @@
-"""What the operator may have to give before a decision: what was meant, what is accepted."""
+"""What the operator may have to give with a decision: what was meant, what is accepted, and why."""
 
 from collections.abc import Sequence
 
@@ -10,8 +10,10 @@ from pa_console.schema.events.event import ApprovalRequested
 from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.tui.plan_preview.approval_rows import reading_label, reading_rows
 from pa_console.tui.widgets.approval.choices import name_of_meaning
-from pa_console.tui.widgets.fields import CheckBox
+from pa_console.tui.widgets.fields import CheckBox, LineField
 from pa_console.tui.widgets.row_views import Row, TextRows
+
+REASON = "approval-reason"
 
 
 class GivenFields(VerticalScroll, can_focus=False):
@@ -58,3 +60,31 @@ class GivenFields(VerticalScroll, can_focus=False):
     def unticked(self) -> list[CheckBox]:
         """The boxes that are still to be ticked; each has the rule for its name."""
         return [box for box in self.query(CheckBox) if not box.ticked]
+
+
+class ReasonField(LineField):
+    """The line under a plan: the reason for a decision, or the answer to what is asked back."""
+
+    def __init__(self) -> None:
+        super().__init__(compact=True, id=REASON, select_on_focus=False)
+        self.cursor_blink = False
+
+    def ask(self, request: ApprovalRequested) -> None:
+        """Begin anew, and say in the empty field what it is for."""
+        self.value = ""
+        if request.needs_override and not request.blocked_by:
+            self.placeholder = "Why override the judge? (required)"
+        elif request.state == "not_understood":
+            self.placeholder = "Your answer, Enter sends it"
+        else:
+            self.placeholder = "Reason (optional)"
+
+    @property
+    def said(self) -> str:
+        """What was written, without blanks around it."""
+        return self.value.strip()
+
+    def add(self, text: str) -> None:
+        """Write on at the end."""
+        self.cursor_position = len(self.value)
+        self.insert_text_at_cursor(text)

@@ -18,15 +18,21 @@ from pa_console.tui.plan_preview.approval_rows import approval_rows, looked_at_r
 from pa_console.tui.plan_preview.preview import PlanPreview
 from pa_console.tui.protocols import Clock, JoinedTo
 from pa_console.tui.status_words import term
-from pa_console.tui.widgets.approval.arming import Arming, is_free
 from pa_console.tui.widgets.approval.choices import answering, decision_of, may_modify, reading_of
-from pa_console.tui.widgets.approval.decision_buttons import DECISION_KEYS, DecisionButtons
-from pa_console.tui.widgets.approval.given_fields import GivenFields
-from pa_console.tui.widgets.approval.next_key import FocusAt, next_key
-from pa_console.tui.widgets.approval.panel_room import panel_room
-from pa_console.tui.widgets.approval.plan_text import PlanText
-from pa_console.tui.widgets.approval.reason_field import ReasonField
-from pa_console.tui.widgets.approval.refusals import blocked_reason, not_to_sign
+from pa_console.tui.widgets.approval.decision_buttons import (
+    DECISION_KEYS,
+    Arming,
+    DecisionButtons,
+    is_free,
+)
+from pa_console.tui.widgets.approval.foot_line import (
+    FocusAt,
+    blocked_reason,
+    next_key,
+    not_to_sign,
+)
+from pa_console.tui.widgets.approval.given_fields import GivenFields, ReasonField
+from pa_console.tui.widgets.approval.plan_text import PlanText, panel_room
 from pa_console.tui.widgets.fields import CheckBox
 
 ARM_DELAY_S = 0.6
@@ -97,7 +103,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.can_focus = decides
         self._arming = Arming(clock, ARM_DELAY_S)
         self._trace: MissionTrace | None = None
-        self._shown: tuple[str, int, int] | None = None
+        self._shown: tuple[str, int, int, bool] | None = None
         self._width = 0
         self._looked_at = ""
         self._playing = False
@@ -125,7 +131,7 @@ class ApprovalPanel(Vertical, can_focus=True):
             self._trace, self._shown = None, None
             self.display = False
             return False
-        key = (trace.mission.id, request.attempt, len(trace.decisions))
+        key = (trace.mission.id, request.attempt, len(trace.decisions), bool(request.blocked_by))
         self._trace = trace
         if key == self._shown:
             self._tell(trace, preview)
