@@ -210,7 +210,7 @@ async def test_two_recordings_are_shown_side_by_side_and_each_can_be_opened(
     app = console(None, tmp_path, player=player())
     async with app.run_test(size=SIZE) as pilot:
         await settle(pilot)
-        app.push_screen(CompareScreen(*sides(otherwise()), FakeClock()))
+        await app.push_screen(CompareScreen(*sides(otherwise()), FakeClock()))
         await pilot.pause()
         await app.workers.wait_for_complete()
         await settle(pilot)

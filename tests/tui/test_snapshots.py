@@ -161,7 +161,7 @@ def test_two_replays_compared(snap_compare: Compare, tmp_path: Path, size: str) 
 
     async def run(pilot: Pilot[Any]) -> None:
         await settle(pilot)
-        pilot.app.push_screen(CompareScreen(*sides, clock))
+        await pilot.app.push_screen(CompareScreen(*sides, clock))
         await pilot.pause()
         await pilot.app.workers.wait_for_complete()
         await settle(pilot)
