@@ -162,7 +162,7 @@ def test_an_adapter_with_another_hash_is_named_with_the_remedy(tmp_path: Path):
 
 
 def test_compact_prompts_are_for_models_with_both_adapters():
-    assert entry().prompts == "examples"
+    assert entry().prompts == "clauses"
     planner = {"planner": {"file": "p.gguf", "sha256": "0" * 64}}
     with pytest.raises(ValidationError, match="needs an adapter for planner and for judge"):
         entry(prompts="compact", adapters=planner)

@@ -119,7 +119,7 @@ class ModelEntry(StrictModel):
 
     `prepare` names the type its weights are converted to after the download, or says that it is the
     one that this machine is fastest with; `prepared` pins the hash that they have then. Adapters
-    learnt the compact prompts; a model without them needs examples.
+    learnt the compact prompts; a model without them says in clauses what is asked.
     """
 
     name: str = Field(pattern=MODEL_NAME)
@@ -141,7 +141,7 @@ class ModelEntry(StrictModel):
         default={}, description="the SHA-256 of the prepared file of each type"
     )
     adapters: dict[Role, AdapterFile] = {}
-    prompts: DialectName = "examples"
+    prompts: DialectName = "clauses"
     n_ctx: int = Field(default=N_CTX, ge=512)
     second_reader: str = Field(
         default="",
