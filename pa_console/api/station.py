@@ -5,7 +5,7 @@ play no part: a program says what it wants.
 """
 
 import asyncio
-from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping
+from collections.abc import AsyncGenerator, Callable, Mapping
 from contextlib import AsyncExitStack, aclosing, asynccontextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
@@ -25,6 +25,7 @@ from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.orchestrator.station import assembly
 from pa_console.orchestrator.station import station as stations
 from pa_console.orchestrator.station.assembly import Site
+from pa_console.orchestrator.station.headless import Approver
 from pa_console.orchestrator.station.ticking import RealTimeClock, SteppedClock
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident
@@ -41,8 +42,6 @@ if TYPE_CHECKING:
     from pa_console.service.served_session import ServedSession
     from pa_console.service.tokens import TokenBook
 
-Approver = Callable[[ev.ApprovalRequested], Decision | Awaitable[Decision]]
-"""Decides about one plan at a time, as an operator does (paper, Step 6)."""
 OnEvent = Callable[[ev.Event, SessionState], None]
 """Is told of an event, and of the session as it stands after it."""
 

@@ -10,8 +10,8 @@ from typing import BinaryIO, get_args
 from pa_console.export.replayed_screen import ReplayedScreen, Size
 from pa_console.schema.events.base import Payload
 from pa_console.schema.events.event import EventPayload, MissionReceived
-from pa_console.schema.quantities import clock_text
-from pa_console.schema.visible_text import visible_json, visible_line
+from pa_console.schema.text.quantities import clock_text
+from pa_console.schema.text.visible_text import visible_json, visible_line
 from pa_console.session.replay.recording import Recording
 
 JUST_BEFORE_S = 5e-7

@@ -16,8 +16,8 @@ from typing import Protocol, Self, cast
 
 from pytak import client_functions
 
-from pa_console.schema.quantities import count
-from pa_console.schema.visible_text import visible_line
+from pa_console.schema.text.quantities import count
+from pa_console.schema.text.visible_text import visible_line
 from pa_console.tak.cot_event import CotEvent, ping
 from pa_console.tak.outbox import Outbox
 from pa_console.tak.server import TakServer

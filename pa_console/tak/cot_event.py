@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from typing import Literal
 from xml.etree.ElementTree import Element, SubElement, tostring
 
-from pa_console.schema.visible_text import visible
+from pa_console.schema.text.visible_text import visible
 
 UNKNOWN = 9_999_999.0
 """What the schema writes for a height or an error that nobody knows, in metres."""

@@ -26,7 +26,7 @@ from pa_console.resources import find_data
 from pa_console.schema import document
 from pa_console.schema.document import Document, DocumentError
 from pa_console.schema.events.event import Event
-from pa_console.schema.visible_text import obeyed, visible, visible_json
+from pa_console.schema.text.visible_text import obeyed, visible, visible_json
 from pa_console.session.replay.player import Player
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.plain_output import PlainConsole

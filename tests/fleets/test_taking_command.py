@@ -6,6 +6,7 @@ from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -105,6 +106,34 @@ async def shared(
         log.close()
 
 
+class Begun(NamedTuple):
+    """The session of the station that is in command, and the vehicles that check who is."""
+
+    site: Site
+    authority: StationAuthority
+    vehicles: Vehicles
+    station: Station
+    watched: Watched
+    log: LogWriter
+
+
+@asynccontextmanager
+async def north_commands(
+    world: World, address: BrokerAddress, folder: Path
+) -> AsyncGenerator[Begun]:
+    """North's session, with Ann at it, as soon as it has a picture."""
+    site = two_people(folder)
+    vehicles = Vehicles(world.assets, PUBLIC["owner"], (), time.time)
+    authority = StationAuthority(keys("north", "ann", site))
+    with (
+        running(world, address, rate=RATE, verify=vehicles.verify, take=vehicles.take),
+        joined(world, address, authority) as fleet,
+    ):
+        async with shared(site, authority, fleet, folder) as (station, watched, log):
+            await until(lambda: watched.state.picture)
+            yield Begun(site, authority, vehicles, station, watched, log)
+
+
 @asynccontextmanager
 async def in_its_place(
     world: World, address: BrokerAddress, site: Site
@@ -126,41 +155,35 @@ async def in_its_place(
 async def test_command_goes_over_with_no_moment_in_which_both_have_it(
     world: World, address: BrokerAddress, tmp_path: Path
 ) -> None:
-    site = two_people(tmp_path)
-    vehicles = Vehicles(world.assets, PUBLIC["owner"], (), time.time)
-    first = StationAuthority(keys("north", "ann", site))
-    with (
-        running(world, address, rate=RATE, verify=vehicles.verify, take=vehicles.take),
-        joined(world, address, first) as fleet,
-    ):
-        async with shared(site, first, fleet, tmp_path) as (north, ann, log):
-            await until(lambda: ann.state.picture)
-            assert (await approved(ann, north)).accepted
+    async with north_commands(world, address, tmp_path) as begun:
+        site, first, vehicles = begun.site, begun.authority, begun.vehicles
+        north, ann, log = begun.station, begun.watched, begun.log
+        assert (await approved(ann, north)).accepted
 
-            link, cleos, succession = await asyncio.to_thread(succession_of, address, "cleo", site)
-            second = succession.prepare(cleos.started)
-            question = cleos.command_question(second.trust.next_epoch, second.name)
-            assert "Put south in command in place of north? The epoch rises to 2." in question
-            with joined(world, address, second) as other:
-                south = own_station(site, second, fleet=other)
-                assert first.refusal == "", "what is prepared takes nothing"
-                assert "south" not in vehicles.in_command
-                taken = succession.take(other.publish_signed)
-                south.succeed(taken, cleos.left_missions(succession.last))
-                own_log = LogWriter(tmp_path / "south.jsonl", south.session)
-                south.write_to(own_log)
-                cleo = Watched(south)
-                await until(lambda: ann.state.relieved and "south" in vehicles.in_command)
-                assert "south is in command since epoch 2" in ann.state.relieved
-                relieved = await approved(ann, north)
-                assert relieved.decision.kind == "reject", "its plan was blocked"
-                assert (await approved(cleo, south)).accepted
-                missions = [trace.status for trace in cleo.state.missions.values()]
-                assert missions == ["verified"]
-                await south.close()
-                await cleo.task
-                own_log.close()
-            link.close()
+        link, cleos, succession = await asyncio.to_thread(succession_of, address, "cleo", site)
+        second = succession.prepare(cleos.started)
+        question = cleos.command_question(second.trust.next_epoch, second.name)
+        assert "Put south in command in place of north? The epoch rises to 2." in question
+        with joined(world, address, second) as other:
+            south = own_station(site, second, fleet=other)
+            assert first.refusal == "", "what is prepared takes nothing"
+            assert "south" not in vehicles.in_command
+            taken = succession.take(other.publish_signed)
+            south.succeed(taken, cleos.left_missions(succession.last))
+            own_log = LogWriter(tmp_path / "south.jsonl", south.session)
+            south.write_to(own_log)
+            cleo = Watched(south)
+            await until(lambda: ann.state.relieved and "south" in vehicles.in_command)
+            assert "south is in command since epoch 2" in ann.state.relieved
+            relieved = await approved(ann, north)
+            assert relieved.decision.kind == "reject", "its plan was blocked"
+            assert (await approved(cleo, south)).accepted
+            missions = [trace.status for trace in cleo.state.missions.values()]
+            assert missions == ["verified"]
+            await south.close()
+            await cleo.task
+            own_log.close()
+        link.close()
     told = [event.data for event in read_log(own_log.path)]
     assert [data for data in told if isinstance(data, ev.CommandTaken)] == [taken]
     first_told = [data.kind for data in told if data.kind != "log_signed"][:2]
@@ -194,51 +217,35 @@ async def test_why_command_cannot_be_taken_is_said_before_anything_is_done(
 async def test_a_mission_that_has_moved_nobody_waits_where_command_was_taken(
     world: World, address: BrokerAddress, tmp_path: Path
 ) -> None:
-    site = two_people(tmp_path)
-    vehicles = Vehicles(world.assets, PUBLIC["owner"], (), time.time)
-    first = StationAuthority(keys("north", "ann", site))
-    with (
-        running(world, address, rate=RATE, verify=vehicles.verify, take=vehicles.take),
-        joined(world, address, first) as fleet,
-    ):
-        async with shared(site, first, fleet, tmp_path) as (north, ann, _):
-            await until(lambda: ann.state.picture)
-            north.submit(TEXT)
-            north.submit(NEXT)
-            await until(lambda: ann.request)
-            async with in_its_place(world, address, site) as (south, cleo):
-                await until(lambda: cleo.request)
-                texts = [trace.mission.text for trace in cleo.state.missions.values()]
-                assert texts == [TEXT, NEXT]
-                assert not [e for e in cleo.events if isinstance(e.data, ev.CommandSent)]
-                south.decide(Decision(kind="approve", reason="seen"))
-                first_one = next(iter(cleo.state.missions.values()))
-                await until(lambda: first_one.status)
-                assert first_one.status == "verified"
+    async with north_commands(world, address, tmp_path) as begun:
+        site, north, ann = begun.site, begun.station, begun.watched
+        north.submit(TEXT)
+        north.submit(NEXT)
+        await until(lambda: ann.request)
+        async with in_its_place(world, address, site) as (south, cleo):
+            await until(lambda: cleo.request)
+            texts = [trace.mission.text for trace in cleo.state.missions.values()]
+            assert texts == [TEXT, NEXT]
+            assert not [e for e in cleo.events if isinstance(e.data, ev.CommandSent)]
+            south.decide(Decision(kind="approve", reason="seen"))
+            first_one = next(iter(cleo.state.missions.values()))
+            await until(lambda: first_one.status)
+            assert first_one.status == "verified"
 
 
 async def test_whom_the_first_station_had_stopped_stays_stopped(
     world: World, address: BrokerAddress, tmp_path: Path
 ) -> None:
-    site = two_people(tmp_path)
-    vehicles = Vehicles(world.assets, PUBLIC["owner"], (), time.time)
-    first = StationAuthority(keys("north", "ann", site))
-    with (
-        running(world, address, rate=RATE, verify=vehicles.verify, take=vehicles.take),
-        joined(world, address, first) as fleet,
-    ):
-        async with shared(site, first, fleet, tmp_path) as (north, ann, _):
-            await until(lambda: ann.state.picture)
-            north.stop_all()
-            await until(lambda: ann.state.stop)
-            async with in_its_place(world, address, site) as (south, cleo):
-                await until(lambda: cleo.state.stop and not cleo.state.stop.unconfirmed)
-                with pytest.raises(ValueError, match="stopped"):
-                    south.submit(TEXT)
-                told = [notice.text for notice in cleo.state.notices]
-                assert (
-                    "north had stopped everybody: they stay stopped until you release them" in told
-                )
+    async with north_commands(world, address, tmp_path) as begun:
+        site, north, ann = begun.site, begun.station, begun.watched
+        north.stop_all()
+        await until(lambda: ann.state.stop)
+        async with in_its_place(world, address, site) as (south, cleo):
+            await until(lambda: cleo.state.stop and not cleo.state.stop.unconfirmed)
+            with pytest.raises(ValueError, match="stopped"):
+                south.submit(TEXT)
+            told = [notice.text for notice in cleo.state.notices]
+            assert "north had stopped everybody: they stay stopped until you release them" in told
 
 
 def test_an_older_takeover_that_is_retained_is_replaced(

@@ -31,7 +31,7 @@ from pa_console.schema.events.event import (
     SessionStarted,
 )
 from pa_console.schema.incident import SpawnTrack
-from pa_console.schema.visible_text import visible_line
+from pa_console.schema.text.visible_text import visible_line
 from pa_console.schema.world import Origin
 from pa_console.session.state.fold import SessionState
 from pa_console.tak.geography import Geography

@@ -16,7 +16,7 @@ from pa_console.llm.models.catalogue import LocalModel
 from pa_console.llm.worker.threads import physical_cores
 from pa_console.orchestrator.station.assembly import Site
 from pa_console.schema.base import StrictModel
-from pa_console.schema.quantities import count
+from pa_console.schema.text.quantities import count
 
 SETTLE_S = 1.0
 """Seconds that a load runs before anything is measured."""

@@ -31,7 +31,7 @@ from pa_console.llm.engine.engine import Engine
 from pa_console.llm.models.cache import cache_folder
 from pa_console.llm.models.catalogue import NO_READER, LocalModel, find_model
 from pa_console.orchestrator.station.assembly import Site, load_site
-from pa_console.schema.quantities import count
+from pa_console.schema.text.quantities import count
 
 
 def degradation(

@@ -36,7 +36,7 @@ from pa_console.llm.models.catalogue import LocalModel, find_model
 from pa_console.llm.roles.dialect import DIALECTS
 from pa_console.llm.roles.judge import Judge
 from pa_console.schema.events.event import WorkerState
-from pa_console.schema.quantities import count
+from pa_console.schema.text.quantities import count
 
 
 def show(report: JudgeReport) -> None:

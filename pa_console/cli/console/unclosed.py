@@ -16,9 +16,9 @@ from pa_console.orchestrator.station.resumed_session import (
     resume,
 )
 from pa_console.schema.document import DocumentError
-from pa_console.schema.quantities import clock_text
 from pa_console.schema.scenario import Scenario
-from pa_console.schema.visible_text import visible
+from pa_console.schema.text.quantities import clock_text
+from pa_console.schema.text.visible_text import visible
 from pa_console.session.log.chain import LogError
 from pa_console.sim.worlds.scenario_file import open_scenario
 

@@ -24,7 +24,7 @@ from pa_console.export.source_log import (
     whole_folder,
 )
 from pa_console.schema.events.event import MissionReceived
-from pa_console.schema.quantities import count
+from pa_console.schema.text.quantities import count
 
 DEFAULT_KINDS = ("approval_requested", "decision_made", "plan_halted", "mission_finished")
 LEAST, MOST = (40, 10), (400, 200)

@@ -8,7 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from pa_console.schema.events.questions import QuestionAnswered
-from pa_console.schema.visible_text import visible
+from pa_console.schema.text.visible_text import visible
 from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.session.status_words import Tone
 from pa_console.session.trace.hanging_rows import HangingRow, rows_of, title_of

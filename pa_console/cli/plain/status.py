@@ -1,6 +1,6 @@
 """Says in lines how a session stands: no columns to be searched, one thing a line."""
 
-from pa_console.schema.quantities import clock_text, count
+from pa_console.schema.text.quantities import clock_text, count
 from pa_console.session.state.fold import SessionState
 from pa_console.session.trace.standing import progress
 from pa_console.session.wording import standing_in_words

@@ -16,8 +16,8 @@ from pa_console.rule_analysis.changed_decisions import SessionEffect
 from pa_console.rule_analysis.recorded_effect import decided_again
 from pa_console.schema.document import DocumentError
 from pa_console.schema.events.event import Event, SessionStarted
-from pa_console.schema.quantities import count
 from pa_console.schema.scenario import Scenario
+from pa_console.schema.text.quantities import count
 from pa_console.schema.world import World
 from pa_console.session.log.chain import LogError
 from pa_console.session.log.reader import line_of

@@ -10,7 +10,7 @@ from pa_console.cli.output import BAD_INPUT, FAILED, errors, out, print_json
 from pa_console.cli.progress_bars import read_recording
 from pa_console.cli.replay.play import run_console, site_of
 from pa_console.cli.replay.run_again import Again, Place, print_again, run_again
-from pa_console.schema.quantities import count
+from pa_console.schema.text.quantities import count
 from pa_console.session.log.session_index import check_index, index_path
 from pa_console.session.log.signed_head import head_path
 from pa_console.session.log.verification import VerifyResult, verify

@@ -14,8 +14,8 @@ from pa_console.policy.retrieval.retriever import DEFAULT_METHOD, METHODS, Retri
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.policy.trust.core_rules import differing_core
 from pa_console.resources import existing_data
-from pa_console.schema.quantities import count
 from pa_console.schema.rule import Rule, approvals_in_words
+from pa_console.schema.text.quantities import count
 
 BROKEN = 2
 

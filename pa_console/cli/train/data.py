@@ -10,7 +10,7 @@ from pa_console.cli.dask_options import dask_workers
 from pa_console.cli.output import errors, out, print_json
 from pa_console.cli.train.progress import DataProgress, ReadingProgress
 from pa_console.resources import find_data, training_data
-from pa_console.schema.quantities import count
+from pa_console.schema.text.quantities import count
 from pa_console.training.samples.data_report import DataReport, fingerprint, write_report
 from pa_console.training.samples.data_set import REPORT, DataFolder, Job, Made, Part, build
 from pa_console.training.samples.planner_samples import Recipe

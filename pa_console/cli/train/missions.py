@@ -9,7 +9,7 @@ from rich.table import Table
 from pa_console.cli.output import errors, out, print_json
 from pa_console.cli.train.progress import MissionProgress
 from pa_console.resources import find_data, training_data
-from pa_console.schema.quantities import count as counted
+from pa_console.schema.text.quantities import count as counted
 from pa_console.training.results.mission_export import Found, generated_missions, write_mission_set
 from pa_console.training.samples.data_report import fingerprint
 from pa_console.training.situations.worlds import Split

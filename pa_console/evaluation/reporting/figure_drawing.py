@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, NamedTuple
 
 from pa_console.evaluation.reporting.statistics import Rate
-from pa_console.schema.visible_text import visible
+from pa_console.schema.text.visible_text import visible
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -22,7 +22,7 @@ from pa_console.evaluation.reporting.tables_latency import decision_seconds
 from pa_console.evaluation.reporting.tables_outcomes import FailureKind, failure_kind
 from pa_console.evaluation.runs.jobs import ABOUT
 from pa_console.evaluation.runs.run_record import RunRecord
-from pa_console.schema.visible_text import visible
+from pa_console.schema.text.visible_text import visible
 
 DEFINITIONS = {
     "run": "One mission, by one model under one variant of the pipeline, in a fresh simulation "

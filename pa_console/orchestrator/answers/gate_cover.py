@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 
 from pa_console.schema.events.questions import AnswerLine
-from pa_console.schema.quantities import clock_text
 from pa_console.schema.telemetry import AssetTelemetry, Picture
+from pa_console.schema.text.quantities import clock_text
 from pa_console.session.state.fold import Notice, SessionState
 from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.session.wording import order_in_words

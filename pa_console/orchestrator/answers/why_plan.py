@@ -6,8 +6,8 @@ from pa_console.orchestrator.answers.planned import asked_of, attempt_of
 from pa_console.orchestrator.answers.why_asset import asset_lines
 from pa_console.orders.plain_words import plain_reading
 from pa_console.schema.events.questions import AnswerLine
-from pa_console.schema.quantities import count, few
 from pa_console.schema.rehearsal import Rehearsal
+from pa_console.schema.text.quantities import count, few
 from pa_console.schema.world import World
 from pa_console.session.state.mission_trace import Attempt, MissionTrace
 from pa_console.session.status_words import status_of

@@ -11,7 +11,10 @@ from pa_console.schema.mission import Decision, MissionStatus
 from pa_console.session.state.fold import MissionTrace, SessionState
 
 Approver = Callable[[ev.ApprovalRequested], Decision | Awaitable[Decision]]
-"""Decides about one plan at a time; the session goes on while it takes its time over that."""
+"""Decides about one plan at a time, as an operator does (paper, Step 6).
+
+The session goes on while it takes its time over that.
+"""
 Sink = Callable[[ev.Event, SessionState], None]
 SETUP_SETTLE_S = 2.0
 

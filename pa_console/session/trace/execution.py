@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pa_console.orders.plain_words import plain_reading
 from pa_console.schema.events.event import DecisionMade, PlanHalted
 from pa_console.schema.finding import Verdict
-from pa_console.schema.quantities import clock_text, duration_text
+from pa_console.schema.text.quantities import clock_text, duration_text
 from pa_console.session.state.mission_trace import CommandTrace, MissionTrace, VerifiedPlan
 from pa_console.session.status_words import Status, status_of
 from pa_console.session.trace.parts import (

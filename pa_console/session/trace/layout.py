@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from pa_console.schema.quantities import count
 from pa_console.schema.telemetry import Digest
+from pa_console.schema.text.quantities import count
 from pa_console.session.state.mission_trace import Attempt, MissionTrace
 from pa_console.session.state.rule_trail import evidence_of
 from pa_console.session.status_words import Status

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping
 from typing import cast
 
 from pa_console.schema.finding import Usage
-from pa_console.schema.quantities import count, duration_text
 from pa_console.schema.rule import SHORT, Rule
 from pa_console.schema.telemetry import Digest, Selection
+from pa_console.schema.text.quantities import count, duration_text
 from pa_console.session.state.mission_trace import Attempt, MissionTrace
 from pa_console.session.status_words import Status, Tone, status_of
 from pa_console.session.trace.parts import (

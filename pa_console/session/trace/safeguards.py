@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from pa_console.orders.plain_words import plain_reading
 from pa_console.schema.events.event import ApprovalRequested, OrderReadAgain
 from pa_console.schema.finding import Finding, Verdict
-from pa_console.schema.quantities import count, duration_text
 from pa_console.schema.rehearsal import (
     AssetTimeline,
     GateTimeline,
@@ -14,6 +13,7 @@ from pa_console.schema.rehearsal import (
     TrackTimeline,
 )
 from pa_console.schema.rule import PRIORITIES
+from pa_console.schema.text.quantities import count, duration_text
 from pa_console.session.state.mission_trace import Attempt
 from pa_console.session.state.rule_trail import Evidence
 from pa_console.session.status_words import Status, status_of

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from pa_console.schema.events.event import StandingOrderRead, WorkflowMoved
-from pa_console.schema.quantities import count
+from pa_console.schema.text.quantities import count
 from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.session.status_words import Status, status_of
 from pa_console.session.trace.parts import (

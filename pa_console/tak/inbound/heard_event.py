@@ -15,7 +15,7 @@ from defusedxml import ElementTree
 from defusedxml.common import DefusedXmlException
 
 from pa_console.schema.events.tak import MOST_CALLSIGN, MOST_UID, ClaimedAffiliation, ClaimedKind
-from pa_console.schema.visible_text import visible_line
+from pa_console.schema.text.visible_text import visible_line
 from pa_console.tak.cot_event import DELETE, UNKNOWN
 
 _PARSE = cast(Callable[..., Element], ElementTree.fromstring)

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from pa_console.schema.visible_text import visible
+from pa_console.schema.text.visible_text import visible
 from pa_console.session.state.fold import MissionTrace
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.rules import RulesController

@@ -2,7 +2,7 @@
 
 from textual.content import Content
 
-from pa_console.schema.quantities import clock_text
+from pa_console.schema.text.quantities import clock_text
 from pa_console.session.replay.player import RATES, Player
 from pa_console.session.replay.timeline import MARK_KINDS, MarkKind
 from pa_console.tui.protocols import Clock

@@ -2,7 +2,7 @@
 
 from textual.content import Content
 
-from pa_console.schema.quantities import clock_text, count
+from pa_console.schema.text.quantities import clock_text, count
 from pa_console.session.replay.comparison import ENDED, Difference, SessionComparison
 from pa_console.session.replay.recording import Recording
 from pa_console.session.wording import event_in_words, kind_in_words

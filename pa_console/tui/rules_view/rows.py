@@ -10,8 +10,8 @@ from textual.content import Content
 from pa_console.policy.authoring.rule_draft import ExampleResult, RuleDraft
 from pa_console.rule_analysis.rule_trials import Trial
 from pa_console.schema.finding import Finding
-from pa_console.schema.quantities import count
 from pa_console.schema.rule import Ordering, Rule, RuleHit, RulesSeal
+from pa_console.schema.text.quantities import count
 from pa_console.session.state.rule_trail import RuleUse
 from pa_console.tui.status_words import BAD, GOOD, NOTE, QUIET, WARN, term
 from pa_console.tui.trace.rows import Part, Row, column, row

@@ -10,7 +10,7 @@ from textual.content import Content
 from textual.screen import ModalScreen
 from textual.widgets import Input, Static
 
-from pa_console.schema.quantities import clock_text
+from pa_console.schema.text.quantities import clock_text
 from pa_console.session.log.chain import LogError
 from pa_console.session.replay.recording import Recording
 from pa_console.session.replay.search import Hit, search

@@ -15,7 +15,7 @@ from textual.screen import Screen
 from textual.widgets import Static
 
 from pa_console.schema.document import DocumentError
-from pa_console.schema.quantities import count
+from pa_console.schema.text.quantities import count
 from pa_console.session.past.soundness import Soundness, soundness
 from pa_console.session.past.summary import SessionSummary, past_sessions
 from pa_console.session.replay.log_index import Progress

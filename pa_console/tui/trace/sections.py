@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 from textual.content import Content
 
-from pa_console.schema.visible_text import visible
+from pa_console.schema.text.visible_text import visible
 from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.session.trace import parts, standing
 from pa_console.session.trace.hanging_rows import rows_of, title_of

@@ -7,8 +7,8 @@ from textual.content import Content
 from textual.widgets import Static
 
 from pa_console.schema.alarm import QueueEntry
-from pa_console.schema.quantities import clock_text
-from pa_console.schema.visible_text import visible
+from pa_console.schema.text.quantities import clock_text
+from pa_console.schema.text.visible_text import visible
 from pa_console.session.state.fold import OpenAlarm, SessionState, Stop
 from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.tui.refresh import retitle

@@ -8,8 +8,8 @@ from textual.content import Content
 from textual.message import Message
 from textual.widgets import Footer, Static
 
-from pa_console.schema.quantities import clock_text, count, few
 from pa_console.schema.rule import RulesSeal
+from pa_console.schema.text.quantities import clock_text, count, few
 from pa_console.session.replay.timeline import MarkKind, Timeline
 from pa_console.session.state.fold import SessionState
 from pa_console.session.state.tak_trace import TakTrace

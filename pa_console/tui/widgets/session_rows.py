@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from textual.binding import Binding, BindingType
 
-from pa_console.schema.quantities import clock_text
+from pa_console.schema.text.quantities import clock_text
 from pa_console.session.past.soundness import Soundness
 from pa_console.session.past.summary import SessionSummary
 from pa_console.session.past.words import outcome_words, when
