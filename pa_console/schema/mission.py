@@ -29,6 +29,8 @@ MissionStatus = Literal[
     "verified", "unverified", "refused", "rejected", "held", "cancelled", "failed"
 ]
 Outcome = Literal["pass", "fail", "unknown"]
+MissionSource = Literal["operator", "alarm", "standing"]
+"""Who or what gave a mission: a person, an alarm, or a standing order."""
 
 
 class Mission(StrictModel):
@@ -37,7 +39,7 @@ class Mission(StrictModel):
     id: str
     text: str = Field(min_length=1, max_length=MAX_MISSION_TEXT)
     typed: str = Field(default="", description="what was typed, where words of it were misspelt")
-    source: Literal["operator", "alarm", "standing"] = "operator"
+    source: MissionSource = "operator"
     created: datetime
     alarm: str = Field(default="", description="id of the alarm that it answers")
     standing: str = Field(

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -14,6 +14,7 @@ from pa_console.schema.mission import (
     MAX_MISSION_TEXT,
     DecisionKind,
     Metrics,
+    MissionSource,
     MissionStatus,
     Verification,
 )
@@ -168,7 +169,7 @@ class MissionView(BaseModel):
 
     id: str
     text: str
-    source: Literal["operator", "alarm"]
+    source: MissionSource
     stage: str
     status: MissionStatus | None
     reason: str
