@@ -37,11 +37,12 @@ endef
 sections = awk -v wanted=' $(1) ' '/^\# /{on = index(wanted, " " $$2 " ")} on' $(PINS)
 
 .DEFAULT_GOAL := help
-.PHONY: help console test lint site clean
+.PHONY: help console test bench lint site clean
 
 help:
 	@echo "make console   open the console (the first time installs it and fetches the model)"
 	@echo "make test      run the tests            ARGS=... is passed on to pytest"
+	@echo "make bench     measure this machine     ARGS=... which benchmark, and its options (ARGS=--help)"
 	@echo "make lint      check style, formatting, types and import contracts (of the trainer, where torch is)"
 	@echo "make site      render the manual as a static site, in $(SITE)"
 	@echo "make clean     remove .venv and everything generated; fetched models stay"
@@ -56,6 +57,9 @@ console: $(VENV)/.installed-base
 test: $(VENV)/.installed-test
 	@$(BIN)/pa-console models pull $(TEST_MODEL)
 	@$(BIN)/pytest --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder $(ARGS)
+
+bench: $(VENV)/.installed-test
+	@$(BIN)/python -m tests.benchmarks $(ARGS)
 
 lint: $(VENV)/.installed-dev
 	@$(BIN)/ruff check .

@@ -21,7 +21,6 @@ WORKER = (
         for name in ("answer", "candidates", "chat", "contexts", "decoding", "runtime", "worker")
     ),
     "pa_console.llm.models.gguf_conversion",
-    *(f"pa_console.benchmarks.speed.{name}" for name in ("plain", "raw")),
 )
 """What runs in processes that hold a model; nothing else may import the model libraries."""
 

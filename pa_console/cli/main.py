@@ -6,7 +6,7 @@ import os
 import sys
 import tempfile
 import traceback
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 from typer.core import TyperGroup
@@ -64,11 +64,16 @@ def _default(
 
 
 def main() -> None:
-    """Run the command line; never lets a traceback reach the user."""
+    """Run the command line of the console."""
+    run(app, "pa-console")
+
+
+def run(commands: typer.Typer, name: str) -> NoReturn:
+    """Run `commands` as the program `name` and exit; never lets a traceback reach the user."""
     gc.set_threshold(*COLLECTED_AFTER)
     open_closed_streams()
     try:
-        code = app(prog_name="pa-console", standalone_mode=False)
+        code = commands(prog_name=name, standalone_mode=False)
         if code == INTERRUPTED:
             raise KeyboardInterrupt
     except (KeyboardInterrupt, typer.Abort):

@@ -60,9 +60,6 @@ VERBS = {
         "evaluate.evaluate:app",
         "Run mission sets against models and variants of the pipeline; more below.",
     ),
-    "bench": Verb(
-        "bench.bench:app", "Compare the parts with the plain way and the limit; more benches below."
-    ),
     "scenarios": Verb("scenarios:app", "List, show and check the situations of a world."),
     "site": Verb(
         "site.site:app", "Run the simulated checkpoint as a service on a message bus; more below."

@@ -33,14 +33,18 @@ class Done:
 Call = Callable[..., Done]
 
 
-def caller(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Call:
-    """Return what runs `pa-console` with the words given and tells how it ended."""
+def caller(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    program: Callable[[], None] = main,
+) -> Call:
+    """Return what runs `program` with the words given and reports how it ended."""
 
     def call(*words: str) -> Done:
         monkeypatch.setattr(sys, "argv", ["pa-console", *words])
         capsys.readouterr()
         with pytest.raises(SystemExit) as ended:
-            main()
+            program()
         printed = capsys.readouterr()
         assert "internal error" not in printed.err
         assert "Traceback" not in printed.out + printed.err

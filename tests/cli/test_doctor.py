@@ -1,12 +1,13 @@
 """`pa-console doctor`: what is missing is named with its remedy, and decides the exit code."""
 
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from pa_console.cli.doctor import checks as doctor_checks
 from pa_console.cli.doctor import checks as doctor_places
-from pa_console.cli.doctor import doctor
+from pa_console.cli.doctor import doctor, speed
 from pa_console.cli.doctor.checks import (
     Check,
     check_build_tools,
@@ -18,20 +19,27 @@ from pa_console.cli.doctor.checks import (
     check_unicode,
     load_or_default,
 )
+from pa_console.cli.doctor.speed import check_speed, speed_words
+from pa_console.llm.errors import EngineDiedError, EngineError
+from pa_console.llm.models.catalogue import LocalModel
+from pa_console.schema.finding import Usage
 from tests.cli.inside import Call
+from tests.scripted import ScriptedEngine, plan
 
 MODEL = "smollm2-135m"
 
 
 def test_everything_is_looked_at(call: Call, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PA_CONSOLE_MODEL", MODEL)
+    monkeypatch.setattr(speed, "LIMIT_S", 2.0)
     done = call("doctor", "--json")
     checks = {check["name"]: check for check in done.json["checks"]}
     assert checks.keys() >= {
         "Python", "C++ compiler", "CMake", "textual", "llama-cpp-python", "settings", "model",
-        "memory, cores", "config folder", "log folder", "cache folder", "terminal",
+        "memory, cores", "model's speed", "config folder", "log folder", "cache folder", "terminal",
     }  # fmt: skip
     assert checks["textual"]["state"] == "ok"
+    assert "not measured" not in checks["model's speed"]["found"]
     assert (done.code == 0) == (not any(c["state"] == "missing" for c in checks.values()))
 
 
@@ -40,7 +48,11 @@ def test_only_what_is_missing_fails(
     call: Call, monkeypatch: pytest.MonkeyPatch, state: doctor_checks.State, code: int
 ) -> None:
     found = Check("thing", state, "as found", "mend it")
-    monkeypatch.setattr(doctor, "_checks", lambda: iter([found]))
+
+    def checks(_: Callable[[str], None]) -> Iterator[Check]:
+        return iter([found])
+
+    monkeypatch.setattr(doctor, "_checks", checks)
     done = call("doctor")
     assert done.code == code
     assert f"thing {state} as found → mend it" in done.said
@@ -116,3 +128,58 @@ def test_folders_memory_and_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyP
     ]  # fmt: skip
     assert check_colours(None, True).state == "ok"
     assert (check_unicode("UTF-8").state, check_unicode("ascii").state) == ("ok", "missing")
+
+
+@pytest.mark.parametrize(
+    ("seconds", "state", "words"), [(2.0, "ok", "fast enough"), (7.5, "warning", "slow")]
+)
+def test_the_model_s_speed_is_reported_with_whether_it_is_enough(
+    seconds: float, state: doctor_checks.State, words: str
+) -> None:
+    usage = Usage(
+        prompt_tokens=300, cached_tokens=100, completion_tokens=50,
+        first_token_s=seconds - 1.0, seconds=seconds,
+    )  # fmt: skip
+    check = speed_words("pa-135m", usage)
+    assert check.state == state
+    assert f"{200 / (seconds - 1.0):.0f} and writes 50 tokens/s" in check.found
+    assert words in check.found
+    assert bool(check.remedy) == (state == "warning")
+
+
+def test_the_speed_of_a_model_that_is_not_here_is_not_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PA_CONSOLE_CACHE", str(tmp_path))
+    check = check_speed(MODEL)
+    assert check.state == "ok"
+    assert check.found.startswith("not measured")
+    assert f"pa-console models pull {MODEL}" in check.found
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        (None, "did not write a plan within 0.05 s"),
+        (EngineDiedError("the model's process died"), "the model's process died"),
+        (plan(("Drone_T04", "observe EastGate")), "a plan takes"),
+    ],
+)
+def test_a_model_that_does_not_answer_in_time_or_fails_is_a_warning(
+    monkeypatch: pytest.MonkeyPatch, answer: str | EngineError | None, words: str
+) -> None:
+    scripted = ScriptedEngine([answer])
+
+    def find_model(_: str | None) -> LocalModel:
+        return scripted.model
+
+    def engine(_: LocalModel) -> ScriptedEngine:
+        return scripted
+
+    monkeypatch.setattr(speed, "find_model", find_model)
+    monkeypatch.setattr(speed, "Engine", engine)
+    if answer is None:
+        monkeypatch.setattr(speed, "LIMIT_S", 0.05)
+    check = check_speed("")
+    assert words in check.found
+    assert check.state == ("ok" if isinstance(answer, str) else "warning")

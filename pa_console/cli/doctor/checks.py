@@ -273,7 +273,7 @@ def check_load(
     found = f"{busy:.1f} of {count(cores, 'core')} busy"
     if busy <= cores * QUIET_SHARE:
         return Check("load", "ok", found)
-    remedy = "answers take longer beside other work (pa-console bench load says how much)"
+    remedy = "answers take longer beside other work: close other programs"
     return Check("load", "warning", found, remedy)
 
 

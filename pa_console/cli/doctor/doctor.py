@@ -1,6 +1,6 @@
 """`pa-console doctor`: says what is missing on this machine, and how to mend it."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import typer
 from rich.table import Table
@@ -20,6 +20,7 @@ from pa_console.cli.doctor.checks import (
     load_or_default,
 )
 from pa_console.cli.doctor.model_servers import check_servers, named_models
+from pa_console.cli.doctor.speed import LIMIT_S, check_speed
 from pa_console.cli.output import FAILED, JsonOption, errors, out, print_json
 from pa_console.schema.text.quantities import count
 from pa_console.session.log.writer import default_folder
@@ -31,7 +32,7 @@ def doctor(json: JsonOption = False) -> None:
     """Look for everything that the console needs; exit code 0 when nothing is missing."""
     with errors.status("looking") as status:
         checks: list[Check] = []
-        for check in _checks():
+        for check in _checks(status.update):
             checks.append(check)
             status.update(f"looked at {check.name}")
     missing = [check.name for check in checks if check.state == "missing"]
@@ -42,8 +43,8 @@ def doctor(json: JsonOption = False) -> None:
     raise typer.Exit(FAILED if missing else 0)
 
 
-def _checks() -> Iterator[Check]:
-    """Look at one thing after the other, each when it is asked for."""
+def _checks(tell: Callable[[str], None]) -> Iterator[Check]:
+    """Look at one thing after the other, when it is asked for; `tell` names what takes long."""
     yield check_python()
     yield from check_build_tools()
     yield from check_libraries()
@@ -54,6 +55,8 @@ def _checks() -> Iterator[Check]:
     yield from check_model(named.own or "")
     yield from check_servers(named, loaded.values)
     yield check_load()
+    tell(f"measuring the model's speed, {LIMIT_S:g} s at most")
+    yield check_speed(named.own or "")
     yield check_confinement()
     yield from check_folders(loaded)
     yield check_sessions(loaded.values.logs or default_folder())

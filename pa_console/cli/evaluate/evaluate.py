@@ -22,7 +22,6 @@ from rich.table import Table as RichTable
 from rich.text import Text
 
 from pa_console import __version__
-from pa_console.benchmarks.machine import describe_machine
 from pa_console.cli.dask_options import SchedulerOption, WorkersOption, one_of
 from pa_console.cli.output import (
     JsonOption,
@@ -36,6 +35,7 @@ from pa_console.cli.output import (
 )
 from pa_console.cli.progress_bars import LiveBar
 from pa_console.cli.settings_defaults import settings_of
+from pa_console.evaluation.machine import describe_machine
 from pa_console.evaluation.reporting.table import Table
 from pa_console.evaluation.runs.jobs import (
     ABOUT,

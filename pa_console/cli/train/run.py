@@ -9,9 +9,9 @@ from typing import Any, Literal
 from pydantic import ValidationError
 
 from pa_console import __version__
-from pa_console.benchmarks.machine import describe_machine
 from pa_console.cli.output import errors, out
 from pa_console.cli.train.progress import TrainProgress
+from pa_console.evaluation.machine import describe_machine
 from pa_console.llm.models.cache import hash_file
 from pa_console.resources import training_data
 from pa_console.schema.document import Document

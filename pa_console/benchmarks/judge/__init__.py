@@ -1,1 +1,0 @@
-"""How good a judge's verdicts are on the plans of an evaluation."""

@@ -1,1 +1,0 @@
-"""How long an operator waits for the command line, the screen and the model."""

@@ -1,1 +1,0 @@
-"""`pa-console bench` and the benches below it."""

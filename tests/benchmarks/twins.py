@@ -1,0 +1,46 @@
+"""The same situation twice, which must be the same telemetry."""
+
+from typing import Annotated
+
+import typer
+from rich.progress import Progress
+from rich.table import Table
+
+from pa_console.cli.output import WorldOption, errors, out
+from pa_console.evaluation.runs.twin import repeated_hashes
+from pa_console.sim.worlds.scenario_file import list_scenarios, open_scenario
+from pa_console.sim.worlds.world_file import open_world
+from tests.benchmarks.figures import JsonFileOption, keep
+
+
+def twins(
+    world: WorldOption = "checkpoint",
+    seeds: Annotated[int, typer.Option(min=1, help="Seeds 0, 1, ... of each situation.")] = 3,
+    json: JsonFileOption = None,
+) -> None:
+    """Play every situation twice, stepped and forked on the way: telemetry must be equal."""
+    found, path = open_world(world)
+    names = [name for name, _ in list_scenarios(path)]
+    if not names:
+        raise ValueError(f"{path.parent}: there is no situation beside this world to be played")
+    rows: list[dict[str, object]] = []
+    with Progress(console=errors, transient=True) as progress:
+        task = progress.add_task("situations", total=len(names) * seeds)
+        for name in names:
+            scenario = open_scenario(found, path, name).scenario
+            for seed in range(seeds):
+                one, other = repeated_hashes(found, scenario, seed)
+                rows.append({"scenario": name, "seed": seed, "sha256": one, "equal": one == other})
+                progress.advance(task)
+    table = Table("situation", "seed", "telemetry SHA-256", "equal")
+    for row in rows:
+        table.add_row(
+            str(row["scenario"]),
+            str(row["seed"]),
+            str(row["sha256"])[:16],
+            "yes" if row["equal"] else "NO",
+        )
+    out.print(table)
+    keep("twins", rows, json)
+    if not all(row["equal"] for row in rows):
+        raise typer.Exit(1)
