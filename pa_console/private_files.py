@@ -1,4 +1,4 @@
-"""Files for their owner alone: 0600 in folders of 0700 from the start, never through a link."""
+"""Files that only their owner can use: mode 0600 in folders of 0700, never through a link."""
 
 import errno
 import os
@@ -7,21 +7,21 @@ from contextlib import suppress
 from pathlib import Path
 
 FILE_MODE, FOLDER_MODE = 0o600, 0o700
+# O_NONBLOCK: opening a pipe in the place of the file must not wait for its other end.
 _ALWAYS = os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK
-"""A pipe in the place of a file keeps nobody waiting."""
 
 
 class NotPrivateError(OSError):
-    """A file that others may read or write, or that is somebody else's, worded with a remedy."""
+    """A file that other users may use, or that belongs to one; the message names a remedy."""
 
     def __init__(self, path: Path, problem: str, code: int = errno.EACCES) -> None:
         super().__init__(code, problem, str(path))
 
 
 def make_private_folder(folder: Path) -> None:
-    """Make `folder` and those above it that are not there, for their owner alone; raises OSError.
+    """Make `folder` and its missing parents, for their owner alone; raise OSError.
 
-    A folder that is there stays as it is.
+    A folder that exists stays as it is.
     """
     for path in reversed((folder, *folder.parents)):
         if not path.is_dir():
@@ -31,14 +31,14 @@ def make_private_folder(folder: Path) -> None:
 def open_private(path: Path, flags: int) -> int:
     """Open `path`, made with mode 0600 if `flags` say so, and return its number.
 
-    A file of one's own that others may use is taken back from them. Raises OSError, and
-    NotPrivateError for a link, for what is no plain file, and for one of another owner.
+    The rights of other users to a file of one's own are taken away. Raises OSError, and
+    NotPrivateError for a link, for a file that is not a plain one, and for one of another owner.
     """
     file = _open(path, flags)
     try:
         found = _own(path, file)
         if stat.S_IMODE(found.st_mode) & 0o077:
-            with suppress(PermissionError):  # a disk that knows no owners
+            with suppress(PermissionError):  # a file system without owners
                 os.fchmod(file, FILE_MODE)
     except BaseException:
         os.close(file)
@@ -47,25 +47,30 @@ def open_private(path: Path, flags: int) -> int:
 
 
 def replace_private(path: Path, content: bytes) -> None:
-    """Put `content` safely in the place of `path`, wholly or not at all; raises OSError."""
+    """Replace `path` by a file with `content`, wholly or not at all; raise OSError."""
     new = path.with_name(path.name + ".new")
     new.unlink(missing_ok=True)
     file = _open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL)
     try:
-        rest = memoryview(content)
-        while rest:
-            rest = rest[os.write(file, rest) :]
+        write_all(file, content)
         os.fsync(file)
     finally:
         os.close(file)
     os.replace(new, path)
 
 
-def read_private(path: Path, loose: int = 0o077) -> bytes:
-    """Return what is in `path`; raises OSError.
+def write_all(file: int, content: bytes) -> None:
+    """Write all of `content` to the open `file`; raise OSError."""
+    rest = memoryview(content)
+    while rest:
+        rest = rest[os.write(file, rest) :]
 
-    NotPrivateError for a link, a file of another owner, and one that gives others a right of
-    those in `loose`: whoever else had it may have used it.
+
+def read_private(path: Path, loose: int = 0o077) -> bytes:
+    """Return the content of `path`; raise OSError.
+
+    Raises NotPrivateError for a link, for a file of another owner, and for one that gives other
+    users a right in `loose`: they may have read or changed it already.
     """
     file = _open(path, os.O_RDONLY)
     with os.fdopen(file, "rb") as stream:
@@ -78,7 +83,7 @@ def read_private(path: Path, loose: int = 0o077) -> bytes:
 
 
 def loose(folder: Path) -> int:
-    """Return the mode of `folder` when others have a right to it; 0 when not, or without one."""
+    """Return the mode of `folder` if other users have a right to it; 0 otherwise."""
     try:
         mode = stat.S_IMODE(folder.stat().st_mode)
     except FileNotFoundError:
@@ -87,7 +92,7 @@ def loose(folder: Path) -> int:
 
 
 def sync_folder(folder: Path) -> None:
-    """Make the names in `folder` safe; raises OSError."""
+    """Make the names of files in `folder` safe on the disk; raise OSError."""
     file = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
     try:
         os.fsync(file)

@@ -1,16 +1,19 @@
-"""Ed25519 signatures: this machine's key, made on first use, and the checking of anybody's."""
+"""Ed25519 signatures: this machine's key, made on first use, verification, and signed lines."""
 
 import base64
 import hashlib
+import json
 import os
 import re
 from pathlib import Path
+from typing import Any, ClassVar, Self
 
 from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
 from cryptography.hazmat.primitives import serialization as form
 from cryptography.hazmat.primitives.asymmetric import ed25519
 from filelock import FileLock, Timeout
 from platformdirs import user_config_path
+from pydantic import ValidationError
 
 from pa_console.private_files import (
     FILE_MODE,
@@ -19,13 +22,14 @@ from pa_console.private_files import (
     read_private,
     replace_private,
 )
+from pa_console.schema.base import Hex32, Hex64, StrictModel
 
 KEY_VARIABLE = "PA_CONSOLE_SIGNING_KEY"
 PASSPHRASE_VARIABLE = "PA_CONSOLE_PASSPHRASE"
-"""The passphrase of a site's keys, where nobody can be asked for it."""
+"""The passphrase of a site's keys, for machines on which no person can type it."""
 
 SITE_OWNER = "owner.pub"
-"""The public key of a site's owner, in the folder of its keys: with it a site has keys."""
+"""The public key of a site's owner, in the folder of its keys. A site with this file has keys."""
 
 KEY_FILE = "signing-key.pem"
 KNOWN_FILE = "known-keys"
@@ -34,11 +38,11 @@ _FINGERPRINT = re.compile(r"SHA256:[A-Za-z0-9+/]{43}")
 
 
 class SigningError(ValueError):
-    """A key that cannot be made or read, worded with its path and a remedy."""
+    """An error with a key that cannot be made or read; the message names its path and a remedy."""
 
 
 class Signer:
-    """Signs with one private key; `public` is its public key, 32 bytes in hexadecimal."""
+    """One private key that signs; `public` is its public key, 32 bytes in hexadecimal."""
 
     def __init__(self, key: ed25519.Ed25519PrivateKey) -> None:
         self._key = key
@@ -54,8 +58,56 @@ class Signer:
         return self._key.sign(message).hex()
 
 
+class SignedLine(StrictModel):
+    """One line of canonical JSON whose signature covers PURPOSE and every other field.
+
+    A subclass sets PURPOSE, which keeps the signature of one kind of line from fitting another,
+    and TITLE, its name in error messages.
+    """
+
+    PURPOSE: ClassVar[bytes]
+    TITLE: ClassVar[str]
+
+    key: Hex32
+    signature: Hex64
+
+    @classmethod
+    def signed(cls, signer: Signer, **fields: Any) -> Self:
+        """Return the line with `fields`, signed by `signer`."""
+        fields["key"] = signer.public
+        signature = signer.sign(cls.PURPOSE + _text_line(fields))
+        return cls(signature=signature, **fields)
+
+    @classmethod
+    def parse(cls, content: bytes) -> Self:
+        """Read `content`, one line with its end; raise ValueError if its signature does not fit."""
+        try:
+            read = cls.model_validate_json(content)
+        except ValidationError as error:
+            raise ValueError(f"not {cls.TITLE}") from error
+        message = cls.PURPOSE + _text_line(read.model_dump(exclude={"signature"}))
+        # Compared to the byte as well: other spellings of the same JSON carry the same signature.
+        if content != read.line or not is_signature(read.signature, message, read.key):
+            raise ValueError("this line was changed: its signature does not fit its content")
+        return read
+
+    @property
+    def line(self) -> bytes:
+        """The line as it is written, with its end."""
+        return _text_line(self.model_dump())
+
+
+def _text_line(fields: dict[str, Any]) -> bytes:
+    return canonical_json(fields).encode("utf-8", "surrogatepass") + b"\n"
+
+
+def canonical_json(value: object) -> str:
+    """Return `value` as JSON with sorted keys and no spaces, the form that is hashed and signed."""
+    return json.dumps(value, ensure_ascii=False, separators=(",", ":"), sort_keys=True)
+
+
 def key_path() -> Path:
-    """Return where this machine's private key is or will be; PA_CONSOLE_SIGNING_KEY overrides."""
+    """Return the path of this machine's private key; PA_CONSOLE_SIGNING_KEY overrides it."""
     given = os.environ.get(KEY_VARIABLE)
     return Path(given).expanduser() if given else user_config_path("pa-console") / KEY_FILE
 
@@ -66,10 +118,10 @@ def site_keys() -> Path:
 
 
 def load_signer() -> Signer:
-    """Return this machine's signer; the key is made, for its owner alone to read, on first use.
+    """Return this machine's signer; its key is made on first use, readable by its owner only.
 
-    Two consoles that start at once get the same key. Raises SigningError when it can be neither
-    read nor made, or is not this user's alone.
+    Two consoles that start at once get the same key. Raises SigningError if the key can be
+    neither read nor made, or if other users can read it.
     """
     path = key_path()
     try:
@@ -85,9 +137,9 @@ def load_signer() -> Signer:
 
 
 def known_keys() -> frozenset[str]:
-    """Return the fingerprints of this machine's keys: one, or none before it is made.
+    """Return the fingerprints of this machine's keys: one, or none before the key is made.
 
-    Raises SigningError for a key file that cannot be read.
+    Raises SigningError if the key file cannot be read.
     """
     try:
         signer = _read(key_path())
@@ -99,9 +151,9 @@ def known_keys() -> frozenset[str]:
 def named_keys() -> dict[str, str]:
     """Return the names of the keys that this machine's user knows, by fingerprint.
 
-    They stand in `known-keys` beside the signing key: a fingerprint and a name on each line, lines
-    with # are comments. Raises SigningError with the line that is neither, and for a file that
-    others may change.
+    They are read from `known-keys` beside the signing key: a fingerprint and a name on each line,
+    and comment lines with #. Raises SigningError that names a line of another form, and for a
+    file that other users may change.
     """
     path = key_path().with_name(KNOWN_FILE)
     try:
@@ -123,23 +175,23 @@ def named_keys() -> dict[str, str]:
 
 
 def fingerprint(public: str) -> str:
-    """Return what people compare of a public key in hexadecimal: `SHA256:` and 43 characters."""
+    """Return the short form of a public key that people compare: `SHA256:` and 43 characters."""
     digest = hashlib.sha256(bytes.fromhex(public)).digest()
     return "SHA256:" + base64.b64encode(digest).decode().rstrip("=")
 
 
 def is_fingerprint(text: str) -> bool:
-    """Whether `text` has the form of a fingerprint."""
+    """Return True if `text` has the form of a fingerprint."""
     return _FINGERPRINT.fullmatch(text) is not None
 
 
 def is_public_key(text: str) -> bool:
-    """Whether `text` has the form of a public key: 32 bytes in hexadecimal."""
+    """Return True if `text` has the form of a public key: 32 bytes in hexadecimal."""
     return re.fullmatch(r"[0-9a-f]{64}", text) is not None
 
 
 def is_signature(signature: str, message: bytes, public: str) -> bool:
-    """Whether `signature` is that of `message` by the owner of `public`; all in hexadecimal."""
+    """Return True if `signature` is that of `message` by the key `public`, both hexadecimal."""
     try:
         key = ed25519.Ed25519PublicKey.from_public_bytes(bytes.fromhex(public))
         key.verify(bytes.fromhex(signature), message)
@@ -149,7 +201,7 @@ def is_signature(signature: str, message: bytes, public: str) -> bool:
 
 
 def _read(path: Path) -> Signer | None:
-    """Return the signer of the key at `path`, None when there is no such file."""
+    """Return the signer of the key at `path`, or None if there is no such file."""
     try:
         key = form.load_pem_private_key(read_private(path), None)
     except FileNotFoundError:
@@ -163,7 +215,7 @@ def _read(path: Path) -> Signer | None:
 
 
 def _make(path: Path) -> Signer:
-    """Make a key and have it safely at `path` before it signs anything."""
+    """Make a key at `path`; it is safe on the disk before it signs anything."""
     key = ed25519.Ed25519PrivateKey.generate()
     pem = key.private_bytes(form.Encoding.PEM, form.PrivateFormat.PKCS8, form.NoEncryption())
     replace_private(path, pem)
@@ -171,7 +223,6 @@ def _make(path: Path) -> Signer:
 
 
 def _unusable(path: Path, error: OSError) -> SigningError:
-    """Return `error`, met with the key at `path`, worded with what to do about it."""
     if isinstance(error, NotPrivateError):
         return SigningError(
             f"{path}: this signing key is not used: {error.strerror}; else move it away, and a new "

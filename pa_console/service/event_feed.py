@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from pa_console.schema.events.event import Event
-from pa_console.session.log.reader import read_log
+from pa_console.session.log.chain import read_log
 
 KEPT = 1000
 """So many of the last events are kept in memory; older ones are read from the log."""

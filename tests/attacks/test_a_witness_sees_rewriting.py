@@ -3,7 +3,6 @@
 import json
 import threading
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 
@@ -13,8 +12,8 @@ from hypothesis import strategies as st
 
 from pa_console.orchestrator.station.station import Station
 from pa_console.schema.events import event as ev
-from pa_console.session.log.signed_head import head_path, parse_head
-from pa_console.session.log.witness import EVERY_S, Statement, Witness, check_witness
+from pa_console.session.log.signed_head import SignedHead, head_path
+from pa_console.session.log.witness import EVERY_S, Witness, WitnessResult, check_witness
 from pa_console.session.log.writer import LogWriter, verify
 from pa_console.signing import KEY_VARIABLE, load_signer
 from tests.cli.inside import Call, caller
@@ -66,7 +65,7 @@ def anew(log: Path, events: list[ev.Event]) -> None:
     assert verify(log, KNOWN).intact
 
 
-def held(log: Path, witness: Path) -> Statement:
+def held(log: Path, witness: Path) -> WitnessResult:
     return check_witness(log, "S1", witness, KNOWN)
 
 
@@ -102,7 +101,7 @@ def test_rewriting_by_the_same_key_shows_at_the_first_head_after_it(
     found = held(log, witness)
     assert not found.ok
     assert found.line is not None
-    heads = [parse_head(line) for line in witness.read_bytes().splitlines(keepends=True)]
+    heads = [SignedHead.parse(line) for line in witness.read_bytes().splitlines(keepends=True)]
     assert found.line <= before + 2  # one of the session's start, one for each decision before
     assert f"record {heads[found.line - 1].seq}" in found.problem
 
@@ -115,7 +114,7 @@ def test_heads_of_other_keys_and_sessions_and_rubbish_say_nothing(tmp_path: Path
     noise = head_path(foreign).read_bytes() + head_path(other).read_bytes() + b"rubbish\n{\n"
     sound = held(log, witness).heads
     witness.write_bytes(noise + witness.read_bytes() + noise)
-    assert held(log, witness) == Statement(sound, verify(log, KNOWN).lines)
+    assert held(log, witness) == WitnessResult(sound, verify(log, KNOWN).lines)
     witness.write_bytes(noise)
     assert "no head of session “S1”" in held(log, witness).problem
 
@@ -257,10 +256,10 @@ def test_heads_that_no_decision_calls_for_are_sent_every_ten_seconds(tmp_path: P
 
     witness = Witness("w", send=send, clock=lambda: now[0])
     _, file = witnessed(tmp_path, session(1))
-    head = parse_head(file.read_bytes().splitlines(keepends=True)[0])
+    head = SignedHead.parse(file.read_bytes().splitlines(keepends=True)[0])
     for number in range(1, 41):
         now[0] = number / 2
-        seen = replace(head, seq=number)
+        seen = head.model_copy(update={"seq": number})
         before = len(sent)
         witness.see(seen, urgent=number == 5)
         if number in (1, 5, 25):

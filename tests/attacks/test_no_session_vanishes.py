@@ -1,7 +1,6 @@
 """A session log that is deleted, cut, swapped or rolled back is missed by the index of sessions."""
 
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,12 +10,11 @@ from hypothesis import strategies as st
 from pa_console.cli.doctor.checks import check_sessions
 from pa_console.session.log.session_index import (
     INDEX_NAME,
+    IndexLine,
     IndexReport,
     SessionIndex,
     anchor_path,
     check_index,
-    entry_line,
-    parse_entry,
 )
 from pa_console.session.log.signed_head import head_path, sign_head, write_head
 from pa_console.session.log.writer import LogWriter, new_log_path
@@ -72,13 +70,13 @@ def checked(folder: Path, signer: Signer) -> IndexReport:
 
 def test_sessions_that_are_all_there_are_told_as_such(folder: Path, signer: Signer) -> None:
     report = checked(folder, signer)
-    assert report.told == ()
+    assert report.all_problems == ()
     assert [(found.log, found.ended) for found in report.sessions] == [
         (f"S{n}.jsonl", True) for n in range(3)
     ]
     crashed = write(folder, "S9", signer, crash=True)
     report = checked(folder, signer)
-    assert report.told == ()
+    assert report.all_problems == ()
     assert (report.sessions[-1].log, report.sessions[-1].ended) == (crashed.name, False)
     assert check_sessions(folder).state == "ok"
 
@@ -87,7 +85,7 @@ def test_a_log_that_vanished_is_named(folder: Path, signer: Signer, call: Call) 
     gone = folder / "S1.jsonl"
     gone.unlink()
     head_path(gone).unlink()
-    assert checked(folder, signer).told == ("S1.jsonl: the log of session S1 is missing",)
+    assert checked(folder, signer).all_problems == ("S1.jsonl: the log of session S1 is missing",)
     found = check_sessions(folder)
     assert found.state == "warning"
     assert "S1.jsonl" in found.found
@@ -102,7 +100,7 @@ def test_a_log_that_was_rolled_back_with_its_head_is_damaged(
     """An older copy of log and head is sound by itself: only the index knows of the rest."""
     log = folder / "S1.jsonl"
     lines = log.read_bytes().splitlines(keepends=True)
-    assert parse_entry((folder / INDEX_NAME).read_bytes().splitlines(keepends=True)[3]).ended
+    assert IndexLine.parse((folder / INDEX_NAME).read_bytes().splitlines(keepends=True)[3]).ended
     with LogWriter(folder.parent / "old.jsonl", "S1", signer=signer, clock=lambda: 0.0) as writer:
         for event in long_story()[:5]:
             writer.append(event)
@@ -118,7 +116,7 @@ def test_a_log_that_was_rolled_back_with_its_head_is_damaged(
 def test_a_log_in_the_place_of_another_is_named(folder: Path, signer: Signer) -> None:
     for name in ("S1.jsonl", "S1.jsonl.head"):
         shutil.copy(folder / name.replace("1", "2"), folder / name)
-    assert "record 1 is not the one that session S1 had" in checked(folder, signer).told[0]
+    assert "record 1 is not the one that session S1 had" in checked(folder, signer).all_problems[0]
 
 
 @settings(
@@ -134,7 +132,7 @@ def test_no_line_of_the_index_goes_unseen(
     lines = good.splitlines(keepends=True)
     number = data.draw(st.integers(0, len(lines) - 1))
     how = data.draw(st.sampled_from(["cut", "remove", "swap", "double", "edit", "forge", "all"]))
-    entry = parse_entry(lines[number])
+    entry = IndexLine.parse(lines[number])
     match how:
         case "cut":
             lines = lines[:number]
@@ -150,10 +148,8 @@ def test_no_line_of_the_index_goes_unseen(
             bad = lines[number][at : at + 1]
             lines[number] = lines[number][:at] + bytes([bad[0] ^ 1]) + lines[number][at + 1 :]
         case "forge":
-            forged = SessionIndex(folder, OTHER)._sign(  # pyright: ignore[reportPrivateUsage]
-                replace(entry, key=OTHER.public, session="S7")
-            )
-            lines[number] = entry_line(forged)
+            fields = entry.model_dump(exclude={"key", "signature"}) | {"session": "S7"}
+            lines[number] = IndexLine.signed(OTHER, **fields).line
         case _:
             lines = []
     index.write_bytes(b"".join(lines))

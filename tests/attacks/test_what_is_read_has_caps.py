@@ -14,8 +14,7 @@ from pa_console.llm.models.cache import CACHE_VARIABLE
 from pa_console.llm.models.catalogue import ModelEntry, PackageSource
 from pa_console.llm.models.fetching import pull
 from pa_console.llm.models.large_files import run_watched
-from pa_console.session.log.chain import LogError
-from pa_console.session.log.reader import read_log
+from pa_console.session.log.chain import LogError, read_log
 from pa_console.session.log.verification import verify
 from pa_console.session.replay.recording import Recording
 

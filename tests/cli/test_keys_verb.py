@@ -14,7 +14,7 @@ from pa_console.fleets.key_folder import KeyFolder
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.schema.events import event as ev
-from pa_console.session.log.reader import read_log
+from pa_console.session.log.chain import read_log
 from pa_console.signing import KEY_VARIABLE, PASSPHRASE_VARIABLE, SigningError
 from tests.cli.inside import Call, Done
 from tests.scripted import ScriptedEngine, plan

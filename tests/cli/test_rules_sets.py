@@ -9,7 +9,7 @@ from pa_console.llm.models.catalogue import LocalModel
 from pa_console.policy.authoring.lint_states import example_states
 from pa_console.policy.rulebook import load_rules
 from pa_console.schema.events.event import SessionStarted
-from pa_console.session.log.reader import read_log
+from pa_console.session.log.chain import read_log
 from tests.cli.inside import Call
 from tests.policy.book import RULES, write_rules
 from tests.scripted import ScriptedEngine

@@ -20,7 +20,7 @@ from pa_console.orchestrator.station.resumed_session import (
 from pa_console.orchestrator.station.station import Station
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.schema.events import event as ev
-from pa_console.session.log.reader import read_log
+from pa_console.session.log.chain import read_log
 from pa_console.session.log.verification import verify
 from pa_console.session.log.writer import LogWriter
 from pa_console.signing import KEY_VARIABLE, load_signer

@@ -20,7 +20,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.incident import SetBattery
 from pa_console.schema.mission import Decision
 from pa_console.schema.rule import StandingLimits
-from pa_console.session.log.reader import read_log
+from pa_console.session.log.chain import read_log
 from pa_console.session.log.verification import verify
 from pa_console.session.log.writer import LogWriter
 from pa_console.session.state.fold import SessionState

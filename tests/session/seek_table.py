@@ -18,7 +18,7 @@ from time import perf_counter, process_time
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission
-from pa_console.session.log.reader import read_log
+from pa_console.session.log.chain import read_log
 from pa_console.session.replay.log_index import index_path
 from pa_console.session.replay.player import Player
 from pa_console.session.replay.recording import Recording

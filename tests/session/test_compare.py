@@ -10,8 +10,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Usage
 from pa_console.schema.mission import Decision, Mission
 from pa_console.session.replay.comparison import ENDED, TICK, SessionComparison, compare_sessions
-from pa_console.session.replay.recording import Recording
-from pa_console.session.replay.search import search
+from pa_console.session.replay.recording import Recording, search
 from pa_console.session.wording import event_in_words
 from tests.schema.strategies import events
 from tests.session.logs import kept, write_log

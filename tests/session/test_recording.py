@@ -94,6 +94,22 @@ def test_whoever_seeks_past_a_relief_sees_a_station_that_is_relieved(tmp_path: P
     assert player.state.relieved == relieved
 
 
+def test_whoever_seeks_past_a_relief_sees_the_waiting_plan_blocked(tmp_path: Path) -> None:
+    happened = long_story(1)
+    asked = [event.data.kind for event in happened].index("approval_requested") + 1
+    relief = at(20.0, ev.AuthorityChanged(refusal="station 2 has command"))
+    noise = ev.Noticed(level="info", subject="x", text="so long that a keyframe follows" * 300)
+    around = [at(10.0, noise)] * 2, [at(30.0, noise)] * 3
+    told = [*happened[:asked], *around[0], relief, *around[1]]
+    player = Player(Recording.read(write(tmp_path / "s.jsonl", told), frame_events=1))
+    player.seek(player.duration)
+    current = player.state.current
+    assert current is not None
+    assert current.approval is not None
+    assert "station 2 has command" in current.approval.blocked_by
+    assert player.state == folded(kept(told))
+
+
 def test_a_kept_index_serves_until_the_log_changes_or_it_is_damaged(
     log: Path, tmp_path: Path
 ) -> None:
@@ -155,7 +171,7 @@ def test_a_log_that_is_edited_while_it_is_open_is_told(log: Path, tmp_path: Path
 def test_what_does_not_change_any_more_stays_on_the_disk_between_seeks(log: Path) -> None:
     player = Player(Recording.read(log, frame_events=8))
     player.seek(player.duration)
-    loaded = getattr(player.state.missions, "_here")  # noqa: B009 - what is in memory
+    loaded = getattr(player.state.missions, "_loaded")  # noqa: B009 - what is in memory
     assert len(player.state.missions) == 6
     assert len(loaded) < 6
 

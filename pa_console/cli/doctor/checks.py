@@ -295,8 +295,8 @@ def check_sessions(folder: Path) -> Check:
         found = check_index(folder, known_keys())
     except (LogError, SigningError) as error:
         return Check(name, "warning", str(error), "look at that file")
-    if found.told:
-        return Check(name, "warning", "; ".join(found.told), remedy)
+    if found.all_problems:
+        return Check(name, "warning", "; ".join(found.all_problems), remedy)
     if others := loose(folder):
         words = f"{folder}: others may look into it (mode {others:04o})"
         return Check(name, "warning", words, f"chmod 700 '{folder}'")

@@ -19,8 +19,7 @@ from pa_console.schema.events.event import Event, SessionStarted
 from pa_console.schema.scenario import Scenario
 from pa_console.schema.text.quantities import count
 from pa_console.schema.world import World
-from pa_console.session.log.chain import LogError
-from pa_console.session.log.reader import line_of
+from pa_console.session.log.chain import LogError, line_of
 from pa_console.session.replay.recording import Recording
 from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.sim.worlds.world_file import open_world

@@ -14,7 +14,7 @@ from pa_console.schema.text.quantities import count
 from pa_console.session.log.session_index import check_index, index_path
 from pa_console.session.log.signed_head import head_path
 from pa_console.session.log.verification import VerifyResult, verify
-from pa_console.session.log.witness import Statement, check_witness
+from pa_console.session.log.witness import WitnessResult, check_witness
 from pa_console.session.replay.comparison import Difference, SessionComparison, compare_sessions
 from pa_console.session.replay.recording import Recording
 from pa_console.session.wording import event_in_words, kind_in_words
@@ -148,14 +148,14 @@ def show_verified(log: Path, trust: Trust, place: Place | None, json: bool) -> N
     if json:
         run = {"problem": problem} if again is None else again.document()
         found = {"intact": result.intact and not lost, **asdict(result), "again": run}
-        print_json({**found, "index": index.told, "witness": seen})
+        print_json({**found, "index": index.all_problems, "witness": seen})
     else:
         _print_result(log, result, own)
         if again is not None:
             print_again(log, again)
         if problem:
             _object(f"{log}: not run again: {problem}; or verify with --chain-only")
-        for told in index.told:
+        for told in index.all_problems:
             _object(f"{index_path(log.parent)}: {told}")
         if seen is not None:
             _print_statement(log, trust.witness, seen)
@@ -192,7 +192,7 @@ def _print_result(log: Path, result: VerifyResult, own: frozenset[str]) -> None:
     out.print(told, markup=False, soft_wrap=True)
 
 
-def _print_statement(log: Path, witness: Path | None, seen: Statement) -> None:
+def _print_statement(log: Path, witness: Path | None, seen: WitnessResult) -> None:
     """Say whether the log has what its witness has seen."""
     if not seen.ok:
         place = f"{witness}:{seen.line}" if seen.line is not None else f"{witness}"

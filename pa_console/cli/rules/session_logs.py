@@ -7,8 +7,7 @@ from typing import Annotated
 import typer
 
 from pa_console.schema.events.event import Event, SessionStarted
-from pa_console.session.log.chain import LogError
-from pa_console.session.log.reader import read_log
+from pa_console.session.log.chain import LogError, read_log
 
 LogsArgument = Annotated[
     list[Path], typer.Argument(metavar="LOG...", help="Session logs, or folders of them.")

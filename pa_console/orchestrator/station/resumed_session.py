@@ -17,8 +17,7 @@ from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.scenario import Scenario
 from pa_console.schema.world import World
-from pa_console.session.log.chain import TORN, LogError
-from pa_console.session.log.reader import read_log
+from pa_console.session.log.chain import TORN, LogError, read_log
 from pa_console.session.past.soundness import is_held
 from pa_console.session.past.summary import newest_logs, summarise
 from pa_console.session.state.fold import MissionTrace, SessionState

@@ -1,14 +1,15 @@
-"""One record of the session log: canonical JSON, its hash, and the link to the record before it.
+"""Records of a session log: canonical JSON, the hash chain, and reading a log line by line.
 
 A record is a JSON object with the fields of `FIELDS`, in that order. `hash` is the SHA-256, in
-hexadecimal, of the record without `hash` as canonical JSON: keys sorted, no spaces, UTF-8. `prev`
-is the `hash` of the record before, `GENESIS` in the first, whose `seq` is 1. The signature of a
-`log_signed` record is over PURPOSE and the same canonical JSON without `signature`.
+hexadecimal, of the record without `hash` as canonical JSON. `prev` is the `hash` of the record
+before, GENESIS in the first, whose `seq` is 1. The signature of a `log_signed` record is over
+PURPOSE and the same canonical JSON without `signature`.
 """
 
 import errno
 import hashlib
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC
@@ -20,7 +21,7 @@ from pydantic import TypeAdapter, ValidationError
 from pa_console.private_files import NotPrivateError
 from pa_console.schema.document import DocumentError
 from pa_console.schema.events.event import Event, EventPayload
-from pa_console.signing import Signer
+from pa_console.signing import Signer, canonical_json
 
 FIELDS = ("seq", "t", "tick", "session", "mission", "kind", "data", "prev", "hash")
 GENESIS = "0" * 64
@@ -29,7 +30,14 @@ KINDS = frozenset(
     payload.model_fields["kind"].default for payload in get_args(get_args(EventPayload)[0])
 )
 LINE_LIMIT = 4 << 20
-"""No line of a log is longer; the picture of a thousand assets takes a seventh of it."""
+"""The longest line of a log; the picture of a thousand assets takes a seventh of it."""
+
+_TEXT = rb'"(?:[^"\\]|\\.)*"'
+RECORD_START = re.compile(
+    rb'\{"seq":\d+,"t":"([^"\\]+)","tick":-?\d+,"session":' + _TEXT
+    + rb',"mission":(?:null|(' + _TEXT + rb')),"kind":"([a-z_]+)"'
+)  # fmt: skip
+"""The start of a record with its `t`, mission and kind: enough to skip most lines unparsed."""
 
 TORN = "the line is cut short: it has no line end"
 _JSON = TypeAdapter(Any)
@@ -37,7 +45,7 @@ _DISK_FULL = frozenset((errno.ENOSPC, errno.EDQUOT))
 
 
 class LogError(DocumentError):
-    """A session log that cannot be written or read; `line` is 0 when no line is to blame."""
+    """A session log that cannot be written or read; `line` is 0 for an error of no single line."""
 
     def __init__(self, source: str, line: int, problem: str) -> None:
         super().__init__(source, line, "", problem)
@@ -52,21 +60,6 @@ def os_error(path: Path, task: str, error: OSError) -> LogError:
     return LogError(str(path), 0, f"cannot {task}: {reason}")
 
 
-def lines_of(file: IO[bytes]) -> Iterator[bytes]:
-    """Yield the lines of a log with their ends; a longer one than LINE_LIMIT comes in pieces."""
-    while line := file.readline(LINE_LIMIT):
-        yield line
-
-
-def end_problem(line: bytes) -> str:
-    """Return why `line`, one of `lines_of`, is no whole line; empty when it is one."""
-    if line.endswith(b"\n"):
-        return ""
-    if len(line) < LINE_LIMIT:
-        return TORN
-    return f"the line is longer than {LINE_LIMIT >> 20} MiB: no record of a session log is"
-
-
 @dataclass(frozen=True)
 class Record:
     """A line of the log as it was read; nothing about the chain has been checked yet."""
@@ -77,8 +70,13 @@ class Record:
 
     @property
     def hash(self) -> str:
-        """The record's own hash, as stated in it."""
+        """The hash that the record states."""
         return str(self.fields["hash"])
+
+
+def encodable(text: str) -> str:
+    """Return `text` with a question mark for each lone surrogate, which UTF-8 cannot hold."""
+    return text.encode("utf-8", "replace").decode()
 
 
 def seal(
@@ -86,7 +84,7 @@ def seal(
 ) -> tuple[str, str]:
     """Return the record of `event` as one line of text (no line end), and its hash.
 
-    Lone surrogates, which UTF-8 cannot hold, become question marks. `signer` signs a LogSigned.
+    Lone surrogates become question marks. `signer` signs a LogSigned event.
     """
     moment = event.t.astimezone(UTC).replace(tzinfo=None).isoformat(timespec="microseconds")
     fields: dict[str, Any] = {
@@ -99,29 +97,29 @@ def seal(
         "data": event.data.model_dump(mode="json", exclude={"kind"}),
         "prev": prev,
     }
-    if not (text := _compact(fields)).isascii():
-        fields = json.loads(text.encode("utf-8", "replace"))
+    if not (text := _in_order(fields)).isascii():
+        fields = json.loads(encodable(text))
     if signer is not None:
         fields["data"]["signature"] = signer.sign(signed_part(fields))
     fields["hash"] = digest(fields)
-    return _compact(fields), fields["hash"]
+    return _in_order(fields), fields["hash"]
 
 
 def digest(fields: dict[str, Any]) -> str:
     """Return the hash that a record with `fields` must have."""
     rest = {key: value for key, value in fields.items() if key != "hash"}
-    return hashlib.sha256(_compact(rest, sort=True).encode()).hexdigest()
+    return hashlib.sha256(canonical_json(rest).encode()).hexdigest()
 
 
 def signed_part(fields: dict[str, Any]) -> bytes:
-    """Return what the signature of a LogSigned record with `fields` is over."""
+    """Return the bytes that the signature of a LogSigned record with `fields` covers."""
     rest = {key: value for key, value in fields.items() if key != "hash"}
     rest["data"] = {key: value for key, value in fields["data"].items() if key != "signature"}
-    return PURPOSE + _compact(rest, sort=True).encode()
+    return PURPOSE + canonical_json(rest).encode()
 
 
 def parse(line: bytes) -> Record:
-    """Read one line (no line end) of a log; raises ValueError that says what is wrong with it."""
+    """Read one line (no line end) of a log; raise ValueError that names the first problem."""
     text, fields = _load(line)
     if tuple(fields) != FIELDS:
         raise ValueError(f"not a record of a session log: its fields must be {', '.join(FIELDS)}")
@@ -141,14 +139,14 @@ def parse(line: bytes) -> Record:
 
 
 def own_problem(record: Record) -> str:
-    """Return what is wrong with `record` by itself; empty when it is as it was written."""
-    if _compact(record.fields) != record.text or record.hash != digest(record.fields):
+    """Return the problem of `record` by itself; empty if it is as it was written."""
+    if _in_order(record.fields) != record.text or record.hash != digest(record.fields):
         return "the record was edited: its hash does not match what it says"
     return ""
 
 
 def link_problem(record: Record, before: Record | None) -> str:
-    """Return what is wrong with `record` as the successor of `before`; empty when nothing is."""
+    """Return the problem of `record` as the successor of `before`; empty if there is none."""
     fields = record.fields
     seq, prev = (before.fields["seq"] + 1, before.hash) if before else (1, GENESIS)
     if problem := own_problem(record):
@@ -160,6 +158,61 @@ def link_problem(record: Record, before: Record | None) -> str:
     if before is not None and fields["session"] != before.fields["session"]:
         return f"the record is of another session, “{fields['session']}”"
     return ""
+
+
+def lines_of(file: IO[bytes]) -> Iterator[bytes]:
+    """Yield the lines of a log with their ends; a line beyond LINE_LIMIT comes in pieces."""
+    while line := file.readline(LINE_LIMIT):
+        yield line
+
+
+def end_problem(line: bytes) -> str:
+    """Return the problem with the end of `line`, one of `lines_of`; empty for a whole line."""
+    if line.endswith(b"\n"):
+        return ""
+    if len(line) < LINE_LIMIT:
+        return TORN
+    return f"the line is longer than {LINE_LIMIT >> 20} MiB: no record of a session log is"
+
+
+def read_lines(path: Path) -> Iterator[tuple[int, bytes]]:
+    """Yield (line number from 1, line without its end).
+
+    Raises LogError for a torn last line and for a line beyond LINE_LIMIT.
+    """
+    try:
+        with path.open("rb") as file:
+            for number, line in enumerate(lines_of(file), start=1):
+                if problem := end_problem(line):
+                    raise LogError(str(path), number, problem)
+                yield number, line[:-1]
+    except OSError as error:
+        raise os_error(path, "read the session log", error) from error
+
+
+def _read_events(path: Path) -> Iterator[tuple[int, Event]]:
+    for number, line in read_lines(path):
+        try:
+            event = parse(line).event
+        except ValueError as error:
+            raise LogError(str(path), number, str(error)) from error
+        if not event.data.transient:
+            yield number, event
+
+
+def read_log(path: Path) -> Iterator[Event]:
+    """Yield the events of a log, the chain unchecked; raise LogError at the first bad line."""
+    return (event for _, event in _read_events(path))
+
+
+def line_of(path: Path, event: int) -> int:
+    """Return the line of event number `event`, from 1; 0 if there is none.
+
+    Signatures take lines of their own, so the two numbers differ. Raises LogError for a bad line
+    before that event.
+    """
+    numbers = (number for number, _ in _read_events(path))
+    return next((line for at, line in enumerate(numbers, start=1) if at == event), 0)
 
 
 def _load(line: bytes) -> tuple[str, dict[str, Any]]:
@@ -180,5 +233,6 @@ def _no_constant(name: str) -> NoReturn:
     raise ValueError(f"{name} is not a JSON number")
 
 
-def _compact(value: object, *, sort: bool = False) -> str:
-    return json.dumps(value, ensure_ascii=False, separators=(",", ":"), sort_keys=sort)
+def _in_order(fields: dict[str, Any]) -> str:
+    """Return `fields` as the line is written: compact JSON in the order of FIELDS."""
+    return json.dumps(fields, ensure_ascii=False, separators=(",", ":"))

@@ -1,4 +1,4 @@
-"""The file of a session log: held by one console, and taken up where it ends soundly."""
+"""The file of a session log: locked by one console, continued at its sound end, never replaced."""
 
 import fcntl
 import os
@@ -7,7 +7,7 @@ from pathlib import Path
 from pa_console.private_files import make_private_folder, open_private
 from pa_console.session.log.chain import GENESIS, LogError, Record, os_error, own_problem, parse
 from pa_console.session.log.session_index import INDEX_NAME
-from pa_console.session.log.signed_head import require_head
+from pa_console.session.log.signed_head import head_path, require_head
 from pa_console.signing import KNOWN_FILE, key_path
 
 _BY_ENDING = {
@@ -16,17 +16,20 @@ _BY_ENDING = {
     ".torn": "what a crash left of a session log",
     ".sig": "the signature of a rule set",
 }
-_FIRST_RECORD, _FIRST_HEAD = b'{"seq":', b'{"closed":'
+_BY_START = {
+    b'{"seq":': "a session log",
+    b'{"closed":': "a witness of session logs",
+}
 
 
 def refuse_audit_file(path: Path) -> None:
-    """Raise ValueError when `path` is a file of an audit, or would be taken for one."""
+    """Raise ValueError if `path` is a file of an audit, or has the name of one."""
     if part := audit_part(path):
         raise ValueError(f"{path}: this is {part}, which is never written over; name another file")
 
 
 def audit_part(path: Path) -> str:
-    """Return which part of an audit the file `path` is, or would be by its name; else empty."""
+    """Return the part of an audit that the file `path` is, or would be by its name; else empty."""
     name = path.name.casefold()
     for ending, part in _BY_ENDING.items():
         if name.endswith(ending):
@@ -36,11 +39,14 @@ def audit_part(path: Path) -> str:
     key = key_path()
     if any(_same(path, own) for own in (key, key.with_name(KNOWN_FILE))):
         return "the signing key, or one of the files beside it"
-    if _lies_beside(path):
+    if head_path(path).exists():  # the log itself may be gone
         return "a session log"
-    return {_FIRST_RECORD: "a session log", _FIRST_HEAD: "a witness of session logs"}.get(
-        _beginning(path), ""
-    )
+    try:
+        with path.open("rb") as file:
+            start = file.read(max(map(len, _BY_START)))
+    except OSError:
+        return ""
+    return next((part for first, part in _BY_START.items() if start.startswith(first)), "")
 
 
 def _same(path: Path, other: Path) -> bool:
@@ -49,36 +55,21 @@ def _same(path: Path, other: Path) -> bool:
     )
 
 
-def _lies_beside(path: Path) -> bool:
-    """Whether a signed head that lies there is that of `path`, which may be gone."""
-    return path.with_name(path.name + ".head").exists()
-
-
-def _beginning(path: Path) -> bytes:
-    """Return the sign of a log or a witness with which the file begins, if it does."""
-    try:
-        with path.open("rb") as file:
-            found = file.read(len(_FIRST_HEAD))
-    except OSError:
-        return b""
-    return next((sign for sign in (_FIRST_RECORD, _FIRST_HEAD) if found.startswith(sign)), b"")
-
-
 _APPEND = os.O_WRONLY | os.O_CREAT | os.O_APPEND
 
 
 class LogFile:
-    """An open log that no other console can open; `seq` and `hash` are its last record's.
+    """An open log that no other console can open.
 
-    `head` is the signed head beside it, if there is one.
+    `seq` and `hash` are those of its last record, `head` is its signed head, if there is one.
     """
 
     def __init__(self, path: Path, session: str, public: str | None) -> None:
         """Open `path`, new or to be continued; a torn last line moves to `PATH.torn`.
 
-        Raises LogError, with nothing changed, when the file cannot be opened, is held by another
-        console, belongs to another session, does not end in a sound record, or is not what its
-        head vouches for; the head must be signed by the key `public`, if one is given.
+        Raises LogError, with nothing changed, if the file cannot be opened, is locked by another
+        console, belongs to another session, does not end in a sound record, or is shorter than its
+        signed head states. The head must be signed by the key `public`, if that is given.
         """
         self.path = path
         self.seq, self.hash = 0, GENESIS
@@ -98,17 +89,17 @@ class LogFile:
             raise
 
     def write(self, pending: bytearray) -> None:
-        """Append `pending`, taking out of it what is written; raises OSError."""
+        """Append `pending` and remove from it the bytes that were written; raise OSError."""
         while pending:
             written = os.write(self._file, pending)
             del pending[:written]
 
     def sync(self) -> None:
-        """Wait until the disk has what was written; raises OSError."""
+        """Wait until all written bytes are on the disk; raise OSError."""
         os.fsync(self._file)
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close and unlock the file."""
         os.close(self._file)
 
     def _lock(self) -> None:
@@ -121,7 +112,7 @@ class LogFile:
             raise os_error(self.path, "lock the session log", error) from error
 
     def _find_end(self, session: str) -> bytes:
-        """Note the last record; return what follows it, a line without its end."""
+        """Find the last record; return the bytes after it, a line without its end."""
         try:
             with open(self._file, "rb", closefd=False) as file:
                 whole, end, torn = file.read().rpartition(b"\n")
@@ -148,7 +139,6 @@ class LogFile:
         raise LogError(str(self.path), number, f"{problem}; start a new log instead")
 
     def _set_aside(self, torn: bytes) -> None:
-        """Move the torn end of the file to a file of its own."""
         aside = self.path.with_name(self.path.name + ".torn")
         try:
             with os.fdopen(open_private(aside, _APPEND), "ab") as file:

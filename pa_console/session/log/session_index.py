@@ -1,9 +1,9 @@
-"""The index of sessions in a folder of logs, so that none of them vanishes or is cut unseen.
+"""The index of sessions in a folder of logs, which shows a log that was deleted or cut.
 
-`sessions.index` has a line when a session has begun, with the hash of its first record, and one
-when it has ended, with that of its last. Each line is canonical JSON with the fields of `Entry`,
-is signed, and has the SHA-256 of the line before. The last line stands beside the signing key as
-well: whoever can write to the logs alone cannot cut the index, and what was cut leaves a gap.
+`sessions.index` has a line for each session that began, with the hash of its first record, and one
+for each that ended, with that of its last. Each line is signed and has the SHA-256 of the line
+before. A copy of the last line is kept beside the signing key: an attacker with access to the logs
+alone cannot cut the index unseen, and a removed line leaves a gap.
 """
 
 import fcntl
@@ -13,65 +13,67 @@ import os
 import time
 from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, ClassVar, cast
 
-from pydantic import TypeAdapter, ValidationError
-
-from pa_console.private_files import make_private_folder, open_private, replace_private, sync_folder
-from pa_console.schema.base import Hex32, Hex64
-from pa_console.session.log.chain import GENESIS, os_error
-from pa_console.signing import Signer, fingerprint, is_signature, key_path
+from pa_console.private_files import (
+    make_private_folder,
+    open_private,
+    replace_private,
+    sync_folder,
+    write_all,
+)
+from pa_console.schema.base import Hex32
+from pa_console.session.log.chain import GENESIS, encodable, os_error
+from pa_console.signing import SignedLine, Signer, fingerprint, key_path
 
 INDEX_NAME = "sessions.index"
-PURPOSE = b"pa-console index of sessions, line\n"
 LOCK_S, LOCK_STEP_S = 5.0, 0.01
-"""How long another console that writes its line is waited for."""
+"""Longest wait for another console that writes its line, and the time between two attempts."""
 
 
-@dataclass(frozen=True)
-class Entry:
-    """The log named `log` of `session` has `records` records or more, that one with `hash`.
+class IndexLine(SignedLine):
+    """A statement by `key`: `log` has `records` records or more, that one with `hash`.
 
-    `ended`: it had no more. `seq` is the number of the line, `prev` the hash of the one before.
+    A log whose session has `ended` has no further records. `seq` is the number of the line, `prev`
+    the hash of the line before.
     """
+
+    PURPOSE: ClassVar = b"pa-console index of sessions, line\n"
+    TITLE: ClassVar = "a line of an index of sessions"
 
     ended: bool
     hash: Hex32
-    key: Hex32
     log: str
     prev: Hex32
     records: int
     seq: int
     session: str
-    signature: Hex64
-
-
-_ENTRY = TypeAdapter(Entry)
 
 
 def index_path(folder: Path) -> Path:
-    """Return where the index of the logs in `folder` is."""
+    """Return the path of the index of the logs in `folder`."""
     return folder / INDEX_NAME
 
 
 def anchor_path(folder: Path) -> Path:
-    """Return where the last line of that index is kept, beside the signing key."""
+    """Return the path of the copy of that index's last line, beside the signing key."""
     name = hashlib.sha256(os.fsencode(folder.resolve())).hexdigest()[:32]
     return key_path().parent / "session-indexes" / name
 
 
 class SessionIndex:
-    """Adds the sessions of one console to the index of the folder that its log is in."""
+    """The index of the folder of one console's log, as its writer."""
 
     def __init__(self, folder: Path, signer: Signer) -> None:
         self._folder, self._signer = folder, signer
 
     def add(self, log: str, session: str, records: int, head: str, *, ended: bool) -> None:
-        """Note that `log` has `records` records, the last with the hash `head`; raises OSError.
+        """Add the line that `log` has `records` records, the last with the hash `head`.
 
-        A line follows the last one that this machine wrote, even where that is gone.
+        It follows the last line that this machine wrote, even if that line is gone, so that the
+        gap stays visible. Raises OSError.
         """
         index, anchor = index_path(self._folder), anchor_path(self._folder)
         make_private_folder(anchor.parent)
@@ -83,11 +85,17 @@ class SessionIndex:
             lines = content.splitlines(keepends=True)
             torn = b"" if not lines or lines[-1].endswith(b"\n") else b"\n"
             seq, prev = _end(lines, read_anchor(self._folder))
-            line = entry_line(
-                self._sign(Entry(ended, head, self._signer.public, log, prev, records,
-                                 seq + 1, _plain(session), ""))
-            )  # fmt: skip
-            _write(file, torn + line)
+            line = IndexLine.signed(
+                self._signer,
+                ended=ended,
+                hash=head,
+                log=log,
+                prev=prev,
+                records=records,
+                seq=seq + 1,
+                session=encodable(session),
+            ).line
+            write_all(file, torn + line)
             os.fsync(file)
             replace_private(anchor, line)
             with suppress(OSError):
@@ -95,31 +103,10 @@ class SessionIndex:
         finally:
             os.close(file)
 
-    def _sign(self, entry: Entry) -> Entry:
-        return replace(entry, signature=self._signer.sign(_signed_part(entry)))
-
-
-def entry_line(entry: Entry) -> bytes:
-    """Return `entry` as it stands in the index: one line, with its end."""
-    return _text(asdict(entry))
-
 
 def line_hash(line: bytes) -> str:
-    """Return what the line after `line`, which has its end, names it by."""
+    """Return the hash by which the line after `line`, which has its end, names it."""
     return hashlib.sha256(line).hexdigest()
-
-
-def parse_entry(line: bytes) -> Entry:
-    """Read a line of the index; raises ValueError for what no key has signed."""
-    try:
-        entry = _ENTRY.validate_json(line, strict=True)
-    except ValidationError as error:
-        raise ValueError("not a line of an index of sessions") from error
-    if line != entry_line(entry) or not is_signature(
-        entry.signature, _signed_part(entry), entry.key
-    ):
-        raise ValueError("the line was changed: its signature is not of what it says")
-    return entry
 
 
 def read_anchor(folder: Path) -> bytes:
@@ -141,15 +128,15 @@ def _end(lines: list[bytes], anchor: bytes) -> tuple[int, str]:
 
 
 def _number(line: bytes) -> int:
-    """Return the number of a line, 0 for one that nobody has signed."""
+    """Return the number of a line, 0 if its signature does not fit."""
     try:
-        return parse_entry(line).seq
+        return IndexLine.parse(line).seq
     except ValueError:
         return 0
 
 
 def _lock(file: int, sleep: Callable[[float], None] = time.sleep) -> None:
-    """Wait until no other console writes; raises OSError when one does not end."""
+    """Wait until no other console writes; raise BlockingIOError after LOCK_S."""
     for _ in range(round(LOCK_S / LOCK_STEP_S)):
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -160,31 +147,12 @@ def _lock(file: int, sleep: Callable[[float], None] = time.sleep) -> None:
     raise BlockingIOError("another program holds the index of sessions")
 
 
-def _write(file: int, content: bytes) -> None:
-    rest = memoryview(content)
-    while rest:
-        rest = rest[os.write(file, rest) :]
-
-
-def _plain(text: str) -> str:
-    return text.encode("utf-8", "replace").decode()
-
-
-def _signed_part(entry: Entry) -> bytes:
-    return PURPOSE + _text({k: v for k, v in asdict(entry).items() if k != "signature"})
-
-
-def _text(fields: dict[str, Any]) -> bytes:
-    text = json.dumps(fields, ensure_ascii=False, separators=(",", ":"), sort_keys=True)
-    return text.encode("utf-8", "surrogatepass") + b"\n"
-
-
 _CHUNK = 1 << 20
 
 
 @dataclass(frozen=True)
 class IndexedSession:
-    """A session of the index; `problem` says what became of its log, empty when it is as it was."""
+    """A session of the index; `problem` is the damage to its log, empty if there is none."""
 
     log: str
     session: str
@@ -194,19 +162,19 @@ class IndexedSession:
 
 @dataclass(frozen=True)
 class IndexReport:
-    """The sessions of an index in their order, and what is wrong with the index itself."""
+    """The sessions of an index in their order, and the problems of the index itself."""
 
     sessions: tuple[IndexedSession, ...] = ()
     problems: tuple[str, ...] = ()
 
     @property
-    def told(self) -> tuple[str, ...]:
-        """Everything that is not as it should be, a sentence each."""
+    def all_problems(self) -> tuple[str, ...]:
+        """The problems of the index and of the logs, a sentence each."""
         logs = (f"{found.log}: {found.problem}" for found in self.sessions if found.problem)
         return (*self.problems, *logs)
 
     def of(self, log: Path) -> str:
-        """Return what is wrong with `log` by the index; empty when nothing is or it has none."""
+        """Return the problem of `log` by the index; empty if it has none or is not in the index."""
         problems = (found.problem for found in self.sessions if found.log == log.name)
         return next(filter(None, problems), "")
 
@@ -214,7 +182,7 @@ class IndexReport:
 def check_index(folder: Path, known: Collection[str]) -> IndexReport:
     """Check the index of `folder`, and the first and the last record of every log in it.
 
-    Lines of keys whose fingerprints are not `known` say nothing. Raises LogError when a file
+    Lines signed by keys whose fingerprints are not `known` do not count. Raises LogError if a file
     cannot be read.
     """
     path = index_path(folder)
@@ -225,7 +193,7 @@ def check_index(folder: Path, known: Collection[str]) -> IndexReport:
         content, anchor = b"", read_anchor(folder)
     except OSError as error:
         raise os_error(path, "read the index of sessions", error) from error
-    entries: list[Entry] = []
+    entries: list[IndexLine] = []
     problems = list(_chain(path.name, content, known, entries))
     if anchor and anchor not in content.splitlines(keepends=True):
         problems.append(f"{path.name}: its last line that this machine wrote is gone")
@@ -233,13 +201,13 @@ def check_index(folder: Path, known: Collection[str]) -> IndexReport:
 
 
 def _chain(
-    name: str, content: bytes, known: Collection[str], entries: list[Entry]
+    name: str, content: bytes, known: Collection[str], entries: list[IndexLine]
 ) -> Iterator[str]:
-    """Follow the lines to their end; put those that are sound into `entries`, yield the damage."""
+    """Follow the lines to their end; add the sound ones to `entries` and yield the problems."""
     seq, prev, sound = 0, GENESIS, True
     for number, line in enumerate(content.splitlines(keepends=True), start=1):
         try:
-            entry = parse_entry(line)
+            entry = IndexLine.parse(line)
         except ValueError as error:
             yield f"{name}:{number}: {error}"
             sound = False
@@ -255,25 +223,25 @@ def _chain(
             yield f"{name}:{number}: signed by an unknown key, {key}"
 
 
-def _sessions(folder: Path, entries: list[Entry]) -> Iterator[IndexedSession]:
-    by_log: dict[tuple[str, str], list[Entry]] = {}
+def _sessions(folder: Path, entries: list[IndexLine]) -> Iterator[IndexedSession]:
+    by_log: dict[tuple[str, str], list[IndexLine]] = {}
     for entry in entries:
         by_log.setdefault((entry.log, entry.session), []).append(entry)
-    for (log, session), told in by_log.items():
-        ended = any(entry.ended for entry in told)
-        yield IndexedSession(log, session, ended, _problem(folder / log, session, told))
+    for (log, session), lines in by_log.items():
+        ended = any(line.ended for line in lines)
+        yield IndexedSession(log, session, ended, _problem(folder / log, session, lines))
 
 
-def _problem(log: Path, session: str, told: list[Entry]) -> str:
-    """Return why `log` is not the one that the index tells of."""
-    if log.name != told[0].log or not log.is_file():
+def _problem(log: Path, session: str, lines: list[IndexLine]) -> str:
+    """Return the difference between `log` and its `lines` in the index; empty for none."""
+    if log.name != lines[0].log or not log.is_file():
         return f"the log of session {session} is missing"
     try:
         first, last = _ends(log)
     except OSError as error:
         raise os_error(log, "read the session log", error) from error
     records = last.get("seq", 0)
-    for entry in told:
+    for entry in lines:
         if entry.records > records:
             ended = "ended with" if entry.ended else "had"
             return (
@@ -287,7 +255,7 @@ def _problem(log: Path, session: str, told: list[Entry]) -> str:
 
 
 def _ends(log: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the first and the last whole record of `log`, {} for what is none."""
+    """Return the first and the last whole line of `log` as records, {} for one that is none."""
     with log.open("rb") as file:
         first = file.readline()
         at, tail = file.seek(0, 2), b""

@@ -1,4 +1,4 @@
-"""Verifies a session log: its chain, signatures and signed head; names what happened to it."""
+"""Verification of a session log: its chain, signatures and signed head, and the kind of damage."""
 
 import re
 from collections.abc import Collection
@@ -16,9 +16,9 @@ from pa_console.session.log.chain import (
     link_problem,
     own_problem,
     parse,
+    read_lines,
     signed_part,
 )
-from pa_console.session.log.reader import read_lines
 from pa_console.session.log.signed_head import SignedHead, head_path, read_head
 from pa_console.signing import fingerprint, is_signature, known_keys
 
@@ -33,9 +33,9 @@ _SEQ = re.compile(rb'\{"seq":(\d{1,18}),')
 
 @dataclass(frozen=True)
 class Damage:
-    """What is wrong, first on `line`; with `through`, somewhere from there to that line.
+    """A damage to a log, first on `line`, or somewhere from `line` to `through`.
 
-    `line` is None when the head beside the log is to blame.
+    `line` is None for a damage to the head beside the log.
     """
 
     kind: DamageKind
@@ -45,8 +45,8 @@ class Damage:
 
 
 @dataclass
-class Sound:
-    """How far a log is sound: its last two records, and the lines that signatures vouch for."""
+class SoundPart:
+    """The sound beginning of a log: its last two records, and its lines under a signature."""
 
     lines: int = 0
     before: Record | None = None
@@ -54,14 +54,18 @@ class Sound:
     vouched: int = 0
 
     def add(self, record: Record) -> None:
-        """Take in the next sound record."""
+        """Add the next sound record."""
         self.lines += 1
         self.before_that, self.before = self.before, record
 
 
 @dataclass
-class _Around:
-    """Lines elsewhere that explain a bad one: byte for byte the same, the next, and by number."""
+class _Context:
+    """Lines that explain a bad one: equal ones, the next one, and those of the same numbers.
+
+    `wanted_after` is the later line that has the number of the bad one's place,
+    `own_number_after` means that a later line has the same number as the bad one.
+    """
 
     following: Record | None = None
     same_before: int | None = None
@@ -71,17 +75,17 @@ class _Around:
 
 
 def find_damage(
-    path: Path, sound: Sound, line: bytes, problem: str, head: SignedHead | None
+    path: Path, sound: SoundPart, line: bytes, problem: str, head: SignedHead | None
 ) -> Damage:
-    """Return what happened to `line`, which follows the sound lines and has `problem`."""
+    """Return the damage to `line`, which follows the sound lines and has `problem`."""
     number, record = sound.lines + 1, _record(line)
-    around = _look_around(path, number, line)
-    following = around.following
-    if around.same_before is not None:
-        return Damage("duplicated", number, f"this line repeats line {around.same_before}")
+    context = _look_around(path, number, line)
+    following = context.following
+    if context.same_before is not None:
+        return Damage("duplicated", number, f"this line repeats line {context.same_before}")
     rejoined = following is not None and not link_problem(following, sound.before)
     if record is not None and not own_problem(record):
-        return _misplaced(record, sound, around, rejoined, problem)
+        return _misplaced(record, sound, context, rejoined, problem)
     if rejoined:
         return Damage("inserted", number, f"a line was inserted here: {problem}")
     if record is None:
@@ -89,10 +93,10 @@ def find_damage(
     return _edited(record, sound, following, head)
 
 
-def find_forgery(path: Path, sound: Sound, line: bytes, record: Record) -> Damage:
-    """Return what happened to a signed record, in its place in the chain, whose signature is bad.
+def find_forgery(path: Path, sound: SoundPart, line: bytes, record: Record) -> Damage:
+    """Return the damage to a linked signed record whose signature does not fit.
 
-    Whoever changes an earlier line and recomputes every hash cannot sign the new ones.
+    An attacker who changes an earlier line can recompute every hash, but not the signatures.
     """
     number = sound.lines + 1
     following = _look_around(path, number, line).following
@@ -105,9 +109,9 @@ def find_forgery(path: Path, sound: Sound, line: bytes, record: Record) -> Damag
 
 
 def _edited(
-    record: Record, sound: Sound, following: Record | None, head: SignedHead | None
+    record: Record, sound: SoundPart, following: Record | None, head: SignedHead | None
 ) -> Damage:
-    """Tell what of a record was edited whose hash is not that of what it says."""
+    """Return the damage to a record whose hash does not fit its content."""
     number, true = sound.lines + 1, digest(record.fields)
     if record.hash == true:
         problem = "the record was edited: it says the same in other letters"
@@ -128,8 +132,8 @@ def _edited(
     return Damage("edited-field", number, problem)
 
 
-def _wanted(sound: Sound) -> dict[str, object]:
-    """Return the fields that the record after the sound ones must have."""
+def _wanted(sound: SoundPart) -> dict[str, object]:
+    """Return the values that the record after the sound ones must have."""
     if sound.before is None:
         return {"seq": 1, "prev": "0" * 64}
     session = sound.before.fields["session"]
@@ -137,40 +141,42 @@ def _wanted(sound: Sound) -> dict[str, object]:
 
 
 def _misplaced(
-    record: Record, sound: Sound, around: _Around, rejoined: bool, problem: str
+    record: Record, sound: SoundPart, context: _Context, rejoined: bool, problem: str
 ) -> Damage:
-    """Tell why a record that is sound by itself does not follow the one before."""
+    """Return the damage at a record that is sound by itself but does not follow the one before."""
     number, seq = sound.lines + 1, cast(object, record.fields["seq"])
     if isinstance(seq, int) and seq > number:
-        return _too_early(seq, number, rejoined, around, problem)
+        return _too_early(seq, number, rejoined, context, problem)
     if rejoined:
         return Damage("inserted", number, f"a record was inserted here: {problem}")
     if seq == number:
-        return _broken_link(record, sound, around.following, problem)
+        return _broken_link(record, sound, context.following, problem)
     if sound.vouched < sound.lines and not link_problem(record, sound.before_that):
         return Damage("inserted", sound.lines, "a record was inserted here, with a fitting hash")
     return Damage("inserted", number, f"a record was inserted here: {problem}")
 
 
-def _too_early(seq: int, number: int, rejoined: bool, around: _Around, problem: str) -> Damage:
-    """Tell why record `seq` stands on the earlier line `number`."""
-    if around.same_after is not None:
-        return Damage("duplicated", number, f"this line repeats line {around.same_after}")
-    if around.wanted_after is not None and not around.own_number_after:
-        if around.wanted_after == seq:
+def _too_early(seq: int, number: int, rejoined: bool, context: _Context, problem: str) -> Damage:
+    """Return the damage that put record `seq` on the earlier line `number`."""
+    if context.same_after is not None:
+        return Damage("duplicated", number, f"this line repeats line {context.same_after}")
+    if context.wanted_after is not None and not context.own_number_after:
+        if context.wanted_after == seq:
             return Damage("swapped", number, f"lines {number} and {seq} were swapped")
-        problem = f"lines were moved: record {number} is on line {around.wanted_after}"
+        problem = f"lines were moved: record {number} is on line {context.wanted_after}"
         return Damage("moved", number, problem)
     if rejoined:
         return Damage("inserted", number, f"a record was inserted here: {problem}")
-    if around.following is not None and around.following.fields["seq"] == number + 1:
+    if context.following is not None and context.following.fields["seq"] == number + 1:
         return Damage("replaced", number, f"the record was replaced: {problem}")
     count = f"{seq - number} records" if seq > number + 1 else "one record"
     return Damage("removed", number, f"{count} removed before this line: seq is {seq}")
 
 
-def _broken_link(record: Record, sound: Sound, following: Record | None, problem: str) -> Damage:
-    """Tell which of two records was replaced, each sound by itself, that are not linked."""
+def _broken_link(
+    record: Record, sound: SoundPart, following: Record | None, problem: str
+) -> Damage:
+    """Return which of two records, each sound by itself but not linked, was replaced."""
     number = sound.lines + 1
     linked = sound.before is None or record.fields["prev"] == sound.before.hash
     forged = following is not None and following.fields["prev"] != record.hash
@@ -184,9 +190,9 @@ def _broken_link(record: Record, sound: Sound, following: Record | None, problem
     return Damage("replaced", bad, problem)
 
 
-def _look_around(path: Path, number: int, bad: bytes) -> _Around:
-    """Read the log once more for what the line `number`, which is `bad`, has to do with others."""
-    around, own = _Around(), _SEQ.match(bad)
+def _look_around(path: Path, number: int, bad: bytes) -> _Context:
+    """Read the log once more for the lines that explain line `number`, which is `bad`."""
+    context, own = _Context(), _SEQ.match(bad)
     with path.open("rb") as file:
         for at, line in enumerate(lines_of(file), start=1):
             if at == number:
@@ -194,17 +200,17 @@ def _look_around(path: Path, number: int, bad: bytes) -> _Around:
             text = line.removesuffix(b"\n")
             if at < number:
                 if text == bad:
-                    around.same_before = around.same_before or at
+                    context.same_before = context.same_before or at
                 continue
             if at == number + 1:
-                around.following = _record(text)
+                context.following = _record(text)
             if text == bad:
-                around.same_after = around.same_after or at
+                context.same_after = context.same_after or at
             if found := _SEQ.match(text):
                 if int(found[1]) == number:
-                    around.wanted_after = around.wanted_after or at
-                around.own_number_after |= own is not None and own[1] == found[1]
-    return around
+                    context.wanted_after = context.wanted_after or at
+                context.own_number_after |= own is not None and own[1] == found[1]
+    return context
 
 
 def _record(line: bytes) -> Record | None:
@@ -215,18 +221,19 @@ def _record(line: bytes) -> Record | None:
 
 
 Standing = Literal["signed", "open", "not signed"]
-"""Signed to its end; signed, but not (yet) to an end; without any signature."""
+"""Signed to its end; signed, but not closed; without any signature."""
 FIRST_SIGNED = 2
-"""The line of a log's first signature: after the one that says which session it is of."""
+"""The line of a log's first signature; the line before it names the session."""
 
 
 @dataclass(frozen=True)
 class VerifyResult:
-    """Whether a log is whole; `first_bad_line` counts from 1 and is None when no line is to blame.
+    """The result of verifying a log; `ok` if no damage was found.
 
-    With `last_bad_line`, what is wrong is between the two. `lines` are the sound lines before;
-    `head`, the hash of the last, and `note` are those of a log in which nothing is wrong. The
-    signatures of the key with the fingerprint `key` vouch for the first `vouched` lines.
+    The damage is on `first_bad_line`, counted from 1, or somewhere from there to `last_bad_line`;
+    None if it is on no line. `lines` are the sound lines before it. A log without damage has
+    `head`, the hash of its last line, and maybe a `note`. The first `vouched` lines are signed by
+    the key with the fingerprint `key`.
     """
 
     ok: bool
@@ -244,15 +251,15 @@ class VerifyResult:
 
     @property
     def intact(self) -> bool:
-        """Whether every line, and that there are no more, is vouched for by a known key."""
+        """True if a known key has signed every line and the end of the log."""
         return self.ok and self.standing == "signed"
 
 
 def verify(path: Path, known: Collection[str] | None = None) -> VerifyResult:
     """Check every record, the chain, the signatures and the head of the log at `path`.
 
-    `known` are the fingerprints that may vouch, this machine's when it is None. Raises LogError
-    when a file cannot be read, SigningError when this machine's key cannot.
+    `known` are the fingerprints of accepted keys, by default those of this machine. Raises LogError
+    if a file cannot be read, SigningError if this machine's key cannot be read.
     """
     try:
         head, head_problem = read_head(path), ""
@@ -283,18 +290,18 @@ def verify(path: Path, known: Collection[str] | None = None) -> VerifyResult:
 
 
 class _Chain:
-    """Follows a log to its end or to its first damage."""
+    """The chain of a log, read to its end or to its first damage."""
 
     def __init__(self, path: Path, head: SignedHead | None) -> None:
         self._path, self._head = path, head
-        self.sound = Sound()
+        self.sound = SoundPart()
         self.key = ""
         self._key_line = 0
         self._hash_at_head = ""
         self._notes: list[str] = []
 
     def read(self) -> Damage | None:
-        """Read every line; return the first damage to the chain or a signature."""
+        """Read every line; return the first damage to the chain or to a signature."""
         try:
             for _, line in read_lines(self._path):
                 try:
@@ -350,7 +357,7 @@ class _Chain:
         return Damage("unknown-key", self._key_line, problem)
 
     def head_damage(self) -> Damage | None:
-        """Return the damage if an otherwise sound log is not the one that its head vouches for."""
+        """Return the damage if an otherwise sound log does not match its signed head."""
         head, sound, name = self._head, self.sound, head_path(self._path).name
         if head is None:
             problem = f"the log is signed, but its head {name} is gone: its end may be, too"
@@ -377,14 +384,14 @@ class _Chain:
         return None
 
     def standing(self) -> Standing:
-        """Return how far the signatures go."""
+        """Return the extent of the signatures."""
         last = self.sound.before
         if last is not None and isinstance(last.event.data, LogSigned) and last.event.data.closing:
             return "signed"
         return "open" if self.key or self._head is not None else "not signed"
 
     def note(self) -> str:
-        """Return what is worth knowing of a log in which nothing is wrong."""
+        """Return remarks on a log without damage."""
         last, standing = self.sound.before, self.standing()
         notes = self._notes.copy()
         if last is None:

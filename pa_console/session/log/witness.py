@@ -1,8 +1,8 @@
-"""A witness of a session log, on another disk or machine: it is given the log's signed heads.
+"""A witness of a session log: a file or server elsewhere that gets the log's signed heads.
 
-Whoever has the signing key can write a log anew and sign it; not so what the witness has seen. It
-is a file, to which the heads are appended, or a web address, to which each is posted: one line of
-JSON as in `LOG.head`. Whoever listens there appends what comes to a file.
+The owner of the signing key can rewrite a log and sign it, but not the heads that a witness on
+another disk or machine already has. Heads are appended to a file, or each is posted to a web
+address whose server appends it to a file: one line of JSON as in `LOG.head`.
 """
 
 import os
@@ -16,13 +16,12 @@ from pathlib import Path
 from urllib.error import HTTPError
 
 from pa_console.private_files import make_private_folder, open_private
-from pa_console.session.log.chain import LogError, os_error, parse
-from pa_console.session.log.reader import read_lines
-from pa_console.session.log.signed_head import SignedHead, head_line, parse_head
+from pa_console.session.log.chain import LogError, os_error, parse, read_lines
+from pa_console.session.log.signed_head import SignedHead
 from pa_console.signing import fingerprint
 
 EVERY_S = 10.0
-"""A head that no decision calls for is sent after so long."""
+"""Seconds between heads that no decision calls for."""
 TIMEOUT_S = 5.0
 RETRY_S = 10.0
 URLS = ("http://", "https://")
@@ -31,10 +30,10 @@ Send = Callable[[bytes], None]
 
 
 class Witness:
-    """Sends heads from a thread of its own: nobody waits for it but who closes, TIMEOUT_S at most.
+    """A thread that sends heads; only `close` waits for it, for TIMEOUT_S at most.
 
-    Of several that wait, the last is sent, which vouches for what the others do. `problem` is why
-    the last one could not be sent, empty when it could.
+    Of several waiting heads only the last is sent, which covers the records of the others.
+    `problem` is the error of the last attempt, empty if it succeeded.
     """
 
     def __init__(
@@ -53,12 +52,12 @@ class Witness:
         self._next: SignedHead | None = None
         self._closing = False
         self._seen_at = -EVERY_S
-        self._told = ""
+        self._reported = ""
         self._thread = threading.Thread(target=self._serve, name="witness", daemon=True)
         self._thread.start()
 
     def see(self, head: SignedHead, *, urgent: bool) -> None:
-        """Have `head` sent; one that is not `urgent` only if none was for EVERY_S."""
+        """Send `head` soon; skip one that is not `urgent` within EVERY_S of the last."""
         now = self._clock()
         if not urgent and now - self._seen_at < EVERY_S:
             return
@@ -67,12 +66,12 @@ class Witness:
             self._changed.notify()
 
     def news(self) -> str | None:
-        """Return what has become of sending since this was last asked; None when nothing has."""
-        before, self._told = self._told, self.problem
-        return None if before == self._told else self._told
+        """Return `problem` if it has changed since the last call, else None."""
+        before, self._reported = self._reported, self.problem
+        return None if before == self._reported else self._reported
 
     def close(self) -> None:
-        """Send what waits, once and not for long; then `problem` is final."""
+        """Send the waiting head with one attempt; then `problem` is final."""
         with self._changed:
             self._closing = True
             self._changed.notify()
@@ -89,7 +88,7 @@ class Witness:
             if head is None:
                 return
             try:
-                self._send(head_line(head))
+                self._send(head.line)
             except (OSError, HTTPException, ValueError) as error:
                 self.problem = _words(error)
             else:
@@ -118,12 +117,12 @@ def _to_file(target: str) -> Send:
 
 
 class _NoRedirect(urllib.request.HTTPRedirectHandler):
-    """A head that is sent on elsewhere as a question has been stored by nobody."""
+    """A handler that takes a redirection for an error: its GET would store no head."""
 
-    def redirect_request(  # pyright: ignore[reportIncompatibleMethodOverride] - whatever is asked
+    def redirect_request(  # pyright: ignore[reportIncompatibleMethodOverride] - arguments unused
         self, *_: object
     ) -> None:
-        """Take the redirection for the answer, which is an error."""
+        """Refuse to follow the redirection."""
 
 
 def _to_url(target: str) -> Send:
@@ -146,10 +145,11 @@ def _words(error: Exception) -> str:
 
 
 @dataclass(frozen=True)
-class Statement:
-    """What a witness says of a log: so many `heads` of its session, and what does not fit.
+class WitnessResult:
+    """The comparison of a log with the `heads` that its witness has of its session.
 
-    `line` is that of the first head that the log no longer has; `records` are vouched for.
+    The heads up to the first problem cover `records` records. `line` is the witness's line of the
+    first head that does not match the log.
     """
 
     heads: int
@@ -159,26 +159,26 @@ class Statement:
 
     @property
     def ok(self) -> bool:
-        """Whether the witness knows the session, and the log has every head that it has seen."""
+        """True if the witness knows the session, and all its heads match the log."""
         return not self.problem
 
 
-def check_witness(log: Path, session: str, witness: Path, known: Collection[str]) -> Statement:
-    """Hold `log`, of `session`, against the file `witness`.
+def check_witness(log: Path, session: str, witness: Path, known: Collection[str]) -> WitnessResult:
+    """Compare `log`, of `session`, with the file `witness`.
 
-    Heads signed by keys whose fingerprints are not `known` say nothing: anybody can make them.
-    Raises LogError when a file cannot be read.
+    Heads signed by keys whose fingerprints are not `known` do not count: any key can sign them.
+    Raises LogError if a file cannot be read.
     """
     heads = _heads(witness, session, known)
     if not heads:
         problem = f"the witness has no head of session “{session}” that a known key has signed"
-        return Statement(0, problem=problem)
+        return WitnessResult(0, problem=problem)
     hashes = _hashes(log, {head.seq for _, head in heads})
     good = 0
     for line, head in heads:
         if head.seq and hashes.get(head.seq) != head.hash:
             what = "that record is gone" if head.seq not in hashes else "that record is another one"
-            return Statement(
+            return WitnessResult(
                 len(heads),
                 good,
                 line,
@@ -186,17 +186,17 @@ def check_witness(log: Path, session: str, witness: Path, known: Collection[str]
                 f"{what}; records {good + 1} to {head.seq} were cut or written anew since",
             )
         good = max(good, head.seq)
-    return Statement(len(heads), good)
+    return WitnessResult(len(heads), good)
 
 
 def _heads(witness: Path, session: str, known: Collection[str]) -> list[tuple[int, SignedHead]]:
-    """Return the heads of `session`, each with its line; what is none says nothing."""
+    """Return the valid heads of `session`, each with its line number."""
     found: list[tuple[int, SignedHead]] = []
     try:
         with witness.open("rb") as file:
             for number, line in enumerate(file, start=1):
                 try:
-                    head = parse_head(line)
+                    head = SignedHead.parse(line)
                 except ValueError:
                     continue
                 if head.session == session and fingerprint(head.key) in known:
@@ -207,7 +207,7 @@ def _heads(witness: Path, session: str, known: Collection[str]) -> list[tuple[in
 
 
 def _hashes(log: Path, wanted: Collection[int]) -> dict[int, str]:
-    """Return the hashes of the records on the `wanted` lines of `log`, as far as it is sound."""
+    """Return the hashes of the records on the `wanted` lines, up to the first bad line."""
     hashes: dict[int, str] = {}
     try:
         for number, line in read_lines(log):

@@ -1,4 +1,4 @@
-"""Writes the session log: hash-chained and signed JSONL, one record a line, as it happens."""
+"""The writer of the session log: hash-chained and signed JSONL, one record a line."""
 
 import os
 import re
@@ -12,9 +12,8 @@ import platformdirs
 
 from pa_console.private_files import make_private_folder, open_private
 from pa_console.schema.events.event import Event, LogSigned
-from pa_console.session.log.chain import GENESIS, LogError, os_error, seal
+from pa_console.session.log.chain import GENESIS, LogError, os_error, read_log, seal
 from pa_console.session.log.log_file import LogFile
-from pa_console.session.log.reader import read_log
 from pa_console.session.log.session_index import SessionIndex, index_path
 from pa_console.session.log.signed_head import (
     HeadKeeper,
@@ -50,7 +49,7 @@ DURABLE_KINDS = frozenset(
         "authority_changed",
     )
 )  # fmt: skip
-"""Events that are on the disk before `append` returns: what an operator answers for."""
+"""Kinds of events that are on the disk before `append` returns: an operator answers for them."""
 
 
 def default_folder() -> Path:
@@ -61,7 +60,7 @@ def default_folder() -> Path:
 def new_log_path(folder: Path, session: str) -> Path:
     """Create an empty log for `session` in `folder` under a name that no other console has.
 
-    Raises LogError when the folder cannot be written to.
+    Raises LogError if the folder cannot be written to.
     """
     stem = re.sub(r"[^A-Za-z0-9._-]+", "_", session).strip("._") or "session"
     path, number = folder / f"{stem}.jsonl", 1
@@ -80,17 +79,17 @@ def new_log_path(folder: Path, session: str) -> Path:
 
 
 class LogWriter:
-    """Appends events to a log that it alone holds; not for use by several threads.
+    """An open log to which one thread appends events.
 
-    Records are written at least every FLUSH_RECORDS records or FLUSH_SECONDS seconds, and are
-    safe on the disk at once for DURABLE_KINDS. With a `signer`, the log is signed after its first
-    record, after each that is binding, after every SIGN_RECORDS records, with the first record
-    after SIGN_SECONDS seconds, and on closing; its signed head follows each time, before the call
-    returns but for those that only time or number call for: these follow soon. When the disk
-    refuses, the records are kept in
-    memory and written as soon as it takes them again; `on_error` is told once each time that
-    begins. Without `on_error` the LogError is raised from `append` or `flush` instead, and the
-    event is kept all the same.
+    Records are written after FLUSH_RECORDS records or FLUSH_SECONDS seconds at the latest; those
+    of DURABLE_KINDS are on the disk at once. With a `signer`, the log is signed after its first
+    record, after each binding one, after SIGN_RECORDS records, with the first record after
+    SIGN_SECONDS seconds, and on closing. Its signed head follows each signature: before the call
+    returns, or soon after it for a signature that only time or number called for.
+
+    While the disk refuses, records are kept in memory and written as soon as it accepts them
+    again. `on_error` is called once at the beginning of each such time. Without `on_error`,
+    `append` or `flush` raises the LogError, and the event is kept as well.
     """
 
     def __init__(
@@ -106,12 +105,9 @@ class LogWriter:
     ) -> None:
         """Open `path`, new or to be continued; a torn last line moves to `PATH.torn`.
 
-        A signed log is noted in the `index` of its folder when it begins and when it ends. Its
-        heads go to the `witness` as well, which is closed with the log.
-
-        Raises LogError when the file cannot be opened, is held by another console, belongs to
-        another session, does not end in a sound record, or is not what its signed head, of the
-        key of `signer`, vouches for.
+        A signed log is added to the `index` of its folder when it begins and when it ends. Its
+        heads also go to the `witness`, which is closed with the log. Raises LogError in the cases
+        of LogFile; a signed head must be by `signer`.
         """
         self.path, self.session = path, session
         self._signer, self._on_error, self._clock = signer, on_error, clock
@@ -136,8 +132,8 @@ class LogWriter:
             self._file.close()
             raise os_error(head_path(path), "write the signed head", error) from error
         self._open = True
-        self.on_record: Callable[[str, str], None] = _nobody
-        """Is told every record from now on, without its line end, and its hash."""
+        self.on_record: Callable[[str, str], None] = lambda _line, _hash: None
+        """A function that gets every further record, without its line end, and its hash."""
 
     @property
     def lines(self) -> int:
@@ -146,33 +142,33 @@ class LogWriter:
 
     @property
     def head(self) -> str:
-        """The hash of the last record: noted down elsewhere, it vouches for the whole log."""
+        """The hash of the last record; a copy of it elsewhere proves the whole log."""
         return self._hash
 
     @property
     def error(self) -> LogError | None:
-        """Why the log, or its signed head, cannot be written at present; None while it can."""
+        """The error of the last attempt to write the log or its signed head; None if it worked."""
         return self._refused or self._headless
 
     def news(self) -> str | None:
-        """Return what has become of the witness since this was last asked; None for nothing new."""
+        """Return the problem of the witness if it has changed since the last call, else None."""
         return self._witness.news() if self._witness is not None else None
 
     @property
     def witness_problem(self) -> str:
-        """Why the witness has not got the last head that was sent; empty when it has."""
+        """The error of sending the last head to the witness; empty if it was received."""
         return self._witness.problem if self._witness is not None else ""
 
     @property
     def owes(self) -> bool:
-        """Whether `commit` has something to do."""
+        """True if `commit` has something to do."""
         return self._owed != "nothing"
 
     def append(self, event: Event, *, commit: bool = True) -> None:
-        """Put `event` at the end of the log; a transient one is skipped.
+        """Append `event` to the log; a transient one is skipped.
 
-        Without `commit`, what is to be signed or safe at once waits for `commit`: one signature is
-        enough for all that happens at one moment.
+        Without `commit`, a signature or sync that the event needs waits for a call of `commit`:
+        one signature is enough for all events of one moment.
         """
         if event.data.transient:
             return
@@ -197,9 +193,9 @@ class LogWriter:
             self.flush(durable=False)
 
     def commit(self) -> None:
-        """Have on the disk, and signed, whatever may not wait; without any of it, do nothing.
+        """Write, and sign if needed, the events that may not wait; do nothing without any.
 
-        What the disk refuses stays owed.
+        They stay owed if the disk refuses them.
         """
         if not self.owes:
             return
@@ -214,7 +210,7 @@ class LogWriter:
             self._owed = "nothing"
 
     def flush(self, *, durable: bool = True) -> None:
-        """Write what is pending; `durable` also waits until the disk has it."""
+        """Write the pending records; `durable` also waits until they are on the disk."""
         self._flushed_at = self._clock()
         try:
             self._file.write(self._pending)
@@ -222,13 +218,14 @@ class LogWriter:
             if durable:
                 self._file.sync()
         except OSError as error:
-            told, self._refused = self._refused, os_error(self.path, "write the session log", error)
-            self._report(self._refused, error, told=told is not None)
+            before, problem = self._refused, os_error(self.path, "write the session log", error)
+            self._refused = problem
+            self._report(problem, error, again=before is not None)
         else:
             self._refused = None
 
     def close(self) -> None:
-        """Write everything and let go of the file; raises LogError when records would be lost."""
+        """Write everything and close the file; raise LogError if records are lost."""
         if not self._open:
             return
         try:
@@ -241,7 +238,7 @@ class LogWriter:
                 why = self._refused and self._refused.problem
                 raise LogError(str(self.path), 0, f"{problem}; {why}")
             if self._begun:
-                self._note(self._seq, self._hash, ended=True)
+                self._add_to_index(self._seq, self._hash, ended=True)
         finally:
             self._open = False
             self._keeper.close()
@@ -271,7 +268,7 @@ class LogWriter:
         self._pending += line.encode() + b"\n"
 
     def _sign(self, last: Event, signer: Signer, *, at_once: bool, closing: bool = False) -> None:
-        """Vouch for everything up to `last` in the log, and once it is on the disk in its head."""
+        """Sign everything up to `last` in the log, and in its head once that is on the disk."""
         signed = LogSigned(key=signer.public, closing=closing, found=self._found)
         self._put(Event(t=last.t, tick=last.tick, data=signed), signer)
         self._unsigned, self._found, self._signed_at = 0, 0, self._clock()
@@ -282,42 +279,37 @@ class LogWriter:
         try:
             keep(sign_head(self.session, self._seq, self._hash, closing, signer))
         except OSError as error:
-            told, task = self._headless, "write the signed head of the session log"
+            before, task = self._headless, "write the signed head of the session log"
             self._headless = os_error(self.path, task, error)
-            self._report(self._headless, error, told=told is not None)
+            self._report(self._headless, error, again=before is not None)
         else:
             self._headless = None
         if at_once and not self._begun:
-            self._begun = self._note(*self._first, ended=False)
+            self._begun = self._add_to_index(*self._first, ended=False)
 
-    def _note(self, records: int, head: str, *, ended: bool) -> bool:
-        """Tell the index of sessions; return whether it could be told."""
+    def _add_to_index(self, records: int, head: str, *, ended: bool) -> bool:
+        """Add a line to the index of sessions; return False if that failed."""
         if self._index is None:
             return True
         try:
             self._index.add(self.path.name, self.session, records, head, ended=ended)
         except OSError as error:
-            told, self._unindexed = self._unindexed, True
+            before, self._unindexed = self._unindexed, True
             place, task = index_path(self.path.parent), "write the index of sessions"
-            self._report(os_error(place, task, error), error, told=told)
+            self._report(os_error(place, task, error), error, again=before)
             return False
         self._unindexed = False
         return True
 
     def _seen(self, head: SignedHead, urgent: bool) -> None:
-        """Give the witness a head whose records are on the disk."""
         if self._witness is not None:
             self._witness.see(head, urgent=urgent)
 
-    def _report(self, problem: LogError, error: OSError, *, told: bool) -> None:
+    def _report(self, problem: LogError, error: OSError, *, again: bool) -> None:
         if self._on_error is None:
             raise problem from error
-        if not told:
+        if not again:
             self._on_error(problem)
-
-
-def _nobody(_line: str, _digest: str) -> None:
-    pass
 
 
 def open_session_log(
@@ -330,10 +322,10 @@ def open_session_log(
     witness: Witness | None = None,
     resumed: bool = False,
 ) -> LogWriter:
-    """Open the signed log of a session: at `path`, or a new one in `folder`, whose index notes it.
+    """Open the signed log of a session: at `path`, or a new one in `folder` and its index.
 
-    The index notes a `resumed` session too, whose log is at `path` in the folder. Raises LogError
-    when it cannot be opened.
+    A `resumed` session, whose log is at `path` in the folder, is added to the index too. Raises
+    LogError if the log cannot be opened.
     """
     return LogWriter(
         path or new_log_path(folder, session),

@@ -12,8 +12,7 @@ from typing import Literal
 
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import MissionStatus
-from pa_console.session.log.chain import LogError, parse
-from pa_console.session.log.reader import read_lines
+from pa_console.session.log.chain import LogError, parse, read_lines
 
 _TEXT = rb'"(?:[^"\\]|\\.)*"'
 _HEAD = re.compile(

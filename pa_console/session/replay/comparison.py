@@ -1,12 +1,12 @@
-"""Finds where two recordings begin to tell different things, and what differs there.
+"""Comparison of two recordings: the first event that differs, and its differences.
 
-Compared is what events mean: kind, mission, simulation tick and content. Left out is what differs
-between two runs of the same: session ids, times of day, hashes but those that pin a session, and
-what was measured on the machine (seconds, tokens).
+Kind, mission, simulation tick and content of events are compared. Values that differ between two
+runs of the same session are left out: session ids, times of day, hashes except those that pin a
+session, and measurements of the machine (seconds, tokens).
 """
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import zip_longest
 from typing import cast
@@ -24,7 +24,7 @@ ABSENT = "(absent)"
 TICK = "tick"
 ENDED = "the recording ends here"
 _PINS = frozenset(("world_sha256", "rules_sha256", "model_sha256", "scenario_sha256"))
-"""Hashes that say what a session was started with."""
+"""Hashes of the files that a session was started with."""
 _COUNTS = frozenset(("attempts", "plans", "halts"))
 _LEFT_OUT: dict[type[BaseModel], frozenset[str]] = {
     SessionStarted: frozenset(("session", "version", "packages")),
@@ -39,7 +39,7 @@ _STEP = 4096
 
 @dataclass(frozen=True)
 class Change:
-    """One value that differs; `path` says where, as in `plan.actions[0].command`."""
+    """One value that differs; `path` is its place, as in `plan.actions[0].command`."""
 
     path: str
     a: str
@@ -48,7 +48,7 @@ class Change:
 
 @dataclass(frozen=True)
 class Difference:
-    """Two events, counted from 0, that should be the same; past the end there is no event."""
+    """Two events, counted from 0, that are not the same; a number past the end is no event."""
 
     a: int
     b: int
@@ -57,10 +57,10 @@ class Difference:
 
 @dataclass(frozen=True)
 class SessionComparison:
-    """What differs: how the sessions were started, and the first event that is not the same.
+    """The differences in how two sessions were started, and the first event that differs.
 
-    When that is telemetry, or the same at another tick, `beyond` is the first event that differs
-    though neither counts; None when nothing does.
+    If that event is telemetry, or differs in its tick only, `beyond` is the first event that
+    differs otherwise; None if there is none.
     """
 
     started: tuple[Change, ...]
@@ -69,16 +69,16 @@ class SessionComparison:
 
     @property
     def same(self) -> bool:
-        """Whether both tell the same."""
+        """True if the sessions do not differ."""
         return not self.started and self.first is None
 
 
 def compare_sessions(
     a: Recording, b: Recording, progress: Callable[[int, int], None] | None = None
 ) -> SessionComparison:
-    """Compare two recordings event by event; `progress` is told how many of how many are done.
+    """Compare two recordings event by event; `progress` gets the events done and all of them.
 
-    Raises LogError when a log cannot be read any more.
+    Raises LogError if a log can no longer be read.
     """
     began = int(all(len(r) and isinstance(r[0].data, SessionStarted) for r in (a, b)))
     started = _changes(_meaning(a[0])["data"], _meaning(b[0])["data"]) if began else ()
@@ -97,7 +97,7 @@ def compare_sessions(
 
 
 def _is_timing(a: Recording, b: Recording, found: Difference) -> bool:
-    """Whether a difference is of telemetry, or of nothing but the tick."""
+    """Return True for a difference of telemetry, or of the tick only."""
     if found.a >= len(a) or found.b >= len(b):
         return True
     telemetry = a.is_telemetry(found.a) or b.is_telemetry(found.b)
@@ -106,26 +106,22 @@ def _is_timing(a: Recording, b: Recording, found: Difference) -> bool:
 
 def _beyond(a: Recording, b: Recording, first: int) -> Difference | None:
     """Return the first difference from event `first` on that is neither telemetry nor a tick."""
-    pairs = zip_longest(_told(a, first), _told(b, first))
-    for at, bt in pairs:
+    events = (r.timeline.without_telemetry(first, len(r)) for r in (a, b))
+    for at, bt in zip_longest(*events):
         if at is None or bt is None or not _same(a, at, b, bt, ticks=False):
             return _difference(a, len(a) if at is None else at, b, len(b) if bt is None else bt)
     return None
 
 
-def _told(recording: Recording, first: int) -> Iterator[int]:
-    return recording.timeline.told(first, len(recording))
-
-
 def _same(a: Recording, at: int, b: Recording, bt: int, *, ticks: bool) -> bool:
-    """Whether two events mean the same; most are equal to the letter and need no reading."""
+    """Return True if two events mean the same; most are equal to the letter and are not parsed."""
     if ticks and a.timeline.ticks[at] != b.timeline.ticks[bt]:
         return False
-    return a.said(at) == b.said(bt) or _meaning(a[at]) == _meaning(b[bt])
+    return a.content(at) == b.content(bt) or _meaning(a[at]) == _meaning(b[bt])
 
 
 def _difference(a: Recording, at: int, b: Recording, bt: int) -> Difference:
-    """Return what differs between two events, one of which may be past the end."""
+    """Return the difference of two events, one of which may be past the end."""
     first = a[at] if at < len(a) else None
     second = b[bt] if bt < len(b) else None
     if first is None or second is None or first.data.kind != second.data.kind:
@@ -145,7 +141,7 @@ def _summary(event: Event | None) -> str:
 
 
 def _meaning(event: Event) -> dict[str, object]:
-    """Return what counts of an event, but for its tick, as plain values."""
+    """Return the compared fields of an event, except its tick, as plain values."""
     return {"mission": event.mission, "data": _plain(event.data)}
 
 
@@ -185,7 +181,7 @@ def _changes(a: object, b: object, path: str = "") -> tuple[Change, ...]:
 
 
 def _name(value: object, place: int) -> str:
-    """Return what an entry of a list is about, else its place."""
+    """Return the id of an entry of a list, else its place."""
     if isinstance(value, dict):
         fields = cast(dict[str, object], value)
         return str(next((fields[key] for key in _NAMES if key in fields), place))

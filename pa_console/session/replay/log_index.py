@@ -1,78 +1,76 @@
-"""Reads a log once into what finds any moment of it again, and keeps that for the next time.
+"""An index of a log, saved for the next time: places of events, their Timeline, and keyframes.
 
-That is the byte position of every event, the Timeline, and keyframes: the folded session every so
-often, with each mission that has changed since the keyframe before. After a seek, at most
-FRAME_EVENTS events or FRAME_BYTES bytes that are no telemetry are left to fold.
+A keyframe is the folded session at some event, as JSON without its picture, which the log has. Its
+missions are packed one by one, each again only when it has changed since the keyframe before. After
+a seek, at most FRAME_EVENTS events or FRAME_BYTES bytes that are not telemetry are left to fold.
 
-The file is one line of JSON (the log's own size and times, the sizes of what follows and their
-checksum), the columns as they are in memory, and the packed states and missions. It is used only
-if it is whole, of the log as it is now, and made by the same code on the same kind of machine.
+The file of an index has one line of JSON (size and times of the log, the sizes of the rest, and a
+checksum), then the columns as they are in memory, then the packed keyframes. It is used only if it
+is whole, of the unchanged log, and made by the same code on the same kind of machine.
 """
 
 import hashlib
 import io
 import json
 import os
+import re
 import shutil
 import sys
 import tempfile
 import weakref
 import zlib
 from array import array
-from collections.abc import Callable
+from bisect import bisect_right
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from contextlib import suppress
+from dataclasses import replace
 from datetime import datetime
 from functools import cache
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Literal, NamedTuple
+
+from pydantic import TypeAdapter, ValidationError
 
 import pa_console.schema
 import pa_console.session
 from pa_console.private_files import make_private_folder
+from pa_console.schema.base import StrictModel
 from pa_console.schema.events import event as ev
-from pa_console.session.log.chain import LogError, end_problem, lines_of, parse
-from pa_console.session.log.reader import read_telemetry
-from pa_console.session.replay.keyframe import (
-    MissionShelf,
-    pack_mission,
-    pack_state,
-    unpack_mission,
-)
+from pa_console.schema.telemetry import Picture
+from pa_console.session.log.chain import RECORD_START, LogError, end_problem, lines_of, parse
 from pa_console.session.replay.timeline import Timeline, mark_of
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state.fold import NOTICES_KEPT, SessionState
 from pa_console.session.state.mission_trace import MissionTrace
 
 FRAME_EVENTS = 256
 FRAME_BYTES = 256 * 1024
-_GROWTH = 4
-"""A keyframe is made only after a fourth of the bytes that the one before took."""
 
 _LINES_A_STEP = 2048
 
 Progress = Callable[[int, int], None]
-"""Takes how many bytes of how many were read."""
+"""A function that takes the bytes read so far and those to be read in all."""
+
+_Place = tuple[int, int]
+"""Position and size of packed bytes."""
 
 
 class LogIndex:
-    """Where everything in a log is; only one that is being built may be `put` into.
+    """An index that finds every event of a log and the session at its keyframes.
 
     `positions` has one more entry than there are events, where the last line ends. `frames` are
-    the event counts of the keyframes, `frame_at` and `frame_size` their places in `blobs`; the
-    k-th packed mission is number `pack_mission[k]` of `missions`, as of frame `pack_frame[k]`.
+    the event counts of the keyframes, `frame_at` and `frame_size` their places in `blobs`.
     """
 
     def __init__(self, blobs: IO[bytes], first: int = 0) -> None:
-        """Begin with no event; packed states and missions are in `blobs` from byte `first` on.
+        """Begin with no event; packed keyframes and missions are in `blobs` from byte `first` on.
 
         The file is closed with the last use of the index.
         """
         self.timeline = Timeline()
         self.problem: LogError | None = None
         self.positions = array("Q", [0])
-        self.missions: list[str] = []
         self.frames, self.frame_at, self.frame_size = array("Q"), array("Q"), array("Q")
-        self.pack_mission, self.pack_frame = array("Q"), array("Q")
-        self.pack_at, self.pack_size = array("Q"), array("Q")
         self.blobs, self._first = blobs, first
         weakref.finalize(self, blobs.close)
 
@@ -88,22 +86,143 @@ class LogIndex:
             "frames": self.frames,
             "frame_at": self.frame_at,
             "frame_size": self.frame_size,
-            "pack_mission": self.pack_mission,
-            "pack_frame": self.pack_frame,
-            "pack_at": self.pack_at,
-            "pack_size": self.pack_size,
         }
 
-    def blob(self, at: int, size: int) -> bytes:
-        """Return what was packed there."""
-        self.blobs.seek(self._first + at)
-        return self.blobs.read(size)
+    def frame_before(self, count: int) -> int:
+        """Return the event count of the last keyframe of at most `count` events; 0 is the start."""
+        place = bisect_right(self.frames, count)
+        return self.frames[place - 1] if place else 0
 
-    def put(self, packed: bytes) -> int:
-        """Append what was packed; return where."""
+    def state_at(self, count: int) -> SessionState:
+        """Return the session, without its picture, at the keyframe of `count` events."""
+        if not count:
+            return SessionState()
+        frame = bisect_right(self.frames, count) - 1
+        packed = self._blob((self.frame_at[frame], self.frame_size[frame]))
+        places, state = _keyframes().validate_json(packed)
+        state.missions = self.shelf(places)
+        state.notices = deque(state.notices, maxlen=NOTICES_KEPT)
+        return state
+
+    def shelf(self, places: Mapping[str, _Place]) -> "MissionShelf":
+        """Return the missions that are packed at `places`."""
+        return MissionShelf(
+            places, lambda name: _missions().validate_json(self._blob(places[name]))
+        )
+
+    def _blob(self, place: _Place) -> bytes:
+        at, size = place
+        self.blobs.seek(self._first + at)
+        return zlib.decompress(self.blobs.read(size))
+
+    def put(self, unpacked: bytes) -> _Place:
+        """Append `unpacked` to an index that is being built; return its place."""
+        packed = zlib.compress(unpacked, 1)
         at = self.blobs.seek(0, io.SEEK_END)
         self.blobs.write(packed)
-        return at
+        return at, len(packed)
+
+    def put_frame(self, count: int, places: Mapping[str, _Place], state: SessionState) -> int:
+        """Append a keyframe of the first `count` events; return its size in bytes."""
+        bare = replace(state, picture=None, missions={})
+        at, size = self.put(_keyframes().dump_json((dict(places), bare)))
+        self.frames.append(count)
+        self.frame_at.append(at)
+        self.frame_size.append(size)
+        return size
+
+
+# The adapters take long to build: they are made with the first recording, not with a console.
+@cache
+def _keyframes() -> TypeAdapter[tuple[dict[str, _Place], SessionState]]:
+    return TypeAdapter(tuple[dict[str, _Place], SessionState])
+
+
+@cache
+def _missions() -> TypeAdapter[MissionTrace]:
+    return TypeAdapter(MissionTrace)
+
+
+class MissionShelf(MutableMapping[str, MissionTrace]):
+    """Missions by id, in the order of their arrival; each is loaded on first access."""
+
+    def __init__(self, kept: Mapping[str, _Place], load: Callable[[str], MissionTrace]) -> None:
+        """`load` returns one of the missions that are `kept`."""
+        self._order = dict.fromkeys(kept)
+        self._load = load
+        self._loaded: dict[str, MissionTrace] = {}
+
+    def __getitem__(self, name: str) -> MissionTrace:
+        if name not in self._loaded:
+            if name not in self._order:
+                raise KeyError(name)
+            self._loaded[name] = self._load(name)
+        return self._loaded[name]
+
+    def __setitem__(self, name: str, trace: MissionTrace) -> None:
+        self._order.setdefault(name)
+        self._loaded[name] = trace
+
+    def __delitem__(self, name: str) -> None:
+        del self._order[name]
+        self._loaded.pop(name, None)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._order
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._order)
+
+    def __len__(self) -> int:
+        return len(self._order)
+
+
+_PICTURE = b',"data":{"picture":{'
+_END = re.compile(rb'\}\},"prev":"[0-9a-f]*","hash":"[0-9a-f]*"\}$')
+_TAIL = 400
+"""Bytes at the end of a line that hold the two hashes."""
+
+
+class _Data(StrictModel):
+    picture: Picture
+
+
+class _Line(StrictModel):
+    """The fields of a record of telemetry, in their order."""
+
+    seq: int
+    t: datetime
+    tick: int
+    session: str
+    mission: str | None
+    kind: Literal["telemetry"]
+    data: _Data
+    prev: str
+    hash: str
+
+
+class TelemetryLine(NamedTuple):
+    """The time and tick of a record of telemetry, and the tick and second of its picture."""
+
+    t: datetime
+    tick: int
+    picture_tick: int
+    time_s: float
+
+
+def read_telemetry(line: bytes) -> TelemetryLine | None:
+    """Read a sound line of telemetry, faster than `parse`; return None for any other line."""
+    start = RECORD_START.match(line)
+    if start is None or start[3] != b"telemetry" or not line.startswith(_PICTURE, start.end()):
+        return None
+    if not _END.search(line, max(0, len(line) - _TAIL)):
+        return None
+    try:
+        found = _Line.model_validate_json(line)
+    except ValidationError:
+        return None
+    picture = found.data.picture
+    return TelemetryLine(found.t, found.tick, picture.tick, picture.time_s)
 
 
 def build_index(
@@ -116,9 +235,9 @@ def build_index(
 ) -> LogIndex:
     """Read the log `file`, which is at `path`, up to its first bad line or to `size` bytes.
 
-    What is wrong with the bad line is the index's `problem`. Raises OSError.
+    The error of a bad line is the index's `problem`. Raises OSError.
     """
-    builder = _Builder(LogIndex(scratch_file()), frame_events)
+    builder = _Builder(LogIndex(_scratch_file()), frame_events)
     index, position = builder.index, 0
     file.seek(0)
     for number, line in enumerate(lines_of(file), start=1):
@@ -141,8 +260,8 @@ def build_index(
     return index
 
 
-def scratch_file() -> IO[bytes]:
-    """Return a file that vanishes with its last user; it is in memory where no disk takes it."""
+def _scratch_file() -> IO[bytes]:
+    """Return a temporary file without a name; in memory if no disk takes it."""
     try:
         return tempfile.TemporaryFile(prefix="pa-console-")
     except OSError:
@@ -150,102 +269,82 @@ def scratch_file() -> IO[bytes]:
 
 
 class _Builder:
-    """Folds the log and takes keyframes; of the missions only those in work stay in memory."""
+    """A fold over the log that makes keyframes; only missions in work stay in memory."""
 
     def __init__(self, index: LogIndex, frame_events: int) -> None:
         self.index = index
         self._frame_events = frame_events
-        self._state = SessionState(missions=MissionShelf((), self._load))
-        self._numbers: dict[str, int] = {}
-        self._latest_pack: dict[str, tuple[int, int]] = {}
+        self._state = SessionState(missions=index.shelf({}))
+        self._places: dict[str, _Place] = {}
         self._changed: dict[str, None] = {}
         self._events = self._bytes = self._frame_bytes = 0
 
     def add(self, line: bytes, position: int) -> None:
-        """Take the line at `position` in; raises ValueError that says what is wrong with it."""
+        """Add the line at `position`; raise ValueError that names its problem."""
         timeline = self.index.timeline
         telemetry = read_telemetry(line)
         if telemetry is not None:
             timeline.add(telemetry.t, telemetry.tick, "telemetry", None)
-            self._see_clock(telemetry.picture_tick, telemetry.time_s)
+            timeline.see_clock(telemetry.picture_tick, telemetry.time_s)
         else:
             event = parse(line).event
             if event.data.transient:
                 return
             timeline.add(event.t, event.tick, event.data.kind, mark_of(event, self._state))
             if isinstance(event.data, ev.TelemetryReceived):
-                self._see_clock(event.data.picture.tick, event.data.picture.time_s)
+                timeline.see_clock(event.data.picture.tick, event.data.picture.time_s)
             else:
                 self._fold(event, len(line))
         self.index.positions[-1] = position
         self.index.positions.append(position)
 
-    def _see_clock(self, tick: int, time_s: float) -> None:
-        if time_s > 0:
-            self.index.timeline.ticks_per_s = tick / time_s
-
     def _fold(self, event: ev.Event, size: int) -> None:
         if self._is_due():
             self._take(len(self.index.timeline) - 1)
         self._state.apply(event)
-        touched = event.mission
-        if isinstance(event.data, ev.MissionReceived):
-            arrived = event.data.mission.id
-            if arrived not in self._numbers:
-                self._numbers[arrived] = len(self.index.missions)
-                self.index.missions.append(arrived)
-            self._changed[arrived] = None
-        if touched is not None and touched in self._numbers:
-            self._changed[touched] = None
+        arrived = event.data.mission.id if isinstance(event.data, ev.MissionReceived) else None
+        # A station that loses or regains authority changes the plan that waits for approval.
+        shown = self._state.active if isinstance(event.data, ev.AuthorityChanged) else None
+        for name in (arrived, event.mission, shown):
+            if name is not None and name in self._state.missions:
+                self._changed[name] = None
         self._events += 1
         self._bytes += size
 
     def _is_due(self) -> bool:
+        # The second bound keeps the index smaller than its log, however large a keyframe is.
         enough = self._events >= self._frame_events or self._bytes >= FRAME_BYTES
-        return enough and self._bytes >= self._frame_bytes // _GROWTH
+        return enough and self._bytes >= self._frame_bytes
 
     def _take(self, count: int) -> None:
         """Make the keyframe of the first `count` events."""
         index, state = self.index, self._state
-        ticks = index.timeline.ticks
-        state.tick = max(state.tick, ticks[count - 1])
-        packed = pack_state(state)
-        frame, self._frame_bytes = len(index.frames), 0
-        index.frames.append(count)
-        index.frame_at.append(index.put(packed))
-        index.frame_size.append(len(packed))
+        state.tick = max(state.tick, index.timeline.ticks[count - 1])
+        self._frame_bytes = 0
         for name in self._changed:
-            packed = pack_mission(state.missions[name])
-            at = index.put(packed)
-            self._frame_bytes += _GROWTH * len(packed)
-            self._latest_pack[name] = at, len(packed)
-            index.pack_mission.append(self._numbers[name])
-            index.pack_frame.append(frame)
-            index.pack_at.append(at)
-            index.pack_size.append(len(packed))
+            self._places[name] = index.put(_missions().dump_json(state.missions[name]))
+            self._frame_bytes += self._places[name][1]
+        self._frame_bytes += index.put_frame(count, self._places, state)
         self._changed = {}
         self._events = self._bytes = 0
-        state.missions = MissionShelf(index.missions, self._load)
-
-    def _load(self, name: str) -> MissionTrace:
-        return unpack_mission(self.index.blob(*self._latest_pack[name]))
+        state.missions = index.shelf(self._places.copy())
 
 
 KEPT = 12
-"""So many indexes are kept, those used last."""
+"""The number of saved indexes, those used last."""
 
 _SUFFIX = ".replay-index"
 _CHUNK = 1 << 20
 
 
 def identity(file: IO[bytes]) -> list[int]:
-    """Return what changes whenever an open log does: device, file, size and times."""
+    """Return device, file, size and times of an open log: they change with every change to it."""
     stat = os.fstat(file.fileno())
     return [stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns]
 
 
 def index_path(folder: Path, log: Path) -> Path:
-    """Return where in `folder` the index of `log` is kept."""
+    """Return the path of the saved index of `log` in `folder`."""
     name = hashlib.sha256(os.fsencode(log.resolve())).hexdigest()[:32]
     return folder / f"{name}{_SUFFIX}"
 
@@ -267,7 +366,7 @@ def load_index(path: Path, log: Path, known: list[int]) -> LogIndex | None:
 
 
 def save_index(path: Path, index: LogIndex, known: list[int]) -> None:
-    """Write the index to `path`, wholly or not at all; raises OSError."""
+    """Write the index to `path`, wholly or not at all; raise OSError."""
     make_private_folder(path.parent)
     timeline = index.timeline
     columns = {name: column.tobytes() for name, column in index.columns.items()}
@@ -280,7 +379,6 @@ def save_index(path: Path, index: LogIndex, known: list[int]) -> None:
         "sizes": [len(part) for part in parts],
         "blobs": total,
         "checksum": _checksum(parts, blobs, 0),
-        "missions": index.missions,
         "start": timeline.start.isoformat() if timeline.start else "",
         "ticks_per_s": timeline.ticks_per_s,
         "problem": [problem.line, problem.problem] if problem else None,
@@ -302,7 +400,7 @@ def save_index(path: Path, index: LogIndex, known: list[int]) -> None:
 
 
 def _read(file: IO[bytes], log: Path, known: list[int]) -> LogIndex:
-    """Return the index in `file`; raises ValueError when it is not to be used."""
+    """Return the index in `file`; raise ValueError if it is of another log or damaged."""
     header: dict[str, Any] = json.loads(file.readline())
     if header["made_by"] != _made_by() or header["log"] != known:
         raise ValueError("of another log, or made by other code")
@@ -319,7 +417,6 @@ def _read(file: IO[bytes], log: Path, known: list[int]) -> LogIndex:
     timeline.kinds, timeline.mark_kinds = bytearray(kinds), bytearray(mark_kinds)
     timeline.start = datetime.fromisoformat(header["start"]) if header["start"] else None
     timeline.ticks_per_s = header["ticks_per_s"]
-    index.missions = header["missions"]
     if header["problem"] is not None:
         index.problem = LogError(str(log), *header["problem"])
     return index
@@ -337,7 +434,7 @@ def _checksum(parts: list[bytes], blobs: IO[bytes], first: int) -> int:
 
 @cache
 def _made_by() -> str:
-    """Return what stands for the code that folds, and for how this machine writes numbers."""
+    """Return a hash of the code that folds and of this machine's form of numbers."""
     digest = hashlib.sha256(f"{sys.byteorder} {array('Q').itemsize}".encode())
     for package in (pa_console.session, pa_console.schema):
         for file in sorted(Path(package.__path__[0]).rglob("*.py")):

@@ -1,4 +1,4 @@
-"""Plays a recorded session into the same state that a live one has."""
+"""The player of a recorded session, which has the same state as a live one."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -17,10 +17,10 @@ RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 class Player:
     """A tape deck for one recording, paused at its beginning at first.
 
-    It has no clock: whoever shows it calls `advance`. `state` is the session after the first
-    `index` events; most moves make a new one, so read `state` afresh after every call.
-    `position` is in seconds from the first event, by the events' own time stamps. Whatever moves
-    raises LogError when the log cannot be read any more, and is then back at the beginning.
+    It has no clock: its caller calls `advance`. `state` is the session after the first `index`
+    events; most moves make a new one, so read `state` afresh after every call. `position` is in
+    seconds from the first event, by the events' own time stamps. Every move raises LogError if the
+    log can no longer be read; the player is then back at the beginning.
     """
 
     def __init__(self, recording: Recording) -> None:
@@ -33,16 +33,15 @@ class Player:
 
     @classmethod
     def open(cls, path: Path, cache: Path | None = None, progress: Progress | None = None) -> Self:
-        """Open the log at `path`; raises LogError when nothing in it can be read.
+        """Open the log at `path`; raise LogError if nothing in it can be read.
 
-        The index of a large log is kept in the folder `cache`; `progress` is told how many bytes
-        of it were read.
+        The index of a large log is saved in the folder `cache`; `progress` gets the bytes read.
         """
         return cls(Recording.read(path, progress, cache=cache))
 
     @classmethod
     def of(cls, events: Iterable[Event]) -> Self:
-        """Load events that are in memory."""
+        """Return a player of events that are in memory."""
         return cls(Recording(events))
 
     @property
@@ -52,12 +51,12 @@ class Player:
 
     @property
     def finished(self) -> bool:
-        """Whether every event has been played."""
+        """True after the last event."""
         return self.index == len(self.recording)
 
     @property
     def rate(self) -> float:
-        """How many recorded seconds pass in one of the viewer's."""
+        """Recorded seconds in one second of the viewer."""
         return self._rate
 
     @rate.setter
@@ -65,7 +64,7 @@ class Player:
         self._rate = min(max(rate, RATES[0]), RATES[-1])
 
     def play(self) -> None:
-        """Let `advance` move on; from the end, start over."""
+        """Let `advance` move; from the end, start over."""
         if self.finished:
             self.seek(0.0)
         self.playing = True
@@ -98,7 +97,7 @@ class Player:
     def step_seconds(self, seconds: float) -> None:
         """Pause, and go `seconds` of the simulation forward, or backward when negative.
 
-        That is by at least one event; without telemetry the events' own seconds are meant.
+        The player moves by at least one event. Without telemetry, the events' own seconds count.
         """
         timeline = self.recording.timeline
         if timeline.ticks_per_s > 0:
@@ -114,14 +113,14 @@ class Player:
         self._step_to(index + 1)
 
     def next_mark(self, kinds: frozenset[MarkKind]) -> bool:
-        """Pause, and go to just after the next mark of these `kinds`; returns whether there is."""
+        """Pause, and go to just after the next mark of these `kinds`; return False without one."""
         found = self.recording.timeline.mark_after(self.index, kinds)
         if found is not None:
             self.to_event(found)
         return found is not None
 
     def mark_back(self, kinds: frozenset[MarkKind]) -> bool:
-        """Pause, and go to just after the mark before; returns whether there is one."""
+        """Pause, and go to just after the mark before; return False without one."""
         found = self.recording.timeline.mark_before(self.index - 1, kinds)
         if found is not None:
             self.to_event(found)
@@ -139,16 +138,16 @@ class Player:
         self.position = self.recording.offset(index - 1) if index else 0.0
 
     def _go_to(self, index: int) -> None:
-        """Make `state` that after `index` events; of skipped telemetry only the last is read."""
+        """Make `state` that after `index` events; of skipped telemetry, only the last is read."""
         recording, timeline = self.recording, self.recording.timeline
-        frame = recording.frame_before(index)
+        frame = recording.index.frame_before(index)
         if index < self.index or frame > self.index:
-            state, first, shown = recording.state_at_frame(frame), frame, 0
+            state, first, shown = recording.index.state_at(frame), frame, 0
         else:
             state, first, shown = self.state, self.index, self.index
         try:
-            for told in timeline.told(first, index):
-                state.apply(recording[told])
+            for number in timeline.without_telemetry(first, index):
+                state.apply(recording[number])
             if (picture := timeline.last_telemetry(index)) >= shown:
                 state.apply(recording[picture])
         except LogError:

@@ -1,18 +1,17 @@
-"""A recorded session: when everything happened in memory, the events themselves on the disk."""
+"""A recorded session: its timeline in memory, the events themselves on the disk."""
 
 import io
 import json
 import os
 import weakref
-from bisect import bisect_right
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import Self, cast
 
 from pa_console.schema.events.event import Event
 from pa_console.session.log.chain import LogError, os_error, parse
-from pa_console.session.replay.keyframe import unpack_mission, unpack_state
 from pa_console.session.replay.log_index import (
     LogIndex,
     Progress,
@@ -24,35 +23,31 @@ from pa_console.session.replay.log_index import (
 )
 from pa_console.session.replay.timeline import Timeline, mark_of
 from pa_console.session.state.fold import SessionState
-from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.session.wording import event_in_words
 
-_SAID, _LINKED = b',"mission":', b',"prev":'
+_CONTENT, _LINKED = b',"mission":', b',"prev":'
 _CHANGED = "changed since the log was opened"
 CACHED_FROM = 4_000_000
-"""The index of a log of at least so many bytes is worth keeping."""
+"""The least size in bytes of a log whose index is saved."""
 
 
 class Recording:
-    """The events of a session, each read from the log when it is asked for.
-
-    `problem` is where and why the log could not be read to its end.
-    """
+    """The events of a session, each read from the log on access."""
 
     def __init__(self, events: Iterable[Event] = ()) -> None:
-        """Hold `events` in memory, transient ones left out as a log leaves them out."""
+        """Hold `events` in memory; transient ones are left out, as a log leaves them out."""
         self._held: list[Event] = []
-        self._index = LogIndex(io.BytesIO())
+        self.index = LogIndex(io.BytesIO())
         self._path, self._file = Path(), None
-        self._packs: dict[str, list[int]] | None = None
         state = SessionState()
         for event in events:
             if not event.data.transient:
                 mark = mark_of(event, state)
                 state.apply(event)
                 self.timeline.add(event.t, event.tick, event.data.kind, mark)
-                if event.data.kind == "telemetry" and event.data.picture.time_s > 0:
+                if event.data.kind == "telemetry":
                     picture = event.data.picture
-                    self.timeline.ticks_per_s = picture.tick / picture.time_s
+                    self.timeline.see_clock(picture.tick, picture.time_s)
                 self._held.append(event)
 
     @classmethod
@@ -65,10 +60,10 @@ class Recording:
         cached_from: int = CACHED_FROM,
         frame_events: int | None = None,
     ) -> Self:
-        """Open a log up to its first bad line; raises LogError when not even one line is good.
+        """Open a log up to its first bad line; raise LogError if not even one line is good.
 
-        The index of a log of `cached_from` bytes or more is kept in the folder `cache`, if one is
-        given and takes it. `frame_events` is how far apart keyframes are.
+        The index of a log of `cached_from` bytes or more is saved in the folder `cache`, if one is
+        given and can be written. `frame_events` is the number of events between keyframes.
         """
         recording = cls()
         try:
@@ -91,18 +86,18 @@ class Recording:
                     save_index(kept, index, known)
         if index.problem is not None and not len(index.timeline):
             raise index.problem
-        recording._index = index
+        recording.index = index
         return recording
 
     @property
     def timeline(self) -> Timeline:
-        """When every event happened, of which kind it is, and which ones are marked."""
-        return self._index.timeline
+        """The time, kind and mark of every event."""
+        return self.index.timeline
 
     @property
     def problem(self) -> LogError | None:
-        """Where and why the log could not be read to its end."""
-        return self._index.problem
+        """The error at which reading the log ended early."""
+        return self.index.problem
 
     def __len__(self) -> int:
         return len(self.timeline)
@@ -121,18 +116,18 @@ class Recording:
     def _line(self, index: int) -> bytes:
         """Return the line of event `index` without its end, from the log."""
         assert self._file is not None
-        first, end = self._index.positions[index : index + 2]
+        first, end = self.index.positions[index : index + 2]
         try:
             found = os.pread(self._file.fileno(), end - first, first)
         except OSError as error:
             raise os_error(self._path, "read the session log", error) from error
         return found.partition(b"\n")[0]
 
-    def said(self, index: int) -> str:
+    def content(self, index: int) -> str:
         """Return mission, kind and data of event `index` as one JSON object, as it is in the log.
 
-        Equal texts are equal events, whenever, in whatever session and after whatever they came.
-        Raises LogError when the log cannot be read any more.
+        Equal texts are equal events, at any time and in any session. Raises LogError if the log
+        can no longer be read.
         """
         if self._file is None:
             event = self._held[index]
@@ -140,7 +135,7 @@ class Recording:
             fields = {"mission": event.mission, "kind": event.data.kind, "data": data}
             return json.dumps(fields, ensure_ascii=False, separators=(",", ":"))
         line = self._line(index)
-        first, end = line.find(_SAID), line.rfind(_LINKED)
+        first, end = line.find(_CONTENT), line.rfind(_LINKED)
         if min(first, end) < 0:
             raise LogError(str(self._path), 0, f"event {index + 1} has {_CHANGED}")
         return "{" + line[first + 1 : end].decode("utf-8", "replace") + "}"
@@ -151,46 +146,77 @@ class Recording:
         return self.timeline.duration
 
     def offset(self, index: int) -> float:
-        """Return when event `index` happened, in seconds from the first."""
+        """Return the time of event `index`, in seconds from the first."""
         return self.timeline.seconds[index]
 
     def count_until(self, seconds: float) -> int:
-        """Return how many events had happened `seconds` after the first."""
+        """Return the number of events up to `seconds` after the first."""
         return self.timeline.count_until(seconds)
 
     def is_telemetry(self, index: int) -> bool:
-        """Whether event `index` is telemetry, told without reading it."""
+        """Return True if event `index` is telemetry; the event is not read for that."""
         return self.timeline.is_telemetry(index)
 
     def of_mission(self, index: int) -> bool:
-        """Whether event `index` tells of a mission's progress."""
+        """Return True if event `index` belongs to a mission."""
         return not self.is_telemetry(index) and self[index].mission is not None
 
-    def frame_before(self, count: int) -> int:
-        """Return the event count of the last keyframe of at most `count` events; 0 is the start."""
-        place = bisect_right(self._index.frames, count)
-        return self._index.frames[place - 1] if place else 0
 
-    def state_at_frame(self, count: int) -> SessionState:
-        """Return the session, but for its picture, at the keyframe of `count` events."""
-        if not count:
-            return SessionState()
-        index = self._index
-        frame = bisect_right(index.frames, count) - 1
-        packed = index.blob(index.frame_at[frame], index.frame_size[frame])
+AROUND = 60
+"""Characters of the text that are shown with a hit."""
+_REWORDED = tuple(f'"{kind}"' for kind in ("decision_made", "incident", "plan_checked"))
+"""Kinds whose line in lists has words that are not in the log, as for an overridden judge."""
 
-        def load(name: str) -> MissionTrace:
-            return self._mission_at(name, frame)
 
-        return unpack_state(packed, index.missions, load)
+@dataclass(frozen=True)
+class Hit:
+    """An event that contains all the words; `excerpt` is the text around the first of them."""
 
-    def _mission_at(self, name: str, frame: int) -> MissionTrace:
-        """Return a mission as it was at keyframe number `frame`."""
-        index = self._index
-        if self._packs is None:
-            self._packs = {known: [] for known in index.missions}
-            for pack, mission in enumerate(index.pack_mission):
-                self._packs[index.missions[mission]].append(pack)
-        packs = self._packs[name]
-        at = packs[bisect_right(packs, frame, key=index.pack_frame.__getitem__) - 1]
-        return unpack_mission(index.blob(index.pack_at[at], index.pack_size[at]))
+    index: int
+    mission: str
+    kind: str
+    excerpt: str
+
+
+def search(recording: Recording, text: str, first: int, end: int) -> Iterator[Hit]:
+    """Yield the events from `first` up to `end` that contain every word of `text`, in any case.
+
+    Telemetry is left out. Raises LogError if the log can no longer be read.
+    """
+    words = text.lower().split()
+    needles = [json.dumps(word, ensure_ascii=False)[1:-1] for word in words]
+    if not words:
+        return
+    for index in recording.timeline.without_telemetry(first, end):
+        line = recording.content(index)
+        lowered = line.lower()
+        reworded = any(kind in line for kind in _REWORDED)
+        # The text of the line is searched first: most events are ruled out without reading JSON.
+        if reworded or all(needle in lowered for needle in needles):
+            fields = json.loads(line)
+            texts = [fields["kind"], fields["mission"] or "", *_texts(fields["data"])]
+            if reworded:
+                texts.append(event_in_words(recording[index].data))
+            if all(any(word in part.lower() for part in texts) for word in words):
+                yield Hit(index, texts[1], texts[0], _excerpt(texts, words[0]))
+
+
+def _texts(value: object) -> Iterator[str]:
+    """Yield every text in a JSON value."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict):
+        for part in cast(dict[str, object], value).values():
+            yield from _texts(part)
+    elif isinstance(value, list):
+        for part in cast(list[object], value):
+            yield from _texts(part)
+
+
+def _excerpt(texts: list[str], word: str) -> str:
+    """Return the characters around `word` in the longest text that contains it."""
+    text = max((part for part in texts if word in part.lower()), key=len)
+    flat = " ".join(text.split())
+    at = max(flat.lower().find(word), 0)
+    first = max(at - AROUND // 3, 0)
+    return ("…" if first else "") + flat[first : first + AROUND]

@@ -1,6 +1,6 @@
-"""When every event of a recording happened, of which kind, and which ones a viewer jumps to.
+"""The timeline of a recording: time, kind and mark of every event, in about 25 bytes an event.
 
-About 25 bytes an event, so that the events themselves can stay on the disk.
+The events themselves stay on the disk.
 """
 
 import re
@@ -17,14 +17,14 @@ from pa_console.session.state.fold import SessionState
 from pa_console.session.wording import overriding
 
 MarkKind = Literal["fault", "refusal", "alarm", "finding", "mission"]
-"""Worst first: where several fall on one place, the first is shown."""
+"""Kinds of events that a viewer jumps to, worst first: the worst of one place is shown."""
 
 MARK_KINDS: tuple[MarkKind, ...] = get_args(MarkKind)
 _NO_FAULTS = frozenset(("spawn", "restore", "weather", "turn", "place", "clear"))
 
 
 def mark_of(event: ev.Event, before: SessionState) -> MarkKind | None:
-    """Return what `event`, which comes after the state `before`, is worth a jump for."""
+    """Return the mark of `event`, which comes after the state `before`; None for no mark."""
     found: MarkKind | None = None
     if _is_fault(event.data):
         found = "fault"
@@ -40,7 +40,7 @@ def mark_of(event: ev.Event, before: SessionState) -> MarkKind | None:
 
 
 def _is_finding(data: ev.EventPayload) -> bool:
-    """Whether a check, the judge or telemetry objects, or the operator decided otherwise."""
+    """Return True if a check, the judge or telemetry objects, or the operator changed a plan."""
     match data:
         case ev.PlanChecked(findings=findings):
             return any(finding.broken for finding in findings)
@@ -55,7 +55,7 @@ def _is_finding(data: ev.EventPayload) -> bool:
 
 
 def _is_refusal(data: ev.EventPayload) -> bool:
-    """Whether a plan may not be approved, or was not, or a decision was not taken."""
+    """Return True if a plan is blocked or rejected, a mission refused, or a decision invalid."""
     match data:
         case ev.ApprovalRequested(blocked_by=blocked):
             return bool(blocked)
@@ -68,7 +68,7 @@ def _is_refusal(data: ev.EventPayload) -> bool:
 
 
 def _is_fault(data: ev.EventPayload) -> bool:
-    """Whether something broke, or was stopped because of it."""
+    """Return True if something broke, or was stopped because of a fault."""
     match data:
         case ev.IncidentHappened(incident=incident):
             return _breaks(incident)
@@ -83,7 +83,7 @@ def _is_fault(data: ev.EventPayload) -> bool:
 
 
 def _breaks(incident: Incident) -> bool:
-    """Whether an incident makes something worse; what mends, appears or is placed does not."""
+    """Return True if an incident makes something worse; repairs and new tracks do not."""
     match incident.kind:
         case "comms":
             return incident.comms != "ok"
@@ -103,14 +103,14 @@ KIND_NAMES = tuple(sorted(KINDS))
 _CODES = {kind: code for code, kind in enumerate(KIND_NAMES)}
 _TELEMETRY = _CODES["telemetry"]
 _MOST = 2**63 - 1
-_TOLD = re.compile(b"[^" + re.escape(bytes((_TELEMETRY,))) + b"]")
+_NOT_TELEMETRY = re.compile(b"[^" + re.escape(bytes((_TELEMETRY,))) + b"]")
 
 
 class Timeline:
     """Columns with an entry for each event; `seconds` and `ticks` never fall.
 
-    `seconds` count from the first event by the events' own time stamps, `ticks` are the
-    simulation's. `ticks_per_s` simulated ones make a simulated second, 0 while that is unknown.
+    `seconds` count from the first event by the events' own time stamps. `ticks` are those of the
+    simulation, `ticks_per_s` of them a simulated second, 0 while that is unknown.
     """
 
     def __init__(self) -> None:
@@ -132,7 +132,7 @@ class Timeline:
         return self.seconds[-1] if self.seconds else 0.0
 
     def add(self, t: datetime, tick: int, kind: str, mark: MarkKind | None) -> None:
-        """Append; an event stamped before the one before it counts as simultaneous with it."""
+        """Append an event; one with an earlier time than its predecessor gets the same time."""
         t = t if t.tzinfo is not None else t.replace(tzinfo=UTC)
         self.start = self.start or t
         self.seconds.append(max((t - self.start).total_seconds(), self.duration))
@@ -142,32 +142,37 @@ class Timeline:
             self.mark_kinds.append(MARK_KINDS.index(mark))
         self.kinds.append(_CODES[kind])
 
+    def see_clock(self, tick: int, time_s: float) -> None:
+        """Note that `tick` is the simulated second `time_s`."""
+        if time_s > 0:
+            self.ticks_per_s = tick / time_s
+
     def kind(self, index: int) -> str:
         """Return the kind of event `index`."""
         return KIND_NAMES[self.kinds[index]]
 
     def is_telemetry(self, index: int) -> bool:
-        """Whether event `index` is telemetry."""
+        """Return True if event `index` is telemetry."""
         return self.kinds[index] == _TELEMETRY
 
     def last_telemetry(self, count: int) -> int:
-        """Return the last of the first `count` events that is telemetry, -1 if none is."""
+        """Return the last telemetry among the first `count` events, -1 for none."""
         return self.kinds.rfind(_TELEMETRY, 0, count)
 
-    def told(self, first: int, end: int) -> Iterator[int]:
-        """Yield the events from `first` up to `end` that are no telemetry."""
-        return (found.start() for found in _TOLD.finditer(self.kinds, first, end))
+    def without_telemetry(self, first: int, end: int) -> Iterator[int]:
+        """Yield the events from `first` up to `end` that are not telemetry."""
+        return (found.start() for found in _NOT_TELEMETRY.finditer(self.kinds, first, end))
 
     def kinds_between(self, first: int, end: int) -> frozenset[str]:
         """Return the kinds of the events from `first` up to `end`."""
         return frozenset(KIND_NAMES[code] for code in set(self.kinds[first:end]))
 
     def count_until(self, seconds: float) -> int:
-        """Return how many events had happened `seconds` after the first."""
+        """Return the number of events up to `seconds` after the first."""
         return bisect_right(self.seconds, seconds)
 
     def count_until_tick(self, tick: float) -> int:
-        """Return how many events had happened when the simulation's `tick` was over."""
+        """Return the number of events up to the end of the simulation's `tick`."""
         return bisect_right(self.ticks, tick)
 
     def mark_after(self, index: int, kinds: frozenset[MarkKind]) -> int | None:

@@ -14,8 +14,7 @@ from pa_console.schema.document import DocumentError, read_bytes
 from pa_console.schema.events.event import SessionStarted
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
-from pa_console.session.log.chain import LogError
-from pa_console.session.log.reader import read_log
+from pa_console.session.log.chain import LogError, read_log
 from pa_console.session.replay.log_index import Progress
 from pa_console.session.replay.player import Player
 from pa_console.session.replay.recording import Recording

@@ -12,8 +12,7 @@ from textual.widgets import Input, Static
 
 from pa_console.schema.text.quantities import clock_text
 from pa_console.session.log.chain import LogError
-from pa_console.session.replay.recording import Recording
-from pa_console.session.replay.search import Hit, search
+from pa_console.session.replay.recording import Hit, Recording, search
 from pa_console.session.wording import kind_in_words
 from pa_console.tui.status_words import NOTE, QUIET
 from pa_console.tui.trace.rows import column

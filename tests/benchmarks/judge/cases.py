@@ -15,7 +15,7 @@ from pa_console.schema.finding import Verdict
 from pa_console.schema.mission import Mission
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
-from pa_console.session.log.reader import read_log
+from pa_console.session.log.chain import read_log
 from pa_console.session.state.fold import SessionState
 from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.sim.worlds.world_file import open_world
