@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from pa_console.schema.events.event import Event
-from pa_console.session.log import reader, verification
+from pa_console.session.log import chain, verification
 
 
 def verify_log(
@@ -25,4 +25,4 @@ def read_log(path: Path | str) -> Iterator[Event]:
     `t` of an event is wall time in UTC, `tick` steps of the fleet's clock. Raises LogError, a
     ValueError that names the line, at the first line that cannot be read.
     """
-    return reader.read_log(Path(path))
+    return chain.read_log(Path(path))
