@@ -13,15 +13,15 @@ from pa_console.cli.settings_defaults import settings_of
 from pa_console.schema.text.quantities import clock_text, count
 from pa_console.schema.text.visible_text import visible
 from pa_console.session.log.writer import default_folder
-from pa_console.session.past.soundness import Soundness, soundness
-from pa_console.session.past.summary import (
+from pa_console.session.past_sessions import (
     SessionSummary,
+    Soundness,
     find_session,
     newest_logs,
     past_sessions,
+    soundness,
     summarise,
 )
-from pa_console.session.past.words import outcome_words, when
 from pa_console.session.status_words import status_of
 
 MOST = 20
@@ -72,7 +72,7 @@ def _table(found: list[SessionSummary], sound: list[Soundness]) -> Table:
         table.add_row(
             summary.log.stem,
             _title(summary),
-            Text(outcome_words(summary)),
+            Text(summary.outcome_words),
             clock_text(summary.length_s),
             Text(mark.text, COLOURS[mark.tone]),
         )
@@ -99,7 +99,7 @@ def _show(log: Path, json: bool) -> None:
     rows = (
         ("Session", summary.session),
         ("Title", summary.title),
-        ("Begun", when(summary)),
+        ("Begun", summary.local_start),
         ("Length", clock_text(summary.length_s)),
         ("World", f"{summary.world}, rules {summary.rules}, seed {summary.seed}"),
         ("Scenario", summary.scenario or "none"),

@@ -6,9 +6,12 @@ import pytest
 
 from pa_console.session.log.chain import LogError
 from pa_console.session.log.writer import LogWriter
-from pa_console.session.past.soundness import soundness
-from pa_console.session.past.summary import find_session, past_sessions, summarise
-from pa_console.session.past.words import outcome_words
+from pa_console.session.past_sessions import (
+    find_session,
+    past_sessions,
+    soundness,
+    summarise,
+)
 from pa_console.signing import KEY_VARIABLE, load_signer
 from tests.session.logs import kept, write_log
 
@@ -29,7 +32,7 @@ def test_a_session_is_summed_up_by_its_orders_and_their_ends(tmp_path: Path) -> 
     assert found.title == own[0]
     assert found.length_s == (happened[-1].t - happened[0].t).total_seconds()
     assert sum(found.outcomes.values()) == len(received)
-    assert outcome_words(found)
+    assert found.outcome_words
 
 
 def test_a_log_without_the_end_of_its_session_is_open_and_one_with_a_bad_line_damaged(

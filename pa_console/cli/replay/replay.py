@@ -123,7 +123,7 @@ def _chosen(context: typer.Context, log: Path | None, *, last: bool) -> Path:
     if log is not None and log.is_file():
         return log
     from pa_console.session.log.writer import default_folder  # noqa: PLC0415 - only without a file
-    from pa_console.session.past.summary import find_session  # noqa: PLC0415
+    from pa_console.session.past_sessions import find_session  # noqa: PLC0415
 
     folder = settings_of(context).values.logs or default_folder()
     if log is None:

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 from pa_console.orders.reading import asked_words, read_asked
 from pa_console.schema.plan import Action
 from pa_console.schema.world import AssetKind, World
-from pa_console.session.state.mission_trace import Attempt, MissionTrace
-from pa_console.session.trace.rounds import chosen_attempt, rounds
+from pa_console.session.state.mission_trace import Attempt, MissionTrace, chosen_attempt, rounds
 
 
 def attempt_of(trace: MissionTrace) -> Attempt | None:

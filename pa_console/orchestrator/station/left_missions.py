@@ -10,9 +10,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from pa_console.schema.mission import Mission
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state.fold import SessionState, begun_missions, waiting_entries
 from pa_console.session.state.mission_trace import MissionTrace
-from pa_console.session.state.unfinished import begun_missions, waiting_entries
 from pa_console.session.wording import order_in_words
 
 

@@ -18,10 +18,13 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.scenario import Scenario
 from pa_console.schema.world import World
 from pa_console.session.log.chain import TORN, LogError, read_log
-from pa_console.session.past.soundness import is_held
-from pa_console.session.past.summary import newest_logs, summarise
-from pa_console.session.state.fold import MissionTrace, SessionState
-from pa_console.session.state.unfinished import begun_missions, waiting_entries
+from pa_console.session.past_sessions import is_held, newest_logs, summarise
+from pa_console.session.state.fold import (
+    MissionTrace,
+    SessionState,
+    begun_missions,
+    waiting_entries,
+)
 
 OTHERWISE = "its world did not come out again as the log tells of it"
 LOOKED_AT = 30

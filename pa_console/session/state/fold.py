@@ -1,4 +1,4 @@
-"""Folds the event stream into the state that every view shows; live and replay use the same."""
+"""The state of a session, folded from its events: the same for a live session and for a replay."""
 
 from collections import deque
 from collections.abc import Mapping, MutableMapping
@@ -7,6 +7,7 @@ from datetime import datetime
 
 from pa_console.schema.alarm import ALARM_PRIORITIES, Alarm, QueueEntry
 from pa_console.schema.events import event as ev
+from pa_console.schema.standing import StandingOrder
 from pa_console.schema.telemetry import Picture
 from pa_console.session.state.mission_trace import (
     CommandTrace,
@@ -14,12 +15,11 @@ from pa_console.session.state.mission_trace import (
     apply_to_mission,
     withhold_approval,
 )
-from pa_console.session.state.standing_trace import StandingTrace, apply_to_standing
-from pa_console.session.state.tak_trace import TakTrace
 from pa_console.session.wording import (
     alarm_now,
     answer_in_words,
     command_taken_in_words,
+    contact_in_words,
     in_words,
     order_in_words,
     overriding,
@@ -31,7 +31,7 @@ _LEVELS: dict[str, ev.Level] = {"emergency": "alarm", "high": "alarm", "medium":
 
 @dataclass(frozen=True)
 class Notice:
-    """One line of the event list; one that is `hidden` no operator could know of at the time."""
+    """One line of the event list; a `hidden` one was unknown to the operator at the time."""
 
     t: datetime
     tick: int
@@ -43,14 +43,14 @@ class Notice:
 
 @dataclass(frozen=True)
 class OpenAlarm:
-    """An alarm whose cause is still there; `acknowledged_by` is empty until somebody saw it."""
+    """An alarm with a lasting cause; `acknowledged_by` is empty until an operator has seen it."""
 
     alarm: Alarm
     acknowledged_by: str = ""
 
     @property
     def acknowledged(self) -> bool:
-        """Whether somebody has seen it."""
+        """True once an operator has seen it."""
         return bool(self.acknowledged_by)
 
 
@@ -64,23 +64,127 @@ class Stop:
 
     @property
     def unconfirmed(self) -> tuple[str, ...]:
-        """The assets that were told to hold and have not said that they do."""
+        """The assets that were ordered to hold and have not reported that they do."""
         return tuple(name for name, sent in self.orders.items() if not _is_done(sent))
 
     @property
     def held(self) -> int:
-        """How many assets have said that they hold."""
+        """The number of assets that have reported that they hold."""
         return len(self.orders) - len(self.unconfirmed)
+
+
+MOST_STARTS_KEPT = 100
+
+
+@dataclass(frozen=True)
+class StartTrace:
+    """One mission that a standing order has started, at a `tick` of the simulation."""
+
+    tick: int
+    subject: str
+    mission: str
+
+
+@dataclass
+class StandingTrace:
+    """One approved standing order and its effects; `ended` is the reason that it is over."""
+
+    order: StandingOrder
+    by: str
+    since_tick: int
+    starts: list[StartTrace] = field(default_factory=list[StartTrace])
+    started: int = 0
+    """The number of missions it has started; `starts` has only the last of them."""
+    withheld: ev.StandingOrderWithheld | None = None
+    """The last mission that it did not start."""
+    ended: str = ""
+
+    @property
+    def in_force(self) -> bool:
+        """True while it may start missions."""
+        return not self.ended
+
+    @property
+    def last(self) -> StartTrace | None:
+        """The mission that it started last."""
+        return self.starts[-1] if self.starts else None
+
+
+LEFT_OUT = {
+    "outside": "contacts beyond the site are reported; they are not shown",
+    "too_many": f"more is reported than is shown: {ev.MOST_CONTACTS} contacts at a time",
+    "unreadable": "the server sends what is no event; it is left out",
+}
+"""The notice about contacts that are not shown, by the reason; each is given once."""
+
+GONE = {
+    "stale": "not heard any more",
+    "removed": "removed by its sender",
+    "left": "beyond the site",
+}
+
+
+@dataclass
+class TakTrace:
+    """The connection to a TAK server, unchanged `since` then, and its contacts by their uids.
+
+    It stands beside the picture and never in it: planning, checks and alarms do not read it.
+    """
+
+    connection: ev.TakChanged | None = None
+    since: datetime | None = None
+    contacts: dict[str, ev.ReportedContact] = field(default_factory=dict[str, ev.ReportedContact])
+    left_out: ev.ContactsLeftOut = field(default_factory=ev.ContactsLeftOut)
+
+    @property
+    def away(self) -> bool:
+        """True if there is a server without a connection to it."""
+        return self.connection is not None and self.connection.state == "away"
+
+    def apply(self, event: ev.Event) -> list[tuple[ev.Level, str]]:
+        """Apply one event; return the level and text of its lines in the event list."""
+        match event.data:
+            case ev.TakChanged():
+                return self._connection_changed(event.data, event.t)
+            case ev.ContactReported(contact=contact):
+                return self._reported(contact)
+            case ev.ContactLost(uid=uid, reason=reason) if uid in self.contacts:
+                lost = contact_in_words(self.contacts.pop(uid))
+                return [("info", f"no longer reported, {GONE[reason]}: {lost}")]
+            case ev.ContactsLeftOut():
+                before, self.left_out = self.left_out, event.data
+                first = (name for name in LEFT_OUT if not getattr(before, name))
+                return [("info", LEFT_OUT[name]) for name in first if getattr(event.data, name)]
+            case ev.SessionResumed():
+                self.connection, self.since, self.contacts = None, None, {}
+                return []
+            case _:
+                return []
+
+    def _connection_changed(self, now: ev.TakChanged, t: datetime) -> list[tuple[ev.Level, str]]:
+        before, self.connection = self.connection, now
+        if before is not None and (before.state, before.server) == (now.state, now.server):
+            return []
+        self.since = t
+        return [("info" if now.state == "connected" else "warning", now.detail)]
+
+    def _reported(self, contact: ev.ReportedContact) -> list[tuple[ev.Level, str]]:
+        known = contact.uid in self.contacts
+        if not known and len(self.contacts) >= ev.MOST_CONTACTS:
+            return []
+        self.contacts[contact.uid] = contact
+        text = f"reported, not seen by our sensors: {contact_in_words(contact)}"
+        return [] if known else [("info", text)]
 
 
 @dataclass
 class SessionState:
-    """The whole session as it stands after the last applied event.
+    """The whole session after the last applied event.
 
     `latest` is the mission that arrived last, `last_active` the one that was worked on last, and
-    `answers` the unfinished mission that answers an alarm, by the alarm's id. `loose_orders` are
-    those of no mission since the last stop. `log_problem` is why the log cannot be written,
-    `relieved` why its station may move nothing where its site has keys.
+    `answers` maps an alarm's id to the unfinished mission that answers it. `loose_orders` belong
+    to no mission and came after the last stop. `log_problem` is the reason that the log cannot be
+    written, `relieved` the reason that a station of a site with keys may not move any asset.
     """
 
     started: ev.SessionStarted | None = None
@@ -102,30 +206,30 @@ class SessionState:
     answers: dict[str, str] = field(default_factory=dict[str, str])
     loose_orders: dict[str, CommandTrace] = field(default_factory=dict[str, CommandTrace])
     standing: dict[str, StandingTrace] = field(default_factory=dict[str, StandingTrace])
-    """The standing orders that were approved, by their ids, the oldest first."""
+    """The approved standing orders by their ids, the oldest first."""
     tak: TakTrace = field(default_factory=TakTrace)
 
     @property
     def reported_contacts(self) -> Mapping[str, ev.ReportedContact]:
-        """What others on the TAK server say is around, by uid; our sensors have not seen it."""
+        """The contacts that the TAK server reports, by uid; no sensor of the site has seen them."""
         return self.tak.contacts
 
     @property
     def current(self) -> MissionTrace | None:
-        """The mission being worked on, else the last one that was, else the latest to arrive."""
+        """The active mission, else the one that was active last, else the latest to arrive."""
         chosen = self.active or self.last_active or self.latest
         return self.missions[chosen] if chosen is not None else None
 
     @property
     def scenario(self) -> str:
-        """The name of the scenario that is played, empty without one."""
+        """The name of the running scenario, empty without one."""
         return self.started.scenario if self.started else ""
 
     @property
     def alarms(self) -> tuple[OpenAlarm, ...]:
         """The open alarms: worst priority first, then the nearest, then the oldest.
 
-        What an alarm says of a track is what the picture shows of it now.
+        Place and distance of a track in an alarm's text are those of the present picture.
         """
         now = (
             OpenAlarm(alarm_now(item.alarm, self.picture), item.acknowledged_by)
@@ -134,17 +238,17 @@ class SessionState:
         return tuple(sorted(now, key=_urgency))
 
     def is_worse(self, alarm: Alarm) -> bool:
-        """Whether `alarm` is new, or of a worse priority than it was."""
+        """Return True if `alarm` is new, or of a worse priority than before."""
         known = self.open_alarms.get(alarm.id)
         return known is None or _rank(alarm) < _rank(known.alarm)
 
     def is_news(self, alarm: Alarm) -> bool:
-        """Whether `alarm` is new, of a worse priority, or of another kind than it was."""
+        """Return True if `alarm` is new, of a worse priority, or of another kind than before."""
         known = self.open_alarms.get(alarm.id)
         return self.is_worse(alarm) or (known is not None and known.alarm.kind != alarm.kind)
 
     def apply(self, event: ev.Event) -> None:
-        """Take one event in; an event of an unknown mission changes no mission."""
+        """Apply one event; an event of an unknown mission changes no mission."""
         self.tick = max(self.tick, event.tick)
         self._apply_to_session(event)
         self._apply_to_command(event)
@@ -203,7 +307,7 @@ class SessionState:
                 pass
 
     def _apply_to_command(self, event: ev.Event) -> None:
-        """Who has command of the team, and whether all of it is stopped."""
+        """Apply a stop of the team, or a change of its command."""
         match event.data:
             case ev.AllStopped(by=by):
                 orders = self.stop.orders if self.stop is not None else self.loose_orders
@@ -284,31 +388,42 @@ class SessionState:
                 pass
 
     def _apply_to_standing(self, event: ev.Event) -> None:
-        apply_to_standing(self.standing, event)
+        known = self.standing
         match event.data:
             case ev.StandingOrderApproved(order=order, by=by):
+                known[order.id] = StandingTrace(order, by, event.tick)
                 text = f"in force, approved by {by}: {order.text}"
                 self._notice(event, "warning", order.id, text)
+            case ev.StandingOrderStarted(order_id=name, subject=subject) if name in known:
+                trace = known[name]
+                trace.starts.append(StartTrace(event.tick, subject, event.mission or ""))
+                del trace.starts[:-MOST_STARTS_KEPT]
+                trace.started += 1
             case ev.StandingOrderWithheld(order_id=name, reason=reason, subject=subject):
+                if name in known:
+                    known[name].withheld = event.data
                 what = f"nothing is started for {subject}" if subject else "nothing is started"
                 self._notice(event, "warning", name, f"{what}: {reason}")
-            case ev.StandingOrderRevoked(order_id=name) if name in self.standing:
-                self._notice(event, "warning", name, self.standing[name].ended)
+            case ev.StandingOrderRevoked(order_id=name, by=by, reason=reason) if name in known:
+                known[name].ended = f"revoked by {by}{f': {reason}' if reason else ''}"
+                self._notice(event, "warning", name, known[name].ended)
+            case ev.SessionEnded():
+                for trace in known.values():
+                    trace.ended = trace.ended or "the session has ended"
             case _:
                 pass
 
     def _leave(self, event: ev.Event) -> None:
-        """Note that the active mission is not worked on any more; a waiting one never was."""
+        """Clear `active` if it is the event's mission; a waiting mission was never active."""
         if event.mission == self.active:
             self.active = None
 
     def _answered(self, mission: str | None) -> None:
-        """Note that a mission answers no alarm any more."""
         for alarm in [alarm for alarm, answer in self.answers.items() if answer == mission]:
             del self.answers[alarm]
 
     def _apply_to_orders(self, data: ev.EventPayload) -> None:
-        """Orders that belong to no mission: those of a stop, told before or after the stop."""
+        """Apply orders without a mission: those of a stop, which may come just before its event."""
         orders = self.stop.orders if self.stop is not None else self.loose_orders
         match data:
             case ev.CommandSent(command=command):
@@ -342,3 +457,26 @@ def _urgency(item: OpenAlarm) -> tuple[int, float, float, str]:
     alarm = item.alarm
     distance = float("inf") if alarm.distance_m is None else alarm.distance_m
     return _rank(alarm), distance, alarm.raised_s, alarm.id
+
+
+def waiting_entries(state: SessionState) -> tuple[QueueEntry, ...]:
+    """Return the queue's entries of missions that have not begun, the next one first."""
+    known = state.missions
+    return tuple(
+        entry
+        for entry in state.queue
+        if (trace := known.get(entry.mission.id)) is None
+        or not (_begun(state, trace) or trace.status is not None)
+    )
+
+
+def begun_missions(state: SessionState) -> tuple[MissionTrace, ...]:
+    """Return the missions that have begun but not ended, in the order of their arrival."""
+    return tuple(
+        trace for trace in state.missions.values() if trace.status is None and _begun(state, trace)
+    )
+
+
+def _begun(state: SessionState, trace: MissionTrace) -> bool:
+    """Return True if a mission is active, or was before an emergency preempted it."""
+    return bool(trace.attempts) or trace.mission.id == state.active

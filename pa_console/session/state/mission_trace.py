@@ -1,4 +1,4 @@
-"""Everything known of one mission, and how each event of it adds to that."""
+"""The trace of one mission: its state, folded from its events, and its plans one by one."""
 
 from dataclasses import dataclass, field
 
@@ -22,10 +22,10 @@ from pa_console.session.confidence import UNSURE, Evidence, told_confidence
 
 @dataclass
 class Attempt:
-    """One pass through steps 5 and 6: what was asked, answered, found, rehearsed and judged.
+    """One pass through steps 5 and 6: prompt, answer, findings, rehearsal and verdict.
 
-    `round` counts, from 0, the plans that the mission has seen through; `phase` is where in a
-    workflow the mission stood, empty outside of one; `digest` is the picture it was made from.
+    `round` counts from 0 the plans that the mission had before, `phase` is the phase of its
+    workflow, empty outside of one, and `digest` the picture that the plan was made from.
     """
 
     number: int
@@ -40,13 +40,13 @@ class Attempt:
     error: str = ""
     usage: Usage = field(default_factory=Usage)
     confidence: float | None = None
-    """The chance that the planner gave to what it says was asked."""
+    """The chance that the planner gave to its reading of the order."""
     findings: tuple[Finding, ...] = ()
     checks_s: float = 0.0
     unmet: tuple[str, ...] = ()
-    """What of the order no plan can do now, and why."""
+    """Parts of the order that no plan can do now, each with its reason."""
     gaps: tuple[str, ...] = ()
-    """Where the words of the order and the reading that the plan is for do not match."""
+    """Mismatches between the words of the order and the reading that the plan is for."""
     rehearsal: Rehearsal | None = None
     rehearsal_s: float = 0.0
     if_halted: tuple[Action, ...] = ()
@@ -59,36 +59,36 @@ class Attempt:
     judge_confidence: float | None = None
     repair: tuple[str, ...] = ()
     instead_of: int | None = None
-    """The attempt whose prompt this is another answer to."""
+    """The attempt with the same prompt, to which this is another answer."""
     given: bool = False
-    """Whether the console gave the commands and the planner chose who has them."""
+    """True if the console gave the commands and the planner chose their assets."""
     as_judged: bool = False
-    """Whether it is for what the judge read in the mission, not the planner."""
+    """True if the plan is for the judge's reading of the order, not the planner's."""
     as_read_again: bool = False
-    """Whether it is for what the second reader read in it."""
+    """True if the plan is for the second reader's reading of the order."""
     read_again: ev.OrderReadAgain | None = None
-    """What the second reader said of the order, where it was asked."""
-    told: float | None = None
-    """How sure of its reading the operator was told that the console is."""
+    """The second reader's answer, if it was asked."""
+    shown_confidence: float | None = None
+    """The confidence in the reading that was shown to the operator."""
     server: str = ""
-    """The model on a server that was asked for it; '' for the session's own."""
+    """The model on a server that wrote the plan; '' for the session's own."""
     as_chosen: bool = False
-    """Whether it is for the reading of the mission that the operator chose."""
+    """True if the plan is for the reading that the operator chose."""
 
     @property
     def sure(self) -> float | None:
-        """How often an order that was read so is right, 0 to 1: as the operator was told.
+        """The confidence that the order was read correctly, 0 to 1, as the operator was shown.
 
-        Before that, it is what planner and judge tell of it.
+        Before approval is asked for, it follows from the chances of planner and judge.
         """
-        if self.told is not None:
-            return self.told
+        if self.shown_confidence is not None:
+            return self.shown_confidence
         known = [c for c in (self.confidence, self.judge_confidence) if c is not None]
         return told_confidence(Evidence(min(known, default=None), bool(self.gaps)))
 
     @property
     def doubt(self) -> str:
-        """That the order may have been misread, in words; '' where both were sure."""
+        """A warning that the order may have been misread; '' for a confident reading."""
         why = list(self.gaps)
         if self.sure is not None and self.sure < UNSURE:
             why.append(f"read with {self.sure:.0%} confidence")
@@ -96,13 +96,13 @@ class Attempt:
 
     @property
     def aside(self) -> str:
-        """What it stands beside, to be told after its number and author; '' for a first answer."""
+        """The attempt that it stands beside and its origin, shown after number and author."""
         instead = "" if self.instead_of is None else f", instead of {self.instead_of}"
         return instead + self.origin
 
     @property
     def origin(self) -> str:
-        """Who else had a part in it, to be told after what it stands beside; '' for nobody."""
+        """Its contributors besides the author, as a list that continues a sentence; '' for none."""
         given = ", its commands given by the console" * self.given
         judged = ", as the judge read it" * self.as_judged
         judged += ", as the second reader read it" * self.as_read_again
@@ -112,7 +112,7 @@ class Attempt:
 
 @dataclass
 class CommandTrace:
-    """A dispatched command, every reply to it, oldest first, and how often it was sent again."""
+    """A dispatched command, its replies, oldest first, and the number of times it was resent."""
 
     command: DeviceCommand
     replies: list[CommandReply] = field(default_factory=list[CommandReply])
@@ -122,7 +122,7 @@ class CommandTrace:
 
 @dataclass
 class VerifiedPlan:
-    """What telemetry said of one executed plan, and the judge's verdict on its outcome."""
+    """The verification of one executed plan by telemetry, and the judge's verdict on it."""
 
     verification: Verification
     round: int = 0
@@ -153,16 +153,16 @@ class MissionTrace:
     workflow: list[ev.WorkflowMoved] = field(default_factory=list[ev.WorkflowMoved])
     approval: ev.ApprovalRequested | None = None
     approval_state: ApprovalState | None = None
-    """What the operator had to know first of the last plan that was put forward."""
+    """The state in which the last plan was shown for approval."""
     decisions: list[ev.DecisionMade] = field(default_factory=list[ev.DecisionMade])
     questions: list[ev.QuestionAsked] = field(default_factory=list[ev.QuestionAsked])
-    """What was asked back before anything was planned."""
+    """Questions to the operator before planning."""
     answers: list[ev.QuestionAnswered] = field(default_factory=list[ev.QuestionAnswered])
-    """What the operator has asked about it, and was answered."""
+    """The operator's questions about the mission, with their answers."""
     references: tuple[ev.Reference, ...] = ()
-    """What the order points at, and what that is."""
+    """Words of the order that refer to something, with their meanings."""
     standing: ev.StandingOrderRead | None = None
-    """The standing order that it gives, and what that would start at once; None for a mission."""
+    """The standing order that the text gives, with its immediate starts; None for a mission."""
     voided: str = ""
     preempted: str = ""
     commands: dict[str, CommandTrace] = field(default_factory=dict[str, CommandTrace])
@@ -176,11 +176,11 @@ class MissionTrace:
     metrics: Metrics | None = None
 
     def find(self, number: int) -> Attempt | None:
-        """Return attempt `number`, None when there is none."""
+        """Return attempt `number`, or None if there is none."""
         return next((a for a in reversed(self.attempts) if a.number == number), None)
 
     def attempt(self, number: int) -> Attempt:
-        """Return attempt `number` (from 1), opening it when it is new."""
+        """Return attempt `number`, from 1; a new one is added."""
         found = self.find(number)
         if found is None:
             found = Attempt(number, round=self.round, phase=self.phase, digest=self.digest)
@@ -188,29 +188,29 @@ class MissionTrace:
         return found
 
     def find_verified(self, number: int | None) -> VerifiedPlan | None:
-        """Return what was verified of attempt `number`, of the last one for None."""
+        """Return the verification of attempt `number`, or the last one for None."""
         found = (v for v in reversed(self.verified) if number is None or v.attempt == number)
         return next(found, None)
 
     def next_round(self) -> None:
-        """Let the attempts that follow belong to another plan than those that were made."""
+        """Let the attempts that follow belong to the next plan."""
         if self.attempts and self.attempts[-1].round == self.round:
             self.round += 1
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """What can be answered to the question that waits; none where no question does."""
+        """The answers to choose from for the open question; empty without one."""
         waits = self.approval is not None and self.approval.state == "not_understood"
         return self.questions[-1].choices if waits and self.questions else ()
 
     @property
     def standings(self) -> dict[str, ev.WorkflowMoved]:
-        """Where the mission stands in the workflow of each track."""
+        """The last move in the workflow of each track."""
         return {move.track: move for move in self.workflow}
 
     @property
     def phase(self) -> str:
-        """The phase that the next plan is for, empty when no workflow has one left."""
+        """The phase that the next plan is for, empty if no workflow has one left."""
         standings = self.standings.values()
         return next((m.phases[m.phase] for m in standings if 0 <= m.phase < len(m.phases)), "")
 
@@ -221,7 +221,7 @@ class MissionTrace:
 
     @property
     def verification(self) -> Verification | None:
-        """What telemetry said of the last executed plan."""
+        """The verification of the last executed plan by telemetry."""
         return self.verified[-1].verification if self.verified else None
 
     @property
@@ -231,12 +231,12 @@ class MissionTrace:
 
     @property
     def outcome_error(self) -> str:
-        """Why the judge gave no verdict on the last outcome."""
+        """The reason that the judge gave no verdict on the last outcome."""
         return self.verified[-1].error if self.verified else self.unasked_error
 
 
 def apply_to_mission(trace: MissionTrace, data: ev.EventPayload) -> None:
-    """Take one event of the mission in; a kind that says nothing of it changes nothing."""
+    """Apply one event of the mission; unrelated kinds of events change nothing."""
     _apply_reading(trace, data)
     _apply_planning(trace, data)
     _apply_decision(trace, data)
@@ -244,9 +244,9 @@ def apply_to_mission(trace: MissionTrace, data: ev.EventPayload) -> None:
 
 
 def withhold_approval(trace: MissionTrace, before: str, refusal: str) -> None:
-    """Block the plan that waits because its station may move nothing, '' for that it may again.
+    """Block the waiting plan because of the `refusal` of its station; '' lifts the block.
 
-    `before` is why it could not until now.
+    `before` is the refusal until now.
     """
     request = trace.approval
     if request is None or trace.approval_state in ("blocked", "not_understood"):
@@ -260,7 +260,7 @@ def withhold_approval(trace: MissionTrace, before: str, refusal: str) -> None:
 
 
 def _apply_reading(trace: MissionTrace, data: ev.EventPayload) -> None:
-    """Step 1."""
+    """Apply an event of step 1."""
     match data:
         case ev.QuestionAsked():
             trace.questions.append(data)
@@ -277,7 +277,7 @@ def _apply_reading(trace: MissionTrace, data: ev.EventPayload) -> None:
 
 
 def _apply_prompt(trace: MissionTrace, data: ev.PromptBuilt) -> None:
-    """Step 4: an answer begins, maybe in place of one that was broken off."""
+    """Begin an answer of step 4, possibly in place of one that broke off."""
     if data.role == "planner":
         attempt, trace.stage = trace.attempt(data.attempt), "plan"
         attempt.system, attempt.user, attempt.text = data.system, data.user, ""
@@ -289,7 +289,7 @@ def _apply_prompt(trace: MissionTrace, data: ev.PromptBuilt) -> None:
 
 
 def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
-    """Steps 2 to 6."""
+    """Apply an event of steps 2 to 6."""
     match data:
         case ev.MissionStarted(rules_content_sha256=rules):
             trace.stage, trace.preempted, trace.rules = "retrieve", "", rules
@@ -338,7 +338,7 @@ def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
 
 
 def _apply_decision(trace: MissionTrace, data: ev.EventPayload) -> None:
-    """What another model read, the operator's turn, and what takes that away."""
+    """Apply a second reading, a request for approval, a decision, or the end of a request."""
     match data:
         case ev.OrderReadAgain(attempt=number):
             trace.attempt(number).read_again = data
@@ -346,7 +346,7 @@ def _apply_decision(trace: MissionTrace, data: ev.EventPayload) -> None:
             trace.stage, trace.approval = "decide", data
             trace.approval_state = data.state
             if (attempt := trace.find(number)) is not None:
-                attempt.if_halted, attempt.told = declared, data.confidence
+                attempt.if_halted, attempt.shown_confidence = declared, data.confidence
                 attempt.gaps = data.gaps or attempt.gaps
         case ev.DecisionMade(attempt=number, decision=decision, accepted=accepted):
             trace.decisions.append(data)
@@ -365,7 +365,7 @@ def _apply_decision(trace: MissionTrace, data: ev.EventPayload) -> None:
 
 
 def _apply_execution(trace: MissionTrace, data: ev.EventPayload) -> None:
-    """Steps 7 and 8."""
+    """Apply an event of steps 7 and 8."""
     match data:
         case ev.CommandSent(command=command):
             trace.stage = "execute"
@@ -401,7 +401,7 @@ def _apply_execution(trace: MissionTrace, data: ev.EventPayload) -> None:
 
 
 def _measure_verdicts(trace: MissionTrace) -> None:
-    """Put into the metrics what verdicts on outcomes took, which come before or after them."""
+    """Add the time of the verdicts on outcomes to the metrics; they come in either order."""
     if trace.metrics is not None:
         taken = sum(verified.judging_s for verified in trace.verified)
         outcome_s = max(trace.metrics.outcome_s, taken)
@@ -412,3 +412,59 @@ def _executing_round(trace: MissionTrace) -> int:
     """Return the round of the plan that was approved last."""
     attempt = trace.find(trace.executing)
     return attempt.round if attempt is not None else trace.round
+
+
+@dataclass
+class Round:
+    """One plan from its first attempt to its verification or halt; `number` counts from 0."""
+
+    number: int
+    attempts: list[Attempt] = field(default_factory=list[Attempt])
+    decisions: list[ev.DecisionMade] = field(default_factory=list[ev.DecisionMade])
+    commands: list[CommandTrace] = field(default_factory=list[CommandTrace])
+    halts: list[ev.PlanHalted] = field(default_factory=list[ev.PlanHalted])
+    verified: list[VerifiedPlan] = field(default_factory=list[VerifiedPlan])
+    voided: str = ""
+
+    @property
+    def name(self) -> str:
+        """The phase of a workflow that the plan is for, else the number of the plan."""
+        phase = self.attempts[-1].phase if self.attempts else ""
+        return f"Phase {phase}" if phase else f"Plan {self.number + 1}"
+
+    @property
+    def outcome(self) -> str:
+        """The outcome of the plan: `halted`, that of its verification, or `none`."""
+        if self.halts:
+            return "halted"
+        return self.verified[-1].verification.outcome if self.verified else "none"
+
+
+def rounds(trace: MissionTrace) -> list[Round]:
+    """Return every plan of the mission, oldest first; the last one may still be empty."""
+    last = max([a.round for a in trace.attempts], default=0)
+    result = [Round(number) for number in range(last + 1)]
+    by_attempt = {attempt.number: attempt.round for attempt in trace.attempts}
+    for attempt in trace.attempts:
+        result[attempt.round].attempts.append(attempt)
+    for made in trace.decisions:
+        result[by_attempt.get(made.attempt, last)].decisions.append(made)
+    for sent in trace.commands.values():
+        result[min(sent.round, last)].commands.append(sent)
+    for halt in trace.halts:
+        result[by_attempt.get(halt.attempt, last)].halts.append(halt)
+    for item in trace.verified:
+        result[min(item.round, last)].verified.append(item)
+    result[-1].voided = trace.voided
+    return result
+
+
+def chosen_attempt(trace: MissionTrace, now: Round) -> Attempt | None:
+    """Return the attempt that waits for approval or was decided on, else the latest."""
+    if trace.approval is not None:
+        number = trace.approval.attempt
+    else:
+        taken = (d.attempt for d in reversed(now.decisions) if d.accepted and d.decision.settles)
+        number = next(taken, None)
+    found = next((attempt for attempt in now.attempts if attempt.number == number), None)
+    return found or (now.attempts[-1] if now.attempts else None)

@@ -1,7 +1,4 @@
-"""From a rule to what it did in a session, and from a decision to the rules that made it.
-
-Everything is taken from the events as they were logged, so that each entry names its event.
-"""
+"""The effects of a rule in a session, each with its event, and the rules behind a decision."""
 
 import re
 from collections.abc import Iterable, Iterator
@@ -19,11 +16,11 @@ _NAME = re.compile(r"[\w-]+")
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """What a plan was decided by: the picture's tick and time, in simulated seconds.
+class DecisionEvidence:
+    """The basis of the decision on a plan: the picture's tick and time, in simulated seconds.
 
-    `deciding` are the findings that stand against it, or all that hold when none does; `facts`
-    are lines of telemetry, one for each asset, track and gate that the plan or a finding names.
+    `deciding` are the findings against the plan, or all that hold if there is none. `facts` are
+    lines of telemetry, one for each asset, track and gate that the plan or a finding names.
     """
 
     tick: int
@@ -32,8 +29,8 @@ class Evidence:
     facts: tuple[tuple[str, str], ...]
 
 
-def evidence_of(attempt: Attempt) -> Evidence | None:
-    """Return what made the decision on an attempt; None for one that was not rehearsed."""
+def evidence_of(attempt: Attempt) -> DecisionEvidence | None:
+    """Return the basis of the decision on an attempt; None for one that was not rehearsed."""
     if attempt.rehearsal is None or attempt.plan is None:
         return None
     picture = attempt.rehearsal.before
@@ -43,11 +40,11 @@ def evidence_of(attempt: Attempt) -> Evidence | None:
     texts += [finding.message for finding in broken]
     named = dict.fromkeys(name for text in texts for name in _NAME.findall(text))
     facts = dict(fact for name in named for fact in _facts(name, picture))
-    return Evidence(picture.tick, picture.time_s, broken or held, tuple(facts.items()))
+    return DecisionEvidence(picture.tick, picture.time_s, broken or held, tuple(facts.items()))
 
 
 def _facts(name: str, picture: Picture) -> Iterator[tuple[str, str]]:
-    """Yield what telemetry said of an asset, a track, or a gate and each track there."""
+    """Yield the telemetry of an asset or a track, or of a gate and each track there."""
     if name in picture.assets:
         yield name, _asset(picture.assets[name], picture.time_s)
     elif name in picture.tracks:
@@ -89,11 +86,11 @@ def _track(track: Track, now_s: float) -> str:
 
 @dataclass(frozen=True)
 class RuleUse:
-    """What one rule was to one mission.
+    """The use of one rule in one mission.
 
-    `decided` are the attempts on which its check gave an answer, with the finding; `prescribed`
-    the tracks whose workflow it prescribes; `refused` says that the mission was never planned
-    because of it.
+    `decided` are the attempts on which its check gave an answer, with the finding, and
+    `prescribed` the tracks whose workflow it prescribes. A mission that it `refused` was never
+    planned.
     """
 
     mission: str
@@ -105,12 +102,12 @@ class RuleUse:
 
     @property
     def broken(self) -> bool:
-        """Whether some plan of the mission, or its words, broke the rule."""
+        """True if a plan or the words of the mission broke the rule."""
         return any(found.broken for _, found in self.decided)
 
 
 def uses_of(rule_id: str, missions: Iterable[MissionTrace]) -> tuple[RuleUse, ...]:
-    """Return the missions that `rule_id` had to do with, in the order of `missions`."""
+    """Return the uses of `rule_id`, in the order of `missions`."""
     return tuple(use for trace in missions if (use := _use(rule_id, trace)) is not None)
 
 
@@ -138,26 +135,26 @@ RuleDeed = Literal[
     "refused", "sent back", "halted", "prescribed",
 ]  # fmt: skip
 BREAKING: tuple[RuleDeed, ...] = ("broken", "blocked", "refused", "sent back", "halted")
-"""What says that the rule was broken, or kept something from being done."""
+"""The effects that mean that the rule was broken, or prevented something."""
 
 
 @dataclass(frozen=True)
 class TrailEntry:
-    """One thing that a rule did in a mission; `event` counts the session's events from 1.
+    """One effect of a rule in a mission; `event` counts the session's events from 1.
 
-    retrieved       the models were shown it, `words` say with what score
+    retrieved       the models were shown the rule, with the score in `words`
     decided         its check held for a plan
-    broken          it did not, or could not be decided
-    not applicable  its guard left the plan out
+    broken          its check failed, or could not be decided
+    not applicable  its guard excluded the plan
     judged          the judge gave an opinion on it
-    blocked         because of it nobody could approve the plan
+    blocked         the plan could not be approved because of it
     acknowledged    the operator accepted that it is broken
-    refused         because of it the mission was refused at intake
-    sent back       the planner was told of it and had to try again
-    halted          because of it a running plan was brought to a safe state
+    refused         the mission was refused at intake because of it
+    sent back       the planner had to try again because of it
+    halted          a running plan was brought to a safe state because of it
     prescribed      its workflow took a track a step further
 
-    `attempt` is 0 for what concerns no single plan.
+    `attempt` is 0 for an effect on no single plan.
     """
 
     event: int
@@ -169,19 +166,19 @@ class TrailEntry:
 
 @dataclass(frozen=True)
 class Trail:
-    """What a rule did in one mission, in order."""
+    """The effects of a rule in one mission, in order."""
 
     session: str
     mission: Mission
     entries: tuple[TrailEntry, ...]
 
     def did(self, *what: RuleDeed) -> bool:
-        """Return whether any of these happened."""
+        """Return True if any of these effects is among the entries."""
         return any(entry.did in what for entry in self.entries)
 
 
 def trail_of(rule_id: str, events: Iterable[ev.Event]) -> list[Trail]:
-    """Return the missions of a session in which `rule_id` did anything, in order."""
+    """Return the missions of a session in which `rule_id` had an effect, in order."""
     session = ""
     missions: dict[str, Mission] = {}
     found: dict[str, list[TrailEntry]] = {}
@@ -207,7 +204,7 @@ def trail_of(rule_id: str, events: Iterable[ev.Event]) -> list[Trail]:
 def _entries(
     rule_id: str, mission: str, data: ev.EventPayload, planned: set[tuple[str, int]]
 ) -> Iterator[tuple[int, RuleDeed, str]]:
-    """Yield attempt, what the rule did, and the words of one event."""
+    """Yield attempt, effect and words of the rule in one event."""
     match data:
         case ev.RulesRetrieved(hits=hits):
             for place, hit in enumerate(hits, start=1):

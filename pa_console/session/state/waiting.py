@@ -1,6 +1,6 @@
-"""What is being waited for: a step of the active mission, since when, how long it usually takes.
+"""The running step of the active mission, with its time so far and its usual time.
 
-Times are seconds of one clock that the caller names; a replay has none.
+Times are seconds of the caller's clock; a replay has none.
 """
 
 import json
@@ -26,20 +26,20 @@ WORK = {
     "verify": "telemetry is compared with the plan",
     "report": "the report is written",
 }
-"""What happens in each step that takes its time without the operator."""
+"""The line for each step that runs without the operator."""
 
-TOLD_AFTER_S = 0.3
-"""A step that has just begun may be over before anybody has read its name."""
+SHOWN_AFTER_S = 0.3
+"""Seconds before a step is shown: a short one is over before its name can be read."""
 
 _REMEMBERED = 20
 _LEAST = 3
-"""From so many durations on, a session's own median is the usual time."""
+"""The number of durations from which on a session's own median is the usual time."""
 _CHARACTERS = 3.5
-"""Characters of a token, as long as no answer has told its tokens."""
+"""Characters in a token, until an answer reports its number of tokens."""
 
 
 class Waiting:
-    """Follows the steps of the active mission; `usual` are seconds by step of earlier sessions."""
+    """A clock for the steps of the active mission; `usual` are seconds by step, of old sessions."""
 
     def __init__(self, usual: Mapping[str, float] | None = None) -> None:
         self._stored = dict(usual or {})
@@ -50,7 +50,7 @@ class Waiting:
         self._characters, self._tokens = 0, 0
 
     def take(self, event: ev.Event, state: SessionState, now: float) -> None:
-        """Take in an event that is in `state` already, at `now`."""
+        """Apply an event that is in `state` already, at time `now`."""
         match event.data:
             case ev.TextStreamed(text=text):
                 self._written += len(text)
@@ -71,7 +71,7 @@ class Waiting:
         return (trace.mission.id, trace.stage) if trace is not None else None
 
     def usual_s(self, step: str) -> float | None:
-        """Return how long `step` usually takes; None when nothing is known of it."""
+        """Return the usual seconds of `step`; None if they are unknown."""
         taken = self._taken.get(step, ())
         if len(taken) >= _LEAST or (taken and step not in self._stored):
             return median(taken)
@@ -79,7 +79,7 @@ class Waiting:
 
     @property
     def usual(self) -> dict[str, float]:
-        """The usual seconds of every step that is known, to be kept for the next session."""
+        """The usual seconds of every known step, to be saved for the next session."""
         known = {*self._stored, *self._taken}
         return {
             step: round(taken, 3)
@@ -89,18 +89,18 @@ class Waiting:
 
     @property
     def tokens(self) -> int:
-        """About how many tokens of the present answer have come."""
+        """The approximate number of tokens of the present answer so far."""
         each = self._characters / self._tokens if self._tokens else _CHARACTERS
         return round(self._written / each)
 
     def line(self, now: float, state: SessionState) -> str:
-        """Say what is being done, for how long, and how long that usually takes; '' for nothing."""
+        """Return the running step, its time so far and its usual time in words; '' for none."""
         if state.worker is not None and state.worker.state == "loading" and state.active:
             return "the model is being loaded"
         if self._step is None or self._step[1] not in WORK:
             return ""
         elapsed = now - self._since
-        if elapsed < TOLD_AFTER_S:
+        if elapsed < SHOWN_AFTER_S:
             return ""
         step = self._step[1]
         usual = self.usual_s(step)
@@ -110,9 +110,9 @@ class Waiting:
 
 
 def load_usual(path: Path, model: str) -> dict[str, float]:
-    """Return the usual seconds by step with `model` (its SHA-256) that are kept at `path`.
+    """Return the usual seconds by step with `model` (its SHA-256) that are saved at `path`.
 
-    A file that cannot be read knows nothing.
+    They are empty if the file cannot be read.
     """
     with suppress(OSError, ValueError, TypeError, AttributeError, KeyError):
         kept = json.loads(path.read_text(encoding="utf-8"))[model]
@@ -121,7 +121,7 @@ def load_usual(path: Path, model: str) -> dict[str, float]:
 
 
 def save_usual(path: Path, model: str, usual: Mapping[str, float]) -> None:
-    """Keep the usual seconds by step with `model`; what cannot be written is not kept."""
+    """Save the usual seconds by step with `model`; a file that cannot be written is skipped."""
     kept = {step: taken for step, taken in usual.items() if step in WORK}
     if not kept:
         return

@@ -4,9 +4,15 @@ from dataclasses import replace
 
 from pa_console.schema.telemetry import Digest
 from pa_console.schema.text.quantities import count
-from pa_console.session.state.mission_trace import Attempt, MissionTrace
+from pa_console.session.state.mission_trace import (
+    Attempt,
+    MissionTrace,
+    Round,
+    chosen_attempt,
+    rounds,
+)
 from pa_console.session.state.rule_trail import evidence_of
-from pa_console.session.status_words import Status
+from pa_console.session.status_words import Status, status_of
 from pa_console.session.trace import execution, planning, safeguards
 from pa_console.session.trace.parts import (
     Block,
@@ -19,7 +25,6 @@ from pa_console.session.trace.parts import (
 )
 from pa_console.session.trace.planning import Rules
 from pa_console.session.trace.questions import answered
-from pa_console.session.trace.rounds import Round, chosen_attempt, rounds
 from pa_console.session.trace.standing import standing_order, workflow
 
 
@@ -135,7 +140,7 @@ def _earlier_round(
     return Section(
         f"round-{given.number}",
         given.name,
-        mark=given.outcome,
+        mark=status_of("outcome", given.outcome),
         note=f"attempt {numbers}; {dispatched}",
         parts=(*parts, *_carried_out(given, options)),
         collapsed=True,

@@ -15,7 +15,7 @@ from pa_console.schema.rehearsal import (
 from pa_console.schema.rule import PRIORITIES
 from pa_console.schema.text.quantities import count, duration_text
 from pa_console.session.state.mission_trace import Attempt
-from pa_console.session.state.rule_trail import Evidence
+from pa_console.session.state.rule_trail import DecisionEvidence
 from pa_console.session.status_words import Status, status_of
 from pa_console.session.trace.parts import (
     Block,
@@ -166,7 +166,7 @@ def _finding(found: Finding, rules: Rules) -> tuple[Span | Status | str, ...]:
     )
 
 
-def evidence(attempt: Attempt, given: Evidence) -> Section:
+def evidence(attempt: Attempt, given: DecisionEvidence) -> Section:
     """The telemetry that the checks were given of whatever plan and findings name."""
     by = ", ".join(found.rule_id for found in given.deciding) or "no rule"
     stands = "against it" if any(found.broken for found in given.deciding) else "for it"

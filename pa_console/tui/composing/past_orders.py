@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from pa_console.session.log.chain import LogError
-from pa_console.session.past.summary import newest_logs, summarise
+from pa_console.session.past_sessions import newest_logs, summarise
 
 MOST_SESSIONS = 50
 """So many sessions are looked through, the newest first."""

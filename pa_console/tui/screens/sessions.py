@@ -16,8 +16,7 @@ from textual.widgets import Static
 
 from pa_console.schema.document import DocumentError
 from pa_console.schema.text.quantities import count
-from pa_console.session.past.soundness import Soundness, soundness
-from pa_console.session.past.summary import SessionSummary, past_sessions
+from pa_console.session.past_sessions import SessionSummary, Soundness, past_sessions, soundness
 from pa_console.session.replay.log_index import Progress
 from pa_console.tui.copied_file import export_folder, trace_text, write_copy
 from pa_console.tui.protocols import Clock

@@ -6,9 +6,7 @@ from typing import ClassVar
 from textual.binding import Binding, BindingType
 
 from pa_console.schema.text.quantities import clock_text
-from pa_console.session.past.soundness import Soundness
-from pa_console.session.past.summary import SessionSummary
-from pa_console.session.past.words import outcome_words, when
+from pa_console.session.past_sessions import SessionSummary, Soundness
 from pa_console.tui.status_words import QUIET, term
 from pa_console.tui.trace.rows import Row, row
 from pa_console.tui.widgets.assets import Cells, Layout
@@ -76,11 +74,11 @@ class SessionRows(PointedRows):
         mark = term("log", standing.standing) if standing is not None else None
         title = f"≠ {summary.title}" if key == self.marked else summary.title
         return {
-            "begun": (when(summary)[:16], QUIET),
+            "begun": (summary.local_start[:16], QUIET),
             "title": (title, "bold"),
             "scenario": (summary.scenario or "–", QUIET),
             "missions": (f"{len(summary.missions)}", ""),
-            "outcomes": (outcome_words(summary), ""),
+            "outcomes": (summary.outcome_words, ""),
             "length": (clock_text(summary.length_s), QUIET),
             "log": (f"{mark.glyph} {mark.word}", mark.style) if mark else ("checking …", QUIET),
         }

@@ -1,10 +1,12 @@
-"""What one recorded session was about and how it ended, read from its log in one pass.
+"""Recorded sessions: summaries of their logs, their standing, and finding one by name.
 
-Of telemetry only the beginning of each line is read, so a log is summed up far faster than it is
-opened for a replay.
+A summary reads a log in one pass, of telemetry only the start of each line: far faster than opening
+the log for a replay.
 """
 
-import re
+import fcntl
+from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -12,22 +14,19 @@ from typing import Literal
 
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import MissionStatus
-from pa_console.session.log.chain import LogError, parse, read_lines
+from pa_console.session.log.chain import RECORD_START, LogError, parse, read_lines
+from pa_console.session.log.verification import verify
+from pa_console.session.status_words import status_of
 
-_TEXT = rb'"(?:[^"\\]|\\.)*"'
-_HEAD = re.compile(
-    rb'\{"seq":\d+,"t":"([^"\\]+)","tick":-?\d+,"session":' + _TEXT + rb',"mission":(?:null|('
-    + _TEXT + rb')),"kind":"([a-z_]+)"'
-)  # fmt: skip
 _READ = frozenset((b"session_started", b"mission_received", b"mission_finished", b"session_ended"))
 
 Ending = Literal["closed", "open", "damaged"]
-"""How a log ends: with the end of its session, without it, or where it cannot be read on."""
+"""The end of a log: with the end of its session, without it, or at a damage."""
 
 
 @dataclass
-class PastMission:
-    """A mission of a recorded session; `status` is None when its end is not in the log."""
+class RecordedMission:
+    """A mission of a recorded session; `status` is None if its end is not in the log."""
 
     id: str
     said: str
@@ -39,7 +38,7 @@ class PastMission:
 
     @property
     def origin(self) -> str:
-        """Who gave it if that was no operator, to be told before its words; '' for an operator."""
+        """The source of the mission, shown before its text; '' for an operator."""
         started = f"by standing order {self.standing}: " if self.standing else ""
         return "by alarm: " if self.by_alarm else started
 
@@ -59,10 +58,10 @@ class SessionSummary:
     scenario: str = ""
     seed: int = 0
     readonly: bool = False
-    missions: list[PastMission] = field(default_factory=list[PastMission])
+    missions: list[RecordedMission] = field(default_factory=list[RecordedMission])
     ending: Ending = "open"
     reason: str = ""
-    """Why the session ended, or where its log cannot be read on."""
+    """The reason of the end, or the damage to the log."""
 
     @property
     def title(self) -> str:
@@ -73,24 +72,31 @@ class SessionSummary:
 
     @property
     def outcomes(self) -> dict[str, int]:
-        """How many missions ended in each way, by status; `open` are those without an end."""
-        found: dict[str, int] = {}
-        for mission in self.missions:
-            status = mission.status or "open"
-            found[status] = found.get(status, 0) + 1
-        return found
+        """The number of missions by their final status; `open` are those without an end."""
+        return Counter(mission.status or "open" for mission in self.missions)
+
+    @property
+    def outcome_words(self) -> str:
+        """The outcomes in words, e.g. `2 verified, 1 rejected`; `none` without a mission."""
+        words = (
+            f"{number} {status_of('mission', status).word}"
+            for status, number in self.outcomes.items()
+        )
+        return ", ".join(words) or "none"
+
+    @property
+    def local_start(self) -> str:
+        """The start of the session in local time; empty if it is unknown."""
+        return f"{self.started.astimezone():%Y-%m-%d %H:%M:%S}" if self.started else ""
 
 
 def summarise(log: Path) -> SessionSummary:
-    """Return what the session of `log` was about.
-
-    Raises LogError when `log` is not the log of a session at all.
-    """
+    """Return the summary of `log`; raise LogError if it is not the log of a session."""
     found = SessionSummary(log)
-    missions: dict[str, PastMission] = {}
+    missions: dict[str, RecordedMission] = {}
     try:
         for number, line in read_lines(log):
-            head = _HEAD.match(line)
+            head = RECORD_START.match(line)
             if head is None:
                 raise LogError(str(log), number, "not a record of a session log")
             _time(found, head[1])
@@ -125,14 +131,14 @@ def _time(found: SessionSummary, text: bytes) -> None:
     found.length_s = max(found.length_s, (t - found.started).total_seconds())
 
 
-def _take(found: SessionSummary, missions: dict[str, PastMission], event: ev.Event) -> None:
+def _take(found: SessionSummary, missions: dict[str, RecordedMission], event: ev.Event) -> None:
     match event.data:
         case ev.SessionStarted() as data:
             found.session, found.world, found.rules = data.session, data.world, data.rules
             found.world_sha256, found.model = data.world_sha256, data.model
             found.scenario, found.seed, found.readonly = data.scenario, data.seed, data.readonly
         case ev.MissionReceived(mission=mission):
-            missions[mission.id] = PastMission(
+            missions[mission.id] = RecordedMission(
                 mission.id,
                 mission.said,
                 by_alarm=mission.source == "alarm",
@@ -150,7 +156,7 @@ def _take(found: SessionSummary, missions: dict[str, PastMission], event: ev.Eve
 def past_sessions(folder: Path, most: int | None = None) -> list[SessionSummary]:
     """Return the sessions whose logs are in `folder`, the newest first, at most `most` of them.
 
-    Files that are no logs of a session are left out; a folder that does not exist has none.
+    Files that are not session logs are left out; a missing folder has none.
     """
     found: list[SessionSummary] = []
     for log in newest_logs(folder):
@@ -164,7 +170,7 @@ def past_sessions(folder: Path, most: int | None = None) -> list[SessionSummary]
 
 
 def newest_logs(folder: Path) -> list[Path]:
-    """Return the session logs in `folder`, the one that was written last first."""
+    """Return the session logs in `folder`, the one with the latest change first."""
     times: dict[Path, int] = {}
     for log in folder.glob("*.jsonl"):
         try:
@@ -175,9 +181,9 @@ def newest_logs(folder: Path) -> list[Path]:
 
 
 def find_session(folder: Path, name: str) -> Path:
-    """Return the log that `name` stands for: a file, a session's id, or the only one it begins.
+    """Return the log that `name` stands for: a file, a session's id or a unique start of one.
 
-    `last` is the newest. Raises ValueError for no session, and for several.
+    `last` is the newest. Raises ValueError if no session or several match.
     """
     given = Path(name).expanduser()
     if given.is_file():
@@ -193,3 +199,52 @@ def find_session(folder: Path, name: str) -> Path:
         names = ", ".join(sorted(log.stem for log in found)[:6])
         raise ValueError(f"“{name}” stands for {len(found)} sessions: {names}")
     raise ValueError(f"there is no session “{name}” in {folder}; pa-console sessions lists them")
+
+
+LogStanding = Literal["verified", "running", "open", "unsigned", "damaged"]
+
+
+@dataclass(frozen=True)
+class Soundness:
+    """The result of `pa-console replay LOG --verify --chain-only` in one word.
+
+    `verified`: a known key has signed every line. `running`: a console is writing the log.
+    `open`: sound, but never closed. `unsigned`: sound, but not signed. `damaged`: changed or not
+    readable, with the place in `detail`.
+    """
+
+    standing: LogStanding
+    detail: str = ""
+
+
+def is_held(log: Path) -> bool:
+    """Return True if a console is writing `log` now; raise OSError if it cannot be opened."""
+    with log.open("rb") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+        fcntl.flock(file, fcntl.LOCK_UN)
+    return False
+
+
+def soundness(log: Path, known: Collection[str] | None = None) -> Soundness:
+    """Check chain, signatures and head of `log`.
+
+    `known` are the fingerprints of accepted keys, by default those of this machine.
+    """
+    try:
+        running = is_held(log)
+        found = verify(log, known)
+    except LogError as error:
+        return Soundness("damaged", str(error))
+    except OSError as error:
+        return Soundness("damaged", f"{log}: {error.strerror or error}")
+    if not found.ok and not running:
+        line = f"line {found.first_bad_line}: " if found.first_bad_line else ""
+        return Soundness("damaged", f"{line}{found.damage}: {found.problem}")
+    if running:
+        return Soundness("running", "a console is writing this log")
+    if found.intact:
+        return Soundness("verified", f"every line is signed by {found.key}")
+    return Soundness("open" if found.standing == "open" else "unsigned", found.note)
