@@ -37,12 +37,13 @@ endef
 sections = awk -v wanted=' $(1) ' '/^\# /{on = index(wanted, " " $$2 " ")} on' $(PINS)
 
 .DEFAULT_GOAL := help
-.PHONY: help console test bench lint site clean
+.PHONY: help console test bench train lint site clean
 
 help:
 	@echo "make console   open the console (the first time installs it and fetches the model)"
 	@echo "make test      run the tests            ARGS=... is passed on to pytest"
 	@echo "make bench     measure this machine     ARGS=... which benchmark, and its options (ARGS=--help)"
+	@echo "make train     make data, train adapters   ARGS=... which verb, and its options (ARGS=--help)"
 	@echo "make lint      check style, formatting, types and import contracts (of the trainer, where torch is)"
 	@echo "make site      render the manual as a static site, in $(SITE)"
 	@echo "make clean     remove .venv and everything generated; fetched models stay"
@@ -61,11 +62,14 @@ test: $(VENV)/.installed-test
 bench: $(VENV)/.installed-test
 	@$(BIN)/python -m tests.benchmarks $(ARGS)
 
+train: $(VENV)/.installed-train
+	@PYTHONPATH=models/training $(BIN)/python -m pa_training $(ARGS)
+
 lint: $(VENV)/.installed-dev
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/pyright
-	@! $(BIN)/python -c "import torch" 2>/dev/null || $(BIN)/pyright pa_console/training/gpu pa_console/training/lora tests/training/lora
+	@! $(BIN)/python -c "import torch" 2>/dev/null || $(BIN)/pyright models/training/pa_training/gpu models/training/pa_training/lora tests/training/lora
 	@$(BIN)/lint-imports --no-logo
 
 site: $(VENV)/.installed-site
@@ -117,6 +121,13 @@ $(VENV)/.installed-%: pyproject.toml $(PINS) $(VENV)/.$(LLAMA)
 		$(PIP) --require-hashes --requirement $(VENV)/pins.txt && \
 		$(PIP) --no-deps --no-build-isolation --editable .; \
 	} $(call calmly,$(VENV)/install.log); exit 1; }
+	@touch $@
+
+# Torch comes for the processor or the graphics card that is here, so it has no pinned hash.
+$(VENV)/.installed-train: pyproject.toml $(VENV)/.installed-base
+	@echo "Installing what trains, some minutes"
+	@set -o pipefail; $(PIP) --no-build-isolation --editable '.[train]' \
+		$(call calmly,$(VENV)/install.log); exit 1; }
 	@touch $@
 
 $(VENV)/.installed-site: $(PINS) | $(BIN)/python

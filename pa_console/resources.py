@@ -1,7 +1,4 @@
-"""Finds the worlds, rules and model catalogue that are installed with the package.
-
-What adapters are trained from is found in a clone of the repository only.
-"""
+"""Finds the worlds, rules and model catalogue that are installed with the package."""
 
 from pathlib import Path
 
@@ -17,20 +14,6 @@ def data_folder() -> Path:
     """
     installed = _PACKAGE / "data"
     return installed if installed.is_dir() else _PACKAGE.parent
-
-
-def training_data(name: str) -> Path:
-    """Return the folder `name` of `models/training/`, such as the phrases: `language`.
-
-    Raises ValueError with the remedy where the package is installed without the repository.
-    """
-    folder = data_folder() / "models" / "training" / name
-    if not folder.is_dir():
-        raise ValueError(
-            f"{folder} is not here: training needs a clone of the repository, for the installed "
-            "package leaves models/training/ out; clone it and run 'pip install -e .[train]' there"
-        )
-    return folder
 
 
 def find_data(kind: str, name: str, file: str) -> Path:

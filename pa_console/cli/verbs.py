@@ -70,10 +70,6 @@ VERBS = {
         "there.",
     ),
     "world": Verb("world:app", "Generate a checkpoint world, or check one."),
-    "train": Verb(
-        "train.train:app",
-        "Make training data, train the adapters of the default model, describe them.",
-    ),
     "settings": Verb("settings:app", "Show, change and reset the settings."),
     "manual": Verb("manual:manual", "Read the manual: list its pages, or show one of them."),
 }

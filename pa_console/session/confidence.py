@@ -9,8 +9,8 @@ Fitted to 283 orders of the seeds 434 and 436, in words of the templates and as 
 which neither model has learnt those of people. Cross-validated by situation, the expected
 calibration error is 0.05. To fit it again:
 
-    python -m pa_console.training.confidence.read_orders --out ORDERS.jsonl
-    python -m pa_console.training.confidence.fit ORDERS.jsonl
+    python -m pa_training.confidence.read_orders --out ORDERS.jsonl
+    python -m pa_training.confidence.fit ORDERS.jsonl
 
 What is told decides nothing alone: a gap, or readers who differ, keep a plan from being plainly
 approved however sure it is told to be (`orchestrator/planning/approval.py`).

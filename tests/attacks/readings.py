@@ -20,11 +20,11 @@ from pa_console.orders.reading import read_asked
 from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
-from pa_console.training.order_generator.sampler import sample_order
-from pa_console.training.phrasing.phrasing import phrase
-from pa_console.training.situations.situations import random_situation
-from pa_console.training.situations.worlds import Split, random_world
-from pa_console.training.teacher.teacher import teach
+from pa_training.order_generator.sampler import sample_order
+from pa_training.phrasing.phrasing import phrase
+from pa_training.situations.situations import random_situation
+from pa_training.situations.worlds import Split, random_world
+from pa_training.teacher.teacher import teach
 
 ORDERS = 5
 """Orders in each situation."""

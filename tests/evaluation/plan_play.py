@@ -10,7 +10,7 @@ from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.evaluation import MissionCase
 from pa_console.schema.plan import Plan
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.training.proof.playing import carry_out, mission_of
+from pa_training.proof.playing import carry_out, mission_of
 
 PATIENCE_S = 12
 """So long the next of several plans may take to become admissible, simulated seconds."""

@@ -15,7 +15,7 @@ from pa_console.schema.evaluation import GeneratedWorld, MissionCase
 from pa_console.schema.world import World
 from pa_console.sim.worlds.world_file import load_world
 from pa_console.sim.worlds.world_generator import generate_world
-from pa_console.training.proof.playing import words_findings
+from pa_training.proof.playing import words_findings
 from tests.evaluation.plan_play import play, safeguards
 from tests.evaluation.witness_play import plans, written
 

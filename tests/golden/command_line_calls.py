@@ -121,8 +121,6 @@ CALLS: tuple[tuple[str, ...], ...] = (
     ("world", "generate", "--gates", "6000", "--out", "DIR/many.yaml"),
     ("world", "check", "DIR/six.yaml"),
     ("world", "check", "DIR/bad.yaml"),
-    ("train", "data", "--out", "DIR/data", "--groups", "0"),
-    ("train", "card", "--run", "DIR/nothing", "--out", "DIR/card.md"),
     ("settings", "show", "--json"),
     ("settings", "path"),
     ("settings", "set", "theme", "pa-console-light"),

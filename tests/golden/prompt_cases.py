@@ -42,11 +42,11 @@ from pa_console.schema.mission import ActionOutcome, Mission, Verification
 from pa_console.schema.plan import Plan
 from pa_console.session.state.fold import SessionState
 from pa_console.sim.worlds.world_generator import generate_world
-from pa_console.training.order_generator.sampler import sample_order
-from pa_console.training.phrasing.phrasing import phrase
-from pa_console.training.situations.situations import Situation, random_situation, settled
-from pa_console.training.situations.worlds import random_world
-from pa_console.training.teacher.teacher import teach
+from pa_training.order_generator.sampler import sample_order
+from pa_training.phrasing.phrasing import phrase
+from pa_training.situations.situations import Situation, random_situation, settled
+from pa_training.situations.worlds import random_world
+from pa_training.teacher.teacher import teach
 from tests.scripted import ScriptedEngine, plan
 
 PAPER: dict[str, tuple[str, tuple[tuple[str, str], ...]]] = {

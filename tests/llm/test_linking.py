@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pa_console.orders.name_linking import link_names
-from pa_console.training.situations.worlds import shipped_world
+from pa_training.situations.worlds import shipped_world
 from tests.llm import site
 
 WORLD = shipped_world()

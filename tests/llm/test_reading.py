@@ -12,9 +12,9 @@ from pa_console.llm.roles.grammar import READ, begun_reason
 from pa_console.orders.canonical_words import canonical_order
 from pa_console.orders.order import Ask, Reading, Who
 from pa_console.orders.reading import asked_words, read_asked, read_reason
-from pa_console.training.order_generator.sampler import sample_order
-from pa_console.training.situations.situations import settled
-from pa_console.training.situations.worlds import shipped_world
+from pa_training.order_generator.sampler import sample_order
+from pa_training.situations.situations import settled
+from pa_training.situations.worlds import shipped_world
 
 NOW = settled(shipped_world())
 

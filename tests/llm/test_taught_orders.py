@@ -5,8 +5,8 @@ import pytest
 from pa_console.llm.roles.taught_orders import nearest_orders, taught_orders, without_names
 from pa_console.orders.clauses import ASKED
 from pa_console.orders.reading import read_asked
-from pa_console.training.samples.near_duplicates import NearDuplicates
-from pa_console.training.situations.worlds import shipped_missions
+from pa_training.samples.near_duplicates import NearDuplicates
+from pa_training.situations.worlds import shipped_missions
 
 
 def test_every_taught_order_is_in_clauses_that_the_console_reads() -> None:

@@ -25,9 +25,9 @@ from pa_console.schema.incident import FailAsset, Incident, PlaceAsset, SetBatte
 from pa_console.schema.mission import Mission, Verification
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Picture
-from pa_console.training.samples.planner_samples import Recipe, make_group
-from pa_console.training.situations.situations import settled
-from pa_console.training.situations.worlds import shipped_world
+from pa_training.samples.planner_samples import Recipe, make_group
+from pa_training.situations.situations import settled
+from pa_training.situations.worlds import shipped_world
 from tests.llm.test_grammar import accepts
 
 WORLD = shipped_world()

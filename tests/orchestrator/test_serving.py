@@ -10,10 +10,10 @@ from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import data_folder
 from pa_console.schema.incident import FailAsset, Incident, PlaceAsset, SetBattery, SpawnTrack
 from pa_console.schema.plan import Action, Plan
-from pa_console.training.proof.verify import verify
-from pa_console.training.samples.planner_samples import Proven, Recipe, make_group
-from pa_console.training.situations.situations import Situation, settled
-from pa_console.training.situations.worlds import shipped_world
+from pa_training.proof.verify import verify
+from pa_training.samples.planner_samples import Proven, Recipe, make_group
+from pa_training.situations.situations import Situation, settled
+from pa_training.situations.worlds import shipped_world
 from tests.llm.test_grammar import accepts
 from tests.orchestrator.conftest import Rig
 from tests.scripted import ScriptedEngine, plan

@@ -15,7 +15,7 @@ from pa_console.session.state.mission_trace import Attempt
 from pa_console.session.trace.hanging_rows import rows_of
 from pa_console.session.trace.planning import plan as section_of
 from pa_console.session.wording import event_in_words
-from pa_console.training.samples.planner_samples import Recipe, make_group
+from pa_training.samples.planner_samples import Recipe, make_group
 from tests.orchestrator.test_fulfilment import CAR, moves
 
 NO_DRONE = (FailAsset(asset="Drone_T04"),)

@@ -10,8 +10,8 @@ from pa_console.orders.condition import Condition, Fact, holds, in_words
 from pa_console.orders.digest_facts import DigestFacts, conditions
 from pa_console.orders.picture_facts import PictureFacts, is_so
 from pa_console.orders.plain_words import plain_reading
-from pa_console.training.situations.situations import random_situation, settled
-from pa_console.training.situations.worlds import random_world, shipped_world
+from pa_training.situations.situations import random_situation, settled
+from pa_training.situations.worlds import random_world, shipped_world
 
 QUIET = settled(shipped_world())
 

@@ -16,10 +16,10 @@ from pa_console.orders.picture_facts import due_asks
 from pa_console.orders.plain_words import plain_reading
 from pa_console.orders.reading import read_asked
 from pa_console.schema.world import World
-from pa_console.training.order_generator.sampler import sample_order
-from pa_console.training.phrasing.phrasing import phrase
-from pa_console.training.situations.situations import Situation, random_situation
-from pa_console.training.situations.worlds import random_world, shipped_world
+from pa_training.order_generator.sampler import sample_order
+from pa_training.phrasing.phrasing import phrase
+from pa_training.situations.situations import Situation, random_situation
+from pa_training.situations.worlds import random_world, shipped_world
 
 _SAID_WRONG = {
     "force", "chase", "strip", "override", "skip_identification", "skip_warning", "noncombatants",

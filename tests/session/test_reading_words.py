@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from pa_console.orders.canonical_words import canonical_meaning as canonical
 from pa_console.orders.canonical_words import canonical_order
 from pa_console.orders.plain_words import plain_reading
-from pa_console.training.order_generator.sampler import sample_order
-from pa_console.training.situations.situations import settled
-from pa_console.training.situations.worlds import shipped_world
+from pa_training.order_generator.sampler import sample_order
+from pa_training.situations.situations import settled
+from pa_training.situations.worlds import shipped_world
 
 NOW = settled(shipped_world())
 NAME = re.compile(r"[A-Z][a-z]+(?:_?[A-Z][a-zA-Z]*)?[0-9]*|\b\d+\b")

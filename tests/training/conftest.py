@@ -1,5 +1,20 @@
-"""Tests of the trainer itself need the extra `train`; without it they are not collected."""
+"""The verbs of training inside the test's own process.
+
+Tests of the trainer itself need the extra `train`; without it they are not collected.
+"""
 
 from importlib.util import find_spec
 
+import pytest
+
+from pa_console.cli.main import run
+from pa_training.__main__ import NAME, app
+from tests.cli.inside import Call, caller
+
 collect_ignore = [] if find_spec("torch") and find_spec("gguf") else ["lora"]
+
+
+@pytest.fixture
+def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Call:
+    """Return what runs a verb of training in this process."""
+    return caller(monkeypatch, capsys, lambda: run(app, NAME))

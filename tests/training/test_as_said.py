@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from pa_console.orders.order import Ask, Order, Reading
 from pa_console.orders.reading import read_reason
-from pa_console.training.samples.as_said import with_names_as_said
-from pa_console.training.samples.sample import Sample
+from pa_training.samples.as_said import with_names_as_said
+from pa_training.samples.sample import Sample
 
 SYSTEM = "Plan the mission.\nGates: EastGate, WestGate\nPlaces: Depot; base: Camp\nClosed: none"
 HOLD = Order(asks=(Ask(task="hold"),))

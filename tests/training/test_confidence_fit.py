@@ -3,14 +3,14 @@
 import random
 
 from pa_console.session.confidence import Evidence, told_confidence
-from pa_console.training.confidence.fit import (
+from pa_training.confidence.fit import (
     Known,
     calibration_error,
     cross_validated,
     fit,
     known_orders,
 )
-from pa_console.training.confidence.read_orders import ReadOrder
+from pa_training.confidence.read_orders import ReadOrder
 
 
 def drawn(count: int) -> list[Known]:

@@ -2,10 +2,10 @@
 
 from pa_console.orchestrator.intake.alarms import AlarmBook
 from pa_console.schema.incident import FailAsset, SetBattery, SpawnTrack
-from pa_console.training.order_generator.console_missions import console_missions
-from pa_console.training.situations.situations import settled
-from pa_console.training.situations.worlds import shipped_world
-from pa_console.training.teacher.teacher import teach
+from pa_training.order_generator.console_missions import console_missions
+from pa_training.situations.situations import settled
+from pa_training.situations.worlds import shipped_world
+from pa_training.teacher.teacher import teach
 
 HOME = shipped_world()
 SETUP = (

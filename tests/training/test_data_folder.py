@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.schema.events.event import Role
-from pa_console.training.samples.data_report import read_report, write_report
-from pa_console.training.samples.data_set import (
+from pa_training.samples.data_report import read_report, write_report
+from pa_training.samples.data_set import (
     FILES,
     JOURNAL,
     DataFolder,
@@ -19,9 +19,9 @@ from pa_console.training.samples.data_set import (
     for_validation,
     read_journal,
 )
-from pa_console.training.samples.near_duplicates import NearReport
-from pa_console.training.samples.planner_samples import Recipe
-from pa_console.training.samples.sample import Sample, read_samples
+from pa_training.samples.near_duplicates import NearReport
+from pa_training.samples.planner_samples import Recipe
+from pa_training.samples.sample import Sample, read_samples
 
 BOTH: tuple[Part, ...] = ("planner", "judge")
 RECIPES = [Recipe(number, seed=1, missions=2) for number in range(5, 10)]

@@ -10,8 +10,8 @@ import pytest
 
 from pa_console.evaluation.runs.dask_sweep import SweepError, Workers, cluster
 from pa_console.resources import find_data
-from pa_console.training.samples.data_report import fingerprint
-from pa_console.training.samples.data_set import (
+from pa_training.samples.data_report import fingerprint
+from pa_training.samples.data_set import (
     FILES,
     JOURNAL,
     DataFolder,
@@ -20,13 +20,13 @@ from pa_console.training.samples.data_set import (
     Part,
     build,
 )
-from pa_console.training.samples.data_sweep import (
+from pa_training.samples.data_sweep import (
     GroupMaker,
     RemoteGroup,
     build_on_dask,
     make_groups,
 )
-from pa_console.training.samples.planner_samples import Recipe
+from pa_training.samples.planner_samples import Recipe
 
 RULES = find_data("rules", "checkpoint", "rules.yaml")
 PARTS: tuple[Part, ...] = ("planner", "judge")

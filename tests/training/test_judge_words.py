@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from pa_console.orders.canonical_words import planned
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.plan import Action
-from pa_console.training.samples.judge_labels import difference
-from pa_console.training.situations.worlds import shipped_world
+from pa_training.samples.judge_labels import difference
+from pa_training.situations.worlds import shipped_world
 
 WORLD = shipped_world()
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.training.lora.config import TrainConfig
-from pa_console.training.results.lineage import earlier_runs, keep_earlier, kept_earlier
+from pa_training.lora.config import TrainConfig
+from pa_training.results.lineage import earlier_runs, keep_earlier, kept_earlier
 from tests.training.finished_run import CURVE
 
 

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import pytest
 
 from pa_console.evaluation.runs.run_record import EvaluationFolder
-from pa_console.training.lora.config import TrainConfig
-from pa_console.training.results.lineage import ADAPTER
-from pa_console.training.results.model_card import model_card
+from pa_training.lora.config import TrainConfig
+from pa_training.results.lineage import ADAPTER
+from pa_training.results.model_card import model_card
 from tests.evaluation.records import made_evaluation
 from tests.training.finished_run import CURVE, data_set, finished_run
 
@@ -85,7 +85,7 @@ def test_an_adapter_that_was_changed_is_refused(folders: Folders) -> None:
 
 
 def test_a_folder_without_a_run_says_what_to_do(folders: Folders, tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"run\.json: there is no such file: run pa-console train"):
+    with pytest.raises(ValueError, match=r"run\.json: there is no such file: run python"):
         model_card(tmp_path, folders.data, "planner-135m")
 
 

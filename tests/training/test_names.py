@@ -5,7 +5,7 @@ import pytest
 from pa_console.resources import data_folder
 from pa_console.sim.worlds.world_file import load_world
 from pa_console.sim.worlds.world_generator import generate_world
-from pa_console.training.situations.worlds import bank, held_out, words
+from pa_training.situations.worlds import bank, held_out, words
 
 BANKS = ("gates", "posts", "bases", "zones", "uav", "ugv", "robot")
 EVERY = {word for name in BANKS for word in words(name)}

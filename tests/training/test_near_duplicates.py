@@ -6,8 +6,8 @@ import pytest
 import yaml
 
 from pa_console.evaluation.runs.jobs import load_missions
-from pa_console.training.samples.near_duplicates import THRESHOLD, NearDuplicates, masked
-from pa_console.training.situations.worlds import shipped_missions, shipped_world
+from pa_training.samples.near_duplicates import THRESHOLD, NearDuplicates, masked
+from pa_training.situations.worlds import shipped_missions, shipped_world
 
 MISSIONS = (
     "Have the robot at the plaza check the hatch of bay two before lunch",

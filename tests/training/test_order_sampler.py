@@ -12,9 +12,9 @@ from pa_console.orders.condition import Condition, Fact
 from pa_console.orders.order import Ask, Order, Who
 from pa_console.orders.picture_facts import due_asks, is_so
 from pa_console.schema.telemetry import Identity, Intent, Track
-from pa_console.training.order_generator.sampler import TASKS, sample_order
-from pa_console.training.situations.situations import Situation, random_situation, settled
-from pa_console.training.situations.worlds import random_world, shipped_world
+from pa_training.order_generator.sampler import TASKS, sample_order
+from pa_training.situations.situations import Situation, random_situation, settled
+from pa_training.situations.worlds import random_world, shipped_world
 
 IDENTITIES: tuple[tuple[Identity, Intent, str], ...] = (
     ("unknown", "unknown", "not identified"),

@@ -11,11 +11,11 @@ from pa_console.orders.order import Ask, Order, Who
 from pa_console.schema.mission import MAX_MISSION_TEXT
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
-from pa_console.training.phrasing.misspelling import misspell
-from pa_console.training.phrasing.names import NameForms, key_of
-from pa_console.training.phrasing.phrase_bank import Split, phrase_bank
-from pa_console.training.phrasing.phrasing import Phrasing, phrase
-from pa_console.training.situations.worlds import random_world, shipped_world
+from pa_training.phrasing.misspelling import misspell
+from pa_training.phrasing.names import NameForms, key_of
+from pa_training.phrasing.phrase_bank import Split, phrase_bank
+from pa_training.phrasing.phrasing import Phrasing, phrase
+from pa_training.situations.worlds import random_world, shipped_world
 
 EMPTY = Picture(tick=0, time_s=0.0, assets={}, gates={})
 WORLDS = tuple(random_world(random.Random(seed)) for seed in range(30))

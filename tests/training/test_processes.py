@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import pytest
 
-from pa_console.training.samples.data_set import each_in_order
+from pa_training.samples.data_set import each_in_order
 
 
 class Note(NamedTuple):

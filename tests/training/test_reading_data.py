@@ -8,11 +8,11 @@ import pytest
 
 from pa_console.orders.reading import read_asked
 from pa_console.resources import find_data
-from pa_console.training.phrasing.no_orders import NOTHING_ASKED, NoOrders
-from pa_console.training.samples.planner_samples import Recipe
-from pa_console.training.samples.reading_samples import write_readings
-from pa_console.training.samples.sample import Sample
-from pa_console.training.situations.worlds import shipped_world
+from pa_training.phrasing.no_orders import NOTHING_ASKED, NoOrders
+from pa_training.samples.planner_samples import Recipe
+from pa_training.samples.reading_samples import write_readings
+from pa_training.samples.sample import Sample
+from pa_training.situations.worlds import shipped_world
 
 RULES = find_data("rules", "checkpoint", "rules.yaml")
 

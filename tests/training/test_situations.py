@@ -10,9 +10,9 @@ from pa_console.evaluation.scoring.idle_run import begin
 from pa_console.schema.incident import FailAsset, SetBattery, SetComms, SetWeather, SpawnTrack
 from pa_console.schema.plan import Action
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.training.situations.past_incidents import OrderHistory
-from pa_console.training.situations.situations import Situation, random_situation, settled
-from pa_console.training.situations.worlds import random_world, shipped_world
+from pa_training.situations.past_incidents import OrderHistory
+from pa_training.situations.situations import Situation, random_situation, settled
+from pa_training.situations.worlds import random_world, shipped_world
 
 HOME = shipped_world()
 SEEDS = st.integers(0, 10**6)

@@ -12,11 +12,11 @@ from pa_console.orders.clause_grammar import grounded_reason
 from pa_console.orders.condition import holds
 from pa_console.orders.digest_facts import DigestFacts
 from pa_console.orders.picture_facts import is_so
-from pa_console.training.order_generator.sampler import sample_order
-from pa_console.training.phrasing.phrasing import phrase
-from pa_console.training.situations.situations import random_situation
-from pa_console.training.situations.worlds import random_world
-from pa_console.training.teacher.teacher import teach
+from pa_training.order_generator.sampler import sample_order
+from pa_training.phrasing.phrasing import phrase
+from pa_training.situations.situations import random_situation
+from pa_training.situations.worlds import random_world
+from pa_training.teacher.teacher import teach
 
 BYTES = LLTokenizer("byte")
 WHOLE = 190

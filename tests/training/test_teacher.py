@@ -14,11 +14,11 @@ from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import find_data
 from pa_console.schema.incident import FailAsset, Incident, PlaceAsset, SetBattery, SpawnTrack
 from pa_console.schema.plan import Action, Plan
-from pa_console.training.order_generator.sampler import sample_order
-from pa_console.training.proof.verify import verify
-from pa_console.training.situations.situations import Situation, random_situation, settled
-from pa_console.training.situations.worlds import random_world, shipped_world
-from pa_console.training.teacher.teacher import Target, teach
+from pa_training.order_generator.sampler import sample_order
+from pa_training.proof.verify import verify
+from pa_training.situations.situations import Situation, random_situation, settled
+from pa_training.situations.worlds import random_world, shipped_world
+from pa_training.teacher.teacher import Target, teach
 
 HOME = shipped_world()
 QUIET = settled(HOME)

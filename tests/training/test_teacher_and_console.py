@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from pa_console.orchestrator.tasking.obstacles import obstacle_to
 from pa_console.orders.canonical_words import canonical_clause
 from pa_console.orders.reading import read_asked
-from pa_console.training.order_generator.sampler import sample_order
-from pa_console.training.situations.situations import random_situation
-from pa_console.training.situations.worlds import random_world
-from pa_console.training.teacher.roster import Roster, objection
+from pa_training.order_generator.sampler import sample_order
+from pa_training.situations.situations import random_situation
+from pa_training.situations.worlds import random_world
+from pa_training.teacher.roster import Roster, objection
 
 ALL_DOWN = "whoever could do it is down (CAP-10)"
 """What the console tells of those that nobody names, and the teacher finds while it looks."""

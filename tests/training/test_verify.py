@@ -14,9 +14,9 @@ from pa_console.resources import data_folder
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.incident import FailAsset, Incident, SpawnTrack
 from pa_console.schema.plan import Action, Plan
-from pa_console.training.proof.verify import verify, verify_plan_only
-from pa_console.training.situations.situations import Situation, settled
-from pa_console.training.situations.worlds import shipped_world
+from pa_training.proof.verify import verify, verify_plan_only
+from pa_training.situations.situations import Situation, settled
+from pa_training.situations.worlds import shipped_world
 from tests.scripted import ScriptedEngine
 
 HOME = shipped_world()

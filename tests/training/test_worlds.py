@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.schema.world import World
-from pa_console.training.situations.worlds import (
+from pa_training.situations.worlds import (
     Split,
     generated_numbers,
     held_out,

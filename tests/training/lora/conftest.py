@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.training.samples.sample import Sample
+from pa_training.samples.sample import Sample
 from tests.training.lora.sample_files import write_samples
 from tests.training.lora.tiny import write_tiny
 

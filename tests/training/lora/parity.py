@@ -15,10 +15,10 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from pa_console.training.lora.adapter import Adapter
-from pa_console.training.lora.attention import Layout
-from pa_console.training.lora.base import read_base
-from pa_console.training.lora.model import hidden
+from pa_training.lora.adapter import Adapter
+from pa_training.lora.attention import Layout
+from pa_training.lora.base import read_base
+from pa_training.lora.model import hidden
 
 _api: Any = llama_cpp
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from pa_console.training.samples.sample import Sample
+from pa_training.samples.sample import Sample
 
 
 def write_samples(path: Path, samples: Iterable[Sample]) -> int:

@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import Any
 
-from pa_console.training.lora.config import TrainConfig
-from pa_console.training.lora.loop import Progress
+from pa_training.lora.config import TrainConfig
+from pa_training.lora.loop import Progress
 
 
 def config(tiny: Path, data: Path, **changed: Any) -> TrainConfig:

@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from pa_console.training.lora.adapter import Adapter
-from pa_console.training.lora.base import read_base
-from pa_console.training.lora.eight_bits import in_eight_bits
-from pa_console.training.lora.frozen import EightBits, Exact, Measured
-from pa_console.training.lora.material import Tokeniser, make_packs
-from pa_console.training.lora.model import gradients
-from pa_console.training.samples.sample import read_samples
+from pa_training.lora.adapter import Adapter
+from pa_training.lora.base import read_base
+from pa_training.lora.eight_bits import in_eight_bits
+from pa_training.lora.frozen import EightBits, Exact, Measured
+from pa_training.lora.material import Tokeniser, make_packs
+from pa_training.lora.model import gradients
+from pa_training.samples.sample import read_samples
 
 
 def random(seed: int, *shape: int) -> Tensor:

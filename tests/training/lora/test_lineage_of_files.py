@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.training.lora.adapter import EARLIER, SAMPLES, Adapter, AdapterFile
-from pa_console.training.lora.checkpoint import CURVE
-from pa_console.training.lora.export import export_adapter, write_adapter
-from pa_console.training.lora.loop import train
-from pa_console.training.lora.shape import open_gguf
-from pa_console.training.results import lineage
-from pa_console.training.results.lineage import EarlierRun, earlier_runs, kept_earlier, last_row
+from pa_training.lora.adapter import EARLIER, SAMPLES, Adapter, AdapterFile
+from pa_training.lora.checkpoint import CURVE
+from pa_training.lora.export import export_adapter, write_adapter
+from pa_training.lora.loop import train
+from pa_training.lora.shape import open_gguf
+from pa_training.results import lineage
+from pa_training.results.lineage import EarlierRun, earlier_runs, kept_earlier, last_row
 from tests.training.lora.small_run import config, ignore
 
 

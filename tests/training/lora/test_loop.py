@@ -9,10 +9,10 @@ import gguf
 import pytest
 import torch
 
-from pa_console.training.lora.checkpoint import CHECKPOINT, CURVE, LOG, RunFolder
-from pa_console.training.lora.config import TrainConfig, shipped_config
-from pa_console.training.lora.export import export_adapter
-from pa_console.training.lora.loop import Progress, learning_rate, train
+from pa_training.lora.checkpoint import CHECKPOINT, CURVE, LOG, RunFolder
+from pa_training.lora.config import TrainConfig, shipped_config
+from pa_training.lora.export import export_adapter
+from pa_training.lora.loop import Progress, learning_rate, train
 from tests.training.lora.small_run import config, ignore
 
 

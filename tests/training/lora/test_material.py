@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from pa_console.llm.models.catalogue import LocalModel
-from pa_console.training.lora.config import TrainConfig
-from pa_console.training.lora.material import Tokeniser, packs_held_out, packs_to_learn
-from pa_console.training.lora.packs import Pack
-from pa_console.training.samples.sample import Sample
+from pa_training.lora.config import TrainConfig
+from pa_training.lora.material import Tokeniser, packs_held_out, packs_to_learn
+from pa_training.lora.packs import Pack
+from pa_training.samples.sample import Sample
 from tests.llm.conftest import smallest_model
 from tests.training.lora.sample_files import write_samples
 

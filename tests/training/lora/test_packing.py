@@ -8,16 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from pa_console.training.lora.adapter import Adapter
-from pa_console.training.lora.attention import Layout, Rotation, attend
-from pa_console.training.lora.base import read_base
-from pa_console.training.lora.frozen import Exact
-from pa_console.training.lora.kernels import adapted, answer_loss, gated, normed
-from pa_console.training.lora.material import Tokeniser, make_packs
-from pa_console.training.lora.model import gradients, score
-from pa_console.training.lora.packs import Pack
-from pa_console.training.lora.shape import Shape
-from pa_console.training.samples.sample import read_samples
+from pa_training.lora.adapter import Adapter
+from pa_training.lora.attention import Layout, Rotation, attend
+from pa_training.lora.base import read_base
+from pa_training.lora.frozen import Exact
+from pa_training.lora.kernels import adapted, answer_loss, gated, normed
+from pa_training.lora.material import Tokeniser, make_packs
+from pa_training.lora.model import gradients, score
+from pa_training.lora.packs import Pack
+from pa_training.lora.shape import Shape
+from pa_training.samples.sample import read_samples
 
 SMALL = Shape("qwen2", 1, 24, 16, 6, 2, 4, 64, 10000.0, 1e-6)
 

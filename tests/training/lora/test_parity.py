@@ -6,10 +6,10 @@ import pytest
 import torch
 
 from pa_console.llm.models.catalogue import LocalModel
-from pa_console.training.lora.adapter import BASE_SHA256, Adapter
-from pa_console.training.lora.config import TrainConfig
-from pa_console.training.lora.export import write_adapter
-from pa_console.training.lora.shape import ARCHITECTURES, open_gguf
+from pa_training.lora.adapter import BASE_SHA256, Adapter
+from pa_training.lora.config import TrainConfig
+from pa_training.lora.export import write_adapter
+from pa_training.lora.shape import ARCHITECTURES, open_gguf
 from tests.llm.conftest import smallest_model
 from tests.training.lora.parity import compare
 from tests.training.lora.tiny import write_tiny

@@ -4,14 +4,14 @@ import pytest
 
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.orders.reading import read_asked, read_reason
-from pa_console.training.lora.material import (
+from pa_training.lora.material import (
     Tokeniser,
     judge_readings,
     make_packs,
     reading_of,
     readings,
 )
-from pa_console.training.samples.sample import Sample
+from pa_training.samples.sample import Sample
 from tests.llm.conftest import smallest_model
 
 __all__ = ["smallest_model"]

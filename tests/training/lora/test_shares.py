@@ -3,8 +3,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.training.lora.material import drawn
-from pa_console.training.samples.sample import Sample
+from pa_training.lora.material import drawn
+from pa_training.samples.sample import Sample
 
 
 def samples(kind: str, number: int = 200) -> list[Sample]:

@@ -10,12 +10,12 @@ import torch
 from numpy.typing import NDArray
 
 from pa_console.llm.models.cache import hash_file
-from pa_console.training.lora.adapter import BASE, BASE_SHA256, Adapter, AdapterFile
-from pa_console.training.lora.checkpoint import RunFolder, State, start_weights
-from pa_console.training.lora.config import Lesson, TrainConfig
-from pa_console.training.lora.export import export_adapter, write_adapter
-from pa_console.training.lora.loop import Progress, train
-from pa_console.training.lora.shape import open_gguf
+from pa_training.lora.adapter import BASE, BASE_SHA256, Adapter, AdapterFile
+from pa_training.lora.checkpoint import RunFolder, State, start_weights
+from pa_training.lora.config import Lesson, TrainConfig
+from pa_training.lora.export import export_adapter, write_adapter
+from pa_training.lora.loop import Progress, train
+from pa_training.lora.shape import open_gguf
 from tests.training.lora.small_run import config, ignore
 from tests.training.lora.tiny import write_tiny
 

@@ -15,8 +15,8 @@ from pa_console.llm.roles.grammar import compact_judge_grammar, plan_grammar
 from pa_console.llm.worker.runtime import Runtime
 from pa_console.llm.worker.threads import FreeCores
 from pa_console.schema.command import COMMANDS
-from pa_console.training.lora.material import Tokeniser, make_packs
-from pa_console.training.samples.sample import Sample
+from pa_training.lora.material import Tokeniser, make_packs
+from pa_training.samples.sample import Sample
 from tests.llm.conftest import smallest_model
 from tests.llm.site import KINDS, WORLD, picture
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import gguf
 import numpy as np
 
-from pa_console.training.lora.shape import GLOBAL_EVERY
+from pa_training.lora.shape import GLOBAL_EVERY
 
 WIDTH, HIDDEN, HEADS, KV_HEADS, LAYERS = 32, 64, 4, 2, 2
 HEAD_WIDTH, WINDOW = 16, 16

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 import torch
 
-from pa_console.training.gpu import attention, flash
-from pa_console.training.gpu.batches import in_batches, make_batch
-from pa_console.training.gpu.corpus import Branch, Pack, read_corpus, write_corpus
-from pa_console.training.lora import packs as lora_packs
-from pa_console.training.lora.base import Base, read_base
-from pa_console.training.lora.kernels import answer_loss
-from pa_console.training.lora.model import gradients, hidden
+from pa_training.gpu import attention, flash
+from pa_training.gpu.batches import in_batches, make_batch
+from pa_training.gpu.corpus import Branch, Pack, read_corpus, write_corpus
+from pa_training.lora import packs as lora_packs
+from pa_training.lora.base import Base, read_base
+from pa_training.lora.kernels import answer_loss
+from pa_training.lora.model import gradients, hidden
 from tests.training.lora.gpu import plain_flash
 from tests.training.lora.test_parity import busy_adapter
 from tests.training.lora.tiny import write_tiny
@@ -117,7 +117,7 @@ def test_a_run_goes_on_where_it_was_stopped_and_learns(tmp_path: Path) -> None:
     write_corpus(tmp_path / "corpus", random_packs(6, seed=4))
 
     def run(steps: int, *more: str) -> list[dict[str, float]]:
-        command = [sys.executable, "-m", "pa_console.training.gpu.train", *more]
+        command = [sys.executable, "-m", "pa_training.gpu.train", *more]
         command += ["--base", str(tmp_path / "base.gguf"), "--out", str(tmp_path / "run")]
         command += ["--corpus", f"all={tmp_path / 'corpus'}:1", "--device", "cpu"]
         command += ["--dtype", "float32", "--steps", str(steps), "--rank", "4", "--alpha", "8"]
@@ -138,5 +138,5 @@ def test_a_run_goes_on_where_it_was_stopped_and_learns(tmp_path: Path) -> None:
 def test_the_machine_with_the_gpu_needs_nothing_of_the_console() -> None:
     names = ["pydantic", "llama_cpp", "rapidfuzz", "textual", "pymunk"]
     blocked = "; ".join(f"sys.modules[{name!r}] = None" for name in names)
-    script = f"import sys; {blocked}; import pa_console.training.gpu.train"
+    script = f"import sys; {blocked}; import pa_training.gpu.train"
     subprocess.run([sys.executable, "-c", script], check=True)

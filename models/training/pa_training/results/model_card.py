@@ -1,0 +1,170 @@
+"""Writes the model card of an adapter from what its data, its run and its evaluations left."""
+
+import csv
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from statistics import median
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from pa_console.evaluation.reporting.record_groups import grouped
+from pa_console.evaluation.reporting.report import markdown_cell
+from pa_console.evaluation.reporting.statistics import Rate
+from pa_console.evaluation.reporting.table import rate_cell, seconds
+from pa_console.evaluation.reporting.tables_latency import decision_seconds
+from pa_console.evaluation.runs.run_record import RunRecord, read_runs
+from pa_console.llm.models.cache import hash_file
+from pa_console.llm.models.catalogue import Catalog, ModelEntry
+from pa_training.results.lineage import (
+    ADAPTER,
+    CURVE,
+    RunSummary,
+    kept_earlier,
+    read_summary,
+)
+from pa_training.samples.data_report import DataReport, read_report
+from pa_training.samples.data_set import VALID_EVERY
+
+TEMPLATE = "model_card.md.jinja"
+MOST_POINTS, MOST_NEAR, MOST_REASONS = 20, 10, 20
+RECIPE = {
+    "planner": (
+        "A reference planner that knows what was meant, not how it was worded, plans for every "
+        "mission; only plans that passed the checks, the rehearsal and a strictly scored run in "
+        "the simulation are taken, and a hold where an order is forbidden or impossible."
+    ),
+    "judge": (
+        "Right plans of a reference planner stand beside plans that do something else, miss "
+        "something or break a rule, and outcomes beside the telemetry of their runs. What is "
+        "right was decided by carrying each out in the simulation and scoring it strictly."
+    ),
+}
+
+
+def model_card(run: Path, data: Path, name: str, evaluation: Path | None = None) -> str:
+    """Return the card of the adapter in the folder `run`, trained on the data set in `data`.
+
+    `evaluation` is a folder with runs of it. Raises ValueError where something is missing or does
+    not belong together, and OSError.
+    """
+    summary, report = read_summary(run), read_report(data)
+    task = summary.config.task
+    if report.sha256.get(f"{task}.jsonl") != summary.data_sha256:
+        raise ValueError(f"{data}: is not the data set that {run} was trained on")
+    adapter = run / ADAPTER
+    if hash_file(adapter) != summary.adapter_sha256:
+        raise ValueError(f"{adapter}: has changed since the run ended; train it again")
+    base = Catalog.load().get(summary.config.base)
+    records = read_runs(evaluation) if evaluation is not None else []
+    environment = Environment(
+        loader=PackageLoader("pa_training"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,
+    )
+    environment.filters["cell"] = markdown_cell
+    return environment.get_template(TEMPLATE).render(
+        name=name,
+        task=task,
+        base=base,
+        recipe=RECIPE[task],
+        facts=_facts(summary, base, adapter),
+        data_facts=_data_facts(report, task),
+        kinds=_kinds(report, task),
+        near=report.near_duplicates,
+        nearest=list(report.near_duplicates.nearest.items())[:MOST_NEAR],
+        dropped=list(report.dropped.items())[:MOST_REASONS],
+        config=_config(summary),
+        curve=_curve(run / CURVE),
+        earlier=kept_earlier(run, summary.config),
+        evaluation=_evaluated(records),
+    )
+
+
+def _facts(summary: RunSummary, base: ModelEntry, adapter: Path) -> list[tuple[str, str]]:
+    config = summary.config
+    stopped = "" if summary.finished else ", stopped before its end"
+    found = [
+        ("base", base.description),
+        ("base, SHA-256", summary.base_sha256),
+        ("licence", f"Apache-2.0; of the base: {base.licence}"),
+        ("adapter", f"rank {config.rank}, alpha {config.alpha:g}, {_megabytes(adapter)}, float16"),
+        ("adapter, SHA-256", summary.adapter_sha256),
+        ("trained for", f"{summary.step} steps, {summary.minutes:.0f} minutes{stopped}"),
+        ("trained on", summary.machine[0] if summary.machine else "an unknown machine"),
+        ("with", _pairs(summary.versions)),
+    ]
+    if summary.validation_loss is not None and summary.validation_right is not None:
+        right = f"{summary.validation_right:.1%} of answers right, token for token"
+        found.append(("validation", f"loss {summary.validation_loss:.4f}; {right}"))
+    return found
+
+
+def _data_facts(report: DataReport, task: str) -> list[tuple[str, str]]:
+    names = [f"{task}.jsonl", f"valid-{task}.jsonl"]
+    return [
+        ("groups (situations in worlds)", str(report.groups)),
+        ("seeds and groups", "; ".join(f"seed {s}: {g}" for s, g in report.seeds.items())),
+        ("samples to train on", _pairs(report.samples["train"])),
+        (
+            f"samples to validate with (every {VALID_EVERY}th group)",
+            _pairs(report.samples["valid"]),
+        ),
+        ("generator (fingerprint: groups)", _pairs(report.generators)),
+        ("made with", _pairs(report.versions)),
+        *((f"{name}, SHA-256", report.sha256[name]) for name in names if name in report.sha256),
+        *((f"kept apart from {name}, SHA-256", h) for name, h in report.kept_apart_from.items()),
+    ]
+
+
+def _kinds(report: DataReport, task: str) -> list[tuple[str, int]]:
+    """Return samples by the first word of their kind; outcomes are the judge's too."""
+    tasks = {"planner": ("planner",), "judge": ("judge", "outcome")}[task]
+    total = Counter[str]()
+    for part in tasks:
+        for kind, number in report.kinds.get(part, {}).items():
+            total[f"{part}: {kind.partition('/')[0]}"] += number
+    return total.most_common()
+
+
+def _config(summary: RunSummary) -> list[tuple[str, str]]:
+    """Return the settings of the run; of files only their names."""
+    values = summary.config.without_folders().model_dump(exclude_none=True)
+    return [(name.replace("_", " "), f"{value}") for name, value in values.items()]
+
+
+def _curve(path: Path) -> list[dict[str, str]]:
+    """Return some rows of the validation curve, first and last among them."""
+    if not path.exists():
+        return []
+    with path.open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    last = len(rows) - 1
+    if last < MOST_POINTS:
+        return rows
+    return [rows[round(place * last / (MOST_POINTS - 1))] for place in range(MOST_POINTS)]
+
+
+def _evaluated(records: Sequence[RunRecord]) -> list[tuple[str, ...]]:
+    """Return a row of figures for every mission set, model and variant."""
+    groups = grouped(records, lambda run: (run.mission_set, run.model, run.variant))
+    return [
+        (
+            *group,
+            rate_cell(Rate.of(run.strict for run in runs)),
+            rate_cell(Rate.of(run.hybrid for run in runs)),
+            seconds(median(map(decision_seconds, runs))),
+        )
+        for group, runs in groups.items()
+    ]
+
+
+def _pairs(values: Mapping[str, object] | Iterable[tuple[str, object]]) -> str:
+    return ", ".join(f"{key} {value}" for key, value in dict(values).items())
+
+
+def _megabytes(path: Path) -> str:
+    return f"{path.stat().st_size / 1e6:.1f} MB"

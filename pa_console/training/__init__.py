@@ -1,1 +1,0 @@
-"""Makes the adapters: generated missions, verified plans, labelled verdicts, LoRA training."""
