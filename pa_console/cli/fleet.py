@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     from pa_console.fleets.station_authority import StationAuthority
     from pa_console.orchestrator.station.assembly import Site
 
-STATION, JOINED = "station", "joined"
-"""Whose certificate a station is let in with, and a console that joins its session."""
+STATION, TELEMETRY, JOINED = "station", "telemetry", "joined"
+"""With whose certificates a station is let in, its second connection, which only receives, and a
+console that joins its session."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ def find_fleet(
         raise ValueError("a site plays its own situation: 'pa-console site --scenario NAME'")
     address = BrokerAddress.parse(url)
     loaded, path = open_world(world)
-    joined = join(address, credentials_of(address, certificates, STATION))
+    joined = join(address, claim_credentials(address, certificates, STATION))
     try:
         sha256 = hashlib.sha256(read_bytes(path)).hexdigest()
         larger, told = with_newcomers(loaded, joined)
@@ -94,13 +95,30 @@ def credentials_of(
     """Return the certificates of `name`; raises ValueError when they are missing, or in vain."""
     from pa_console.fleets.bus.address import Credentials  # noqa: PLC0415
 
+    folder = _folder(address, certificates)
+    return Credentials.of(folder, name) if folder is not None else None
+
+
+def claim_credentials(
+    address: "BrokerAddress", certificates: Path | None, role: str
+) -> "Credentials | None":
+    """Return certificates of `role` for one connection, until it ends.
+
+    Raises ValueError as `credentials_of` does, and when other programs use all of them.
+    """
+    from pa_console.fleets.bus.address import Credentials  # noqa: PLC0415
+
+    folder = _folder(address, certificates)
+    return Credentials.claim(folder, role) if folder is not None else None
+
+
+def _folder(address: "BrokerAddress", certificates: Path | None) -> Path | None:
+    """Return the folder of certificates, None where the bus has none; raises ValueError."""
     if address.tls and certificates is None:
         raise ValueError(f"{address} needs --certificates FOLDER, of 'pa-console site init FOLDER'")
-    if certificates is None:
-        return None
-    if not address.tls:
+    if certificates is not None and not address.tls:
         raise ValueError(f"{address} is not encrypted, so --certificates are in vain; use mqtts://")
-    return Credentials.of(certificates, name)
+    return certificates
 
 
 def _keep(text: str, name: str, logs: Path) -> Path:

@@ -10,6 +10,7 @@ from pa_console.cli.doctor import checks as doctor_places
 from pa_console.cli.doctor import doctor, speed
 from pa_console.cli.doctor.checks import (
     Check,
+    check_broker,
     check_build_tools,
     check_colours,
     check_folder,
@@ -183,3 +184,31 @@ def test_a_model_that_does_not_answer_in_time_or_fails_is_a_warning(
     check = check_speed("")
     assert words in check.found
     assert check.state == ("ok" if isinstance(answer, str) else "warning")
+
+
+def test_a_broker_of_an_older_version_that_lets_client_ids_be_taken_is_named(
+    call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+
+    def no_others(_tell: Callable[[str], None]) -> Iterator[Check]:
+        return iter(())
+
+    monkeypatch.setattr(doctor, "_checks", no_others)
+    assert call("site", "init", str(tmp_path)).code == 0
+    assert check_broker(tmp_path).state == "ok"
+    file = tmp_path / "mosquitto.conf"
+    older = file.read_text().replace("use_username_as_clientid true\n", "")
+    for text in (older, f"# use_username_as_clientid true\n{older}"):
+        file.write_text(text)
+        found = check_broker(tmp_path)
+        assert found.state == "missing"
+        assert "use_username_as_clientid true" in found.found
+        assert f"pa-console site init {tmp_path}" in found.remedy
+    looked = call("doctor", "--certificates", str(tmp_path), "--json")
+    assert [(each["name"], each["state"]) for each in looked.json["checks"]] == [
+        ("broker", "missing")
+    ]
+    assert looked.code == 1
+    assert call("site", "init", str(tmp_path)).code == 0
+    assert check_broker(tmp_path).state == "ok"
+    assert check_broker(tmp_path / "elsewhere").state == "warning"

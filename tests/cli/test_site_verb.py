@@ -18,6 +18,31 @@ def test_init_says_how_to_go_on_and_refuses_names_that_are_taken(
         refused = call("site", "init", str(folder), "--robot", name)
         assert (refused.code, refused.out) == (2, "")
         assert "--robot" in refused.err
+    for option in ("--station", "--joined"):
+        for name in ("2", "no name", "../x", "x" * 41):
+            refused = call("site", "init", str(folder), option, name)
+            assert (refused.code, refused.out) == (2, "")
+            assert option in refused.err
+
+
+def test_another_machine_has_a_folder_of_its_own_and_keeps_its_rights(
+    call: Call, tmp_path: Path
+) -> None:
+    folder = tmp_path / "site"
+    assert call("site", "init", str(folder), "--station", "south", "--joined", "bob").code == 0
+    numbers = ("", "-2")
+    south = {f"{role}{end}" for role in ("station", "telemetry", "joined") for end in numbers}
+    assert {path.stem for path in (folder / "south").glob("*.key")} == south
+    assert {path.stem for path in (folder / "bob").glob("*.key")} == {"joined", "joined-2"}
+    for name in ("south", "bob"):
+        assert (folder / name / "ca.crt").read_bytes() == (folder / "ca.crt").read_bytes()
+        assert not (folder / name / "ca.key").exists()
+    users = {"station-south-2", "telemetry-south", "joined-south", "joined-bob-2"}
+    for _ in range(2):
+        lines = (folder / "access.txt").read_text().splitlines()
+        assert {f"user {user}" for user in users} <= set(lines)
+        assert "user station-bob" not in lines
+        assert call("site", "init", str(folder)).code == 0
 
 
 def test_without_certificates_or_a_broker_the_error_says_what_to_do(call: Call) -> None:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from pa_console.fleets.bus.address import BrokerAddress
+from pa_console.fleets.bus.address import BrokerAddress, Credentials
 from pa_console.fleets.bus.joining import join
 from pa_console.fleets.bus.mqtt_fleet import MqttFleet
 from pa_console.fleets.bus.opening import fleet_of
@@ -94,10 +94,15 @@ def running(
 
 
 @contextmanager
-def joined(world: World, address: BrokerAddress, keys: Keys | None = None) -> Generator[MqttFleet]:
+def joined(
+    world: World,
+    address: BrokerAddress,
+    keys: Keys | None = None,
+    credentials: Credentials | None = None,
+) -> Generator[MqttFleet]:
     """Yield the fleet of the site at `address`, once the site is there."""
     for _ in range(20):
-        found = join(address)
+        found = join(address, credentials)
         if found.site is not None and SITE in found.online:
             break
         found.link.close()

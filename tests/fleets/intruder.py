@@ -16,16 +16,26 @@ UP_S = 10.0
 
 
 class Intruder:
-    """Sends any payload on any topic of a site; keeps the last message of every topic."""
+    """Sends any payload on any topic of a site; keeps the last message of every topic.
 
-    def __init__(self, address: BrokerAddress, credentials: Credentials | None = None) -> None:
+    It claims to be the client `client_id`; the broker makes one up for "".
+    """
+
+    def __init__(
+        self, address: BrokerAddress, credentials: Credentials | None = None, client_id: str = ""
+    ) -> None:
         self._address = address
         self.heard: dict[str, bytes] = {}
         self.all: list[tuple[str, bytes]] = []
+        self.dropped = 0
+        """How often the connection has ended."""
         self._up = threading.Event()
-        self._client = Client(CallbackAPIVersion.VERSION2, protocol=MQTTProtocolVersion.MQTTv5)
+        self._client = Client(
+            CallbackAPIVersion.VERSION2, client_id, protocol=MQTTProtocolVersion.MQTTv5
+        )
         self._client.on_message = self._note
         self._client.on_subscribe = self._subscribed
+        self._client.on_disconnect = self._disconnected
         if address.tls:
             context = credentials.context() if credentials else ssl.create_default_context()
             self._client.tls_set_context(context)
@@ -34,6 +44,9 @@ class Intruder:
         self._client.loop_start()
         self._client.subscribe(f"{address.site}/#", qos=1)
         assert self._up.wait(UP_S)
+
+    def _disconnected(self, *_: object) -> None:
+        self.dropped += 1
 
     def _subscribed(self, *_: object) -> None:
         self._up.set()

@@ -16,7 +16,8 @@ from tests.fleets.intruder import Intruder
 def test_files_are_private_and_what_is_there_stays(tmp_path: Path) -> None:
     folder = tmp_path / "site"
     first = write_site(folder, "yard", ("Drone_T01",), ("localhost",), 8883)
-    assert first.made == ("broker", "station", "joined", "site", "Drone_T01")
+    roles = ("station", "station-2", "telemetry", "telemetry-2", "joined", "joined-2")
+    assert first.made == ("broker", *roles, "site", "Drone_T01")
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     again = write_site(folder, "yard", ("Drone_T01", "Robot_T03"), ("localhost",), 8883)
     assert again.made == ("Robot_T03",)

@@ -9,7 +9,7 @@ from pathlib import Path
 import typer
 
 from pa_console.cli.console.live_session import LiveSession
-from pa_console.cli.fleet import JOINED, STATION, credentials_of
+from pa_console.cli.fleet import JOINED, STATION, claim_credentials
 from pa_console.cli.keys.site_keys import ask_passphrase
 from pa_console.cli.output import errors, require_keys
 from pa_console.cli.progress_bars import RecordsBar
@@ -62,7 +62,7 @@ def shared_session(url: str, certificates: Path | None) -> Generator[FoundSessio
             "makes them here, and the owner enrols them"
         )
     address = BrokerAddress.parse(url)
-    credentials = credentials_of(address, certificates, JOINED)
+    credentials = claim_credentials(address, certificates, JOINED)
     link = StationLink(address, f"{JOINED}-{secrets.token_hex(4)}", HEARD, credentials)
     try:
         if not link.wait_connected(CONNECT_S):
@@ -164,7 +164,8 @@ def joining(asked: Joining, settings: Loaded) -> Generator[JoinedSession]:
         signatory = Signatory(*person)
 
         def own_station() -> StationAuthority:
-            credentials_of(address, asked.certificates, STATION)
+            if (ours := claim_credentials(address, asked.certificates, STATION)) is not None:
+                ours.release()
             return StationAuthority(folder.keys(person), keep=folder.take)
 
         yield JoinedSession(

@@ -14,6 +14,7 @@ from typing import Literal
 
 from rich.console import Console
 
+from pa_console.fleets.site.site_files import CONFIGURATION, unbound
 from pa_console.llm.errors import ModelError
 from pa_console.llm.models.adapters import check_adapters
 from pa_console.llm.models.cache import cache_folder, hash_file
@@ -314,6 +315,27 @@ def check_folder(name: str, folder: Path, field: str) -> Check:
         state = "warning" if free_mb else "missing"
         return Check(name, state, found, f"make room there, or choose another one: {field}")
     return Check(name, "ok", found)
+
+
+def check_broker(folder: Path) -> Check:
+    """Look whether the configuration of a site's broker ties client ids to certificates."""
+    file = folder / CONFIGURATION
+    try:
+        lacks = unbound(file.read_text("utf-8"))
+    except (OSError, UnicodeDecodeError):
+        found = f"no {CONFIGURATION} in {folder}: look on the machine of the broker"
+        return Check("broker", "warning", found)
+    if not lacks:
+        return Check("broker", "ok", f"{file}: client ids are the names in certificates")
+    found = (
+        f"{file} lacks '{', '.join(lacks)}': any robot can connect with the client id of another "
+        "one, which then misses its stops"
+    )
+    remedy = (
+        f"pa-console site init {folder}, with the --site, --port and --world that it was made "
+        "with (certificates stay), then start the broker again"
+    )
+    return Check("broker", "missing", found, remedy)
 
 
 def check_terminal() -> Iterator[Check]:

@@ -1,6 +1,8 @@
 """`pa-console doctor`: says what is missing on this machine, and how to mend it."""
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Annotated
 
 import typer
 from rich.table import Table
@@ -8,6 +10,7 @@ from rich.text import Text
 
 from pa_console.cli.doctor.checks import (
     Check,
+    check_broker,
     check_build_tools,
     check_confinement,
     check_folders,
@@ -28,10 +31,19 @@ from pa_console.session.log.writer import default_folder
 STYLES = {"ok": "green", "warning": "yellow", "missing": "bold red"}
 
 
-def doctor(json: JsonOption = False) -> None:
+def doctor(
+    certificates: Annotated[
+        Path | None,
+        typer.Option(
+            "--certificates",
+            help="Look at the broker's configuration in this folder of 'pa-console site init' too.",
+        ),
+    ] = None,
+    json: JsonOption = False,
+) -> None:
     """Look for everything that the console needs; exit code 0 when nothing is missing."""
     with errors.status("looking") as status:
-        checks: list[Check] = []
+        checks = [check_broker(certificates)] if certificates is not None else []
         for check in _checks(status.update):
             checks.append(check)
             status.update(f"looked at {check.name}")

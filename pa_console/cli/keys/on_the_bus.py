@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 
-from pa_console.cli.fleet import STATION, credentials_of
+from pa_console.cli.fleet import STATION, claim_credentials
 from pa_console.cli.output import errors
 from pa_console.fleets.authorization import SignedMessages
 from pa_console.fleets.key_folder import KeyFolder
@@ -32,7 +32,7 @@ def on_bus(folder: KeyFolder, url: str, certificates: Path | None) -> Generator[
 
     address = BrokerAddress.parse(url)
     name = f"keys-{secrets.token_hex(4)}"
-    link = StationLink(address, name, SIGNED, credentials_of(address, certificates, STATION))
+    link = StationLink(address, name, SIGNED, claim_credentials(address, certificates, STATION))
     try:
         if not link.wait_connected(CONNECT_S):
             raise ValueError(f"no broker lets us in at {address}: {link.problem}")

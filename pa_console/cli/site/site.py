@@ -4,7 +4,7 @@ import asyncio
 import hashlib
 import time
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -25,7 +25,7 @@ from pa_console.fleets.bus.address import INTERFACE, PORTS, BrokerAddress, Crede
 from pa_console.fleets.key_folder import KeyFolder
 from pa_console.fleets.site.embedded_broker import EmbeddedBroker
 from pa_console.fleets.site.simulated_site import SimulatedSite, SiteOptions
-from pa_console.fleets.site.site_files import RESERVED, default_hosts, write_site
+from pa_console.fleets.site.site_files import RESERVED, Machines, default_hosts, write_site
 from pa_console.fleets.station_authority import Vehicles
 from pa_console.fleets.vda5050.vehicle import anybody
 from pa_console.schema.base import Name
@@ -36,6 +36,9 @@ from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.sim.worlds.world_file import open_world
+
+MOST_MACHINE_NAME = 40
+"""With its role before it, it is a common name of a certificate: at most 64 characters."""
 
 app = typer.Typer(help="Run the simulated checkpoint as a service on a message bus; more below.")
 
@@ -120,17 +123,37 @@ def init(
         list[str] | None,
         typer.Option(help="A name or address of the broker's machine; repeatable."),
     ] = None,
+    station: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Another machine that may take command; a folder of that name in FOLDER has its "
+            "certificates; repeatable."
+        ),
+    ] = None,
+    joined: Annotated[
+        list[str] | None,
+        typer.Option(help="Another machine that joins a session alone; likewise; repeatable."),
+    ] = None,
     name: Annotated[str, typer.Option("--site", help="The name of the site.")] = INTERFACE,
     port: Annotated[int, typer.Option("--port", min=1, max=65535)] = PORTS["mqtts"],
 ) -> None:
     """Make an authority, certificates, an access list and a configuration for Mosquitto."""
     loaded, _ = open_world(world)
     for serial in robot or ():
-        _check_serial(serial)
+        _check_name("--robot", serial)
+        if serial in RESERVED:
+            raise ValueError(f"--robot {serial}: the site itself has this name")
+    machines = Machines(tuple(station or ()), tuple(joined or ()))
+    for machine in machines.stations:
+        _check_name("--station", machine, MOST_MACHINE_NAME)
+    for machine in machines.joined:
+        _check_name("--joined", machine, MOST_MACHINE_NAME)
     robots = tuple(dict.fromkeys((*loaded.assets, *loaded.cameras, *(robot or ()))))
     address = BrokerAddress.parse(f"mqtts://localhost:{port}/{name}")
     hosts = (*default_hosts(), *(host or ()))
-    written = write_site(folder, address.site, robots, tuple(dict.fromkeys(hosts)), port)
+    written = write_site(
+        folder, address.site, robots, tuple(dict.fromkeys(hosts)), port, machines=machines
+    )
     made, kept = count(len(written.made), "certificate"), len(written.kept)
     out.print(
         f"{written.folder}: {made} made{f', {kept} kept' if kept else ''}\n"
@@ -168,13 +191,11 @@ def _telling(vehicles: Vehicles) -> Callable[[str], None]:
     return take
 
 
-def _check_serial(serial: str) -> None:
-    """Raise ValueError for a serial number that cannot be that of an asset."""
-    try:
-        TypeAdapter[str](Name).validate_python(serial)
-    except ValidationError:
-        raise ValueError(
-            f"--robot {serial}: letters, digits and _ after a letter, such as Robot_T03"
-        ) from None
-    if serial in RESERVED:
-        raise ValueError(f"--robot {serial}: the site itself has this name")
+def _check_name(option: str, name: str, most: int = 64) -> None:
+    """Raise ValueError for a name that cannot be that of an asset or a machine."""
+    with suppress(ValidationError):
+        if len(TypeAdapter[str](Name).validate_python(name)) <= most:
+            return
+    raise ValueError(
+        f"{option} {name}: up to {most} letters, digits and _ after a letter, such as Robot_T03"
+    )

@@ -1,10 +1,12 @@
 """Where a site's broker is, and with which certificates one is let in."""
 
+import fcntl
 import ipaddress
 import ssl
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Self
+from typing import BinaryIO, Self
 from urllib.parse import urlsplit
 
 from pydantic import TypeAdapter, ValidationError
@@ -15,6 +17,9 @@ PORTS = {"mqtt": 1883, "mqtts": 8883}
 INTERFACE = "vda5050"
 CA_FILE = "ca.crt"
 FORM = "mqtts://HOST[:PORT][/SITE]"
+NUMBERS = ("", "-2")
+"""The endings of the certificates that one machine has for a role, such as `station` and
+`station-2`: a console and one program beside it."""
 
 
 @dataclass(frozen=True)
@@ -24,6 +29,8 @@ class Credentials:
     ca: Path
     certificate: Path
     key: Path
+    claimed: BinaryIO | None = field(default=None, compare=False, repr=False)
+    """The file of the key, which no other program of this machine claims while it is open."""
 
     @classmethod
     def of(cls, folder: Path, name: str) -> Self:
@@ -35,6 +42,31 @@ class Credentials:
                     f"{path} is not there; 'pa-console site init {folder}' makes certificates"
                 )
         return found
+
+    @classmethod
+    def claim(cls, folder: Path, role: str) -> Self:
+        """Return those of `role` in a folder that no other program of this machine uses.
+
+        The broker lets one connection in by each certificate: a second one would end the first,
+        and with it that program's stops. Raises ValueError when there are none, or none is free.
+        """
+        alike = [f"{role}{number}" for number in NUMBERS]
+        names = [name for name in alike if (folder / f"{name}.crt").is_file()]
+        for name in names or [role]:
+            found = cls.of(folder, name)
+            with suppress(BlockingIOError):
+                return replace(found, claimed=_lock(found.key))
+        raise ValueError(
+            f"other programs of this machine use {' and '.join(f'{name}.crt' for name in names)} "
+            f"in {folder}, and each connection needs a certificate of its own; end one of them, or "
+            "make more where ca.key is: 'pa-console site init FOLDER --station NAME' makes a "
+            "folder NAME in it, to be given with --certificates"
+        )
+
+    def release(self) -> None:
+        """Let other programs of this machine use them."""
+        if self.claimed is not None:
+            self.claimed.close()
 
     def context(self) -> ssl.SSLContext:
         """Return how a client with these speaks TLS; raises ValueError for files that do not."""
@@ -84,6 +116,22 @@ class BrokerAddress:
     def __str__(self) -> str:
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"{'mqtts' if self.tls else 'mqtt'}://{host}:{self.port}/{self.site}"
+
+
+def _lock(key: Path) -> BinaryIO | None:
+    """Return the file of a key, locked until it is closed; BlockingIOError when another has it."""
+    try:
+        file = key.open("rb")
+    except OSError:  # `context` says why it cannot be read
+        return None
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        file.close()
+        raise
+    except OSError:  # a disk without locks: there the broker alone keeps programs apart
+        pass
+    return file
 
 
 def _is_this_machine(host: str) -> bool:

@@ -80,7 +80,14 @@ class BusClient:
         return self._client is not None
 
     async def run(self) -> None:
-        """Stay connected until cancelled."""
+        """Stay connected until cancelled; then another program may use the certificate."""
+        try:
+            await self._stay_connected()
+        finally:
+            if self.credentials is not None:
+                self.credentials.release()
+
+    async def _stay_connected(self) -> None:
         from aiomqtt import MqttError  # noqa: PLC0415 - a console without a bus needs none
 
         retry_s = FIRST_RETRY_S

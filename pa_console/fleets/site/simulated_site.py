@@ -14,7 +14,7 @@ from time import perf_counter
 from pydantic import TypeAdapter, ValidationError
 
 from pa_console.fleets.bus.address import BrokerAddress, Credentials
-from pa_console.fleets.bus.client import BusClient, Received, say_nothing
+from pa_console.fleets.bus.client import Received, say_nothing
 from pa_console.fleets.site.gateway import CameraSpeaker, Gateway, OnBus, Speaker
 from pa_console.fleets.vda5050.additions import (
     SIGNED,
@@ -89,14 +89,7 @@ class SimulatedSite:
         self._site = _SiteSpeaker(SITE.serial_number, bus)
         self._site.arrived = self._describe
         self._site.listener = self._ask
-        self._trust = BusClient(
-            address,
-            f"{address.site}-{TRUST.serial_number}",
-            self._hear_signed,
-            lambda _connected, _why: None,
-            [str(Topic(address.site, TRUST, kind.TOPIC)) for kind in SIGNED],
-            credentials=options.credentials(SITE.serial_number),
-        )
+        self._site.signed = self._hear_signed
 
     def now(self) -> datetime:
         """Return what time it is at the site (UTC)."""
@@ -106,8 +99,7 @@ class SimulatedSite:
         """Be on the bus until cancelled; raises ValueError when no broker lets everybody in."""
         asyncio.get_running_loop().set_exception_handler(say_nothing)
         speakers: list[Speaker] = [*self.robots.values(), *self._cameras.values()]
-        running = [asyncio.create_task(self._trust.run())]
-        running += [asyncio.create_task(speaker.client.run()) for speaker in speakers]
+        running = [asyncio.create_task(speaker.client.run()) for speaker in speakers]
         try:
             await self._all_up(speakers)
             for name, said in self.checkpoint.picture().assets.items():
@@ -326,11 +318,28 @@ class SimulatedSite:
 
 
 class _SiteSpeaker(Speaker):
-    """Speaks for the site itself, and takes what a station asks of a simulation."""
+    """Speaks for the site itself, and takes what a station asks of a simulation.
+
+    Over the same connection it receives who belongs to the site and who commands it: the broker
+    lets one connection in by each certificate.
+    """
 
     HEARS = (ClockMessage, IncidentMessage)
     listener: Callable[[Header], None] | None = None
     arrived: Callable[[], None] | None = None
+    signed: Callable[[Received], None] | None = None
+
+    def __init__(self, name: str, bus: OnBus) -> None:
+        super().__init__(name, bus)
+        trust = [str(Topic(bus.address.site, TRUST, kind.TOPIC)) for kind in SIGNED]
+        self.client.topics = (*self.client.topics, *trust)
+
+    def _heard(self, received: Received) -> None:
+        topic = Topic.of(received.topic)
+        if topic is None or topic.identity != TRUST:
+            super()._heard(received)
+        elif self.signed is not None:
+            self.signed(received)
 
     def _arrived(self) -> None:
         if self.arrived is not None:

@@ -1,12 +1,14 @@
 """The files of a site: an authority, a certificate for everybody, and what Mosquitto is told.
 
-Whoever is on the bus is who its certificate says; a robot may write and read its own topics alone.
+The name in a certificate is also the client id of its connection: no client is taken for another
+one, or ends the connection of another one. A robot may write and read its own topics alone.
 """
 
 import getpass
 import ipaddress
+import re
 import socket
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -16,7 +18,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from pa_console.fleets.bus.address import CA_FILE
+from pa_console.fleets.bus.address import CA_FILE, NUMBERS
 from pa_console.fleets.vda5050.additions import SIGNED, SITE, TRUST
 from pa_console.fleets.vda5050.session_messages import (
     Countersignature,
@@ -27,8 +29,13 @@ from pa_console.fleets.vda5050.session_messages import (
 from pa_console.fleets.vda5050.topics import Topic
 from pa_console.private_files import make_private_folder, replace_private
 
-CA_KEY, BROKER, STATION, JOINED = "ca.key", "broker", "station", "joined"
-RESERVED = ("ca", BROKER, STATION, JOINED, SITE.serial_number, TRUST.serial_number)
+CA_KEY, BROKER = "ca.key", "broker"
+STATION, TELEMETRY, JOINED = "station", "telemetry", "joined"
+"""The roles of a machine at which people sit: a station commands over one connection and receives
+reports over another; a console that has joined watches, countersigns and asks for a stop."""
+
+ROLES = (STATION, TELEMETRY, JOINED)
+RESERVED = ("ca", BROKER, *ROLES, SITE.serial_number, TRUST.serial_number)
 CONFIGURATION, ACCESS = "mosquitto.conf", "access.txt"
 CA_YEARS, YEARS = 10, 2
 EARLIER = timedelta(days=1)
@@ -38,6 +45,10 @@ ROBOT_WRITES = ("connection", "state", "factsheet", "detections", "visualization
 ROBOT_READS = ("order", "instantActions", "zoneSet", "responses")
 SITE_WRITES = ("connection", "site", "clockDone", "incidentDone", "told")
 SITE_READS = ("clock", "incident")
+BINDING = ("use_identity_as_username true", "use_username_as_clientid true")
+"""What ties a client id to a certificate. Without it whoever has any certificate of the site can
+connect with the client id of another; the broker then drops that one, which misses its stops."""
+
 _CONFIGURATION = """\
 # Mosquitto for the site {site}: start it with  mosquitto -c {folder}/{file}
 listener {port}
@@ -45,7 +56,7 @@ cafile {folder}/{ca}
 certfile {folder}/{broker}.crt
 keyfile {folder}/{broker}.key
 require_certificate true
-use_identity_as_username true
+{binding}
 allow_anonymous false
 acl_file {folder}/{access}
 user {user}
@@ -58,15 +69,45 @@ max_queued_messages 10000
 
 @dataclass(frozen=True)
 class SiteFiles:
-    """What was written into `folder`, for whom; those that were there stay as they are."""
+    """The files written into `folder`: certificates made, and those kept as they were."""
 
     folder: Path
     made: tuple[str, ...]
     kept: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class Machines:
+    """The machines beside the one of the site's folder: a folder in it has their certificates.
+
+    Those of `joined` watch and countersign; those of `stations` may command as well.
+    """
+
+    stations: tuple[str, ...] = ()
+    joined: tuple[str, ...] = ()
+
+    def of(self, role: str) -> tuple[str, ...]:
+        """Return the machines that have certificates of `role`, "" for that of the folder."""
+        others = self.stations if role != JOINED else (*self.stations, *self.joined)
+        return ("", *dict.fromkeys(others))
+
+    def and_those_in(self, access_list: str) -> "Machines":
+        """Return these machines and those that an access list of before names."""
+
+        def named(role: str) -> tuple[str, ...]:
+            return tuple(re.findall(rf"^user {role}-([A-Za-z]\w*)$", access_list, re.MULTILINE))
+
+        return Machines((*self.stations, *named(STATION)), (*self.joined, *named(JOINED)))
+
+
 def write_site(
-    folder: Path, site: str, names: Sequence[str], hosts: Sequence[str], port: int
+    folder: Path,
+    site: str,
+    names: Sequence[str],
+    hosts: Sequence[str],
+    port: int,
+    *,
+    machines: Machines = Machines(),
 ) -> SiteFiles:
     """Make or complete the files of a site for robots and cameras of these `names`.
 
@@ -77,13 +118,23 @@ def write_site(
     authority = _authority(folder, site)
     made: list[str] = []
     kept: list[str] = []
-    for name in (BROKER, STATION, JOINED, SITE.serial_number, *names):
-        if (folder / f"{name}.crt").exists():
-            kept.append(name)
+    people = [(machine, role) for role in ROLES for machine in machines.of(role)]
+    certificates = [
+        (BROKER, BROKER),
+        *(each for machine, role in people for each in _certificates(machine, role)),
+        *((name, name) for name in (SITE.serial_number, *names)),
+    ]
+    for machine in machines.of(JOINED):
+        make_private_folder(folder / machine)
+        _write(folder / machine / CA_FILE, (folder / CA_FILE).read_text("ascii"))
+    for file, name in certificates:
+        if (folder / f"{file}.crt").exists():
+            kept.append(file)
             continue
-        _issue(folder, authority, name, hosts if name == BROKER else ())
-        made.append(name)
-    _write(folder / ACCESS, access(site))
+        _issue(folder / file, authority, name, hosts if name == BROKER else ())
+        made.append(file)
+    before = (folder / ACCESS).read_text("utf-8") if (folder / ACCESS).exists() else ""
+    _write(folder / ACCESS, access(site, machines.and_those_in(before)))
     configuration = _CONFIGURATION.format(
         site=site,
         folder=folder,
@@ -91,6 +142,7 @@ def write_site(
         port=port,
         ca=CA_FILE,
         broker=BROKER,
+        binding="\n".join(BINDING),
         access=ACCESS,
         user=getpass.getuser(),
     )
@@ -98,12 +150,43 @@ def write_site(
     return SiteFiles(folder, tuple(made), tuple(kept))
 
 
-def access(site: str) -> str:
-    """Return who may write and read which topics; %u is the name in a certificate."""
+def _certificates(machine: str, role: str) -> Iterator[tuple[str, str]]:
+    """Yield the file, without its ending, and the name of each certificate of a machine."""
+    for number in NUMBERS:
+        file = f"{role}{number}"
+        yield (f"{machine}/{file}", f"{role}-{machine}{number}") if machine else (file, file)
+
+
+def unbound(configuration: str) -> tuple[str, ...]:
+    """Return the lines that a configuration lacks to tie client ids to certificates."""
+    lines = [line.split() for line in configuration.splitlines()]
+    return tuple(line for line in BINDING if line.split() not in lines)
+
+
+def access(site: str, machines: Machines = Machines()) -> str:
+    """Return the access list of the topics; %u is the name in a certificate."""
     robot = f"{site}/v3/+/%u"
     own = f"{site}/v3/{SITE.manufacturer}/{SITE.serial_number}"
     station = f"{site}/v3/{SITE.manufacturer}/+"
     trust = [str(Topic(site, TRUST, kind.TOPIC)) for kind in SIGNED]
+    everything = f"topic read {site}/v3/#"
+    of_role = {
+        STATION: (
+            everything,
+            *(f"topic write {site}/v3/+/+/{topic}" for topic in ROBOT_READS),
+            *(f"topic write {own}/{topic}" for topic in SITE_READS),
+            *(f"topic write {topic}" for topic in trust),
+            f"topic write {station}/{SessionRecords.TOPIC}",
+        ),
+        TELEMETRY: (everything,),
+        JOINED: (
+            everything,
+            *(
+                f"topic write {station}/{kind.TOPIC}"
+                for kind in (RecordsAsked, Countersignature, StopAsked)
+            ),
+        ),
+    }
     lines = [
         "# Everybody writes and reads the topics of the serial number in their certificate.",
         *(f"pattern write {robot}/{topic}" for topic in ROBOT_WRITES),
@@ -114,21 +197,11 @@ def access(site: str) -> str:
         f"user {SITE.serial_number}",
         *(f"topic write {own}/{topic}" for topic in SITE_WRITES),
         *(f"topic read {own}/{topic}" for topic in SITE_READS),
-        "",
-        f"user {STATION}",
-        f"topic read {site}/v3/#",
-        *(f"topic write {site}/v3/+/+/{topic}" for topic in ROBOT_READS),
-        *(f"topic write {own}/{topic}" for topic in SITE_READS),
-        *(f"topic write {topic}" for topic in trust),
-        f"topic write {station}/{SessionRecords.TOPIC}",
-        "",
-        f"user {JOINED}",
-        f"topic read {site}/v3/#",
-        *(
-            f"topic write {station}/{kind.TOPIC}"
-            for kind in (RecordsAsked, Countersignature, StopAsked)
-        ),
     ]
+    for role, may in of_role.items():
+        for machine in machines.of(role):
+            for _, user in _certificates(machine, role):
+                lines += ["", f"user {user}", *may]
     return "\n".join(lines) + "\n"
 
 
@@ -154,12 +227,12 @@ def _authority(folder: Path, site: str) -> _Authority:
         .add_extension(_usage(signs=True), critical=True)
         .sign(key, hashes.SHA256())
     )
-    _keep(folder, CA_FILE.removesuffix(".crt"), certificate, key)
+    _keep(folder / CA_FILE.removesuffix(".crt"), certificate, key)
     return _Authority(certificate, key)
 
 
-def _issue(folder: Path, authority: _Authority, name: str, hosts: Sequence[str]) -> None:
-    """Make a key and a certificate for `name`; for the broker, with the hosts that it is on."""
+def _issue(file: Path, authority: _Authority, name: str, hosts: Sequence[str]) -> None:
+    """Make a key and a certificate for `name`, beside `file`; for the broker, with its hosts."""
     key = ec.generate_private_key(ec.SECP256R1())
     purpose = ExtendedKeyUsageOID.SERVER_AUTH if hosts else ExtendedKeyUsageOID.CLIENT_AUTH
     builder = (
@@ -175,7 +248,7 @@ def _issue(folder: Path, authority: _Authority, name: str, hosts: Sequence[str])
     if hosts:
         names = x509.SubjectAlternativeName([_host(host) for host in hosts])
         builder = builder.add_extension(names, critical=False)
-    _keep(folder, name, builder.sign(authority.key, hashes.SHA256()), key)
+    _keep(file, builder.sign(authority.key, hashes.SHA256()), key)
 
 
 def default_hosts() -> tuple[str, ...]:
@@ -224,16 +297,17 @@ def _host(host: str) -> x509.GeneralName:
         return x509.DNSName(host)
 
 
-def _keep(
-    folder: Path, name: str, certificate: x509.Certificate, key: ec.EllipticCurvePrivateKey
-) -> None:
+def _keep(file: Path, certificate: x509.Certificate, key: ec.EllipticCurvePrivateKey) -> None:
+    """Write a key and its certificate to `file` with their endings."""
     secret = key.private_bytes(
         serialization.Encoding.PEM,
         serialization.PrivateFormat.PKCS8,
         serialization.NoEncryption(),
     )
-    replace_private(folder / f"{name}.key", secret)
-    replace_private(folder / f"{name}.crt", certificate.public_bytes(serialization.Encoding.PEM))
+    replace_private(file.with_name(f"{file.name}.key"), secret)
+    replace_private(
+        file.with_name(f"{file.name}.crt"), certificate.public_bytes(serialization.Encoding.PEM)
+    )
 
 
 def _write(path: Path, text: str) -> None:
