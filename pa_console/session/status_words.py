@@ -3,11 +3,11 @@
 from typing import Literal, NamedTuple
 
 Tone = Literal["", "good", "bad", "warn", "calm", "quiet", "note"]
-"""What a text means to its reader; each front end has its colours for them."""
+"""The meaning of a text to its reader; each front end has its own colours for them."""
 
 
 class Status(NamedTuple):
-    """How one status is told everywhere."""
+    """The glyph, word and tone of one status, the same in every front end."""
 
     glyph: str
     word: str
@@ -137,5 +137,5 @@ STATUSES: dict[str, Status] = {
 
 
 def status_of(family: str, value: str) -> Status:
-    """Return how `value` of `family` is told; a value not in the table is told as unknown."""
+    """Return the status of `value` in `family`; a value not in the table gets a question mark."""
     return STATUSES.get(f"{family}.{value}", Status("?", value, "warn"))

@@ -1,4 +1,4 @@
-"""Says in one short line what an event, an incident, an order or a decision is."""
+"""Events, incidents, orders and decisions in words, one short line each."""
 
 import re
 from collections.abc import Collection, Sequence
@@ -48,14 +48,14 @@ TRACK_PLACES: dict[TrackStatus, str] = {
     "inside": "has passed {gate}",
     "leaving": "is leaving {gate}",
 }
-"""Where a track is with its gate, by its status."""
+"""The place of a track in words with its gate, by its status."""
 
 _PLACE = re.compile(r"\b(?:is approaching|has stopped at|has passed|is leaving) ")
 _DISTANCE = re.compile(r"\d+ m\Z")
 
 
 def alarm_now(alarm: Alarm, picture: Picture | None) -> Alarm:
-    """Return `alarm` with what the picture shows of its track now: where it is, and how far."""
+    """Return `alarm` with the present place and distance of its track in the picture."""
     track = picture.tracks.get(alarm.subject) if picture is not None else None
     if track is None or alarm.distance_m is None:
         return alarm
@@ -65,7 +65,7 @@ def alarm_now(alarm: Alarm, picture: Picture | None) -> Alarm:
 
 
 def in_words(incident: Incident) -> str:
-    """Return what an operator could see of `incident`; the truth behind a track stays hidden."""
+    """Return `incident` as an operator can observe it; the truth behind a track stays hidden."""
     values = incident.model_dump()
     match incident.kind:
         case "comms":
@@ -82,7 +82,7 @@ def in_words(incident: Incident) -> str:
 
 
 def truth_in_words(incident: Incident) -> str:
-    """Return all of `incident`, the truth behind a track too: for who reads a script of them."""
+    """Return all of `incident`, with the truth behind a track, for the reader of a script."""
     match incident:
         case SpawnTrack(name=name, track=track, gate=gate):
             who = f"a {track}{f' ({name})' if name else ''} appears on the lane to {gate}"
@@ -96,10 +96,10 @@ def truth_in_words(incident: Incident) -> str:
 
 
 def overriding(decision: Decision) -> str:
-    """Return in what the operator decided otherwise than the console proposed, empty if in nothing.
+    """Return the operator's deviations from the console's proposal; empty if there are none.
 
-    That is a changed plan, another reading of the order, an objection of the judge that was
-    overridden, or an accepted breach.
+    A deviation is a changed plan, another reading of the order, an overridden objection of the
+    judge, or an accepted breach.
     """
     said: list[str] = []
     if decision.kind == "modify":
@@ -118,7 +118,7 @@ def overriding(decision: Decision) -> str:
 
 
 def safety_in_words(declared: Sequence[Action]) -> str:
-    """Return a plan's declared way to safety: who goes back where, and who holds."""
+    """Return a plan's declared way to safety: the assets that go back, and those that hold."""
     parts = [
         f"{action.agent} back to {action.target} (holds if another covers it by then)"
         for action in declared
@@ -131,12 +131,12 @@ def safety_in_words(declared: Sequence[Action]) -> str:
 
 
 def order_in_words(command: DeviceCommand | Action) -> str:
-    """Return what a command orders, as it is written in a plan: `move_to EastGate`."""
+    """Return a command as a plan has it: `move_to EastGate`."""
     return f"{command.verb} {command.target or ''}".strip()
 
 
 def references_in_words(references: Sequence[ev.Reference]) -> str:
-    """Return what an order points at and what that is: *"it" = Drone_T04; "there" = EastGate*."""
+    """Return the references of an order with their meanings: *"it" = Drone_T04*."""
     return "; ".join(f"“{one.said}” = {one.means}" for one in references)
 
 
@@ -146,9 +146,9 @@ def standing_in_words(order: StandingOrder) -> str:
 
 
 def asked_in_words(order: StandingOrder, allowed: Collection[str] | None = None) -> str:
-    """Return who approves the missions that `order` starts.
+    """Return the approval that missions started by `order` need.
 
-    The rules leave it the commands that are `allowed`, None where that is not told.
+    `allowed` are the commands that the rules let it start unasked; None if they are unknown.
     """
     if not order.unasked:
         return "each mission waits for your approval"
@@ -159,10 +159,10 @@ def asked_in_words(order: StandingOrder, allowed: Collection[str] | None = None)
     return f"unasked where a plan only gives {', '.join(allowed)}; else you are asked"
 
 
-def answer_in_words(told: ev.QuestionAnswered) -> str:
+def answer_in_words(answer: ev.QuestionAnswered) -> str:
     """Return a question and its answer in one line."""
-    lines = "; ".join(f"{line.about}: {line.said}" for line in told.lines)
-    return f"“{told.question}” {lines}".strip()
+    lines = "; ".join(f"{line.about}: {line.said}" for line in answer.lines)
+    return f"“{answer.question}” {lines}".strip()
 
 
 def kind_in_words(kind: str) -> str:
@@ -171,7 +171,7 @@ def kind_in_words(kind: str) -> str:
 
 
 def event_in_words(data: ev.EventPayload) -> str:
-    """Return what an event says beyond its kind; empty where the kind says it all."""
+    """Return the content of an event beyond its kind; empty for a kind without content."""
     said = ""
     match data:
         case ev.SessionStarted():
@@ -239,7 +239,7 @@ def _of_tak(data: ev.EventPayload) -> str:
 
 
 def contact_in_words(contact: ev.ReportedContact) -> str:
-    """Say what is claimed of a contact: *“ALPHA-1”, said to be a friend, vehicle, at (12, -3)*."""
+    """Return the claims about a contact: *“ALPHA-1”, said to be a friend, vehicle, at (12, -3)*."""
     x, y = contact.at
     claimed = f"said to be {contact.affiliation}, {contact.what}"
     return f"“{contact.name}”, {claimed}, at ({x:.0f}, {y:.0f})"
@@ -300,7 +300,7 @@ def _planned(data: ev.EventPayload) -> str:
 
 
 def _state(request: ev.ApprovalRequested) -> str:
-    """Return what has to be known first, in words; empty where nothing has."""
+    """Return the state of a request in words; empty for one that can be plainly approved."""
     if request.state == "not_understood":
         return ""  # its one reason says so
     if request.blocked_by:
@@ -345,7 +345,7 @@ def _done(data: ev.EventPayload) -> str:
 
 
 def command_taken_in_words(taken: ev.CommandTaken) -> str:
-    """Say from which station command was taken, and how far its log had come."""
+    """Return the station that lost command, and the last record of its log."""
     return (
         f"taken from {taken.station} by {taken.by}, epoch {taken.epoch}; its session "
         f"{taken.session} had come to record {taken.records}, hash {taken.head[:12]}"

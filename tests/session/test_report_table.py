@@ -1,6 +1,6 @@
 """The report of a mission is told as a table."""
 
-from pa_console.session.trace.report_table import report_table
+from pa_console.session.trace.execution import report_table
 
 REPORT = """\
 M001-ab verified: Look at the vehicle.

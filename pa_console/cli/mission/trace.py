@@ -11,10 +11,16 @@ from pa_console.schema.events.questions import QuestionAnswered
 from pa_console.schema.text.visible_text import visible
 from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.session.status_words import Tone
-from pa_console.session.trace.hanging_rows import HangingRow, rows_of, title_of
-from pa_console.session.trace.layout import lay_out, lay_out_proposal
-from pa_console.session.trace.parts import Detail, Section, Span, TraceOptions
-from pa_console.session.trace.questions import answered
+from pa_console.session.trace.layout import answered, lay_out, lay_out_proposal
+from pa_console.session.trace.parts import (
+    Detail,
+    HangingRow,
+    Section,
+    Span,
+    TraceOptions,
+    rows_of,
+    title_of,
+)
 from pa_console.session.trace.standing import headline, progress
 
 COLOURS: dict[Tone, str] = {

@@ -1,5 +1,6 @@
 """Steps 6 to 8 of a mission's trace: decision, commands, halts, verification, report, outcome."""
 
+import re
 from collections.abc import Sequence
 
 from pa_console.orders.plain_words import plain_reading
@@ -15,13 +16,13 @@ from pa_console.session.trace.parts import (
     Line,
     Section,
     Span,
+    Table,
     TraceOptions,
     labelled,
-    said,
     sign,
+    statement,
     table,
 )
-from pa_console.session.trace.report_table import report_table
 from pa_console.session.trace.safeguards import outcome_verdict
 
 _BAR = 14
@@ -29,12 +30,12 @@ _BAR = 14
 
 
 def decisions(made: Sequence[DecisionMade], voided: str) -> Section:
-    """What the operator decided, the refused attempts included, and why an approval is void."""
+    """Return the operator's decisions, valid or not, and the reason that an approval is void."""
     blocks: list[Block] = []
     for item in made:
         given = item.decision
         mark = sign(status_of("decision", given.kind))
-        blocks.append(Line((Span(f"by {given.by}, {_what(item.attempt)}"),), mark=mark))
+        blocks.append(Line((Span(f"by {given.by}, {_subject(item.attempt)}"),), mark=mark))
         if given.override_judge:
             blocks.append(_below("the judge's Failure was overridden"))
         if given.acknowledged:
@@ -50,12 +51,12 @@ def decisions(made: Sequence[DecisionMade], voided: str) -> Section:
         elif not item.accepted:
             blocks.append(Line((Span(f"not accepted: {item.detail}", "bad"),), depth=1))
     if voided:
-        blocks.append(said(f"plan void: {voided}", "bad"))
+        blocks.append(statement(f"plan void: {voided}", "bad"))
     return Section("decision", "Decision", tuple(blocks), step=6)
 
 
-def _what(attempt: int) -> str:
-    """Return what was decided on: a plan, or with 0 what has none, a question or standing order."""
+def _subject(attempt: int) -> str:
+    """Return the subject of a decision; 0 is that of a question or a standing order."""
     return f"plan {attempt}" if attempt else "no plan"
 
 
@@ -69,7 +70,7 @@ def command_state(command: CommandTrace) -> Status:
 
 
 def commands(given: Sequence[CommandTrace], options: TraceOptions) -> Section:
-    """Step 7: every dispatched command with its state, its resends and the device's words."""
+    """Return step 7: every dispatched command with its state, resends and reply."""
     columns = [
         Column("state", 14),
         Column("asset", 11, stress="bold"),
@@ -102,12 +103,11 @@ def _replies(sent: CommandTrace) -> str:
 
 
 def halts(given: Sequence[PlanHalted]) -> list[Section]:
-    """Step 7: why the running plan was stopped, once for every time that it was."""
+    """Return step 7: the reasons of each halt of a running plan."""
     return [_halt(item, number) for number, item in enumerate(given)]
 
 
 def _halt(given: PlanHalted, number: int) -> Section:
-    """Tell the reasons, and what each asset was told to be safe."""
     blocks = [Line((Span(reason, "bad"),), mark=Span("✘")) for reason in given.reasons]
     blocks += [labelled("safe state", item) for item in given.safe_state]
     if not given.safe_state:
@@ -118,10 +118,10 @@ def _halt(given: PlanHalted, number: int) -> Section:
 
 
 def verification(given: VerifiedPlan, number: int) -> Section:
-    """Step 7: what telemetry showed, as of when, and beside it the judge's verdict on it."""
+    """Return step 7: the verification by telemetry, its time, and the judge's verdict on it."""
     blocks: list[Block] = []
-    told = given.verification
-    if told.actions:
+    found = given.verification
+    if found.actions:
         columns = (
             Column("outcome", 9),
             Column("asset", 11, stress="bold"),
@@ -130,43 +130,67 @@ def verification(given: VerifiedPlan, number: int) -> Section:
         )
         rows = [
             (status_of("outcome", item.outcome), item.agent, item.command, item.reason)
-            for item in told.actions
+            for item in found.actions
         ]
         blocks.append(table(columns, rows))
-    if told.gates_lost:
-        blocks.append(said(f"gates lost: {', '.join(told.gates_lost)}", "bad"))
-    if told.gates_unknown:
-        blocks.append(said(f"? cover unknown: {', '.join(told.gates_unknown)}", "warn"))
-    if told.reason:
-        blocks.append(said(told.reason))
+    if found.gates_lost:
+        blocks.append(statement(f"gates lost: {', '.join(found.gates_lost)}", "bad"))
+    if found.gates_unknown:
+        blocks.append(statement(f"? cover unknown: {', '.join(found.gates_unknown)}", "warn"))
+    if found.reason:
+        blocks.append(statement(found.reason))
     if given.judged:
         blocks += outcome_verdict(given.verdict, given.error)
-    note = f"as of {clock_text(told.as_of_s)}" if told.as_of_s else ""
-    mark = status_of("outcome", told.outcome)
+    note = f"as of {clock_text(found.as_of_s)}" if found.as_of_s else ""
+    mark = status_of("outcome", found.outcome)
     key = f"verification-{number}"
     return Section(key, "Verification", tuple(blocks), step=7, mark=mark, note=note)
 
 
 def judged_outcome(verdict: Verdict | None, error: str) -> Section:
-    """The judge's verdict on an outcome of which telemetry said nothing."""
+    """Return the judge's verdict on an outcome that telemetry did not verify."""
     return Section("judged", "Outcome, judged", outcome_verdict(verdict, error), step=7)
 
 
+_ACTION = re.compile(r"- (?P<what>\S+ [^:]+)(?:: (?P<text>.*))?")
+_LABEL = re.compile(r"(?P<what>[^:]{1,120}?)(?:: |\. (?=Rationale))(?P<text>.+)")
+_COLUMNS = (Column("what", 24, stress="bold"), Column("result"))
+
+
+def report_table(report: str) -> Table:
+    """Return the lines of a report as rows of a label and a text.
+
+    A line without a label is a row of its own.
+    """
+    rows: list[list[str]] = []
+    for line in filter(None, (line.strip() for line in report.splitlines())):
+        action, labelled = _ACTION.fullmatch(line), _LABEL.fullmatch(line)
+        if action is not None:
+            rows.append([action["what"], action["text"] or "no telemetry was looked at"])
+        elif labelled is not None:
+            rows.append([labelled["what"], labelled["text"]])
+        elif line.startswith("All gates covered"):
+            rows.append(["Gates", "all covered"])
+        else:
+            rows.append(["", line])
+    return table(_COLUMNS, ([Span(what, "", "bold"), Span(text)] for what, text in rows))
+
+
 def report(trace: MissionTrace) -> Section:
-    """Step 8: the brief after-action report (WF-09)."""
+    """Return step 8: the brief after-action report (WF-09)."""
     return Section("report", "After-action report", (report_table(trace.report),), step=8)
 
 
 def outcome(trace: MissionTrace) -> Section:
-    """How the mission ended."""
+    """Return the end of the mission with its reason."""
     mark = status_of("mission", trace.status or "unknown")
-    return Section("outcome", "Outcome", (said(trace.reason),), mark=mark)
+    return Section("outcome", "Outcome", (statement(trace.reason),), mark=mark)
 
 
 def timings(trace: MissionTrace, options: TraceOptions) -> Section:
-    """Seconds per stage; execution counts simulated time, everything else wall time.
+    """Return the seconds of each stage: simulated time for execution, wall time for the others.
 
-    In brief only the stages that took any are told.
+    Stages that took no time are left out in brief.
     """
     given = trace.metrics
     if given is None:

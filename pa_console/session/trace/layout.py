@@ -1,7 +1,9 @@
-"""Puts a mission's trace together: its sections, in the order in which things happened."""
+"""The layout of a mission's trace: its sections, in the order of the events."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from pa_console.schema.events.questions import AnswerLine, QuestionAnswered
 from pa_console.schema.telemetry import Digest
 from pa_console.schema.text.quantities import count
 from pa_console.session.state.mission_trace import (
@@ -21,18 +23,17 @@ from pa_console.session.trace.parts import (
     Section,
     Span,
     TraceOptions,
-    said,
+    statement,
 )
 from pa_console.session.trace.planning import Rules
-from pa_console.session.trace.questions import answered
 from pa_console.session.trace.standing import standing_order, workflow
 
 
 def lay_out(trace: MissionTrace, rules: Rules, options: TraceOptions) -> list[Section]:
-    """Return everything known of the mission, in the order in which it happened.
+    """Return the whole trace of the mission, in the order of its events.
 
-    Only the last plan is spread out, with the chosen of its attempts; before it come, collapsed,
-    the plans that were carried out earlier, phase by phase, and the attempts not chosen.
+    The last plan is shown open, with its chosen attempt. The plans before it, phase by phase, and
+    the attempts that were not chosen come first, collapsed.
     """
     result = [workflow(trace, options)] if trace.workflow else []
     result += _given(trace, rules, options)
@@ -64,14 +65,14 @@ def lay_out(trace: MissionTrace, rules: Rules, options: TraceOptions) -> list[Se
 def lay_out_proposal(
     trace: MissionTrace, number: int, rules: Rules, options: TraceOptions
 ) -> list[Section]:
-    """Return what is known of attempt `number`, for who decides about it."""
+    """Return the trace of attempt `number`, as its approver needs it."""
     attempt = trace.find(number)
     result = _given(trace, rules, options)
     return result + (_chosen(attempt, trace, rules, options) if attempt is not None else [])
 
 
 def _given(trace: MissionTrace, rules: Rules, options: TraceOptions) -> list[Section]:
-    """Steps 2 and 3: what the mission was planned by."""
+    """Return steps 2 and 3: the rules and the picture that planning used."""
     result: list[Section] = []
     if trace.standing is not None:
         result.append(standing_order(trace.standing))
@@ -85,7 +86,7 @@ def _given(trace: MissionTrace, rules: Rules, options: TraceOptions) -> list[Sec
 def _chosen(
     attempt: Attempt, trace: MissionTrace, rules: Rules, options: TraceOptions
 ) -> list[Section]:
-    """The attempt that counts: under a heading where it is one of several, or not as usual."""
+    """Return the chosen attempt; it has a heading if it is one of several or has an origin."""
     parts = _attempt(attempt, trace.digest, rules, options, with_rest=True)
     beside = len(trace.attempts) > 1
     if not (beside or attempt.origin or attempt.repair):
@@ -103,7 +104,7 @@ def _chosen(
 def _not_chosen(
     attempt: Attempt, trace: MissionTrace, rules: Rules, options: TraceOptions
 ) -> Section:
-    """An attempt that came to nothing, under the reason why."""
+    """Return an attempt that was not chosen, collapsed under the reason."""
     broken = [finding.rule_id for finding in attempt.findings if finding.broken]
     objected = attempt.verdict is not None and attempt.verdict.verdict == "Failure"
     unused = "the judge objects" if objected else "not used"
@@ -115,10 +116,10 @@ def _not_chosen(
 
 
 def _heading(attempt: Attempt, section: Section, parts: list[Section]) -> Section:
-    """Put the parts of an attempt under its title, after who else had a part in it."""
+    """Add the parts of an attempt to its section, after its origin and the reasons of a repair."""
     blocks: list[Block] = []
     if origin := attempt.origin.removeprefix(", "):
-        blocks.append(said(origin, "quiet"))
+        blocks.append(statement(origin, "quiet"))
     blocks += [Line((Span(reason, "warn"),), mark=Span("✘")) for reason in attempt.repair]
     return replace(section, blocks=tuple(blocks), parts=tuple(parts))
 
@@ -126,7 +127,7 @@ def _heading(attempt: Attempt, section: Section, parts: list[Section]) -> Sectio
 def _earlier_round(
     given: Round, trace: MissionTrace, rules: Rules, options: TraceOptions
 ) -> Section:
-    """Everything of a plan that was carried out before the present one."""
+    """Return a plan before the present one, collapsed."""
     parts = [
         _heading(
             attempt,
@@ -151,7 +152,7 @@ def _earlier_round(
 def _folded_attempt(
     attempt: Attempt, trace: MissionTrace, rules: Rules, options: TraceOptions
 ) -> list[Section]:
-    """The sections of an attempt that is not the one that counts; rules that stand are left out."""
+    """Return the sections of a collapsed attempt, in brief without the rules that stand."""
     with_rest = options.detail >= Detail.RECORD
     return _attempt(attempt, trace.digest, rules, options, with_rest=with_rest)
 
@@ -164,7 +165,7 @@ def _attempt(
     *,
     with_rest: bool,
 ) -> list[Section]:
-    """Steps 3 to 6 of one attempt; its picture only where it is another than the one `shown`."""
+    """Return steps 3 to 6 of one attempt, with its picture if it is not the one `shown`."""
     full, record = options.detail >= Detail.FULL, options.detail >= Detail.RECORD
     number = attempt.number
     parts: list[Section] = []
@@ -199,7 +200,7 @@ def _attempt(
 
 
 def _carried_out(given: Round, options: TraceOptions) -> list[Section]:
-    """What was decided on a plan, and what came of it; the last verification first."""
+    """Return the decisions on a plan, its commands, halts and verifications, the last one first."""
     result: list[Section] = []
     if given.decisions or given.voided:
         result.append(execution.decisions(given.decisions, given.voided))
@@ -209,3 +210,31 @@ def _carried_out(given: Round, options: TraceOptions) -> list[Section]:
     numbered = list(enumerate(given.verified, start=1))
     result += [execution.verification(item, number) for number, item in reversed(numbered)]
     return result
+
+
+_MOST_LABEL = 15
+"""The largest width of the labels of an answer, in cells."""
+
+
+def answered(given: Sequence[QuestionAnswered]) -> list[Section]:
+    """Return a section for each question of the operator, all but the last one collapsed."""
+    return [
+        Section(
+            f"asked-{number}",
+            f"You asked: {answer.question}",
+            tuple(_answer_lines(answer.lines)),
+            collapsed=number < len(given),
+            tone="note",
+        )
+        for number, answer in enumerate(given, start=1)
+    ]
+
+
+def _answer_lines(given: Sequence[AnswerLine]) -> Iterator[Line]:
+    """Yield the lines of an answer after their subjects; an equal subject is not repeated."""
+    width = min(max((len(line.about) for line in given), default=0), _MOST_LABEL)
+    before = ""
+    for line in given:
+        label = " " if line.about == before else line.about
+        before = line.about
+        yield Line((Span(line.said),), label, "quiet", width=width)

@@ -1,9 +1,9 @@
-"""What a laid out trace is made of: sections with lines, tables and texts, without any look.
+"""The parts of a laid out trace: sections of lines, tables and texts, as plain data.
 
-A front end draws these and nothing else, so that all of them tell a mission alike.
+Every front end draws these parts, so that a mission reads the same in all of them.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal
@@ -12,11 +12,11 @@ from pa_console.session.status_words import Status, Tone
 
 
 class Detail(IntEnum):
-    """How much is told; each level has all that the one before it has.
+    """The detail of a trace; each level includes the one before it.
 
-    BRIEF    what a decision or its outcome rests on
+    BRIEF    the grounds of a decision or its outcome
     FULL     also the picture, prompts, the plan's JSON, texts of rules and the rules that stand
-    RECORD   also answers word for word, what they cost, every reply and every attempt's picture
+    RECORD   also answers word for word, their cost, every reply and every attempt's picture
     """
 
     BRIEF = 1
@@ -26,10 +26,7 @@ class Detail(IntEnum):
 
 @dataclass(frozen=True)
 class TraceOptions:
-    """What a front end wants to be told of a mission.
-
-    `evidence` adds to each attempt the telemetry that decided it.
-    """
+    """A front end's choice of detail; `evidence` adds the deciding telemetry to each attempt."""
 
     detail: Detail = Detail.FULL
     evidence: bool = False
@@ -37,7 +34,7 @@ class TraceOptions:
 
 @dataclass(frozen=True)
 class Span:
-    """A piece of text in one tone; it may come from a model, so nothing in it is markup."""
+    """A piece of text in one tone; it may come from a model and is never read as markup."""
 
     text: str
     tone: Tone = ""
@@ -49,10 +46,10 @@ Spans = tuple[Span, ...]
 
 @dataclass(frozen=True)
 class Line:
-    """One statement: a label, a status sign, and what is said.
+    """One statement: a label, a status sign, and a body.
 
-    `width` is the room that the labels of such lines are given to be one below the other, in
-    cells; without it a colon follows the label. `depth` is how many steps it is indented.
+    `width` is the room of the label in cells, the same for lines in a column; without it a colon
+    follows the label. `depth` is the number of indents.
     """
 
     body: Spans = ()
@@ -67,9 +64,9 @@ class Line:
 class Column:
     """One column of a table.
 
-    `width` is the room that it takes at least, in cells, where columns stand one below the other;
-    those without one follow each other. A column with `below`, in cells of indent, is a long text
-    that may stand under its row. One without a `head` adorns: only what is read at a glance has it.
+    `width` is the least room of the cells of an aligned column; columns without one follow each
+    other. A column with `below`, in cells of indent, is a long text that may stand under its row.
+    A column without a `head` only decorates and is left out of documents.
     """
 
     head: str
@@ -82,7 +79,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """Things of one kind with the same facts about each; `gap` parts columns without a width."""
+    """Rows of the same facts; `gap` separates columns without a width."""
 
     columns: tuple[Column, ...]
     rows: tuple[Spans, ...]
@@ -91,7 +88,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Text:
-    """A text that somebody else wrote, line by line; `verbatim` if each character counts."""
+    """A quoted text of several lines; `verbatim` if each character counts."""
 
     text: str
     caption: str = ""
@@ -105,8 +102,8 @@ Block = Line | Table | Text
 class Section:
     """One titled part of a trace.
 
-    `key` says which part it is while its content grows, `step` which of the paper's steps it
-    belongs to, from 1 to 8, and 0 for none. `collapsed` is what is not read at first.
+    `key` identifies the part while its content grows. `step` is its step in the paper, from 1 to
+    8, or 0 for none. A `collapsed` section is folded at first.
     """
 
     key: str
@@ -124,7 +121,7 @@ Cell = Span | Status | str
 
 
 def table(columns: Sequence[Column], rows: Iterable[Sequence[Cell]], gap: str = " ") -> Table:
-    """Build a table; a status becomes its sign, and a plain text takes its column's look."""
+    """Build a table; a status becomes its sign, and a plain text gets its column's tone."""
     built = tuple(
         tuple(_cell(cell, column) for cell, column in zip(row, columns, strict=True))
         for row in rows
@@ -143,11 +140,84 @@ def sign(status: Status) -> Span:
     return Span(status.text, status.tone)
 
 
-def said(text: str, tone: Tone = "") -> Line:
-    """Build a line that is one statement."""
+def statement(text: str, tone: Tone = "") -> Line:
+    """Build a line of one statement without a label."""
     return Line((Span(text, tone),))
 
 
 def labelled(label: str, text: str, tone: Tone = "", depth: int = 0) -> Line:
-    """Build a line that says what `text` is."""
+    """Build a line with `text` after its label."""
     return Line((Span(text, tone),), label, depth=depth)
+
+
+INDENT = Span("  ")
+
+
+@dataclass(frozen=True)
+class HangingRow:
+    """A row of cells of equal width: a fixed `lead`, and a `body` that wraps beside it."""
+
+    lead: Spans
+    body: Spans
+
+
+def rows_of(section: Section) -> tuple[HangingRow, ...]:
+    """Return the rows of a section's own blocks, without those of its parts."""
+    return tuple(row for block in section.blocks for row in _rows(block))
+
+
+def title_of(section: Section) -> Spans:
+    """Return a section's title: words, a status sign, and a quiet note."""
+    mark = section.mark
+    parts = [Span(section.title, section.tone, "bold")]
+    if mark is not None:
+        parts.append(Span(f"  {mark.text}", mark.tone))
+    if section.note:
+        parts.append(Span(f"  {section.note}", "quiet"))
+    return tuple(parts)
+
+
+def _rows(block: Block) -> Iterator[HangingRow]:
+    match block:
+        case Line():
+            yield _line(block)
+        case Table():
+            yield from _table(block)
+        case Text(text=text, caption=caption):
+            if caption:
+                yield HangingRow((INDENT,), (Span(caption, "note"),))
+            yield from (HangingRow((INDENT,), (Span(line),)) for line in text.splitlines())
+
+
+def _line(line: Line) -> HangingRow:
+    lead = [Span(INDENT.text * (1 + line.depth))]
+    if line.label:
+        label = f"{line.label:<{line.width}} " if line.width else f"{line.label}: "
+        lead.append(Span(label, line.label_tone))
+    if line.mark is not None:
+        lead += [line.mark, Span("  " if line.label else " ")]
+    return HangingRow(tuple(lead), line.body)
+
+
+def _table(table: Table) -> Iterator[HangingRow]:
+    """Yield the rows: aligned columns first, the others after them, long texts below."""
+    widths = [
+        max([column.width, *(len(row[place].text) for row in table.rows)]) if column.width else 0
+        for place, column in enumerate(table.columns)
+    ]
+    for row in table.rows:
+        lead: list[Span] = [INDENT]
+        body: list[Span] = []
+        below: list[HangingRow] = []
+        for cell, column, width in zip(row, table.columns, widths, strict=True):
+            if width:
+                room = f"{cell.text:>{width}}" if column.right else f"{cell.text:<{width}}"
+                lead.append(Span(f"{room} ", cell.tone, cell.stress))
+            elif not cell.text:
+                continue
+            elif column.below:
+                below.append(HangingRow((Span(" " * column.below),), (cell,)))
+            else:
+                body += [Span(table.gap), cell] if body else [cell]
+        yield HangingRow(tuple(lead), tuple(body))
+        yield from below

@@ -21,21 +21,21 @@ from pa_console.session.trace.parts import (
     Text,
     TraceOptions,
     labelled,
-    said,
+    statement,
     table,
 )
 from pa_console.session.wording import safety_in_words
 
 Rules = Mapping[str, Rule]
-"""The rules of the session by id; one that is not among them is told as unknown."""
+"""The rules of the session by id; a rule that is missing is shown as unknown."""
 
 _LABEL = 10
 
 
 def retrieved_rules(trace: MissionTrace, rules: Rules, options: TraceOptions) -> Section:
-    """Step 2: each rule with every part of its score, its text, and of which set.
+    """Return step 2: each rule with the components of its score and its text, and the rule set.
 
-    The retrieved ones come first; the pinned ones are in every prompt, however they score.
+    Retrieved rules come before pinned ones, which are in every prompt with any score.
     """
     hits = sorted(trace.hits, key=lambda hit: hit.pinned)
     places = 3 if options.detail >= Detail.RECORD else 2
@@ -65,7 +65,7 @@ def retrieved_rules(trace: MissionTrace, rules: Rules, options: TraceOptions) ->
 
 
 def pictures(given: Digest, options: TraceOptions, key: str = "") -> Iterator[Section]:
-    """Step 3: the picture as the models were given it; `key` tells it from another attempt's."""
+    """Yield step 3: the picture in the prompts; `key` is different for each attempt."""
     yield _digest(given, options, f"digest{key}")
     if given.selection is not None:
         yield _selection(given.selection, f"selection{key}")
@@ -98,7 +98,7 @@ def _fact(label: str, text: str, tone: Tone = "") -> Line:
 
 
 def _selection(given: Selection, key: str) -> Section:
-    """The part of the picture that the prompt speaks of, and why; the rest as numbers."""
+    """Return the part of the picture in the prompt with its reasons; the rest as numbers."""
     kinds = (("gate", given.gates), ("track", given.tracks), ("asset", given.assets))
     columns = (
         Column("kind", 6, "quiet"),
@@ -110,12 +110,12 @@ def _selection(given: Selection, key: str) -> Section:
     rest = f"left out: {', '.join(left) or 'nothing'}"
     picked = ", ".join(count(len(names), kind) for kind, names in kinds)
     note = f"{picked}; left out {', '.join(left) or 'nothing'}"
-    blocks = (table(columns, rows), said(rest, "note"))
+    blocks = (table(columns, rows), statement(rest, "note"))
     return Section(key, "Shown to the model", blocks, step=3, note=note, collapsed=True)
 
 
 def prompt(attempt: Attempt) -> Section:
-    """Step 4: the whole prompt, as it was sent."""
+    """Return step 4: the whole prompt, as it was sent."""
     blocks = (
         Text(attempt.system, "system", verbatim=True),
         Text(attempt.user, "user", verbatim=True),
@@ -126,13 +126,13 @@ def prompt(attempt: Attempt) -> Section:
 
 
 def plan(attempt: Attempt) -> Section:
-    """Step 5: the answer as it streams, then the plan that was read from it."""
+    """Return step 5: the answer while it streams, then the plan that was read from it."""
     usage, read, key = attempt.usage, attempt.plan, f"plan-{attempt.number}"
     if read is None:
         unreadable = Status("✘", "unreadable", "bad")
         mark = unreadable if attempt.error else status_of("step", "active")
         blocks: list[Block] = [Text(attempt.text, verbatim=True)] if attempt.text else []
-        blocks += [said(attempt.error, "bad")] if attempt.error else []
+        blocks += [statement(attempt.error, "bad")] if attempt.error else []
         return Section(key, "Plan", tuple(blocks), step=5, mark=mark)
     blocks = [Line((Span(read.reason, stress="italic"),))]
     columns = (
@@ -146,7 +146,7 @@ def plan(attempt: Attempt) -> Section:
         for number, action in enumerate(read.actions, start=1)
     ]
     blocks.append(
-        table(columns, actions) if actions else said("no action: nothing would move", "quiet")
+        table(columns, actions) if actions else statement("no action: nothing would move", "quiet")
     )
     if attempt.if_halted:
         blocks.append(labelled("if halted", safety_in_words(attempt.if_halted)))
@@ -158,7 +158,7 @@ def plan(attempt: Attempt) -> Section:
 
 
 def plan_json(attempt: Attempt) -> Section:
-    """Return the answer that the plan was read from, laid out as JSON, one action a line."""
+    """Return the answer behind the plan as JSON, one action a line."""
     lines = tuple(_json_line(line) for line in _json_lines(attempt.text))
     note = "as the operator wrote it" if attempt.author == "operator" else "as the model wrote it"
     return Section(
@@ -167,7 +167,7 @@ def plan_json(attempt: Attempt) -> Section:
 
 
 def _json_lines(text: str) -> list[str]:
-    """Return a JSON object with a line for each field and each item of a list; else `text`."""
+    """Return the lines of a JSON object, each field and list item on its own; else `text`."""
     try:
         read: object = json.loads(text)
     except ValueError:
@@ -195,7 +195,7 @@ _JSON_TONES: Mapping[str, Tone] = {"name": "note", "text": "calm", "value": "goo
 
 
 def _json_line(line: str) -> Line:
-    """Return a line of JSON with names, texts, other values and signs told apart."""
+    """Return a line of JSON with a tone each for names, texts, other values and signs."""
     bare = line.lstrip(" ")
     spans = (
         Span(found[0], _JSON_TONES[found.lastgroup or "sign"])
@@ -209,7 +209,7 @@ def _warning(label: str, text: str) -> Line:
 
 
 def answer(key: str, title: str, text: str, usage: Usage, step: int) -> Section:
-    """A model's answer word for word, and what it cost."""
+    """Return a model's answer word for word, with its cost."""
     cost = (
         f"{usage.prompt_tokens} prompt tokens ({usage.cached_tokens} cached), "
         f"{usage.completion_tokens} written, first after {duration_text(usage.first_token_s)}, "

@@ -1,4 +1,4 @@
-"""Step 6 of a mission's trace: rehearsal, checks, the telemetry they saw, verdict, approval."""
+"""Step 6 of a mission's trace: rehearsal, checks, their telemetry, verdict, approval."""
 
 from collections.abc import Iterator
 
@@ -28,29 +28,29 @@ from pa_console.session.trace.parts import (
     Text,
     TraceOptions,
     labelled,
-    said,
     sign,
+    statement,
     table,
 )
 from pa_console.session.trace.planning import Rules
 
 MOST_GATES = 12
-"""With more gates than this, a rehearsal lists only those that it concerns."""
+"""The most gates that a rehearsal lists in full; of more, only the affected ones are listed."""
 
 _MOST_URGENT_FIRST = {priority: rank for rank, priority in enumerate(PRIORITIES)}
 
 
 def rehearsal(attempt: Attempt, run: Rehearsal, options: TraceOptions) -> Section:
-    """What the rehearsed plan did to each gate, asset and track."""
+    """Return the effects of the rehearsed plan on each gate, asset and track."""
     timeline = run.timeline
     gates = timeline.gates
     everything = len(gates) <= MOST_GATES or options.detail >= Detail.RECORD
-    shown = gates if everything else _concerned(attempt, timeline)
+    shown = gates if everything else _affected(attempt, timeline)
     columns = (Column("gate", 11), Column("state", 12), Column("gap", tone="quiet"))
     rows = [(gate, *_gate(line)) for gate, line in shown.items()]
     blocks: list[Block] = [table(columns, rows)]
     if left := len(gates) - len(shown):
-        blocks.append(said(f"{count(left, 'more gate')}: covered, no gap", "quiet"))
+        blocks.append(statement(f"{count(left, 'more gate')}: covered, no gap", "quiet"))
     if timeline.assets:
         columns = (Column("asset", 11), Column("state", 12), Column("rehearsed", tone="quiet"))
         rows = [(asset, *_asset(line)) for asset, line in timeline.assets.items()]
@@ -82,8 +82,8 @@ def _asset(line: AssetTimeline) -> tuple[Status, str]:
     return status_of("reply", "done" if line.finished else "failed"), ", ".join(facts)
 
 
-def _concerned(attempt: Attempt, timeline: Timeline) -> dict[str, GateTimeline]:
-    """Return the gates that the plan goes to, and all that are not covered the whole time."""
+def _affected(attempt: Attempt, timeline: Timeline) -> dict[str, GateTimeline]:
+    """Return the gates that the plan goes to, and those with a gap in their cover."""
     actions = attempt.plan.actions if attempt.plan is not None else ()
     named = {action.target for action in actions}
     return {
@@ -94,7 +94,7 @@ def _concerned(attempt: Attempt, timeline: Timeline) -> dict[str, GateTimeline]:
 
 
 def _tracks(timeline: Timeline) -> Table:
-    """When in the rehearsal what was done about each track, and how near anybody came to it."""
+    """Return the times of the actions on each track, and the least distance of an asset to it."""
     columns = (Column("track", 11), Column("rehearsed", tone="quiet"))
     return table(columns, ((name, _track(line)) for name, line in timeline.tracks.items()))
 
@@ -114,7 +114,7 @@ def _track(line: TrackTimeline) -> str:
 
 
 def checks(attempt: Attempt, rules: Rules, *, with_rest: bool) -> Iterator[Section]:
-    """Broken rules first, most urgent first, with the reason; those that stand apart from them."""
+    """Yield broken rules, the most urgent first, with the reason; then the rules that stand."""
     found = attempt.findings
     broken = sorted(
         (item for item in found if item.broken), key=lambda f: _MOST_URGENT_FIRST[f.priority]
@@ -127,7 +127,7 @@ def checks(attempt: Attempt, rules: Rules, *, with_rest: bool) -> Iterator[Secti
     )
     note = f"{count(len(found), 'rule')}, {duration_text(attempt.checks_s)}"
     key = f"checks-{attempt.number}"
-    stands = said("every checked rule holds or does not apply", "quiet")
+    stands = statement("every checked rule holds or does not apply", "quiet")
     block = _findings(broken, rules) if broken else stands
     yield Section(key, "Checks", (block,), step=6, mark=mark, note=note)
     if rest and with_rest:
@@ -167,7 +167,7 @@ def _finding(found: Finding, rules: Rules) -> tuple[Span | Status | str, ...]:
 
 
 def evidence(attempt: Attempt, given: DecisionEvidence) -> Section:
-    """The telemetry that the checks were given of whatever plan and findings name."""
+    """Return the telemetry of the checks for everything that the plan or a finding names."""
     by = ", ".join(found.rule_id for found in given.deciding) or "no rule"
     stands = "against it" if any(found.broken for found in given.deciding) else "for it"
     columns = (Column("name", 11, stress="bold"), Column("telemetry", tone="quiet"))
@@ -179,13 +179,13 @@ def evidence(attempt: Attempt, given: DecisionEvidence) -> Section:
 
 
 def verdict(attempt: Attempt) -> Section:
-    """The JudgeLLM's opinion per rule and its feedback; no verdict means hold."""
+    """Return the JudgeLLM's opinion per rule and its feedback; no verdict means hold."""
     given, key = attempt.verdict, f"verdict-{attempt.number}"
     if not attempt.judged:
         blocks = (Text(attempt.judge_text, verbatim=True),)
         return Section(key, "Judge", blocks, step=6, mark=status_of("step", "active"))
     if given is None:
-        blocks = (said(attempt.judge_error or "no reason given", "bad"),)
+        blocks = (statement(attempt.judge_error or "no reason given", "bad"),)
         mark = status_of("verdict", "none")
         return Section(key, "Judge", blocks, step=6, mark=mark, note="means hold")
     mark = status_of("verdict", given.verdict)
@@ -194,10 +194,10 @@ def verdict(attempt: Attempt) -> Section:
 
 
 def second_reading(attempt: Attempt, read: OrderReadAgain) -> Section:
-    """What another model read in the order, which planner or judge was unsure of."""
+    """Return the second reader's reading of an order that planner or judge was unsure of."""
     key, blocks = f"read-again-{attempt.number}", [labelled("by", read.model)]
     if read.error:
-        blocks.append(said(read.error, "warn"))
+        blocks.append(statement(read.error, "warn"))
     else:
         blocks.append(labelled("read as", plain_reading(read.asked)))
     if read.confidence is not None:
@@ -207,8 +207,8 @@ def second_reading(attempt: Attempt, read: OrderReadAgain) -> Section:
 
 
 def opinions(given: Verdict) -> tuple[Block, ...]:
-    """A verdict's feedback, and its opinion on each rule."""
-    feedback = (said(given.feedback),) if given.feedback else ()
+    """Return a verdict's feedback and its opinion on each rule."""
+    feedback = (statement(given.feedback),) if given.feedback else ()
     if not given.rules:
         return feedback
     marks = [(item.rule_id, status_of("opinion", item.opinion)) for item in given.rules]
@@ -218,7 +218,7 @@ def opinions(given: Verdict) -> tuple[Block, ...]:
 
 
 def approval(asked: ApprovalRequested) -> Section:
-    """The operator's turn: what stands in the way, what is needed, what else may be meant."""
+    """Return a request for approval: its blocks, conditions and alternative readings."""
     blocks: list[Block] = [
         Line((Span(reason, "bad"),), "blocked", "bad") for reason in asked.blocked_by
     ]
@@ -233,7 +233,7 @@ def approval(asked: ApprovalRequested) -> Section:
 
 
 def outcome_verdict(given: Verdict | None, error: str) -> tuple[Line, ...]:
-    """The judge's verdict on an outcome and the rules it finds broken, or why there is none."""
+    """Return the judge's verdict on an outcome with the rules it finds broken, or its error."""
     mark = status_of("verdict", given.verdict if given else "none")
     line = Line((Span(given.feedback if given else error),), "judge", mark=sign(mark))
     against = [item.rule_id for item in given.rules if item.opinion == "violates"] if given else []

@@ -1,4 +1,4 @@
-"""Where a mission stands: its headline, its step, and its phase in each workflow (WF-01)."""
+"""The progress of a mission: its headline, its step, and its phase in each workflow (WF-01)."""
 
 from collections.abc import Sequence
 
@@ -28,7 +28,7 @@ STEPS = (
 
 
 def headline(trace: MissionTrace) -> tuple[Spans, ...]:
-    """Return the mission's id, origin and text, how it was read, and where it stands, by line."""
+    """Return lines with the mission's id, origin and text, its reading, and its phases."""
     mission = trace.mission
     origin = (Span(" by alarm", "warn"),) if mission.source == "alarm" else ()
     if mission.standing:
@@ -41,12 +41,12 @@ def headline(trace: MissionTrace) -> tuple[Spans, ...]:
 
 
 def step_of(trace: MissionTrace) -> int:
-    """Return how many of STEPS are behind the mission."""
+    """Return the number of STEPS that the mission has behind it."""
     return STEPS.index(trace.stage) if trace.stage in STEPS else 0
 
 
 def progress(trace: MissionTrace) -> Spans:
-    """Say how far the mission is, or how it ended and why."""
+    """Return the mission's step in words, or its end with the reason."""
     if trace.status is not None:
         mark = status_of("mission", trace.status)
         return Span(mark.text, mark.tone), Span(f"  {trace.reason}", "quiet")
@@ -56,9 +56,9 @@ def progress(trace: MissionTrace) -> Spans:
 
 
 def phase_mark(moves: Sequence[WorkflowMoved], number: int) -> Status:
-    """Return whether phase `number` is done, current, skipped or to come, after `moves`.
+    """Return the status of phase `number` after `moves`: done, current, skipped or to come.
 
-    A workflow that ended early never came to the phases after its last one: they are skipped.
+    The phases after the last one of a workflow that ended early count as skipped.
     """
     last = moves[-1]
     if last.phases[number] in last.skipped:
@@ -93,7 +93,7 @@ def by_track(trace: MissionTrace) -> dict[str, list[WorkflowMoved]]:
 
 
 def workflow(trace: MissionTrace, options: TraceOptions) -> Section:
-    """Every phase of every workflow, what it is about now, and what came of it."""
+    """Return every phase of every workflow, its present command and its outcome."""
     blocks: list[Block] = []
     for moves in by_track(trace).values():
         move = moves[-1]
@@ -114,7 +114,7 @@ def workflow(trace: MissionTrace, options: TraceOptions) -> Section:
 
 
 def standing_order(read: StandingOrderRead) -> Section:
-    """A standing order as it was read: what it waits for, what it orders, what it would do now."""
+    """Return a standing order as it was read: its condition, its order, its immediate starts."""
     order = read.order
     blocks: list[Block] = [
         labelled("whenever", order.words),

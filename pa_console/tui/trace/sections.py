@@ -7,9 +7,8 @@ from textual.content import Content
 from pa_console.schema.text.visible_text import visible
 from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.session.trace import parts, standing
-from pa_console.session.trace.hanging_rows import rows_of, title_of
 from pa_console.session.trace.layout import lay_out
-from pa_console.session.trace.parts import Span, TraceOptions
+from pa_console.session.trace.parts import Span, TraceOptions, rows_of, title_of
 from pa_console.session.trace.planning import Rules
 from pa_console.tui.status_words import STYLES
 from pa_console.tui.trace.rows import Row, Section, row
