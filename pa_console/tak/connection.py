@@ -1,7 +1,6 @@
-"""The connection to a TAK server: a thread that sends, connects again, and delays nobody.
+"""The connection to a TAK server: a thread that sends, listens and reconnects.
 
-PyTAK opens it, with or without TLS. What the server sends goes to whoever has ears for it; nobody
-else reads it.
+PyTAK opens the connection, with or without TLS.
 """
 
 import asyncio
@@ -10,16 +9,16 @@ from asyncio import StreamReader, StreamWriter
 from collections.abc import Awaitable, Callable, Iterable
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
-from threading import Event, Thread
+from threading import Event, Lock, Thread
 from types import TracebackType
-from typing import Protocol, Self, cast
+from typing import Self, cast
 
 from pytak import client_functions
 
 from pa_console.schema.text.quantities import count
 from pa_console.schema.text.visible_text import visible_line
 from pa_console.tak.cot_event import CotEvent, ping
-from pa_console.tak.outbox import Outbox
+from pa_console.tak.reports import TakReports
 from pa_console.tak.server import TakServer
 
 Opened = tuple[StreamReader, StreamWriter]
@@ -28,44 +27,63 @@ _TLS_SETTINGS = cast(Callable[[dict[str, str]], object], client_functions.get_tl
 _OPEN = cast(Callable[[dict[str, str]], Awaitable[Opened]], client_functions.protocol_factory)
 CONNECT_S = 10.0
 STEADY_S = 30.0
-"""After a connection that lasted so long the next one is tried soon."""
+"""A lost connection that lasted this long is tried again soon."""
 STUCK_S = 20.0
-"""A server that takes nothing for so long is given up."""
+"""A connection is closed if the server accepts no byte for this long."""
 QUIET_S = 15.0
-"""After so long without anything to send, the server is asked for a sign of life."""
+"""A ping is sent after this long without an event."""
 FLUSH_S = 3.0
-"""At the end, what waits is sent for so long at most."""
+"""The longest time in which waiting events are sent at the end."""
 GOODBYE_S = 1.0
-"""A server that was told that nothing more comes has so long to take what is under way."""
+"""The time that the server has to read the last bytes."""
 READ_BYTES = 65_536
 BYTES_A_SECOND = 4_000_000
-"""More is not taken from a server: whoever floods it must not keep a processor busy here."""
+"""The most that is read from a server: a flood must not keep a processor busy here."""
 
 
-class Ears(Protocol):
-    """What is told of a connection in its own thread: its state, what is sent, what is heard."""
+MOST_WAITING = 10_000
+"""The most events that wait; the largest world has 2000 assets with a route each."""
 
-    def connected(self, line: str) -> None:
-        """Note that there is a connection, which `line` says."""
-        ...
 
-    def away(self, line: str) -> None:
-        """Note that there is none, and why."""
-        ...
+class Outbox:
+    """Events that wait to be sent, from any thread: the newest one of each thing.
 
-    def sent(self, event: CotEvent) -> None:
-        """Note what is about to be sent."""
-        ...
+    A full outbox drops the event that has waited longest, so that no caller has to wait.
+    """
 
-    def heard(self, data: bytes) -> None:
-        """Take what the server has sent, in pieces of any length."""
-        ...
+    def __init__(self, most: int = MOST_WAITING) -> None:
+        self._most = most
+        self._waiting: dict[str, CotEvent] = {}
+        self._lock = Lock()
+        self.dropped = 0
+        """The number of events that were dropped."""
+
+    def put(self, events: Iterable[CotEvent]) -> None:
+        """Add `events` in this order; each replaces a waiting one of the same thing."""
+        with self._lock:
+            for event in events:
+                self._waiting.pop(event.subject, None)
+                self._waiting[event.subject] = event
+            while len(self._waiting) > self._most:
+                del self._waiting[next(iter(self._waiting))]
+                self.dropped += 1
+
+    def take(self) -> CotEvent | None:
+        """Remove and return the event that has waited longest; None for an empty outbox."""
+        with self._lock:
+            oldest = next(iter(self._waiting), None)
+            return self._waiting.pop(oldest) if oldest is not None else None
+
+    def __len__(self) -> int:
+        with self._lock:
+            return len(self._waiting)
 
 
 class TakConnection:
-    """Sends CoT events to a server while its `with` block lasts; `tell` is told of its state.
+    """A connection that sends CoT events to a server while its `with` block lasts.
 
-    `tell` is called in the thread of the connection, with one line. `uid` names the sender.
+    `tell` is called in the thread of the connection, with a line about each new state. `uid` names
+    the sender in pings.
     """
 
     def __init__(
@@ -74,13 +92,12 @@ class TakConnection:
         uid: str,
         tell: Callable[[str], None],
         retry_s: float = 1.0,
-        ears: Ears | None = None,
+        reports: TakReports | None = None,
     ) -> None:
-        """`retry_s` is waited after a first failure, and twice as long after each other one.
+        """`retry_s` is the wait after a first failure; it doubles after each further one.
 
-        Without `ears`, what the server sends is thrown away.
-
-        Raises ValueError for certificates that cannot be used.
+        `reports` gets the state of the connection and everything that the server sends. Raises
+        ValueError for certificates that cannot be used.
         """
         if server.certificate is not None:
             try:
@@ -91,16 +108,16 @@ class TakConnection:
                     f"{server.certificate.certificate}: cannot be used: {why}"
                 ) from None
         self._server, self._uid, self._tell = server, uid, tell
-        self._ears = ears
+        self._reports = reports
         self._first_retry_s, self._most_retry_s = retry_s, 60.0 * retry_s
         self._outbox = Outbox()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._news, self._closing = asyncio.Event(), asyncio.Event()
         self._ready = Event()
-        self._told = ""
+        self._state = ""
         self._thread = Thread(target=lambda: asyncio.run(self._run()), name="tak", daemon=True)
         self.connections = 0
-        """How often it was connected: each time the map may have to be drawn anew."""
+        """The number of connections so far: after each, the map has to be drawn again."""
         self.sent = 0
 
     def __enter__(self) -> Self:
@@ -120,23 +137,23 @@ class TakConnection:
 
     @property
     def dropped(self) -> int:
-        """How many things were dropped because too many waited."""
+        """The number of events that were dropped because too many waited."""
         return self._outbox.dropped
 
     @property
     def waiting(self) -> int:
-        """How many events wait."""
+        """The number of events that wait."""
         return len(self._outbox)
 
     @property
     def words(self) -> str:
-        """How much was sent, and what was not."""
+        """The numbers of events that were sent, not sent and dropped."""
         rest = ((self.waiting, "not sent"), (self.dropped, "dropped"))
         more = "".join(f", {number} {what}" for number, what in rest if number)
         return f"{count(self.sent, 'event')} sent{more}"
 
     def send(self, events: Iterable[CotEvent]) -> None:
-        """Let `events` be sent as soon as there is a connection; returns at once."""
+        """Send `events` as soon as there is a connection; return at once."""
         self._outbox.put(events)
         self._wake(self._news)
 
@@ -146,7 +163,7 @@ class TakConnection:
                 self._loop.call_soon_threadsafe(event.set)
 
     async def _run(self) -> None:
-        """Connect again and again; each failure in a row is waited for longer."""
+        """Connect until the end, with a longer wait after each failure in a row."""
         self._loop = asyncio.get_running_loop()
         self._ready.set()
         retry_s = self._first_retry_s
@@ -167,7 +184,7 @@ class TakConnection:
             retry_s = min(retry_s * 2, self._most_retry_s)
 
     async def _connect_and_serve(self) -> None:
-        """Serve one connection; raises whatever kept it from being made, or ended it."""
+        """Serve one connection; raise the error that prevented or ended it."""
         reader, writer = await self._unless_closing(self._open())
         self.connections += 1
         self._say(f"connected to {self._server}", connected=True)
@@ -181,7 +198,7 @@ class TakConnection:
             return await _OPEN(self._server.settings())
 
     async def _unless_closing(self, opening: Awaitable[Opened]) -> Opened:
-        """Return what is opened; raises _ClosedError when nobody waits for that any more."""
+        """Return the opened connection; raise _ClosedError if the session ends first."""
         task, closing = asyncio.ensure_future(opening), asyncio.create_task(self._closing.wait())
         await asyncio.wait((task, closing), return_when=asyncio.FIRST_COMPLETED)
         closing.cancel()
@@ -198,7 +215,7 @@ class TakConnection:
             pass
 
     async def _serve(self, reader: StreamReader, writer: StreamWriter) -> None:
-        """Send until the session ends; raises OSError or TimeoutError for a lost connection."""
+        """Send until the session ends; raise OSError or TimeoutError for a lost connection."""
         jobs = [
             asyncio.create_task(job)
             for job in (self._send_all(writer), self._listen(reader), self._overdue())
@@ -217,25 +234,25 @@ class TakConnection:
             raise ConnectionError("the server closed it")
 
     async def _overdue(self) -> None:
-        """Return when what waits at the end has been sent for long enough."""
+        """Return FLUSH_S after the end."""
         await self._closing.wait()
         await asyncio.sleep(FLUSH_S)
 
     async def _listen(self, reader: StreamReader) -> None:
-        """Read what the server sends, until it closes."""
+        """Read the server's bytes until it closes."""
         while data := await reader.read(READ_BYTES):
-            if self._ears is not None:
-                self._ears.heard(data)
+            if self._reports is not None:
+                self._reports.received(data)
             await asyncio.sleep(len(data) / BYTES_A_SECOND)
 
     async def _send_all(self, writer: StreamWriter) -> None:
-        """Send what waits, again and again, as fast as the server takes it; then say goodbye."""
+        """Send waiting events as fast as the server accepts them; close at the end."""
         while True:
             self._news.clear()
             last = self._closing.is_set()
             while (event := self._outbox.take()) is not None:
-                if self._ears is not None:
-                    self._ears.sent(event)
+                if self._reports is not None:
+                    self._reports.sent(event)
                 writer.write(event.xml())
                 async with asyncio.timeout(STUCK_S):
                     await writer.drain()
@@ -255,22 +272,22 @@ class TakConnection:
             await writer.wait_closed()
 
     def _say(self, line: str, *, connected: bool) -> None:
-        """Tell the state when it is another one; that things were dropped is told with it."""
-        if line == self._told:
+        """Report a new state, with the number of dropped events."""
+        if line == self._state:
             return
-        self._told = line
-        if self._ears is not None:
-            (self._ears.connected if connected else self._ears.away)(line)
+        self._state = line
+        if self._reports is not None:
+            self._reports.connection_changed("connected" if connected else "away", line)
         lost = f"; {count(self.dropped, 'event')} dropped so far" if self.dropped else ""
         self._tell(f"{line}{lost}")
 
 
 class _ClosedError(Exception):
-    """Nobody waits for the connection any more."""
+    """The session ended while a connection was opened."""
 
 
 def _why(error: Exception) -> str:
-    """Say in one line what went wrong."""
+    """Return the cause of `error` in one line."""
     match error:
         case TimeoutError():
             return "no answer in time"

@@ -1,18 +1,24 @@
-"""A Cursor on Target event, as XML of version 2.0."""
+"""Cursor on Target events as XML of version 2.0: written for a TAK map, read from a server."""
 
-from collections.abc import Mapping
+import math
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Literal
-from xml.etree.ElementTree import Element, SubElement, tostring
+from typing import Literal, cast
+from xml.etree.ElementTree import Element, ParseError, SubElement, tostring
 
-from pa_console.schema.text.visible_text import visible
+from defusedxml import ElementTree
+from defusedxml.common import DefusedXmlException
+
+from pa_console.schema.events.tak import MOST_CALLSIGN, MOST_UID, ClaimedAffiliation, ClaimedKind
+from pa_console.schema.text.visible_text import visible, visible_line
 
 UNKNOWN = 9_999_999.0
-"""What the schema writes for a height or an error that nobody knows, in metres."""
+"""The schema's value for an unknown height or error, in metres."""
 DELETE, PING = "t-x-d-d", "t-x-c-t"
 How = Literal["m-g", "m-s"]
-"""How a position came about: told by the machine itself, or simulated."""
+"""The source of a position: reported by the machine itself, or simulated."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +34,9 @@ class CotPoint:
 
 @dataclass(frozen=True)
 class CotEvent:
-    """What a TAK map is told: `type` of thing `uid` was at `point` at `time`, until `stale`.
+    """An event for a TAK map: thing `uid` of `type` was at `point` at `time`, valid until `stale`.
 
-    `about` is the uid of the thing that is told of, where the event has one of its own.
+    `about` is the uid of the thing, for an event with a uid of its own.
     """
 
     uid: str
@@ -44,7 +50,7 @@ class CotEvent:
 
     @property
     def subject(self) -> str:
-        """The uid of what the event tells of: a later event with the same takes its place."""
+        """The uid of the thing; a later event with the same subject replaces this one."""
         return self.about or self.uid
 
     def xml(self) -> bytes:
@@ -68,24 +74,186 @@ class CotEvent:
 
 
 def stamp(moment: datetime) -> str:
-    """Write a moment as CoT does: UTC, to the millisecond."""
+    """Return a moment in the form of CoT: UTC, to the millisecond."""
     return moment.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%S.%f")[:-3] + "Z"
 
 
 def element(tag: str, attributes: Mapping[str, str], text: str = "") -> Element:
-    """Return one element of a detail; what XML or a terminal cannot take is written as escapes."""
+    """Return one element of a detail; unprintable characters are escaped."""
     made = Element(tag, {name: visible(value) for name, value in attributes.items()})
     made.text = visible(text) or None
     return made
 
 
 def deletion(uid: str, type_: str, now: datetime) -> CotEvent:
-    """Return what takes the thing `uid` off every map."""
+    """Return the event that removes the thing `uid` from every map."""
     link = element("link", {"uid": uid, "relation": "none", "type": type_})
     detail = (link, Element("__forcedelete"))
     return CotEvent(f"{uid}.deleted", DELETE, now, now, detail=detail, about=uid)
 
 
 def ping(uid: str, now: datetime, stale: datetime) -> CotEvent:
-    """Return what a server answers, so that a connection that is dead is found out."""
+    """Return an event that a server answers, so that a dead connection is noticed."""
     return CotEvent(f"{uid}-ping", PING, now, stale)
+
+
+BEGIN, END = b"<event", b"</event>"
+MOST_BYTES = 65_536
+"""The largest event that is read; the schema's own examples take a tenth of it."""
+
+
+class EventStream:
+    """A stream of bytes, cut into whole events; `broken` counts those that were too long."""
+
+    def __init__(self, most: int = MOST_BYTES) -> None:
+        """`most` is the largest number of bytes that are kept of an event without its end."""
+        self._most = most
+        self._rest = bytearray()
+        self._skipping = False
+        self.broken = 0
+
+    def feed(self, data: bytes) -> list[bytes]:
+        """Return the events that end in `data`, each from `<event` to `</event>`."""
+        found: list[bytes] = []
+        searched = max(len(self._rest) - len(END) + 1, 0)
+        self._rest += data
+        begin = 0
+        while (end := self._rest.find(END, max(begin, searched))) >= 0:
+            document = bytes(self._rest[begin : end + len(END)])
+            begin = end + len(END)
+            if self._skipping or len(document) > self._most:
+                self.broken += not self._skipping
+                self._skipping = False
+            elif (start := document.find(BEGIN)) >= 0:
+                found.append(document[start:])
+        del self._rest[:begin]
+        if len(self._rest) > self._most:
+            self.broken += not self._skipping
+            self._skipping = True
+            del self._rest[: -len(END) + 1]
+        return found
+
+
+_PARSE = cast(Callable[..., Element], ElementTree.fromstring)
+_TYPE = re.compile(r"[A-Za-z0-9.-]{1,64}", re.ASCII)
+_AFFILIATIONS: dict[str, ClaimedAffiliation] = {
+    "f": "friend",
+    "a": "assumed friend",
+    "n": "neutral",
+    "u": "unknown",
+    "p": "pending",
+    "s": "suspect",
+    "h": "hostile",
+}
+_KINDS: tuple[tuple[str, ClaimedKind], ...] = (
+    ("A", "aircraft"),
+    ("G-U", "ground unit"),
+    ("G-E-V", "vehicle"),
+    ("G-I", "installation"),
+    ("G", "ground object"),
+    ("S", "vessel"),
+    ("U", "submarine"),
+    ("P", "spacecraft"),
+    ("F", "special forces"),
+)
+"""Battle dimension and function of MIL-STD-2525; the first that fits counts."""
+
+
+@dataclass(frozen=True)
+class ReceivedEvent:
+    """An event from a server. Latitude and longitude are degrees of WGS-84, `ce` is in metres.
+
+    `about` is the uid of the thing that the event removes, empty for any other event. `uid` and
+    `callsign` are one line each, with terminal control characters escaped.
+    """
+
+    uid: str
+    type: str
+    time: datetime
+    stale: datetime
+    latitude: float
+    longitude: float
+    ce: float | None = None
+    callsign: str = ""
+    about: str = ""
+
+    @property
+    def subject(self) -> str:
+        """The uid of the thing that the event is about."""
+        return self.about or self.uid
+
+    @property
+    def has_place(self) -> bool:
+        """True if the event reports the place of a thing."""
+        return self.type.startswith("a-")
+
+    @property
+    def affiliation(self) -> ClaimedAffiliation:
+        """The affiliation of the thing, as its sender claims it."""
+        return _AFFILIATIONS.get(self.type.split("-")[1], "other") if self.has_place else "other"
+
+    @property
+    def what(self) -> ClaimedKind:
+        """The kind of the thing, as its sender claims it."""
+        parts = self.type.split("-", 2)
+        function = f"{parts[2]}-" if len(parts) == 3 else ""
+        for sign, kind in _KINDS:
+            if function.startswith(f"{sign}-"):
+                return kind
+        return "object"
+
+
+def read_event(document: bytes) -> ReceivedEvent | None:
+    """Return the event in `document`, or None if it is not a valid one.
+
+    A document type is refused, and with it every entity that would grow while it is read.
+    """
+    try:
+        root = _PARSE(document, forbid_dtd=True)
+        if root.tag != "event":
+            return None
+        return _event(root)
+    except (ParseError, DefusedXmlException, ValueError, OverflowError, LookupError):
+        return None
+
+
+def _event(root: Element) -> ReceivedEvent:
+    """Return the event in `root`; raise ValueError for an invalid value."""
+    uid, type_, point = root.get("uid", ""), root.get("type", ""), root.find("point")
+    if not uid or point is None or _TYPE.fullmatch(type_) is None:
+        raise ValueError("no uid, no type or no point")
+    contact, link = root.find("detail/contact"), root.find("detail/link")
+    callsign = contact.get("callsign", "") if contact is not None else ""
+    about = link.get("uid", "") if type_ == DELETE and link is not None else ""
+    ce = float(point.get("ce", "nan"))
+    return ReceivedEvent(
+        _uid(uid),
+        type_,
+        _moment(root.get("time", "")),
+        _moment(root.get("stale", "")),
+        _degrees(point.get("lat", ""), 90.0),
+        _degrees(point.get("lon", ""), 180.0),
+        ce if 0.0 <= ce < UNKNOWN else None,
+        visible_line(" ".join(callsign.split())[:MOST_CALLSIGN])[:MOST_CALLSIGN],
+        _uid(about),
+    )
+
+
+def _uid(text: str) -> str:
+    shown = visible_line(text)
+    if len(shown) > MOST_UID:
+        raise ValueError("too long a uid")
+    return shown
+
+
+def _degrees(text: str, most: float) -> float:
+    value = float(text)
+    if not math.isfinite(value) or abs(value) > most:
+        raise ValueError(f"{text} is no angle")
+    return value
+
+
+def _moment(text: str) -> datetime:
+    """Read a moment; one without a zone is in UTC."""
+    found = datetime.fromisoformat(text)
+    return (found if found.tzinfo is not None else found.replace(tzinfo=UTC)).astimezone(UTC)

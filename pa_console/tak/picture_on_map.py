@@ -1,60 +1,100 @@
-"""Assets, tracks and routes of a picture as CoT events; what is not fresh never looks fresh.
+"""Assets, tracks and routes of a picture as CoT events; an old report never looks fresh.
 
-An event's `time` is when the asset reported or the track was last detected, its `stale` is
-`stale_s` of the world later. What falls silent is told once more, stale already, and never again
-until it is heard.
+The `time` of an event is that of the asset's report or the track's last detection, its `stale` is
+`stale_s` of the world later. A thing that falls silent is sent once more, stale already, and then
+not again until its next report.
 """
 
 from datetime import datetime, timedelta
+from typing import Literal
 
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
-from pa_console.schema.world import PLAIN_KINDS
+from pa_console.schema.world import PLAIN_KINDS, AssetKind
 from pa_console.tak.cot_event import UNKNOWN, CotEvent, deletion, element
 from pa_console.tak.site_on_map import SiteOnMap
-from pa_console.tak.symbols import AFFILIATIONS, affiliation, asset_type, track_type
 
-ROUTE = 0xFFFFFF00
-"""Yellow."""
+Affiliation = Literal["f", "n", "s", "u"]
+AFFILIATIONS: dict[Affiliation, str] = {
+    "f": "friend",
+    "n": "neutral",
+    "s": "suspect",
+    "u": "unknown",
+}
+ASSET_TYPES: dict[AssetKind, str] = {
+    "uav": "a-f-A-M-H-Q",
+    "ugv": "a-f-G-E-V-U",
+    "robot": "a-f-G-E-V",
+}
+"""CoT types after MIL-STD-2525: a rotary-wing UAV, a utility vehicle, a ground vehicle.
+
+2525 has no unmanned ground vehicle.
+"""
+TRACK_FUNCTIONS = {"vehicle": "G-E-V", "person": "G-U"}
+
+
+def affiliation(track: Track) -> Affiliation:
+    """Return the affiliation of a track by its identification and the sensors.
+
+    Hostile (`h`) is never given: another user's map may show it as a target. The remarks of the
+    track have its intent in words.
+    """
+    if track.intent == "hostile":
+        return "s"
+    if track.noncombatants:
+        return "n"
+    if track.identity == "authorized":
+        return "f"
+    if track.identity == "unauthorized":
+        return "s"
+    return "n" if track.intent == "benign" else "u"
+
+
+def track_type(track: Track) -> str:
+    """Return the CoT type of a track."""
+    return f"a-{affiliation(track)}-{TRACK_FUNCTIONS[track.kind]}"
+
+
+YELLOW = 0xFFFFFF00
 
 
 class PictureOnMap:
-    """Remembers what the map was told, so that it can be told what is stale and what is gone."""
+    """The state of the map: the things that are shown or stale on it."""
 
     def __init__(self, site: SiteOnMap, pace: float = 1.0) -> None:
-        """`pace` is how many seconds of the session pass in one of the map's."""
+        """`pace` is the number of seconds of the session in one second of the map."""
         self._site, self._pace = site, pace
         self._stale: set[str] = set()
         self._shown: dict[str, str] = {}
         """The type of every track and route on the map, by uid."""
 
     def events(self, picture: Picture, now: datetime) -> list[CotEvent]:
-        """Return what the map is to be told of `picture`, which was so at `now`."""
-        told: list[CotEvent] = []
+        """Return the events that bring the map to `picture`, which is of the time `now`."""
+        result: list[CotEvent] = []
         seen: dict[str, str] = {}
         for asset in picture.assets.values():
             event, fresh = self._asset(asset, picture, now)
-            told += self._once_stale(event, fresh=fresh)
+            result += self._once_stale(event, fresh=fresh)
             if asset.route and fresh:
                 route = self._route(asset, event)
                 seen[route.uid] = route.type
-                told.append(route)
+                result.append(route)
         for track in picture.tracks.values():
             event, fresh = self._track(track, picture, now)
             seen[event.uid] = event.type
-            told += self._once_stale(event, fresh=fresh)
+            result += self._once_stale(event, fresh=fresh)
         gone = [deletion(uid, kind, now) for uid, kind in self._shown.items() if uid not in seen]
         self._stale -= {event.subject for event in gone}
         self._shown = seen
-        return [*gone, *told]
+        return [*gone, *result]
 
     def deleted(self, now: datetime) -> list[CotEvent]:
-        """Return what takes every track and route off the map."""
+        """Return the events that remove every track and route from the map."""
         gone = [deletion(uid, kind, now) for uid, kind in self._shown.items()]
         self._shown = {}
         return gone
 
     def _once_stale(self, event: CotEvent, *, fresh: bool) -> list[CotEvent]:
-        """Return the event, nothing when it is stale and was told so."""
+        """Return the event, or nothing if it is stale and was sent as such before."""
         if fresh:
             self._stale.discard(event.uid)
             return [event]
@@ -66,7 +106,7 @@ class PictureOnMap:
     def _times(
         self, stamp_s: float, picture: Picture, now: datetime, *, stale: bool
     ) -> tuple[datetime, datetime, bool]:
-        """Return when something was so, when that is stale, and whether it is fresh at `now`."""
+        """Return the time of a report, the end of its validity, and True while it is fresh."""
         age_s = max(picture.time_s - stamp_s, 0.0) / self._pace
         time = now - timedelta(seconds=age_s)
         until = time + timedelta(seconds=self._site.world.stale_s)
@@ -88,7 +128,7 @@ class PictureOnMap:
             element("remarks", {}, asset_words(asset, picture.time_s)),
         )
         at = site.point(asset.position, flies=asset.kind == "uav")
-        uid, kind = site.uid(asset.id), asset_type(asset.kind)
+        uid, kind = site.uid(asset.id), ASSET_TYPES[asset.kind]
         return CotEvent(uid, kind, time, until, at, site.how, detail), fresh
 
     def _track(self, track: Track, picture: Picture, now: datetime) -> tuple[CotEvent, bool]:
@@ -105,19 +145,19 @@ class PictureOnMap:
         return CotEvent(uid, kind, time, until, at, site.how, detail), fresh
 
     def _route(self, asset: AssetTelemetry, event: CotEvent) -> CotEvent:
-        """Return the way still ahead of an asset; it goes stale with the asset."""
+        """Return the rest of an asset's route; it goes stale with the asset."""
         return self._site.shape(
             self._site.uid("route", asset.id),
             f"{asset.id} route",
             (asset.position, *asset.route),
-            ROUTE,
+            YELLOW,
             (event.time, event.stale),
             remarks=f"{asset.id}, {asset.task}{f' to {asset.post}' if asset.post else ''}",
         )
 
 
 def asset_words(asset: AssetTelemetry, now_s: float) -> str:
-    """Say what an asset is doing, and what of it is in doubt."""
+    """Return an asset's task and its doubtful values in words."""
     words = [PLAIN_KINDS[asset.kind], asset.task]
     if asset.at:
         words.append(f"at {asset.at}")
@@ -137,7 +177,7 @@ def asset_words(asset: AssetTelemetry, now_s: float) -> str:
 
 
 def track_words(track: Track, now_s: float) -> str:
-    """Say what is known of a track, by whom, and since when nothing is."""
+    """Return the facts about a track in words, with their sources and age."""
     words = [f"{AFFILIATIONS[affiliation(track)]} {track.kind}", f"{track.status}, {track.gate}"]
     words.append(f"identity {track.identity}")
     if track.intent != "unknown":

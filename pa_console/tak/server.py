@@ -1,4 +1,4 @@
-"""Where a TAK server is, and with which certificate one is let in."""
+"""The address of a TAK server and the client certificate for it."""
 
 import ipaddress
 import os
@@ -16,9 +16,9 @@ CIPHERS = "DEFAULT"
 
 @dataclass(frozen=True)
 class Certificate:
-    """What a client shows a server, and the authority whose servers it trusts.
+    """A client's certificate and key, and the authority whose servers it trusts.
 
-    Certificate and key are PEM, maybe in one file, or one PKCS #12 file as TAK servers give out.
+    Certificate and key are PEM, also in one file, or one PKCS #12 file as TAK servers issue it.
     """
 
     certificate: Path
@@ -27,7 +27,7 @@ class Certificate:
 
     @classmethod
     def of(cls, certificate: Path | None, key: Path | None, ca: Path | None) -> Self | None:
-        """Return what was given, None for nothing at all; raises ValueError for a part of it."""
+        """Return the certificate, None without any option; raise ValueError for a part of them."""
         if certificate is None and key is None and ca is None:
             return None
         if certificate is None or ca is None:
@@ -50,7 +50,7 @@ class Certificate:
 
     @property
     def locked(self) -> bool:
-        """Whether the key cannot be read without a password."""
+        """True if the key needs a password."""
         return self.key.suffix == ".p12" or b"ENCRYPTED" in self.key.read_bytes()
 
 
@@ -64,7 +64,7 @@ class TakServer:
 
     @classmethod
     def parse(cls, text: str, certificate: Certificate | None = None) -> Self:
-        """Read `tls://host:8089`; raises ValueError saying what is wrong with it."""
+        """Read `tls://host:8089`; raise ValueError that names the problem."""
         try:
             parts = urlsplit(text)
             port = parts.port
@@ -84,7 +84,7 @@ class TakServer:
 
     @property
     def open_to_all(self) -> bool:
-        """Whether what is sent leaves this machine without encryption."""
+        """True if events leave this machine without encryption."""
         if self.certificate is not None or self.host == "localhost":
             return False
         try:
@@ -94,11 +94,11 @@ class TakServer:
 
     @property
     def warning(self) -> str:
-        """What is to be said of a server to which nothing is encrypted."""
+        """The warning about a server without encryption."""
         return f"what goes to {self} can be read and altered on the way; use tls://"
 
     def settings(self) -> dict[str, str]:
-        """Return how PyTAK is told of the server; it reads `%` as the begin of a reference."""
+        """Return the server as settings of PyTAK, which needs `%` escaped."""
         found = {"COT_URL": str(self)}
         if self.certificate is not None:
             given = {

@@ -10,7 +10,7 @@ from pa_console.schema.events.event import Event
 from pa_console.session.state.fold import SessionState
 from pa_console.tak.connection import TakConnection
 from pa_console.tak.cot_event import CotEvent, element
-from pa_console.tak.inbound.reports import TakReports
+from pa_console.tak.reports import TakReports
 from pa_console.tak.server import TakServer
 from pa_console.tak.site_on_map import SiteOnMap
 from tests.tak.taky_server import LIMIT_S

@@ -8,7 +8,7 @@ from threading import Event as Flag
 from pa_console.schema.events.event import Event, Noticed, SessionEnded, TelemetryReceived
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.tak.background import InBackground
+from pa_console.tak.session_on_map import InBackground
 
 LIMIT_S = 30.0
 

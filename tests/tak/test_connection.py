@@ -22,9 +22,8 @@ from pa_console.schema.events.event import Event, SessionEnded, TelemetryReceive
 from pa_console.schema.incident import SpawnTrack
 from pa_console.schema.telemetry import Picture
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.tak.connection import TakConnection
+from pa_console.tak.connection import Outbox, TakConnection
 from pa_console.tak.cot_event import DELETE, CotEvent, element
-from pa_console.tak.outbox import Outbox
 from pa_console.tak.server import PASSWORD_VARIABLE, Certificate, TakServer
 from pa_console.tak.session_on_map import SessionOnMap
 from pa_console.tak.site_on_map import SiteOnMap

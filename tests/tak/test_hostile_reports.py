@@ -34,9 +34,8 @@ from pa_console.schema.incident import SpawnTrack
 from pa_console.schema.text.visible_text import visible_line
 from pa_console.schema.world import Origin
 from pa_console.session.state.fold import SessionState
-from pa_console.tak.geography import Geography
-from pa_console.tak.inbound.reports import TakReports
-from pa_console.tak.site_on_map import SiteOnMap
+from pa_console.tak.reports import TakReports
+from pa_console.tak.site_on_map import Geography, SiteOnMap
 from tests.scripted import ScriptedEngine, plan
 
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
@@ -184,7 +183,7 @@ class Hostile:
         """Take in the next piece, and let a second pass."""
         self._now += timedelta(seconds=1)
         if self._chunks:
-            self.reports.heard(self._chunks.pop(0))
+            self.reports.received(self._chunks.pop(0))
         return self.reports.news()
 
 
@@ -269,13 +268,13 @@ def test_a_day_of_flood_takes_no_memory(world_site: SiteOnMap) -> None:
               for n in range(20)]  # fmt: skip
     hostile = Hostile(world_site, [])
     for data in chunks[:5]:
-        hostile.reports.heard(data)
+        hostile.reports.received(data)
         hostile.news()
     tracemalloc.start()
     try:
         for _ in range(3):
             for data in chunks[5:]:
-                hostile.reports.heard(data)
+                hostile.reports.received(data)
                 hostile.news()
         grown, _ = tracemalloc.get_traced_memory()
     finally:

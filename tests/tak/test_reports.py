@@ -19,11 +19,16 @@ from pa_console.schema.events.event import (
 )
 from pa_console.session.replay.player import Player
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.tak.cot_event import CotPoint, deletion, element
-from pa_console.tak.inbound.contact_book import HOLDS_MOST, TOLD_EVERY
-from pa_console.tak.inbound.event_stream import MOST_BYTES, EventStream
-from pa_console.tak.inbound.heard_event import read_event
-from pa_console.tak.inbound.reports import MOST_IMPOSTORS, READ_A_SECOND, TakReports
+from pa_console.tak.contact_book import HOLDS_MOST, REPORTED_EVERY
+from pa_console.tak.cot_event import (
+    MOST_BYTES,
+    CotPoint,
+    EventStream,
+    deletion,
+    element,
+    read_event,
+)
+from pa_console.tak.reports import MOST_IMPOSTORS, READ_A_SECOND, TakReports
 from pa_console.tak.session_on_map import SessionOnMap
 from pa_console.tak.site_on_map import SiteOnMap
 from tests.tak.heard import hearing, nothing, said
@@ -150,13 +155,13 @@ def test_what_a_server_sends_back_is_no_impostor(
     gone = deletion(site.uid("track.Vehicle_01"), "a-u-G-E-V", clock.now)
     for event in (ours, gone):
         reports.sent(event)
-        reports.heard(event.xml())
+        reports.received(event.xml())
     before = said(site, site.uid("Ugv_T01"), "a-f-G", (1.0, 1.0), stale_s=3.0, now=START)
     clock.pass_by(1.0)
     later = TakReports(site, "tls://tak", now=clock)
-    later.heard(before.xml())
+    later.received(before.xml())
     replayed = said(site, "pa-console-replay.sea.Drone_T04", "a-f-A", (1.0, 1.0), now=clock.now)
-    reports.heard(replayed.xml())
+    reports.received(replayed.xml())
     assert not reports.news()
     assert not later.news(), "an earlier session of the site told that"
 
@@ -177,9 +182,9 @@ def test_whoever_changes_what_we_have_said_is_an_impostor(
     uid = site.uid("Drone_T04")
     ours = said(site, uid, "a-f-A-M-H-Q", (1.0, 1.0), "Drone_T04", stale_s=3.0, now=clock.now)
     reports.sent(ours)
-    reports.heard(ours.xml())
+    reports.received(ours.xml())
     assert not reports.news()
-    reports.heard(replace(ours, **changed).xml())
+    reports.received(replace(ours, **changed).xml())
     assert [data.kind for data in reports.news()] == ["noticed"]
 
 
@@ -188,8 +193,8 @@ def test_impostors_of_many_are_told_of_a_few_times(
 ) -> None:
     for number in range(100):
         fake = said(site, site.uid(f"Drone_T{number:02}"), "a-f-A", (0.0, 0.0), now=clock.now)
-        reports.heard(fake.xml())
-        reports.heard(deletion(site.uid("Ugv_T01"), "a-f-G", clock.now).xml())
+        reports.received(fake.xml())
+        reports.received(deletion(site.uid("Ugv_T01"), "a-f-G", clock.now).xml())
     told = [data for data in reports.news() if isinstance(data, Noticed)]
     assert len(told) == MOST_IMPOSTORS + 1
     assert {data.level for data in told} == {"alarm"}
@@ -203,10 +208,10 @@ def test_a_position_is_told_every_few_seconds_and_a_loss_at_once(
     told: list[float] = []
     for second in range(30):
         unit = said(site, "U", "a-f-G", (second, 0.0), stale_s=2.0, now=clock.now)
-        reports.heard(unit.xml())
+        reports.received(unit.xml())
         told += [data.contact.at[0] for data in reports.news() if isinstance(data, ContactReported)]
         clock.pass_by(1.0)
-    assert told == pytest.approx(range(0, 30, int(TOLD_EVERY.total_seconds())), abs=0.1)
+    assert told == pytest.approx(range(0, 30, int(REPORTED_EVERY.total_seconds())), abs=0.1)
     clock.pass_by(1.0)
     assert reports.news() == [ContactLost(uid="U", reason="stale")]
     assert not reports.news()
@@ -218,7 +223,7 @@ def test_who_stands_still_is_told_once_and_a_claim_that_changes_again(
     told: list[str] = []
     for second in range(30):
         kind = "a-f-G" if second < 20 else "a-h-G"
-        reports.heard(said(site, "U", kind, (1.0, 0.0), now=clock.now).xml())
+        reports.received(said(site, "U", kind, (1.0, 0.0), now=clock.now).xml())
         reports_told = [data for data in reports.news() if isinstance(data, ContactReported)]
         told += [data.contact.affiliation for data in reports_told]
         clock.pass_by(1.0)
@@ -228,7 +233,7 @@ def test_who_stands_still_is_told_once_and_a_claim_that_changes_again(
 def test_a_report_for_ever_holds_ten_minutes(
     site: SiteOnMap, reports: TakReports, clock: Clock
 ) -> None:
-    reports.heard(said(site, "U", "a-f-G", (0.0, 0.0), stale_s=1e9, now=clock.now).xml())
+    reports.received(said(site, "U", "a-f-G", (0.0, 0.0), stale_s=1e9, now=clock.now).xml())
     assert len(reports.news()) == 1
     clock.pass_by(HOLDS_MOST.total_seconds() - 1.0)
     assert not reports.news()
@@ -239,7 +244,7 @@ def test_a_report_for_ever_holds_ten_minutes(
 def test_a_clock_that_is_set_back_lets_nothing_hold_for_longer(
     site: SiteOnMap, reports: TakReports, clock: Clock
 ) -> None:
-    reports.heard(said(site, "U", "a-f-G", (0.0, 0.0), stale_s=60.0, now=clock.now).xml())
+    reports.received(said(site, "U", "a-f-G", (0.0, 0.0), stale_s=60.0, now=clock.now).xml())
     assert len(reports.news()) == 1
     clock.pass_by(-24 * 3600.0)
     assert reports.news() == [ContactLost(uid="U", reason="stale")]
@@ -249,10 +254,10 @@ def test_a_clock_that_is_set_back_lets_nothing_hold_for_longer(
 def test_what_is_beyond_the_site_is_counted_and_a_contact_may_leave(
     site: SiteOnMap, reports: TakReports, clock: Clock, at: tuple[float, float]
 ) -> None:
-    reports.heard(said(site, "U", "a-f-G", (0.0, 0.0), now=clock.now).xml())
+    reports.received(said(site, "U", "a-f-G", (0.0, 0.0), now=clock.now).xml())
     assert len(reports.news()) == 1
     for _ in range(5):
-        reports.heard(said(site, "U", "a-f-G", at, now=clock.now).xml())
+        reports.received(said(site, "U", "a-f-G", at, now=clock.now).xml())
     lost, left_out = reports.news()
     assert lost == ContactLost(uid="U", reason="left")
     assert left_out.model_dump() == {
@@ -264,7 +269,7 @@ def test_the_other_side_of_the_earth_is_not_here(reports: TakReports, clock: Clo
     """Seen along the plumb line it lies right below the site."""
     point = 'lat="-2.0" lon="150.0"'
     now = clock.now.isoformat()
-    reports.heard(
+    reports.received(
         f'<event uid="U" type="a-f-G" time="{now}" stale="2036-01-01T00:00:00Z"><point {point}/>'
         "</event>".encode()
     )
@@ -276,7 +281,7 @@ def test_a_thousand_contacts_are_a_few(site: SiteOnMap, reports: TakReports, clo
     for second in range(60):
         for number in range(READ_A_SECOND + 50):
             unit = said(site, f"U{second}-{number}", "a-h-G", (0.0, 0.0), stale_s=2, now=clock.now)
-            reports.heard(unit.xml())
+            reports.received(unit.xml())
         clock.pass_by(1.0)
         told = reports.news()
         events += len(told)
@@ -288,16 +293,16 @@ def test_a_thousand_contacts_are_a_few(site: SiteOnMap, reports: TakReports, clo
 
 def test_a_flood_is_not_read(site: SiteOnMap, reports: TakReports, clock: Clock) -> None:
     unit = said(site, "U", "a-h-G", (0.0, 0.0), now=clock.now).xml()
-    reports.heard(unit * (READ_A_SECOND + 50))
+    reports.received(unit * (READ_A_SECOND + 50))
     [_, left_out] = reports.news()
     assert left_out.model_dump()["too_many"] == 50
 
 
 def test_without_contacts_nothing_is_read(site: SiteOnMap, clock: Clock) -> None:
     reports = TakReports(site, "tls://tak", contacts=False, now=clock)
-    reports.connected("connected to tls://tak")
-    reports.heard(said(site, site.uid("Drone_T04"), "a-f-G", (0.0, 0.0), now=clock.now).xml())
-    reports.heard(b"<event></event>")
+    reports.connection_changed("connected", "connected to tls://tak")
+    reports.received(said(site, site.uid("Drone_T04"), "a-f-G", (0.0, 0.0), now=clock.now).xml())
+    reports.received(b"<event></event>")
     assert [data.kind for data in reports.news()] == ["tak"]
 
 

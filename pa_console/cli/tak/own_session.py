@@ -8,11 +8,10 @@ from pa_console.cli.tak.placing import placed
 from pa_console.observability.observers import Observer
 from pa_console.orchestrator.station.assembly import open_world
 from pa_console.settings.schema import Settings
-from pa_console.tak.background import InBackground
 from pa_console.tak.connection import TakConnection
-from pa_console.tak.inbound.reports import TakReports
+from pa_console.tak.reports import TakReports
 from pa_console.tak.server import Certificate, TakServer
-from pa_console.tak.session_on_map import SessionOnMap
+from pa_console.tak.session_on_map import InBackground, SessionOnMap
 
 
 @dataclass(frozen=True)
@@ -49,7 +48,7 @@ def on_map(
     reports = TakReports(
         site, str(server), contacts=not server.open_to_all if contacts is None else contacts
     )
-    connection = TakConnection(server, site.uid("station"), changed, ears=reports)
+    connection = TakConnection(server, site.uid("station"), changed, reports=reports)
     try:
         with connection:
             shown = SessionOnMap(site, connection)

@@ -1,8 +1,7 @@
 """Puts a world where it is on the earth, by an option or by its own file."""
 
 from pa_console.schema.world import World
-from pa_console.tak.geography import Geography, origin_of
-from pa_console.tak.site_on_map import SiteOnMap
+from pa_console.tak.site_on_map import Geography, SiteOnMap, origin_of
 
 
 def placed(world: World, origin: str, name: str = "", *, replay: bool = False) -> SiteOnMap:

@@ -1,4 +1,4 @@
-"""Keeps the contacts that others report, few and for a while, and says what is new of them."""
+"""The contacts that other senders report: few, for a limited time, with their changes."""
 
 import math
 from collections.abc import Iterator
@@ -13,38 +13,38 @@ from pa_console.schema.events.tak import (
     LossReason,
     ReportedContact,
 )
-from pa_console.tak.inbound.heard_event import HeardEvent
+from pa_console.tak.cot_event import ReceivedEvent
 
-TOLD_EVERY = timedelta(seconds=5)
-"""What has changed of one contact is told at most so often."""
+REPORTED_EVERY = timedelta(seconds=5)
+"""The least time between two reports of the same contact."""
 HOLDS_MOST = timedelta(minutes=10)
-"""A report holds for so long at most, whatever its sender claims."""
+"""The longest validity of a report, even if its sender claims a longer one."""
 MOVED_M = 0.5
-"""Whatever has moved less is where it was."""
+"""The least distance that counts as a movement."""
 NEWCOMER_EVERY = timedelta(seconds=10)
-"""Once so many are new as are kept, one more may come so often: no sender fills the log."""
+"""The time between new contacts once the most have come: no sender can fill the log."""
 
 
 @dataclass
 class _Known:
     contact: ReportedContact
-    told: ReportedContact | None = None
-    told_at: datetime | None = None
+    reported: ReportedContact | None = None
+    reported_at: datetime | None = None
 
     def is_news(self, now: datetime) -> bool:
-        """Whether it is to be told: at once when it is new, else in its time."""
-        if self.told is None or self.told_at is None:
+        """Return True if the contact is new, or has changed since its last report in time."""
+        if self.reported is None or self.reported_at is None:
             return True
-        if timedelta() <= now - self.told_at < TOLD_EVERY:
+        if timedelta() <= now - self.reported_at < REPORTED_EVERY:
             return False
-        before, here = self.told, self.contact
+        before, here = self.reported, self.contact
         claims = ("callsign", "affiliation", "what", "error_m")
         changed = any(getattr(before, name) != getattr(here, name) for name in claims)
         return changed or math.dist(before.at, here.at) > MOVED_M
 
 
 class ContactBook:
-    """The contacts by uid. Moments are given by the caller, whose clock may be set back."""
+    """The contacts by uid. The caller gives the time; its clock may be set back."""
 
     def __init__(self) -> None:
         self._known: dict[str, _Known] = {}
@@ -52,8 +52,8 @@ class ContactBook:
         self._places = float(MOST_CONTACTS)
         self._counted: datetime | None = None
 
-    def take(self, heard: HeardEvent, at: Point, now: datetime) -> bool:
-        """Note that something was reported `at` a point; returns whether it is kept."""
+    def take(self, heard: ReceivedEvent, at: Point, now: datetime) -> bool:
+        """Add a report of a thing `at` a point; return False if there is no room for it."""
         stale = min(heard.stale, now + HOLDS_MOST)
         if stale <= now:
             self.lose(heard.uid, "stale")
@@ -77,14 +77,14 @@ class ContactBook:
         return True
 
     def lose(self, uid: str, reason: LossReason) -> None:
-        """Note that a contact is gone; of one that was never told nothing is to be said."""
+        """Remove a contact; its loss is reported only if the contact was."""
         known = self._known.pop(uid, None)
-        if known is not None and known.told is not None:
+        if known is not None and known.reported is not None:
             self._lost.append(ContactLost(uid=uid, reason=reason))
 
     def news(self, now: datetime) -> Iterator[ContactReported | ContactLost]:
-        """Yield what is to be told now: what is gone, then what is new or has changed."""
-        most = now + HOLDS_MOST  # where the clock was set back, nothing holds for longer either
+        """Yield the reports of lost contacts, then of new and changed ones."""
+        most = now + HOLDS_MOST  # the bound also holds after the clock was set back
         stales = {uid: known.contact.stale for uid, known in self._known.items()}
         for uid in (uid for uid, stale in stales.items() if not now < stale <= most):
             self.lose(uid, "stale")
@@ -92,7 +92,7 @@ class ContactBook:
         yield from lost
         for known in self._known.values():
             if known.is_news(now):
-                known.told, known.told_at = known.contact, now
+                known.reported, known.reported_at = known.contact, now
                 yield ContactReported(contact=known.contact)
 
     def _has_place(self, now: datetime) -> bool:

@@ -1,0 +1,251 @@
+"""Reports from a TAK server for a session: its connection, unverified contacts, and impostors.
+
+Everything that a server sends is bounded: size, rate, number and validity.
+"""
+
+from collections import OrderedDict, deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from itertools import chain
+from threading import Lock
+
+from pa_console.schema.base import Point
+from pa_console.schema.events.tak import (
+    MOST_CALLSIGN,
+    ContactsLeftOut,
+    Noticed,
+    OutsideReport,
+    TakChanged,
+    TakState,
+)
+from pa_console.schema.world import World
+from pa_console.tak.contact_book import ContactBook
+from pa_console.tak.cot_event import DELETE, CotEvent, EventStream, ReceivedEvent, read_event
+from pa_console.tak.site_on_map import SiteOnMap
+
+MARGIN_M = 100.0
+"""The distance beyond the farthest point of the world up to which contacts are shown."""
+READ_A_SECOND = 200
+"""The most events that are read in a second; the rest is counted and dropped."""
+MOST_NAMES = 1000
+"""The most things left out that are counted."""
+MOST_IMPOSTORS = 8
+"""The most impostors that are named; one more notice stands for the rest."""
+LEFT_OUT_EVERY = timedelta(minutes=1)
+
+
+SENT_KEPT = 30
+"""The number of sent events kept for each thing: a server may send the last ones back."""
+MOST_THINGS = 10_000
+SAME = timedelta(milliseconds=20)
+"""The tolerance of times, which a server may round."""
+ROUNDED = 2e-6
+"""The tolerance of angles in degrees, likewise."""
+
+
+@dataclass(frozen=True)
+class _Sent:
+    type: str
+    time: datetime
+    stale: datetime
+    latitude: float
+    longitude: float
+    callsign: str
+
+
+class OwnEvents:
+    """The events that this console has sent, to find others that use the site's uids."""
+
+    def __init__(
+        self, site: SiteOnMap, now: Callable[[], datetime] = lambda: datetime.now(UTC)
+    ) -> None:
+        # Events from before this moment may be those of an earlier session of the site.
+        self._prefix = site.uid("")
+        self._prefixes = self._prefix, replace(site, replay=True).uid("")
+        self._begun, self._lasts = now(), timedelta(seconds=site.world.stale_s)
+        self._sent: OrderedDict[str, deque[_Sent]] = OrderedDict()
+
+    def sent(self, event: CotEvent) -> None:
+        """Remember `event`, which is about to be sent."""
+        if not (event.type.startswith("a-") or event.type == DELETE):
+            return
+        subject, at = event.subject, event.point
+        callsign = next((e.get("callsign", "") for e in event.detail if e.tag == "contact"), "")
+        known = self._sent.pop(subject, None)
+        self._sent[subject] = known if known is not None else deque[_Sent](maxlen=SENT_KEPT)
+        self._sent[subject].append(
+            _Sent(
+                event.type,
+                event.time,
+                event.stale,
+                at.latitude,
+                at.longitude,
+                callsign[:MOST_CALLSIGN],
+            )
+        )
+        if len(self._sent) > MOST_THINGS:
+            self._sent.popitem(last=False)
+
+    def holds(self, uid: str) -> bool:
+        """Return True if `uid` belongs to this site, live or in a replay."""
+        return uid.startswith(self._prefixes)
+
+    def impostor(self, heard: ReceivedEvent) -> str:
+        """Return the name of the site's thing that another sender claims to be; '' for none.
+
+        Only events that report a place or remove a thing count, drawings do not.
+        """
+        relevant = heard.has_place or heard.type == DELETE
+        if not relevant or not heard.subject.startswith(self._prefix):
+            return ""
+        if any(_is_same(sent, heard) for sent in self._sent.get(heard.subject, ())):
+            return ""
+        if heard.time < self._begun and heard.stale - heard.time <= self._lasts + SAME:
+            return ""
+        return heard.subject.removeprefix(self._prefix)
+
+
+def _is_same(sent: _Sent, heard: ReceivedEvent) -> bool:
+    """Return True if a server sent an event back; it may have shortened the validity."""
+    return (
+        sent.type == heard.type
+        and abs(sent.time - heard.time) <= SAME
+        and heard.stale <= sent.stale + SAME
+        and abs(sent.latitude - heard.latitude) <= ROUNDED
+        and abs(sent.longitude - heard.longitude) <= ROUNDED
+        and sent.callsign == heard.callsign
+    )
+
+
+class TakReports:
+    """The reports of one connection; `news` returns the new ones.
+
+    The connection's thread adds reports and the session takes them; neither waits for the other.
+    Without `contacts` nothing that the server sends is read.
+    """
+
+    def __init__(
+        self,
+        site: SiteOnMap,
+        server: str,
+        *,
+        contacts: bool = True,
+        now: Callable[[], datetime] = lambda: datetime.now(UTC),
+    ) -> None:
+        """`server` is its address, `now` this machine's clock."""
+        self._site, self._server, self._contacts, self._now = site, server, contacts, now
+        self._lock = Lock()
+        self._own, self._book = OwnEvents(site, now), ContactBook()
+        self._stream = EventStream()
+        self._bounds = _bounds(site.world)
+        self._second, self._read = now(), 0
+        self._outside, self._crowded = set[str](), set[str]()
+        self._unread = self._unreadable = 0
+        self._impostors: dict[str, None] = {}
+        self._notices: list[Noticed] = []
+        self._changed: TakChanged | None = None
+        self._left_out, self._left_out_at = ContactsLeftOut(), now() - LEFT_OUT_EVERY
+
+    def connection_changed(self, state: TakState, line: str) -> None:
+        """Report the new state of the connection, in words in `line`."""
+        with self._lock:
+            if state == "connected":  # the end of an event cut off with the last one never comes
+                self._unreadable += self._stream.broken
+                self._stream = EventStream()
+            self._changed = TakChanged(server=self._server, state=state, detail=line)
+
+    def sent(self, event: CotEvent) -> None:
+        """Remember an event that this console is about to send."""
+        if self._contacts:
+            with self._lock:
+                self._own.sent(event)
+
+    def received(self, data: bytes) -> None:
+        """Take bytes from the server, in pieces of any length."""
+        if not self._contacts:
+            return
+        for document in self._stream.feed(data):
+            now = self._now()
+            if not timedelta() <= now - self._second < timedelta(seconds=1):
+                self._second, self._read = now, 0
+            self._read += 1
+            is_read = self._read <= READ_A_SECOND
+            heard = read_event(document) if is_read else None
+            with self._lock:
+                self._unread += not is_read
+                self._unreadable += is_read and heard is None
+                if heard is not None:
+                    self._take(heard, now)
+
+    def news(self) -> list[OutsideReport]:
+        """Return the reports since the last call."""
+        with self._lock:
+            now = self._now()
+            changed = [] if self._changed is None else [self._changed]
+            notices, self._changed, self._notices = self._notices, None, []
+            return list(chain(changed, notices, self._book.news(now), self._not_shown(now)))
+
+    def _take(self, heard: ReceivedEvent, now: datetime) -> None:
+        if name := self._own.impostor(heard):
+            self._report_impostor(name)
+        if self._own.holds(heard.subject):
+            return
+        if heard.type == DELETE:
+            self._book.lose(heard.subject, "removed")
+        elif heard.has_place:
+            at = self._place(heard)
+            if at is None:
+                self._book.lose(heard.uid, "left")
+                _count(self._outside, heard.uid)
+            elif not self._book.take(heard, at, now):
+                _count(self._crowded, heard.uid)
+
+    def _place(self, heard: ReceivedEvent) -> Point | None:
+        """Return the place of a thing on the site, or None beyond its bounds."""
+        at = self._site.geography.near(heard.latitude, heard.longitude)
+        (west, south), (east, north) = self._bounds
+        return at if at and west <= at[0] <= east and south <= at[1] <= north else None
+
+    def _report_impostor(self, name: str) -> None:
+        if name in self._impostors or len(self._impostors) > MOST_IMPOSTORS:
+            return
+        self._impostors[name] = None
+        more = len(self._impostors) > MOST_IMPOSTORS
+        text = f"somebody on the TAK server speaks as {'others of ours too' if more else name}"
+        self._notices.append(Noticed(level="alarm", subject="TAK", text=text))
+
+    def _not_shown(self, now: datetime) -> list[ContactsLeftOut]:
+        """Return the numbers of things left out, if they are new and the last report is old."""
+        left_out = ContactsLeftOut(
+            outside=len(self._outside),
+            too_many=len(self._crowded) + self._unread,
+            unreadable=self._unreadable + self._stream.broken,
+        )
+        waited = now - self._left_out_at
+        if left_out == self._left_out or timedelta() <= waited < LEFT_OUT_EVERY:
+            return []
+        self._left_out, self._left_out_at = left_out, now
+        return [left_out]
+
+
+def _count(names: set[str], name: str) -> None:
+    if len(names) < MOST_NAMES:
+        names.add(name)
+
+
+def _bounds(world: World) -> tuple[Point, Point]:
+    """Return the south-west and north-east corners of the shown area, in metres."""
+    points = [
+        *world.perimeter,
+        *(frame.at for frame in world.frames.values()),
+        *(camera.at for camera in world.cameras.values()),
+        *(point for wall in world.walls for point in (wall.start, wall.end)),
+        *(point for zone in world.zones.values() for point in zone.polygon),
+        *(point for lane in world.lanes.values() for point in lane.points),
+    ]
+    east, north = ([at[axis] for at in points] for axis in (0, 1))
+    return (
+        (min(east) - MARGIN_M, min(north) - MARGIN_M),
+        (max(east) + MARGIN_M, max(north) + MARGIN_M),
+    )
