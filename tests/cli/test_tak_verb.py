@@ -163,7 +163,7 @@ def test_where_anybody_may_invent_them_contacts_are_shown_when_that_is_asked_for
 ) -> None:
     values = Settings(tak=f"{server}:{free_port()}", tak_origin="2.0,-30.0", tak_contacts=chosen)
     with on_map(values, "checkpoint", lambda _: None, lambda _: None) as shown:
-        shown.reports.heard(said(site(), "ANDROID-1", "a-f-G", (0.0, 0.0)).xml())
+        shown.reports.received(said(site(), "ANDROID-1", "a-f-G", (0.0, 0.0)).xml())
         kinds = {data.kind for data in shown.reports.news()}
     assert ("contact_reported" in kinds) == read
 
