@@ -12,6 +12,7 @@ import typer
 from typer.core import TyperGroup
 
 from pa_console import __version__
+from pa_console.child_processes import keep_search_path
 from pa_console.cli.output import BAD_INPUT, FAILED, errors, open_closed_streams
 from pa_console.cli.verbs import Verbs
 
@@ -72,6 +73,7 @@ def run(commands: typer.Typer, name: str) -> NoReturn:
     """Run `commands` as the program `name` and exit; never lets a traceback reach the user."""
     gc.set_threshold(*COLLECTED_AFTER)
     open_closed_streams()
+    keep_search_path()
     try:
         code = commands(prog_name=name, standalone_mode=False)
         if code == INTERRUPTED:

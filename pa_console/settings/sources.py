@@ -82,6 +82,8 @@ class Loaded:
             value: Path | None = getattr(self.values, name)
             if value is not None:
                 os.environ[f"{ENV_PREFIX}{name.upper()}"] = str(value)
+        if FILE_VARIABLE in os.environ:
+            os.environ[FILE_VARIABLE] = str(self.path.absolute())
 
     def with_options(self, given: Mapping[str, object]) -> "Loaded":
         """Return the settings with those that a verb's own options give."""

@@ -39,20 +39,25 @@ NO_EDITOR = "set VISUAL or EDITOR to the command of your editor"
 
 
 def editor_command() -> list[str]:
-    """Return the user's editor as words; raises ValueError when there is none."""
+    """Return the user's editor as words, its program by whole path.
+
+    Raises ValueError when there is none.
+    """
     given = os.environ.get("VISUAL") or os.environ.get("EDITOR") or "vi"
     try:
         words = shlex.split(given)
     except ValueError as error:
         raise ValueError(f"“{given}” is not a command ({error}); {NO_EDITOR}") from error
-    if not words or shutil.which(words[0]) is None:
+    program = shutil.which(words[0]) if words else None
+    if program is None:
         raise ValueError(f"there is no editor “{given}”; {NO_EDITOR}")
-    return words
+    return [os.path.abspath(program), *words[1:]]
 
 
 async def edit_outside(screen: Screen[Any], command: list[str], text: str) -> str:
     """Give the terminal to the editor `command` with `text`; return what it was saved as.
 
+    The editor starts in the folder of its file, so it obeys no settings (`.exrc`) of another one.
     The event loop goes on, so that a session does not stand still. Raises ValueError when the
     editor fails or the terminal cannot be given away.
     """
@@ -65,7 +70,7 @@ async def edit_outside(screen: Screen[Any], command: list[str], text: str) -> st
                 screen.app.batch_update(),
                 _keyboard_interrupts_left_to_the_editor(),
             ):
-                process = await asyncio.create_subprocess_exec(*command, str(file))
+                process = await asyncio.create_subprocess_exec(*command, str(file), cwd=folder)
                 code = await process.wait()
         except SuspendNotSupported as error:
             raise ValueError("this terminal cannot be given to another program") from error

@@ -3,7 +3,7 @@
 import asyncio
 import signal
 import sys
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 
@@ -28,7 +28,7 @@ while kind := into.read(1):
     if kind == b"D":
         tell(b"typed " + body)
     elif json.loads(body)["type"] == "quit":
-        open("ended", "w").close()
+        open(ENDED, "w").close()
         break
 """
 """Speaks with textual-serve as a Textual app does."""
@@ -77,13 +77,17 @@ Served = tuple[Browser, TokenBook]
 
 
 @asynccontextmanager
-async def served(folder: Path) -> AsyncGenerator[Served]:
-    """Serve a stand-in for the console, as `serve --web` does, until Ctrl-C."""
+async def served(folder: Path, command: Sequence[str] = ()) -> AsyncGenerator[Served]:
+    """Serve `command`, by default a stand-in for the console, as `serve --web` does, until Ctrl-C.
+
+    The stand-in leaves the file `ended` in `folder` when it was told to end.
+    """
+    stand_in = (sys.executable, "-c", APP.replace("ENDED", repr(str(folder / "ended"))))
     tokens = TokenBook(folder / "tokens.json")
     tokens.make("olaf", "observer")
     with listen(0) as listening:
         port: int = listening.getsockname()[1]
-        console = web.ServedConsole([sys.executable, "-c", APP], tokens, port)
+        console = web.ServedConsole(command or stand_in, tokens, port)
         work = asyncio.create_task(console.until_ended(listening))
         jar = aiohttp.CookieJar(unsafe=True)
         async with aiohttp.ClientSession(cookie_jar=jar) as client:

@@ -1,6 +1,5 @@
 """Prepared weights: made once, never half, made again when they do not fit what they are of."""
 
-import sys
 from pathlib import Path
 
 import pytest
@@ -20,7 +19,7 @@ from pa_console.llm.models.preparing import (
 from tests.training.lora.tiny import write_tiny
 
 Q8 = Preparation("q8_0")
-NEVER = (sys.executable, "-c", "raise SystemExit('must not be made again')")
+NEVER = ("-c", "raise SystemExit('must not be made again')")
 
 
 @pytest.fixture
@@ -83,7 +82,7 @@ def test_ctrl_c_leaves_neither_file_nor_process(
     script = (
         "import pathlib, sys, time; pathlib.Path(sys.argv[2]).write_bytes(b'half'); time.sleep(60)"
     )
-    monkeypatch.setattr(module, "COMMAND", (sys.executable, "-c", script))
+    monkeypatch.setattr(module, "COMMAND", ("-c", script))
 
     def interrupt(done: int, _total: int, _text: str) -> None:
         if done:

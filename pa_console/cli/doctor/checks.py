@@ -3,6 +3,7 @@
 import importlib
 import os
 import re
+import shlex
 import shutil
 import sys
 from collections.abc import Callable, Iterator
@@ -14,6 +15,7 @@ from typing import Literal
 
 from rich.console import Console
 
+from pa_console.child_processes import python_command
 from pa_console.fleets.site.site_files import CONFIGURATION, unbound
 from pa_console.llm.errors import ModelError
 from pa_console.llm.models.adapters import check_adapters
@@ -96,7 +98,8 @@ def check_libraries() -> Iterator[Check]:
 
 
 def _check_library(name: str, asked: str, modules: list[str]) -> Check:
-    remedy = f"install it again: {sys.executable} -m pip install --force-reinstall '{asked}'"
+    command = python_command("-m", "pip", "install", "--force-reinstall", asked)
+    remedy = f"install it again: {shlex.join(command)}"
     try:
         number = version(name)
     except PackageNotFoundError:

@@ -1,10 +1,11 @@
 """`pa-console serve`: the session as an HTTP interface on loopback, or the console in a browser."""
 
-import sys
-from typing import Annotated, Literal
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import typer
 
+from pa_console.child_processes import python_command
 from pa_console.cli.console.asked import Asked
 from pa_console.cli.output import (
     AcceptRulesOption,
@@ -24,11 +25,19 @@ from pa_console.cli.output import (
     WitnessOption,
     WorldOption,
 )
+from pa_console.cli.session_log import witness_target
 from pa_console.cli.settings_defaults import given_words, settings_of
 
 PORT = 8765
 OWN = frozenset(("port", "web", "make_token", "person", "tokens", "revoke_token", "json"))
 """The options that are of this verb alone; the console has the others, too."""
+IN_FILES = {
+    "world": ("", "world.yaml"),
+    "rules": ("", "rules.yaml"),
+    "scenario": ("",),
+    "model": ("",),
+}
+"""Options that may name a file, or for some the folder of a file that is called so."""
 RoleName = Literal["observer", "operator", "commander"]
 
 
@@ -127,13 +136,17 @@ def serve(
 
 
 def _console(context: typer.Context) -> list[str]:
-    """Return what opens the console with the options that were given to `context`."""
-    words = [sys.executable, "-m", "pa_console"]
+    """Return what opens the console with the options that were given to `context`.
+
+    It opens in another folder, so every path is whole.
+    """
+    words = [*python_command("-m", "pa_console")]
     words += [word for given in given_words(context) for word in ("--set", given)]
     words += ["console", "--new"]
     for name, value in context.params.items():
         source = context.get_parameter_source(name)
-        if name in OWN or source is None or source.name != "COMMANDLINE":
+        whole = _whole(name, value)
+        if name in OWN or source is None or (source.name != "COMMANDLINE" and whole == value):
             continue
         option = name.replace("_", "-")
         if value is True:
@@ -141,5 +154,21 @@ def _console(context: typer.Context) -> list[str]:
         elif value is False:
             words += [f"--no-{option}"] if name in ("alarms", "tak_contacts") else []
         elif value not in (None, ""):
-            words += [f"--{option}", str(value)]
+            words += [f"--{option}", str(whole)]
     return words
+
+
+def _whole(name: str, value: Any) -> Any:
+    """Return the `value` of the option `name`; a path that is relative to this folder made whole.
+
+    A world, rules, a scenario and a model may also be names of what is installed.
+    """
+    if isinstance(value, Path):
+        return value.expanduser().absolute()
+    if name == "witness" and value:
+        return witness_target(value)
+    if name in IN_FILES and value:
+        path = Path(value).expanduser()
+        if any((path / file).is_file() for file in IN_FILES[name]):
+            return str(path.absolute())
+    return value

@@ -20,6 +20,7 @@ from aiohttp.typedefs import Handler
 from textual_serve.app_service import AppService
 from textual_serve.server import Server, to_int
 
+from pa_console.child_processes import OWN_FOLDER
 from pa_console.cli.output import errors, out
 from pa_console.cli.serve.token_verbs import this_user, token_book
 from pa_console.end_signals import end_signals, exit_code_of
@@ -74,13 +75,8 @@ class ServedConsole(Server):
     """Serves one console at a time to whoever has a token."""
 
     def __init__(self, command: Sequence[str], tokens: TokenBook, port: int) -> None:
-        super().__init__(
-            shlex.join(command), ADDRESS, port, "PA Console", f"http://{ADDRESS}:{port}"
-        )
-        self._commands = {
-            True: shlex.join(command),
-            False: shlex.join([*command, "--readonly"]),
-        }
+        super().__init__("", ADDRESS, port, "PA Console", f"http://{ADDRESS}:{port}")
+        self._commands = {True: _in_shell(command), False: _in_shell([*command, "--readonly"])}
         self._tokens, self._wrong = tokens, Rate(*WRONG)
         self._hosts = {f"{name}:{port}" for name in NAMES}
         self._cookie = COOKIE.format(port=port)
@@ -235,6 +231,17 @@ class _Console(AppService):
         await super().stop()
         if self._process is not None:
             await self._process.wait()
+
+    async def run(self) -> None:
+        """Show the console until its process ends, and close the window then."""
+        await super().run()
+        self.stdin.close()
+        await self.remote_close()
+
+
+def _in_shell(command: Sequence[str]) -> str:
+    """Return what has a shell become `command` in the folder of children."""
+    return f"cd {OWN_FOLDER} && exec {shlex.join(command)}"
 
 
 def _page(problem: str, status: int = 200) -> web.Response:

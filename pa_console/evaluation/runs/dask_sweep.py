@@ -21,6 +21,7 @@ from typing import Any, Generic, Protocol, TypeVar, cast
 from distributed import Client, LocalCluster, WorkerPlugin, as_completed, get_worker
 from distributed.scheduler import KilledWorker
 
+from pa_console.child_processes import isolated_workers
 from pa_console.orchestrator.station.assembly import Site, load_site
 
 AWAY_S = 600.0
@@ -238,5 +239,6 @@ async def cluster(workers: Workers) -> AsyncGenerator[Any]:
         dashboard_address=None,
         silence_logs=logging.CRITICAL,
     )
-    async with started as running:
-        yield running
+    with isolated_workers():
+        async with started as running:
+            yield running

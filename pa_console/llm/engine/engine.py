@@ -104,13 +104,13 @@ class Engine:
         self.detail = "not started"
         self.on_state = on_state
         self._load = Load(
-            weights=PinnedFile(path=str(model.path), sha256=model.sha256),
+            weights=PinnedFile(path=str(model.path.absolute()), sha256=model.sha256),
             chat=model.chat,
             n_ctx=n_ctx,
             threads=threads or physical_cores(),
             fixed=fixed,
             adapters={
-                adapter.role: PinnedFile(path=str(adapter.path), sha256=adapter.sha256)
+                adapter.role: PinnedFile(path=str(adapter.path.absolute()), sha256=adapter.sha256)
                 for adapter in model.adapters
             },
         )

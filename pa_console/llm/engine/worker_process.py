@@ -3,12 +3,12 @@
 import asyncio
 import os
 import signal
-import sys
 from collections.abc import Callable
 from contextlib import suppress
 from time import perf_counter
 from typing import Literal
 
+from pa_console.child_processes import OWN_FOLDER, python_command
 from pa_console.llm.engine.protocol import (
     Done,
     FromWorker,
@@ -23,7 +23,7 @@ from pa_console.llm.engine.protocol import (
 from pa_console.llm.worker.confinement import clean_environment
 from pa_console.schema.base import StrictModel
 
-COMMAND = ("-P", "-m", "pa_console.llm.worker.worker")
+COMMAND = ("-m", "pa_console.llm.worker.worker")
 ENVIRONMENT = {"GOMP_SPINCOUNT": "1000"}
 """Threads of llama.cpp that wait for each other look so often before they give their core away.
 
@@ -71,8 +71,8 @@ class Worker:
         It has no terminal, so Ctrl-C does not reach it, and of the environment only what it needs.
         """
         child = await asyncio.create_subprocess_exec(
-            sys.executable,
-            *COMMAND,
+            *python_command(*COMMAND),
+            cwd=OWN_FOLDER,
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.DEVNULL,

@@ -65,16 +65,16 @@ def _fetch_part(
 def _download(requirement: str, incoming: Path, report: Callable[[int], None], most: int) -> None:
     if importlib.util.find_spec("pip") is None:
         raise PullError(
-            f"pip is missing from {sys.executable}: install it there, "
+            f"pip is missing from {sys.prefix}: install it there, "
             "e.g. `python -m ensurepip` or `uv pip install pip`"
         )
     options = "--no-deps --only-binary=:all: --no-cache-dir --disable-pip-version-check --no-input"
-    command = [sys.executable, "-m", "pip", "download", *options.split()]
-    command += ["--retries=2", "--timeout=15", "--progress-bar=off", "--dest", str(incoming)]
-    environment = {"TMPDIR": str(incoming)}
+    to = str(incoming.absolute())
+    words = ["-m", "pip", "download", *options.split()]
+    words += ["--retries=2", "--timeout=15", "--progress-bar=off", "--dest", to]
     run_watched(
-        [*command, requirement],
-        environment=environment,
+        [*words, requirement],
+        environment={"TMPDIR": to},
         folder=incoming,
         report=report,
         most=most,
@@ -152,7 +152,7 @@ def fetch_from_hub(source: HubSource, place: Path, total: int, progress: Progres
     place.mkdir(parents=True, exist_ok=True)
     require_room(place, total)
     run_watched(
-        [sys.executable, "-c", SCRIPT, source.repo, source.file, source.revision, str(place)],
+        ["-c", SCRIPT, source.repo, source.file, source.revision, str(place.absolute())],
         environment=ENVIRONMENT,
         folder=place,
         report=lambda size: progress(min(size, total), total, source.label),

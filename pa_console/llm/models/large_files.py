@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from pa_console.child_processes import OWN_FOLDER, python_command
 from pa_console.llm.errors import PullError
 from pa_console.llm.models.cache import CACHE_VARIABLE
 
@@ -53,7 +54,7 @@ def folder_size(folder: Path) -> int:
 
 
 def run_watched(
-    command: Sequence[str],
+    arguments: Sequence[str],
     *,
     environment: Mapping[str, str],
     folder: Path,
@@ -61,15 +62,17 @@ def run_watched(
     stall_s: float = STALL_S,
     most: int | None = None,
 ) -> None:
-    """Run `command`, calling `report` with the bytes under `folder` up to twenty times a second.
+    """Run this Python with `arguments`, with nothing of the working folder.
 
-    The child never outlives the call: it is stopped on Ctrl-C, when `report` raises, when nothing
-    was written for `stall_s` seconds, and when there are more than `most` bytes. Raises PullError
-    with the child's last words.
+    `report` is called with the bytes under `folder` up to twenty times a second. The child never
+    outlives the call: it is stopped on Ctrl-C, when `report` raises, when nothing was written for
+    `stall_s` seconds, and when there are more than `most` bytes. Raises PullError with the child's
+    last words.
     """
     with tempfile.TemporaryFile() as output:
         child = subprocess.Popen(
-            command,
+            python_command(*arguments),
+            cwd=OWN_FOLDER,
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=subprocess.STDOUT,

@@ -9,7 +9,6 @@ is in another folder. A prepared file that does not fit the pin or the record is
 
 import errno
 import shutil
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -29,7 +28,7 @@ Quantisation = Literal["f16", "bf16", "q8_0", "q4_0"]
 Progress = Callable[[int, int, str], None]
 """Called with bytes done, bytes in all (estimated) and what is being done; may raise to stop."""
 
-COMMAND = (sys.executable, "-P", "-m", "pa_console.llm.models.gguf_conversion")
+COMMAND = ("-m", "pa_console.llm.models.gguf_conversion")
 LLAMA_CPP = "llama-cpp-python"
 PURPOSE = b"pa-console prepared weights\n"
 AS_STORED = "stored"
@@ -182,8 +181,8 @@ def _make(  # noqa: PLR0917
         run_watched(
             [
                 *COMMAND,
-                str(source),
-                str(partial),
+                str(source.absolute()),
+                str(partial.absolute()),
                 how.quantisation or AS_STORED,
                 str(how.vocabulary or 0),
             ],

@@ -14,6 +14,7 @@ import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from pa_console.child_processes import OWN_FOLDER, python_command
 from pa_console.llm.worker import seccomp
 from pa_console.schema.base import StrictModel
 
@@ -142,7 +143,8 @@ def try_out() -> tuple[Restriction, ...]:
     """
     try:
         ended = subprocess.run(
-            (sys.executable, "-P", "-m", "pa_console.llm.worker.confinement"),
+            python_command("-m", "pa_console.llm.worker.confinement"),
+            cwd=OWN_FOLDER,
             capture_output=True,
             stdin=subprocess.DEVNULL,
             env=clean_environment(os.environ),
@@ -163,7 +165,7 @@ def _try() -> _Trial:
         return _Trial(restrictions=restrictions, done=())
     attempts: dict[str, Callable[[], object]] = {
         "a socket": socket.socket,
-        "another program": lambda: subprocess.run((sys.executable, "-V"), check=False),
+        "another program": lambda: subprocess.run("true", cwd=OWN_FOLDER, check=False),
         "a file to write": lambda: open(os.devnull, "wb").close(),
         "memory without bounds": lambda: bytearray(2 * WORK_BYTES),
     }
