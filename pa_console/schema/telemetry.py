@@ -15,6 +15,8 @@ Task = Literal[
 ]  # fmt: skip
 Identity = Literal["unknown", "authorized", "unauthorized"]
 Intent = Literal["unknown", "benign", "hostile"]
+IdentityClaim = Literal["authorized", "unauthorized", "hostile"]
+"""What a source says of an identity; one that says hostile speaks against authorized."""
 TrackStatus = Literal["approaching", "stopped", "leaving", "inside"]
 Integrity = Literal["ok", "suspect"]
 Weather = Literal["clear", "rain", "fog"]
@@ -55,7 +57,8 @@ class Track(StrictModel):
     """A detected vehicle or person that is not ours, as the sensors' detections tell of it.
 
     `stamp_s` is when it was last detected. `intent` is hostile only once two independent sensors
-    have said so (ROE-01, ROE-10); `hostile_by` names those that have.
+    have said so (ROE-01, ROE-10); `hostile_by` names those that have. `identity` is unknown while
+    sources contradict each other, unless two or more of them outweigh the rest.
     """
 
     id: Name
@@ -79,6 +82,17 @@ class Track(StrictModel):
     hostile_by: tuple[Name, ...] = ()
     noncombatants: bool = Field(default=False, description="noncombatants are suspected (ROE-08)")
     defiant: bool = Field(default=False, description="it went on after it had been warned")
+    identity_claims: dict[Name, IdentityClaim] = Field(
+        default={},
+        exclude_if=lambda claims: not claims,
+        description="what each source says of its identity, while they contradict each other",
+    )
+
+    @property
+    def dispute(self) -> str:
+        """Return in words who says what of a disputed identity, empty while it is not disputed."""
+        said = ", ".join(f"{name} says {claim}" for name, claim in self.identity_claims.items())
+        return f"identity disputed: {said}" if said else ""
 
 
 class CameraReport(StrictModel):

@@ -5,6 +5,7 @@ import random
 from pa_console.schema.incident import Incident, WorkerFault
 from pa_console.schema.scenario import After, AssetIs, Scenario, TrackIs
 from pa_console.sim import incidents
+from pa_console.sim.sensing.evidence import identity_of
 from pa_console.sim.state.scene import Scene, ScriptState
 from pa_console.sim.worlds.terrain import Terrain
 
@@ -117,7 +118,7 @@ def _track_is(scene: Scene, when: TrackIs) -> bool:
             return track is not None and (
                 when.state == "detected"
                 or (when.state == "observed" and track.observed)
-                or (when.state == "identified" and track.identity != "unknown")
+                or (when.state == "identified" and identity_of(track) != "unknown")
             )
         case "warned":
             return contact.warned_tick is not None

@@ -8,6 +8,9 @@ from pa_console.schema.base import Point
 from pa_console.schema.incident import SpawnTrack
 from pa_console.schema.world import AssetKind, World
 from pa_console.sim.contacts import contacts
+from pa_console.sim.picture import telemetry
+from pa_console.sim.picture.picture import marks_of
+from pa_console.sim.state.link_state import Heard
 from pa_console.sim.state.scene import AssetState, Scene
 from pa_console.sim.state.sensing_state import ContactState
 from pa_console.sim.worlds.terrain import Terrain
@@ -72,6 +75,15 @@ def scene_at(*assets: tuple[str, AssetKind, Point], seed: int = 0) -> Scene:
     for index, (name, kind, at) in enumerate(assets):
         scene.assets[name] = AssetState(name, kind, index, *at, 0.0, 100.0, None, at)
     return scene
+
+
+def reports_from(terrain: Terrain, scene: Scene, name: str, at: Point) -> None:
+    """Let the station have heard now that an asset is at `at`; of a camera it knows the place."""
+    spec = terrain.world.assets.get(name)
+    if spec is not None:
+        asset = AssetState(name, spec.kind, 0, *at, 0.0, 100.0, None, at)
+        said = telemetry.report_of(terrain, scene.tick, asset)
+        scene.station.heard[name] = Heard(said, scene.tick, marks_of("ok"))
 
 
 def stand(terrain: Terrain, scene: Scene, at: Point, **truth: Any) -> ContactState:

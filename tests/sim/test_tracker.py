@@ -18,7 +18,7 @@ from pa_console.sim.sensing.tracker import DROP_S
 from pa_console.sim.state.scene import Scene
 from pa_console.sim.state.sensing_state import ContactState, Detection
 from pa_console.sim.worlds.terrain import Terrain
-from tests.sim.lookout import lookout, scene_at, stand
+from tests.sim.lookout import lookout, reports_from, scene_at, stand
 
 WAITS: Point = (0.0, 9.0)
 GATE: Point = (0.0, -6.0)
@@ -37,7 +37,8 @@ def scene() -> Scene:
 def tell(
     terrain: Terrain, scene: Scene, sensor: str, at: Point | None = WAITS, **what: object
 ) -> Track:
-    """Let a sensor report a contact now; return the only track."""
+    """Let a sensor that stands at the gate report a contact now; return the only track."""
+    reports_from(terrain, scene, sensor, GATE)
     told = {"contact": "X", "kind": "vehicle", "position": at, "sigma_m": 0.5} | what
     sensing.receive(terrain, scene, sensor, scene.tick, (Detection(**told),))  # pyright: ignore[reportArgumentType]
     return only(terrain, scene)
@@ -55,6 +56,8 @@ def watch(terrain: Terrain, scene: Scene, seconds: float) -> None:
         scene.tick += 1
         sensing.advance(terrain, scene, terrain.world.dt_s)
         if scene.tick % period == 0:
+            for name, asset in scene.assets.items():
+                reports_from(terrain, scene, name, asset.position)
             for sensor, detections in sensing.scan(terrain, scene).items():
                 sensing.receive(terrain, scene, sensor, scene.tick, detections)
             sensing.tracks_known(terrain, scene)
@@ -192,7 +195,7 @@ def test_a_hostile_contact_takes_two_sensors(terrain: Terrain, scene: Scene) -> 
 )
 @settings(max_examples=100, deadline=None)
 def test_hostile_implies_two_independent_sensors(told: list[tuple[str, Intent, str]]) -> None:
-    terrain, scene = Terrain(lookout()), scene_at()
+    terrain, scene = Terrain(lookout(cameras={"Cam": {}})), scene_at()
     said: dict[str, Intent] = {}
     for sensor, opinion, identity in told:
         track = tell(terrain, scene, sensor, opinion=opinion, identity=identity)
@@ -253,7 +256,21 @@ def test_identify_alone_does_not_confirm_hostility(terrain: Terrain) -> None:
     assert (track.identity, track.intent, track.hostile_by) == ("unauthorized", "unknown", ("Fox",))
 
 
-def test_what_a_robot_found_out_is_told_until_it_arrives(terrain: Terrain) -> None:
+def test_what_a_robot_has_just_identified_stays_in_its_proximity_sensors() -> None:
+    """In fog the robot does not see the contact any more, and its report still counts."""
+    terrain = Terrain(lookout(sensor={"detection_probability": 0.0}))
+    scene = scene_at(("Fox", "robot", GATE))
+    stand(terrain, scene, WAITS, identity="authorized")
+    scene.assets["Fox"].post = "Gate"
+    tell(terrain, scene, "Eagle", contact=next(iter(scene.contacts)))
+    deal(terrain, scene, "identify")
+    watch(terrain, scene, 0.5)
+    assert only(terrain, scene).identity == "authorized"
+
+
+def test_what_a_robot_found_out_is_in_every_report_of_it_and_counts_from_where_it_saw_it(
+    terrain: Terrain,
+) -> None:
     scene = scene_at(("Fox", "robot", GATE))
     contact = stand(terrain, scene, WAITS, identity="authorized")
     watch(terrain, scene, 1.0)
@@ -262,6 +279,12 @@ def test_what_a_robot_found_out_is_told_until_it_arrives(terrain: Terrain) -> No
     [told] = sensing.scan(terrain, scene)["Fox"]
     assert (told.contact, told.position, told.identity) == (contact.id, None, "authorized")
     sensing.receive(terrain, scene, "Fox", scene.tick, (told,))
+    assert only(terrain, scene).identity == "unknown"
+    scene.assets["Fox"].x = GATE[0]
+    watch(terrain, scene, 0.5)
+    assert only(terrain, scene).identity == "authorized"
+    scene.assets["Fox"].x = 500.0
+    watch(terrain, scene, 5.0)
     assert only(terrain, scene).identity == "authorized"
 
 

@@ -6,8 +6,10 @@ that the station has given.
 """
 
 import math
+from dataclasses import replace
 from typing import Literal
 
+from pa_console.sim.sensing.evidence import identity_of
 from pa_console.sim.sensing.tracker import name_of
 from pa_console.sim.state.scene import AssetState, Scene
 from pa_console.sim.state.sensing_state import ContactState, Finding
@@ -62,9 +64,9 @@ def _note(scene: Scene, asset: AssetState, contact: ContactState, verb: str) -> 
     findings, key = scene.sensing.findings, (asset.id, contact.id)
     before = findings.get(key, Finding())
     if verb == "identify":
-        findings[key] = Finding(contact.identity, contact.intent, before.warned_tick)
+        findings[key] = Finding(contact.identity, contact.intent, before.warned_tick, scene.tick)
     else:
-        findings[key] = Finding(before.identity, before.opinion, contact.warned_tick)
+        findings[key] = replace(before, warned_tick=contact.warned_tick)
 
 
 def _choose(scene: Scene, asset: AssetState, verb: str, gate: str) -> ContactState | None:
@@ -76,7 +78,7 @@ def _choose(scene: Scene, asset: AssetState, verb: str, gate: str) -> ContactSta
 
     def rank(contact: ContactState) -> tuple[bool, float, str]:
         file = scene.sensing.files.get(contact.id)
-        identified = file is not None and file.identity != "unknown"
+        identified = file is not None and identity_of(file) != "unknown"
         done = identified if verb == "identify" else contact.warned_tick is not None
         return done, math.dist(contact.position, asset.position), contact.id
 

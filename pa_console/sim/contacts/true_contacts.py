@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 from pa_console.schema.base import Point
 from pa_console.schema.telemetry import Identity, Intent, TrackStatus
+from pa_console.sim.sensing.evidence import intent_of
 from pa_console.sim.sensing.sensors import WEATHER
-from pa_console.sim.sensing.tracker import intent_of
 from pa_console.sim.state.scene import AssetState, Scene
 from pa_console.sim.state.sensing_state import ContactKind, ContactState
 from pa_console.sim.worlds.terrain import Terrain

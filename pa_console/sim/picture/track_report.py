@@ -3,7 +3,7 @@
 import math
 
 from pa_console.schema.telemetry import Track
-from pa_console.sim.sensing import tracker
+from pa_console.sim.sensing import evidence
 from pa_console.sim.sensing.tracker import gap_to_gate
 from pa_console.sim.state.scene import Scene
 from pa_console.sim.state.sensing_state import ContactState, TrackFile
@@ -17,7 +17,7 @@ def known_track(terrain: Terrain, scene: Scene, file: TrackFile) -> Track:
     """Return a track as its file tells; `position` is where it was when last detected."""
     world = terrain.world
     recent = scene.tick - round(SEEN_PERIODS * world.telemetry_period_s / world.dt_s)
-    seen_by = tuple(sorted(sensor for sensor, tick in file.seen if tick >= recent))
+    seen_by = tuple(sorted(one.sensor for one in file.seen if one.tick >= recent))
     age_s = terrain.seconds(scene.tick - file.tick)
     speed = 0.0 if file.status == "stopped" else math.hypot(file.vx, file.vy)
     return Track(
@@ -28,8 +28,8 @@ def known_track(terrain: Terrain, scene: Scene, file: TrackFile) -> Track:
         heading_deg=round(math.degrees(file.heading), 1),
         speed_mps=round(speed, 3),
         distance_m=round(gap_to_gate(terrain, file), 3),
-        identity=file.identity,
-        intent=tracker.intent_of(file),
+        identity=evidence.identity_of(file),
+        intent=evidence.intent_of(file),
         status=file.status,
         observed_by=tuple(s for s in seen_by if s in world.assets and _flies(terrain, s)),
         observed=file.observed,
@@ -39,9 +39,10 @@ def known_track(terrain: Terrain, scene: Scene, file: TrackFile) -> Track:
         stale=age_s > world.stale_s,
         uncertainty_m=round(file.sigma_m + speed * age_s, 3),
         seen_by=seen_by,
-        hostile_by=tracker.hostile_by(file),
-        noncombatants=file.noncombatants,
+        hostile_by=evidence.hostile_by(file),
+        noncombatants=evidence.suspects_noncombatants(terrain, file),
         defiant=file.defiant,
+        identity_claims=evidence.disputed_claims(file),
     )
 
 
@@ -74,6 +75,7 @@ def true_track(terrain: Terrain, scene: Scene, contact: ContactState) -> Track:
         hostile_by=known.hostile_by if known else (),
         noncombatants=contact.noncombatants,
         defiant=_defies(contact),
+        identity_claims=known.identity_claims if known else {},
     )
 
 

@@ -4,10 +4,11 @@ import math
 
 import shapely
 
-from pa_console.schema.telemetry import Intent, Picture, Track
+from pa_console.schema.telemetry import Picture, Track
 from pa_console.sim.contacts.contacts import way_in
+from pa_console.sim.sensing.evidence import weight_of
 from pa_console.sim.state.scene import Scene
-from pa_console.sim.state.sensing_state import ContactState, TrackFile
+from pa_console.sim.state.sensing_state import ContactState, Sighting, Statement, TrackFile
 from pa_console.sim.worlds.terrain import Terrain
 
 USUAL_MPS = 5.0
@@ -65,7 +66,6 @@ def _file(terrain: Terrain, track: Track) -> TrackFile:
     """Return the station's file on a track as far as the picture shows it."""
     dt_s = terrain.world.dt_s
     heading = math.radians(track.heading_deg)
-    opinions: list[tuple[str, Intent]] = [(sensor, "hostile") for sensor in track.hostile_by]
     stamp = round(track.stamp_s / dt_s)
     return TrackFile(
         id=track.id,
@@ -84,12 +84,15 @@ def _file(terrain: Terrain, track: Track) -> TrackFile:
         status=track.status,
         leaning=track.status,
         leaning_tick=stamp,
-        identity=track.identity,
+        identified=track.identity,
         confirmed=track.intent,
-        opinions=tuple(opinions),
-        seen=tuple((sensor, stamp) for sensor in track.seen_by),
+        suspected=track.noncombatants,
+        statements=tuple(
+            Statement(name, weight_of(terrain, name), opinion="hostile", opinion_tick=stamp)
+            for name in sorted(track.hostile_by)
+        ),
+        seen=tuple(Sighting(sensor, stamp, track.position) for sensor in track.seen_by),
         observed=track.observed,
-        noncombatants=track.noncombatants,
         warned_tick=0 if track.warned else None,
         defiant=track.defiant,
     )

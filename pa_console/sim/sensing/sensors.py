@@ -17,6 +17,8 @@ CLOSE_STANDOFFS = 2.5
 """Within this many standoffs a sensor can tell what a contact is up to, and whom it carries."""
 WATCH_S = 10.0
 """So long a sensor has to watch a contact at close range before it has an opinion of its intent."""
+REPORTING_S = 5.0
+"""So long a robot keeps its proximity sensors on a contact that it has just identified."""
 AT_FULL_RANGE = 0.5
 """Part of the detection probability that is left at the end of the range."""
 WEATHER: dict[Weather, tuple[float, float]] = {
@@ -58,8 +60,9 @@ def scan(terrain: Terrain, scene: Scene) -> Found:
     """Return what every working sensor (asset or camera) detects now; those without are left out.
 
     A ground asset that identifies or warns has the contacts at its gate in its proximity sensors
-    for certain, walls and weather or not. What it has found out about a contact is part of each
-    of its reports, so that one that gets lost does no harm.
+    for certain, walls and weather or not, and one that it has identified for a while after. What it
+    has found out about a contact is part of each of its reports, so that one that gets lost does no
+    harm.
     """
     state = scene.sensing
     if not (state.contacts or state.phantoms):
@@ -71,11 +74,11 @@ def scan(terrain: Terrain, scene: Scene) -> Found:
         for hit in _hits(terrain, scene):
             told.add((hit.sensor, hit.contact.id))
             found.setdefault(hit.sensor, []).append(_detection(terrain, scene, hit))
-    for (sensor, contact_id), finding in state.findings.items():
+    for sensor, contact_id in state.findings:
         asset = scene.assets[sensor]
         if (sensor, contact_id) not in told and not asset.down:
             contact = state.contacts[contact_id]
-            found.setdefault(sensor, []).append(_recalled(contact, finding))
+            found.setdefault(sensor, []).append(_recalled(terrain, scene, sensor, contact))
     for phantom in state.phantoms:
         seen = _imagined(terrain, scene, phantom)
         if seen is not None:
@@ -183,16 +186,38 @@ def _detection(terrain: Terrain, scene: Scene, hit: _Hit) -> Detection:
     )
 
 
-def _recalled(contact: ContactState, finding: Finding) -> Detection:
+def _recalled(terrain: Terrain, scene: Scene, sensor: str, contact: ContactState) -> Detection:
+    """Repeat what a robot has found out about a contact that it does not detect now.
+
+    It still says where the contact is if it has just identified it and is at its gate.
+    """
+    finding = scene.sensing.findings[sensor, contact.id]
+    spec = terrain.world.platforms[scene.assets[sensor].kind]
+    sigma = 0.0 if scene.ideal else spec.position_noise_m
+    has_it = _still_has(terrain, scene, sensor, contact, finding)
+    at = _measured(terrain, scene, sensor, contact.position, sigma) if has_it else None
     return Detection(
         contact=contact.id,
         kind=contact.kind,
-        position=None,
-        sigma_m=0.0,
+        position=at,
+        sigma_m=0.0 if at is None else sigma,
         identity=finding.identity,
         opinion=finding.opinion,
         warned_tick=finding.warned_tick,
     )
+
+
+def _still_has(
+    terrain: Terrain, scene: Scene, sensor: str, contact: ContactState, finding: Finding
+) -> bool:
+    """Return whether a contact is still in the proximity sensors of a robot that identified it."""
+    asset, world = scene.assets[sensor], terrain.world
+    if finding.identified_tick is None or sensor in scene.sensing.broken:
+        return False
+    since_s = (scene.tick - finding.identified_tick) * world.dt_s
+    gap_m = math.dist(asset.position, contact.position)
+    near = asset.post == contact.gate and gap_m <= world.platforms[asset.kind].sensor_range_m
+    return near and since_s <= REPORTING_S
 
 
 def _measured(terrain: Terrain, scene: Scene, sensor: str, point: Point, sigma_m: float) -> Point:

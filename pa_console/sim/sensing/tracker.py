@@ -13,9 +13,10 @@ association is perfect; position, velocity and what follows from them are estima
 import math
 
 from pa_console.schema.base import Point
-from pa_console.schema.telemetry import Intent, TrackStatus
+from pa_console.schema.telemetry import TrackStatus
+from pa_console.sim.sensing import evidence
 from pa_console.sim.state.scene import Scene
-from pa_console.sim.state.sensing_state import Detection, TrackFile
+from pa_console.sim.state.sensing_state import Detection, Sighting, TrackFile
 from pa_console.sim.worlds.terrain import Terrain
 
 ACCELERATION_MPS2 = 1.0
@@ -174,8 +175,6 @@ def _watch_defiance(terrain: Terrain, file: TrackFile) -> None:
 
 DROP_S = 20.0
 """A track is dropped so long after its last detection."""
-TWO_SENSORS = 2
-"""So many independent sensors must agree before an intent is confirmed (ROE-01, ROE-10)."""
 
 
 def receive(
@@ -192,7 +191,8 @@ def receive(
         elif file is not None and detection.position is not None:
             measure(file, detection.position, detection.sigma_m, stamp, terrain.world.dt_s)
         if file is not None:
-            _learn(terrain, file, sensor, stamp, detection)
+            evidence.learn(terrain, scene, file, sensor, stamp, detection)
+            _note(terrain, file, sensor, stamp, detection)
 
 
 def review(terrain: Terrain, scene: Scene) -> None:
@@ -206,27 +206,6 @@ def review(terrain: Terrain, scene: Scene) -> None:
         elif file.tick > file.reviewed_tick:
             file.reviewed_tick = file.tick
             conclude(terrain, file)
-
-
-def intent_of(file: TrackFile) -> Intent:
-    """Return the intent that the sensors' opinions confirm.
-
-    Hostile takes two independent sensors; benign takes two as well, or the one that identified
-    the contact, and nobody who says hostile.
-    """
-    hostile = len(hostile_by(file))
-    if hostile >= TWO_SENSORS:
-        return "hostile"
-    benign = sum(opinion == "benign" for _, opinion in file.opinions)
-    needed = 1 if file.identity != "unknown" else TWO_SENSORS
-    if hostile:
-        return "unknown"
-    return "benign" if benign >= needed else file.confirmed
-
-
-def hostile_by(file: TrackFile) -> tuple[str, ...]:
-    """Return the sensors that hold the contact for hostile, sorted."""
-    return tuple(sorted(sensor for sensor, opinion in file.opinions if opinion == "hostile"))
 
 
 def name_of(scene: Scene, contact: str) -> str:
@@ -258,21 +237,14 @@ def _open(terrain: Terrain, scene: Scene, stamp: int, detection: Detection, at: 
     return file
 
 
-def _learn(
-    terrain: Terrain, file: TrackFile, sensor: str, stamp: int, detection: Detection
-) -> None:
-    """Keep what a detection tells beside the position."""
+def _note(terrain: Terrain, file: TrackFile, sensor: str, stamp: int, detection: Detection) -> None:
+    """Keep when and where a sensor detected the contact, and that the contact has been warned."""
     if detection.position is not None:
-        latest = max(stamp, dict(file.seen).get(sensor, stamp))
-        others = tuple(entry for entry in file.seen if entry[0] != sensor)
-        file.seen = (*others, (sensor, latest))
+        latest = next((one for one in file.seen if one.sensor == sensor), None)
+        if latest is None or stamp >= latest.tick:
+            others = tuple(one for one in file.seen if one.sensor != sensor)
+            file.seen = (*others, Sighting(sensor, stamp, detection.position))
         asset = terrain.world.assets.get(sensor)
         file.observed = file.observed or (asset is not None and asset.kind == "uav")
-    if detection.identity != "unknown":
-        file.identity = detection.identity
-    if detection.opinion != "unknown":
-        others = tuple(entry for entry in file.opinions if entry[0] != sensor)
-        file.opinions = (*others, (sensor, detection.opinion))
-    file.noncombatants = file.noncombatants or detection.noncombatants
     if detection.warned_tick is not None and file.warned_tick is None:
         file.warned_tick = detection.warned_tick

@@ -2,7 +2,7 @@
 
 import copy
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from pa_console.schema.base import Point
 from pa_console.schema.incident import Reaction
@@ -77,11 +77,41 @@ class Detection:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What a ground robot has learned of a contact by dealing with it (`identify`, `warn`)."""
+    """What a ground robot has learned of a contact by dealing with it (`identify`, `warn`).
+
+    It has identified the contact at tick `identified_tick`.
+    """
 
     identity: Identity = "unknown"
     opinion: Intent = "unknown"
     warned_tick: int | None = None
+    identified_tick: int | None = None
+
+
+class Sighting(NamedTuple):
+    """A sensor's latest detection of a contact: when, and where it measured it."""
+
+    sensor: str
+    tick: int
+    at: Point
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """What one sensor says of one contact: of each property the latest, and its tick.
+
+    `weight` is how much its word counts. It last suspected noncombatants at `suspected_tick`, and
+    last had the contact close by without suspecting any at `clear_tick`; -1 is never.
+    """
+
+    sensor: str
+    weight: int
+    identity: Identity = "unknown"
+    identity_tick: int = -1
+    opinion: Intent = "unknown"
+    opinion_tick: int = -1
+    suspected_tick: int = -1
+    clear_tick: int = -1
 
 
 @dataclass(slots=True)
@@ -89,10 +119,11 @@ class TrackFile:
     """What the station has made of the detections of one contact.
 
     Position and velocity are estimates at `tick`; `variance`, `covariance` and `speed_variance`
-    are theirs on each axis. `confirmed` is an intent that was confirmed before the file began (in
-    the picture of a forecast). `opinions` and `seen` hold, per sensor, its latest opinion of the
-    intent and the tick of its latest detection. `anchor` is where it was when it had last moved
-    beyond doubt, and when that was.
+    are theirs on each axis. `identified`, `confirmed` and `suspected` are an identity, an intent
+    and a suspicion of noncombatants from before the file began (in the picture of a forecast).
+    `statements` hold what each sensor says, in the order of their names; `seen` holds each
+    sensor's latest detection. `anchor` is where it was when it had last moved beyond doubt,
+    and when that was.
     """
 
     id: str
@@ -115,12 +146,12 @@ class TrackFile:
     leaning_tick: int = 0
     anchor: Point | None = None
     anchor_tick: int = 0
-    identity: Identity = "unknown"
+    identified: Identity = "unknown"
     confirmed: Intent = "unknown"
-    opinions: tuple[tuple[str, Intent], ...] = ()
-    seen: tuple[tuple[str, int], ...] = ()
+    suspected: bool = False
+    statements: tuple[Statement, ...] = ()
+    seen: tuple[Sighting, ...] = ()
     observed: bool = False
-    noncombatants: bool = False
     warned_tick: int | None = None
     warned_at: Point | None = None
     warned_sigma_m: float = 0.0
