@@ -180,6 +180,8 @@ def track_words(track: Track, now_s: float) -> str:
     """Return the facts about a track in words, with their sources and age."""
     words = [f"{AFFILIATIONS[affiliation(track)]} {track.kind}", f"{track.status}, {track.gate}"]
     words.append(f"identity {track.identity}")
+    if track.dispute:
+        words.append(track.dispute)
     if track.intent != "unknown":
         by = f" by {', '.join(track.hostile_by)}" if track.hostile_by else ""
         words.append(f"intent {track.intent}{by}")

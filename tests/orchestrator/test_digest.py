@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from pa_console.llm.roles.prompts import planner_prompt
 from pa_console.orchestrator.planning.digest import digest_picture
+from pa_console.orders.digest_facts import tracks_of_digest
 from pa_console.resources import find_data
 from pa_console.schema.telemetry import GateCover
 from pa_console.sim.worlds.world_file import load_world
@@ -43,6 +44,15 @@ def test_a_track_is_told_with_what_is_known_of_it() -> None:
         "V1: vehicle stopped at EastGate, 40 m, unauthorized, intent unknown, observed, not warned",
         "V2: vehicle approaches WestGate, 80 m, not identified, not observed, not warned",
     )
+
+
+def test_a_disputed_identity_is_told_as_such() -> None:
+    claims = {"Robot_T01": "authorized", "Cam_West": "hostile"}
+    seen = track("V1", "EastGate", identity_claims=claims, hostile_by=("Cam_West",))
+    [line] = digest_picture(picture(tracks=(seen,)), WORLD).tracks
+    assert "not identified, identity disputed, not observed" in line
+    [read] = tracks_of_digest((line,))
+    assert (read.identity, read.known) == ("", "not identified")
 
 
 assets = st.lists(

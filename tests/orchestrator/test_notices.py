@@ -129,3 +129,15 @@ def test_flicker_twice_a_second_is_hardly_told(states: list[tuple[bool, bool, bo
     by_subject = [notice.subject for notice in notices]
     assert by_subject.count("V1") <= 1
     assert by_subject.count("Drone_T01") <= 1 + len(states) // 5
+
+
+def test_a_dispute_about_an_identity_is_told_with_who_says_what() -> None:
+    claims = {"Cam_West": "unauthorized", "Robot_T01": "authorized"}
+    before = home()
+    seen = picture(*HOME, tracks=(track("V1", "WestGate"),))
+    disputed = picture(*HOME, tracks=(track("V1", "WestGate", identity_claims=claims),))
+    lines = told(Noticer(before), [*later(seen, 2), *later(disputed, 5)])
+    said = "identity disputed: Cam_West says unauthorized, Robot_T01 says authorized"
+    assert [text for _, text in lines if "disputed" in text] == [
+        f"{said}; have another robot identify it"
+    ]

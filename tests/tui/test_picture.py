@@ -11,7 +11,8 @@ from pa_console.schema.telemetry import CameraReport, GateCover
 from pa_console.tui.actions.whatif import what_ifs
 from pa_console.tui.map.canvas import Canvas
 from pa_console.tui.map.scene import ROLES, MapScene
-from pa_console.tui.widgets.assets import AssetPane, AssetTable
+from pa_console.tui.report_condition import Reliance
+from pa_console.tui.widgets.assets import NOTES, AssetPane, AssetTable, track_cells, track_words
 from pa_console.tui.widgets.bars import StatusBar
 from pa_console.tui.widgets.map_view import LEGEND, MapView
 from tests.tui import crowd, living
@@ -51,6 +52,16 @@ def test_a_gate_of_unknown_cover_is_neither_covered_nor_uncovered() -> None:
     assert sign(unsure) == "gate-unknown"
     assert sign(GateCover(covered=False)) == "gate-uncovered"
     assert sign(GateCover(covered=True)) == "gate-covered"
+
+
+def test_a_disputed_identity_says_who_says_what() -> None:
+    claims = {"Robot_T01": "authorized", "Cam_West": "hostile"}
+    seen = track("Track_07", identity_claims=claims, hostile_by=("Cam_West",))
+    site = picture().model_copy(update={"tracks": {seen.id: seen}})
+    look = Reliance(site, WORLD.stale_s)
+    cells = track_cells(seen, look)
+    assert "DISPUTED: R1 authorized, C1 hostile" in cells[NOTES][0]
+    assert "disputed" in track_words(seen, look)
 
 
 def test_an_uncertain_position_is_written_as_such() -> None:

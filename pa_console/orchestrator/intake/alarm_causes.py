@@ -79,6 +79,7 @@ def _track(track: Track) -> Cause | None:
     known = "" if track.identity == "unknown" else f"{track.identity} "
     where = TRACK_PLACES[track.status].format(gate=track.gate)
     care = ". Noncombatants are suspected: only observe and report" if track.noncombatants else ""
+    disputed = ", identity disputed" if track.dispute else ""
     topic, settle_s = "threat", 0.0
     if track.intent == "hostile":
         kind, priority, what = "hostile_track", "emergency", f"hostile {track.kind}"
@@ -101,7 +102,7 @@ def _track(track: Track) -> Cause | None:
         what, order = f"An unknown {track.kind} {where}", "."
     return Cause(
         topic, kind, priority, track.id, track.gate,
-        text=f"{track.id}: {what[0].lower()}{what[1:]}, {track.distance_m:.0f} m",
+        text=f"{track.id}: {what[0].lower()}{what[1:]}, {track.distance_m:.0f} m{disputed}",
         command=f"{what}{care}." if order and care else f"{what}{order}" if order else "",
         distance_m=track.distance_m, settle_s=settle_s, linger_s=5.0,
     )  # fmt: skip

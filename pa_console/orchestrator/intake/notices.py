@@ -144,6 +144,8 @@ def _track(picture: Picture, track: Track) -> Iterator[_Fact]:
     yield _Fact(name, "observed", track.observed, False, "info", seen)
     text = f"identified as {track.identity}" if track.identity != "unknown" else "identity unknown"
     yield _Fact(name, "identity", track.identity, track.identity, "warning", text)
+    said = f"{track.dispute}; have another robot identify it" if track.dispute else ""
+    yield _Fact(name, "dispute", track.dispute, "", "warning", said)
     hostile = track.intent == "hostile"
     by = f", {' and '.join(track.hostile_by)} say so" if hostile and track.hostile_by else ""
     level: Level = "alarm" if hostile else "info"

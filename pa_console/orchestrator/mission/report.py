@@ -157,7 +157,8 @@ def _open(picture: Picture, alarms: Sequence[Alarm]) -> Iterator[str]:
     for track in tracks[:MOST_NAMED]:
         age = f", last seen {picture.time_s - track.stamp_s:.0f} s ago" if track.stale else ""
         known = f"identity {track.identity}, intent {track.intent}"
-        yield f"Open track: {track.id} at {track.gate}, {known}{age}"
+        dispute = f", {track.dispute}" if track.dispute else ""
+        yield f"Open track: {track.id} at {track.gate}, {known}{dispute}{age}"
     if len(tracks) > MOST_NAMED:
         yield f"Open tracks beside these: {len(tracks) - MOST_NAMED}"
     if alarms:

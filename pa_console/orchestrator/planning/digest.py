@@ -83,6 +83,8 @@ def _track(picture: Picture, track: Track) -> str:
         facts.append(f"{identity}, intent {track.intent}")
     else:
         facts.append("not identified")
+    if track.dispute:
+        facts.append("identity disputed")
     facts.append("observed" if track.observed else "not observed")
     facts.append("warned" if track.warned else "not warned")
     if track.defiant:

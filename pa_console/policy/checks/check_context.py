@@ -14,9 +14,10 @@ after     the picture when the rehearsed plan had ended, likewise.
 timeline  what happened in between: {duration_s, gates, tracks, assets}, each by name.
 tracks    list of before.tracks, each {id, kind, gate, position, speed_mps, distance_m, identity,
           intent, status, observed_by, observed, warned, defiant, noncombatants, seen_by,
-          hostile_by, stamp_s, first_seen_s, age_s, stale, uncertainty_m, met, attended_by}. `age_s`
-          is the time since its last detection; `intent` is hostile only when two sensors,
-          `hostile_by`, have said so; `met` tells whether an action meets it; `attended_by` are the
+          hostile_by, identity_claims, stamp_s, first_seen_s, age_s, stale, uncertainty_m, met,
+          attended_by}. `age_s` is the time since its last detection; `intent` is hostile only when
+          two sensors, `hostile_by`, have said so; `identity_claims` maps sources to what they say
+          of a disputed identity; `met` tells whether an action meets it; `attended_by` are the
           available assets that identify, warn or block at its gate already, and stay.
 assets    list of before.assets, each {id, kind, at, post, position, speed_mps, status, task,
           battery_pct, low_battery, comms, available, stale, integrity, stamp_s, goes_to}: `goes_to`

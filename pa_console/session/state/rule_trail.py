@@ -75,6 +75,7 @@ def _track(track: Track, now_s: float) -> str:
     parts = [
         f"{track.status} at {track.gate}",
         f"identity {track.identity}",
+        *([track.dispute] if track.dispute else []),
         f"intent {track.intent}",
         "observed" if track.observed else "not observed",
         "warned" if track.warned else "not warned",

@@ -1,8 +1,8 @@
-"""Evidence about a contact: what each sensor says of it, and what the station concludes from that.
+"""Evidence about a contact: the statements of all sensors, and the station's conclusions from them.
 
-A statement counts only if the sensor had the contact in reach when it made it, by what the station
-knows of both. A sensor has one say: its latest statement replaces its earlier one. Sources are
-weighted by kind, and those that contradict each other leave an identity unknown, unless several
+A statement counts only if its sensor had the contact in reach, as far as the station knows both
+places. A sensor has one vote: its latest statement replaces its earlier one. Votes are weighted by
+the kind of sensor. Sensors that contradict each other leave an identity unknown, unless several
 agree against one.
 """
 
@@ -22,33 +22,32 @@ from pa_console.sim.worlds.terrain import Terrain
 ROBOT_WEIGHT, OTHER_WEIGHT = 2, 1
 """A ground robot has dealt with the contact (`identify`); other sensors have only looked at it."""
 NEEDED_WEIGHT = 2
-"""Identity takes so much weight: one ground robot, or two other sensors."""
+"""Least weight of an identity: one ground robot, or two other sensors."""
 TWO_SENSORS = 2
-"""So many independent sensors must agree before an intent is confirmed (ROE-01, ROE-10)."""
+"""Least number of independent sensors that confirm an intent (ROE-01, ROE-10)."""
 OUTWEIGHS = 2
-"""Sensors that are contradicted prevail if they are two or more, with so many times the weight."""
+"""Least ratio of weights at which two or more sensors prevail over those that contradict them."""
 WITHDRAWN_S = 10.0
-"""A sensor no longer suspects noncombatants if it still does not so long after it last did."""
+"""A sensor withdraws a suspicion by seeing no noncombatants so long after it last did, seconds."""
 FORGOTTEN_S = 60.0
-"""So long after a suspicion was last stated, another sensor that sees none may end it."""
+"""Another sensor ends a suspicion that was last stated so long ago, seconds."""
 _CONTRARY: Mapping[Identity, tuple[IdentityClaim, ...]] = {
     "authorized": ("unauthorized", "hostile"),
     "unauthorized": ("authorized",),
 }
 _POSITION_DOUBT_M = 5.0
-"""A reported position may be so far off before the station notices (`picture/integrity.py`)."""
+"""Largest error of a reported position that the station may miss (`picture/integrity.py`)."""
 _CONTACT_MPS = 20.0
-"""A contact may have gone so fast since another sensor detected it."""
+"""Fastest contact: how far one may have moved since another sensor detected it."""
 _SIGMAS = 3.0
 
 
-def learn(  # noqa: PLR0917 - which sensor says what of which contact, and when
+def learn(  # noqa: PLR0917 - a statement: its sensor, its contact and its time
     terrain: Terrain, scene: Scene, file: TrackFile, sensor: str, stamp: int, heard: Detection
 ) -> None:
-    """Keep what `sensor` says of a contact's identity, intent and noncombatants at tick `stamp`.
+    """Keep the statement of `sensor` at tick `stamp` about identity, intent and noncombatants.
 
-    A statement without a position, or about a place that the sensor cannot see from where it is,
-    counts for nothing.
+    A statement without a position, or about a place beyond the sensor's reach, is left out.
     """
     place = _place(terrain, scene, sensor, stamp)
     if place is None or heard.position is None:
@@ -88,7 +87,7 @@ def identity_of(file: TrackFile) -> Identity:
 
 
 def disputed_claims(file: TrackFile) -> dict[str, IdentityClaim]:
-    """Return what each source says of the identity if they contradict each other, else nothing."""
+    """Return the identity claims by sensor if they contradict each other, else none."""
     claims = _claims(file)
     return dict(sorted(claims.items())) if len(set(claims.values())) > 1 else {}
 
@@ -97,7 +96,7 @@ def intent_of(file: TrackFile) -> Intent:
     """Return the intent that the sensors' opinions confirm.
 
     Hostile takes two independent sensors. Benign takes two as well, or the only one that identified
-    the contact, and no sensor that says hostile.
+    the contact, and no hostile opinion.
     """
     hostile = len(hostile_by(file))
     if hostile >= TWO_SENSORS:
@@ -115,15 +114,15 @@ def intent_of(file: TrackFile) -> Intent:
 
 
 def hostile_by(file: TrackFile) -> tuple[str, ...]:
-    """Return the sensors that hold the contact for hostile, sorted."""
+    """Return the sensors with a hostile opinion of the contact, sorted."""
     return tuple(one.sensor for one in file.statements if one.opinion == "hostile")
 
 
 def suspects_noncombatants(terrain: Terrain, file: TrackFile) -> bool:
     """Return whether noncombatants are suspected (ROE-08).
 
-    A suspicion ends when its sensor has them close by for a while without it, or when another one
-    has, long after it was last stated.
+    A suspicion ends once its sensor has had the contact close by for a while without seeing any, or
+    another sensor has, long after the suspicion was last stated.
     """
     if file.suspected:
         return True
@@ -139,16 +138,16 @@ def suspects_noncombatants(terrain: Terrain, file: TrackFile) -> bool:
 
 
 def weight_of(terrain: Terrain, sensor: str) -> int:
-    """Return how much the word of `sensor` counts, by its kind."""
+    """Return the weight of a sensor's statements, by its kind."""
     asset = terrain.world.assets.get(sensor)
     return ROBOT_WEIGHT if asset is not None and asset.kind == "robot" else OTHER_WEIGHT
 
 
 def _claims(file: TrackFile) -> Mapping[str, IdentityClaim]:
-    """Return what each sensor says of the identity.
+    """Return the identity claim of each sensor.
 
-    One that holds the contact for hostile and has not identified it speaks against a contact that
-    others say is authorized; it takes no side as long as none of them does.
+    A hostile opinion of a sensor that has not identified the contact is a claim against
+    `authorized`, once another sensor claims that.
     """
     claims: dict[str, IdentityClaim] = {}
     for one in file.statements:
@@ -161,13 +160,13 @@ def _claims(file: TrackFile) -> Mapping[str, IdentityClaim]:
 
 
 def _statement(terrain: Terrain, file: TrackFile, sensor: str) -> Statement:
-    """Return what a sensor has said so far, or that it has said nothing."""
+    """Return the statement of a sensor so far, an empty one at first."""
     said = next((one for one in file.statements if one.sensor == sensor), None)
     return said or Statement(sensor, weight_of(terrain, sensor))
 
 
 class _Place(NamedTuple):
-    """Where a sensor is, how far it may see from there, and how near it surely sees well."""
+    """Place of a sensor, the farthest it may see from there, and how near it surely sees well."""
 
     at: Point
     reach_m: float
@@ -175,9 +174,9 @@ class _Place(NamedTuple):
 
 
 def _place(terrain: Terrain, scene: Scene, sensor: str, stamp: int) -> _Place | None:
-    """Return where a sensor was at tick `stamp`, as the station knows it; a camera never moves.
+    """Return the known place of a sensor at tick `stamp`; a camera never moves.
 
-    None of an asset that had not reported its position lately.
+    It is None for an asset whose latest report is too old.
     """
     world = terrain.world
     camera, asset = world.cameras.get(sensor), world.assets.get(sensor)
@@ -199,13 +198,13 @@ def _seeing(world: World, spec: Sensing, at: Point, moved_m: float) -> _Place:
     return _Place(at, reach_m, CLOSE_STANDOFFS * world.standoff_m - noise_m - moved_m)
 
 
-def _is_elsewhere(  # noqa: PLR0917 - who says what of which contact, from where and when
+def _is_elsewhere(  # noqa: PLR0917 - a claim: its sensor, its contact, its place and its time
     terrain: Terrain, file: TrackFile, sensor: str, stamp: int, place: _Place, identity: Identity
 ) -> bool:
-    """Return whether other sensors have the contact where `sensor`, which is at `place`, sees none.
+    """Return whether other sensors detect the contact beyond the reach of `sensor` at `place`.
 
-    If as many have it there as not, what would make a contact harmless does not count, and what
-    would not does: one sensor that lies about places silences none that says unauthorized.
+    A tie is decided for safety: it rules out a claim of `authorized` and lets one of `unauthorized`
+    stand, so that one sensor with false positions silences no warning.
     """
     dt_s, here = terrain.world.dt_s, 0 if identity == "authorized" else 1
     there = 0

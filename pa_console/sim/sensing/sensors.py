@@ -18,7 +18,7 @@ CLOSE_STANDOFFS = 2.5
 WATCH_S = 10.0
 """So long a sensor has to watch a contact at close range before it has an opinion of its intent."""
 REPORTING_S = 5.0
-"""So long a robot keeps its proximity sensors on a contact that it has just identified."""
+"""Time for which a robot keeps its proximity sensors on a contact after identifying it."""
 AT_FULL_RANGE = 0.5
 """Part of the detection probability that is left at the end of the range."""
 WEATHER: dict[Weather, tuple[float, float]] = {

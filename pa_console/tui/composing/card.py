@@ -89,6 +89,7 @@ def track_lines(track: Track) -> list[str]:
     """Return what the sensors say of a track."""
     return [
         f"{track.identity} {track.kind}, intent {track.intent}",
+        *([track.dispute] if track.dispute else []),
         f"{track.distance_m:.0f} m from {track.gate}, {track.status}",
     ]
 

@@ -124,11 +124,14 @@ def track_cells(track: Track, look: Reliance) -> Cells:
 
 
 def _track_notes(track: Track, look: Reliance) -> tuple[str, str]:
-    """Return who says that it is hostile, what it does, and how sure its position is."""
-    urgent = track.intent == "hostile" or track.defiant
+    """Return who disputes its identity or calls it hostile, what it does, and how sure that is."""
+    urgent = track.intent == "hostile" or track.defiant or bool(track.dispute)
     parts: list[str] = []
     if look.lost(track):
         parts.append("not seen now")
+    if track.dispute:
+        claims = zip(_short([*track.identity_claims]), track.identity_claims.values(), strict=True)
+        parts.append(f"DISPUTED: {few([f'{name} {claim}' for name, claim in claims])}")
     if track.hostile_by:
         parts.append(f"by {few(_short(track.hostile_by))}")
     if track.defiant:
@@ -189,9 +192,10 @@ def track_words(track: Track, look: Reliance) -> str:
     problem = "problem" if track_rank(track)[0] < 4 else "fine"
     seen = "stale" if look.lost(track) else ""
     warned = "warned" if track.warned else ""
+    disputed = "disputed" if track.dispute else ""
     return " ".join(
         (track.id, "track", track.kind, track.gate, track.identity, track.intent, track.status,
-         seen, warned, problem)
+         disputed, seen, warned, problem)
     ).lower()  # fmt: skip
 
 
