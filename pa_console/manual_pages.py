@@ -1,4 +1,4 @@
-"""The pages of the manual, which come with the package as Markdown, and a search over them."""
+"""The pages of the manual, Markdown files of the package, and a search over them."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -12,15 +12,15 @@ from markdown_it.token import Token
 from rapidfuzz import process
 
 FIRST = "index"
-"""The page that begins the manual; the order of its links is the order of the pages."""
+"""The first page of the manual; its links give the order of the others."""
 AROUND = 70
-"""Characters of a section that are shown where words were found in it."""
+"""Characters of a section that are shown with a hit."""
 ALIKE = 60
-"""How alike a name has to be, of 100, to be offered for one that is not there."""
+"""The least similarity, of 100, of a name that is offered for an unknown one."""
 
 
 @dataclass(frozen=True)
-class Section:
+class ManualSection:
     """A part of a page: its heading, and its text without marks."""
 
     heading: str
@@ -29,12 +29,12 @@ class Section:
 
 @dataclass(frozen=True)
 class Page:
-    """A page by its file's name; its sections begin with its title, one for each heading."""
+    """A page with the name of its file, and a section for each heading, its title first."""
 
     name: str
     summary: str
     text: str
-    sections: tuple[Section, ...]
+    sections: tuple[ManualSection, ...]
 
     @property
     def title(self) -> str:
@@ -42,14 +42,14 @@ class Page:
         return self.sections[0].heading
 
     def heading_of(self, anchor: str) -> int:
-        """Return the number of the heading that a link's `anchor` means, 0 for none of them."""
+        """Return the number of the heading of a link's `anchor`, 0 for an unknown one."""
         anchors = [_anchor(section.heading) for section in self.sections]
         return anchors.index(anchor) if anchor in anchors else 0
 
 
 @dataclass(frozen=True)
 class Found:
-    """A section that has all the words; `excerpt` is where the first of them stands in it."""
+    """A section that contains all the words; `excerpt` is the text around the first of them."""
 
     page: Page
     number: int
@@ -62,13 +62,13 @@ class Found:
 
 
 class Manual:
-    """All pages, in the order in which they are to be read."""
+    """All pages, in reading order."""
 
     def __init__(self, pages: Iterable[Page]) -> None:
         self.pages = tuple(pages)
 
     def find(self, topic: str) -> Page:
-        """Return the page called `topic`; raises ValueError that names what is like it."""
+        """Return the page called `topic`; raise ValueError that names similar pages."""
         pages = {page.name: page for page in self.pages}
         name = topic.lower().removesuffix(".md")
         if name in pages:
@@ -78,7 +78,7 @@ class Manual:
         raise ValueError(f"the manual has no page {topic!r}.{hint} Pages: {', '.join(pages)}")
 
     def search(self, words: str) -> list[Found]:
-        """Return the sections that have every word, in any case; nothing for no words.
+        """Return the sections that contain every word, in any case; empty without words.
 
         Sections with one of the words in their heading come first.
         """
@@ -96,7 +96,7 @@ class Manual:
 
 @cache
 def load_manual() -> Manual:
-    """Return the pages of the package: the first one, then as that one links to them, then all."""
+    """Return the pages of the package: the first one, those it links to in order, the others."""
     folder = files("pa_console") / "manual"
     texts = {
         part.name.removesuffix(".md"): part.read_text(encoding="utf-8")
@@ -108,7 +108,7 @@ def load_manual() -> Manual:
 
 
 def read_page(name: str, text: str) -> Page:
-    """Return the page that the Markdown `text` is; without a heading it is called by its name."""
+    """Return the page of the Markdown `text`; without a heading, its name is its title."""
     tokens = _parsed(text)
     starts = [
         number
@@ -116,10 +116,10 @@ def read_page(name: str, text: str) -> Page:
         if token.type == "heading_open" and token.level == 0
     ]
     sections = tuple(
-        Section(_plain(tokens[start + 1]), " ".join(_texts(tokens[start + 3 : end])))
+        ManualSection(_plain(tokens[start + 1]), " ".join(_texts(tokens[start + 3 : end])))
         for start, end in pairwise((*starts, len(tokens)))
     )
-    return Page(name, _summary(tokens), text, sections or (Section(name, text),))
+    return Page(name, _summary(tokens), text, sections or (ManualSection(name, text),))
 
 
 def _parsed(text: str) -> list[Token]:
@@ -127,7 +127,7 @@ def _parsed(text: str) -> list[Token]:
 
 
 def _anchor(heading: str) -> str:
-    """Return a heading as links write it: small letters, digits, and dashes for spaces."""
+    """Return a heading in the form of links: small letters, digits, and dashes for spaces."""
     return sub(r"\s+", "-", sub(r"[^\w\s-]", "", heading.lower()).strip())
 
 
@@ -141,7 +141,7 @@ def linked_pages(text: str) -> Iterator[str]:
 
 
 def _summary(tokens: list[Token]) -> str:
-    """Return the first sentence of the first paragraph that has words."""
+    """Return the first sentence of the first paragraph with words."""
     for before, token in pairwise(tokens):
         if before.type == "paragraph_open" and before.level == 0 and (text := _plain(token)):
             sentence = search(r"^.*?[.!?](?=\s+[^a-z\s]|$)", text)
@@ -158,7 +158,7 @@ def _texts(tokens: list[Token]) -> Iterator[str]:
 
 
 def _plain(inline: Token) -> str:
-    """Return the words of a piece of text without marks, links' addresses and pictures."""
+    """Return the words of a text without marks, links' addresses and pictures."""
     words = (
         part.content if part.type in {"text", "code_inline"} else " "
         for part in inline.children or ()
@@ -168,7 +168,7 @@ def _plain(inline: Token) -> str:
 
 
 def _excerpt(text: str, words: list[str]) -> str:
-    """Return what stands around the first of `words` that is in `text`."""
+    """Return the characters around the first of `words` that is in `text`."""
     lowered = text.lower()
     at = next((lowered.find(word) for word in words if word in lowered), 0)
     first = max(at - AROUND // 3, 0)

@@ -1,4 +1,4 @@
-"""Files that only their owner can use: mode 0600 in folders of 0700, never through a link."""
+"""Files that only their owner can use, mode 0600 in folders of 0700, and checks of folders."""
 
 import errno
 import os
@@ -29,7 +29,7 @@ def make_private_folder(folder: Path) -> None:
 
 
 def open_private(path: Path, flags: int) -> int:
-    """Open `path`, made with mode 0600 if `flags` say so, and return its number.
+    """Open `path`, with mode 0600 if `flags` create it, and return its descriptor.
 
     The rights of other users to a file of one's own are taken away. Raises OSError, and
     NotPrivateError for a link, for a file that is not a plain one, and for one of another owner.
@@ -89,6 +89,21 @@ def loose(folder: Path) -> int:
     except FileNotFoundError:
         return 0
     return mode if mode & 0o077 else 0
+
+
+def nearest_existing(path: Path) -> Path:
+    """Return `path`, or the nearest existing folder above it."""
+    while not path.exists() and path != path.parent:
+        path = path.parent
+    return path
+
+
+def unwritable(folder: Path) -> str:
+    """Return the reason that `folder`, which may not exist, cannot be written; empty if it can."""
+    found = nearest_existing(folder)
+    if not found.is_dir():
+        return f"{found} is not a folder"
+    return "" if os.access(found, os.W_OK | os.X_OK) else f"{found} cannot be written to"
 
 
 def sync_folder(folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""Finds the worlds, rules and model catalogue that are installed with the package."""
+"""The worlds, rules and model catalogue that are installed with the package."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ def data_folder() -> Path:
 
 
 def find_data(kind: str, name: str, file: str) -> Path:
-    """Return the path of `name`, a path of the user's or the name of something installed.
+    """Return the path of `name`, a user's path or the name of an installed item.
 
     `find_data("worlds", "checkpoint", "world.yaml")` is the installed checkpoint. A name that
     is an existing file is that file; an existing folder is `file` inside it. The path returned
@@ -34,7 +34,10 @@ def find_data(kind: str, name: str, file: str) -> Path:
 
 
 def existing_data(kind: str, name: str, file: str) -> Path:
-    """Return what `find_data` does; raises DocumentError that says what is installed."""
+    """Return the path of `name` as `find_data` does; raise DocumentError if it does not exist.
+
+    The error lists the installed names.
+    """
     path = find_data(kind, name, file)
     if path.exists():
         return path

@@ -191,7 +191,7 @@ def is_public_key(text: str) -> bool:
 
 
 def is_signature(signature: str, message: bytes, public: str) -> bool:
-    """Return True if `signature` is that of `message` by the key `public`, both hexadecimal."""
+    """Return True if the key `public` made `signature` of `message`; both are hexadecimal."""
     try:
         key = ed25519.Ed25519PublicKey.from_public_bytes(bytes.fromhex(public))
         key.verify(bytes.fromhex(signature), message)

@@ -1,4 +1,4 @@
-"""One mission's whole trace as a Markdown document, in the order of the paper's eight steps."""
+"""A mission's whole trace as a Markdown document, in the order of the paper's eight steps."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -38,7 +38,7 @@ def inline(text: str) -> str:
 
 
 def _line(text: str) -> str:
-    """Escape one line: no emphasis, link, HTML, table cell or list begins in it."""
+    """Return one line, escaped so that it contains no markup of Markdown or HTML."""
     text = visible(text.strip())
     linked = _LINK.sub(lambda found: found[0].replace(":", "\0").replace(".", "\1"), text)
     marked = _SPECIAL.sub(r"\\\g<0>", linked).replace("\0", r"\:").replace("\1", r"\.")
@@ -50,7 +50,7 @@ def _escaped_mark(found: re.Match[str]) -> str:
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Return a table; `rows` are plain values, escaped here, None and empty ones as a dash."""
+    """Return a table of plain values, escaped; None and empty ones become a dash."""
     lines = [heads, ["---"] * len(heads)]
     lines += [[inline(str(cell)) if cell not in (None, "") else "–" for cell in r] for r in rows]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
@@ -65,7 +65,7 @@ def fenced(text: str, language: str = "text") -> str:
 
 
 def folded(summary: str, body: str) -> str:
-    """Return `body` folded away under `summary`, a plain text."""
+    """Return `body` in a folded part under `summary`, a plain text."""
     return f"<details>\n<summary>{escape(visible_line(summary))}</summary>\n\n{body}\n\n</details>"
 
 
@@ -75,7 +75,7 @@ def mission_document(
     rules: Mapping[str, Rule],
     notes: tuple[str, ...] = (),
 ) -> str:
-    """Return the document; `notes` say what the reader should know of the log or the rules."""
+    """Return the document; `notes` are remarks on the log or the rules for its reader."""
     parts = [
         f"# Mission {inline(trace.mission.id)}",
         f"> {inline(trace.mission.said)}",
@@ -90,7 +90,7 @@ def mission_document(
 
 
 def _standing(trace: MissionTrace) -> str:
-    """How the mission ended, or that it has not."""
+    """Return the end of the mission, or a line that it is not finished."""
     mark, *rest = (span.text for span in progress(trace))
     if trace.status is None:
         return f"**Not finished:** {inline(mark)}"
@@ -98,20 +98,20 @@ def _standing(trace: MissionTrace) -> str:
 
 
 def section_parts(section: Section, level: int = 2) -> Iterator[str]:
-    """Yield a section's paragraphs, lists and tables; what is not read at first is folded away.
+    """Yield a section's paragraphs, lists and tables; a collapsed section is folded.
 
     An attempt or a plan is never folded as a whole: its own sections are.
     """
-    told = list(_blocks(section.blocks))
+    content = list(_blocks(section.blocks))
     if section.collapsed and not section.parts:
         mark = section.mark.text if section.mark is not None else ""
         summary = " · ".join(words for words in (section.title, mark, section.note) if words)
-        yield folded(summary, "\n\n".join(told))
+        yield folded(summary, "\n\n".join(content))
         return
     yield f"{'#' * min(level, _DEEPEST)} {inline(section.title)}"
     if about := _about(section):
         yield about
-    yield from told
+    yield from content
     for part in section.parts:
         yield from section_parts(part, level + 1)
 
@@ -125,12 +125,12 @@ def _about(section: Section) -> str:
 
 
 def _blocks(blocks: Iterable[Block]) -> Iterator[str]:
-    """Yield each block; lines that follow each other and are labelled or marked become a list."""
+    """Yield each block; adjacent lines with a label or a mark become a list."""
     for listed, group in groupby(blocks, _is_listed):
         if listed:
             yield "\n".join(_item(line) for line in group if isinstance(line, Line))
         else:
-            yield from (told for block in group if (told := _block(block)))
+            yield from filter(None, map(_block, group))
 
 
 def _block(block: Block) -> str:
@@ -160,7 +160,7 @@ def _joined(spans: Spans) -> str:
 
 
 def _table(given: Table) -> str:
-    """Return a table with the columns that have a head and tell anything."""
+    """Return a table of the columns that have a head and are not empty."""
     shown = [
         place
         for place, column in enumerate(given.columns)
@@ -171,7 +171,7 @@ def _table(given: Table) -> str:
 
 
 def _pinned(trace: MissionTrace, started: SessionStarted) -> str:
-    """What the mission was given by and ran with, so that it can be found and run again."""
+    """Return a table of the mission's origin and pinned inputs, by which it can be run again."""
     mission = trace.mission
     rows = [
         ("given", f"{mission.created:%Y-%m-%d %H:%M:%S} UTC by {mission.source}"),

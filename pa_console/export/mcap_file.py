@@ -1,4 +1,4 @@
-"""Writes a session as MCAP, which Foxglove, Rerun and the `mcap` tools open.
+"""A session as an MCAP file, which Foxglove, Rerun and the `mcap` tools open.
 
 Topics: `/telemetry` (the picture), `/events/<kind>` (every other event as the log has it),
 `/notices` (foxglove.Log, the event list of the screen) and `/scene` (foxglove.SceneUpdate).
@@ -27,12 +27,12 @@ Schema = dict[str, Any]
 
 
 def model_schema(model: type[BaseModel]) -> Schema:
-    """Return the schema of a model's JSON, definitions put where they are referred to."""
+    """Return the schema of a model's JSON, with definitions in the place of references."""
     return _resolved(TypeAdapter(model).json_schema(mode="serialization"))
 
 
 def event_schema(payload: type[Payload]) -> Schema:
-    """Return the schema of an event that carries `payload`, as a line of the log has it."""
+    """Return the schema of an event with `payload`, as in a line of the log."""
     event = TypeAdapter(Event).json_schema(mode="serialization")
     del event["$defs"]
     event["properties"]["data"] = {}
@@ -43,7 +43,7 @@ def event_schema(payload: type[Payload]) -> Schema:
 
 
 def _resolved(schema: Schema) -> Schema:
-    """Replace every reference; viewers that plot a field by its path need not follow any."""
+    """Replace every reference: viewers that plot a field by its path do not follow them."""
     definitions: Schema = schema.pop("$defs", {})
 
     def put(node: Any) -> Any:
@@ -84,8 +84,8 @@ def write_mcap(
 ) -> int:
     """Write `session` to `target` and return the number of messages.
 
-    `advance` is told how many more events are done; without `world` the scene has no ground.
-    Raises ValueError when the `mcap` package is not installed.
+    `advance` gets the number of further events that are done. Without `world` the scene has no
+    ground. Raises ValueError if the `mcap` package is not installed.
     """
     try:
         from mcap.writer import Writer  # noqa: PLC0415 - an extra, see NEEDED
@@ -123,7 +123,7 @@ def stamp_ns(moment: datetime) -> int:
 
 
 class Channels:
-    """Registers a topic with its schema when its first message comes, and counts messages."""
+    """The topics of a file, each registered with its first message."""
 
     def __init__(self, writer: "Writer") -> None:
         self.messages = 0
@@ -131,7 +131,7 @@ class Channels:
         self._ids: dict[str, int] = {}
 
     def event(self, event: Event, stamp: int, sequence: int) -> None:
-        """Add an event of the log under its kind; telemetry as the bare picture."""
+        """Add an event of the log under its kind; of telemetry, only the picture."""
         data = event.data
         if isinstance(data, TelemetryReceived):
             self.add("/telemetry", "pa_console.Picture", data.picture, stamp, sequence)
@@ -150,7 +150,7 @@ class Channels:
         stamp: int,
         sequence: int = 0,
     ) -> None:
-        """Add a message whose schema, called `name`, is that of its model."""
+        """Add a message; its model gives the schema, called `name`."""
         if topic not in self._ids:
             self._register(topic, name, model_schema(type(message)))
         self._write(topic, message, stamp, sequence)
@@ -181,7 +181,7 @@ def _new(state: SessionState, last: Notice | None) -> Iterator[Notice]:
 
 
 def _logged(notice: Notice, stamp: int) -> LogMessage:
-    """What no operator could know at the time is on the level of debugging."""
+    """Return a notice as a message; one hidden from the operator has the debug level."""
     level = 1 if notice.hidden else _LEVELS[notice.level]
     at = time_of(stamp)
     return LogMessage(timestamp=at, level=level, message=notice.text, name=notice.subject)

@@ -1,6 +1,6 @@
 """The checkpoint as a Foxglove scene: world, assets and tracks in metres, frame `world`.
 
-The models hold those fields of foxglove.SceneUpdate and foxglove.Log that are used here.
+The models have the fields of foxglove.SceneUpdate that are used here.
 """
 
 import math
@@ -14,14 +14,14 @@ from pa_console.schema.world import World
 
 
 class Time(BaseModel):
-    """Since 1970-01-01 UTC, or a length of time."""
+    """A time since 1970-01-01 UTC, or a duration."""
 
     sec: int = 0
     nsec: int = 0
 
 
 class Vector(BaseModel):
-    """In metres."""
+    """A vector in metres."""
 
     x: float = 0.0
     y: float = 0.0
@@ -29,7 +29,7 @@ class Vector(BaseModel):
 
 
 class Quaternion(BaseModel):
-    """A turn; the default is none."""
+    """A rotation, by default none."""
 
     x: float = 0.0
     y: float = 0.0
@@ -38,14 +38,14 @@ class Quaternion(BaseModel):
 
 
 class Pose(BaseModel):
-    """Where something is and which way it faces."""
+    """The position and orientation of a thing."""
 
     position: Vector = Vector()
     orientation: Quaternion = Quaternion()
 
 
 class Color(BaseModel):
-    """Each from 0 to 1."""
+    """A colour, each part from 0 to 1."""
 
     r: float
     g: float
@@ -61,8 +61,8 @@ class Solid(BaseModel):
     color: Color
 
 
-class Line(BaseModel):
-    """Points in a row: `type` 0 leaves them open, 1 joins the ends."""
+class LinePrimitive(BaseModel):
+    """A line through points: `type` 0 leaves it open, 1 joins its ends."""
 
     type: int
     pose: Pose = Pose()
@@ -74,7 +74,7 @@ class Line(BaseModel):
     indices: list[int] = []
 
 
-class Label(BaseModel):
+class TextPrimitive(BaseModel):
     """A text that faces the viewer."""
 
     pose: Pose
@@ -86,7 +86,7 @@ class Label(BaseModel):
 
 
 class Entity(BaseModel):
-    """One thing in the scene; a later one of the same id takes its place."""
+    """One thing in the scene; a later one of the same id replaces it."""
 
     timestamp: Time
     frame_id: str = "world"
@@ -95,12 +95,12 @@ class Entity(BaseModel):
     frame_locked: bool = False
     cubes: list[Solid] = []
     spheres: list[Solid] = []
-    lines: list[Line] = []
-    texts: list[Label] = []
+    lines: list[LinePrimitive] = []
+    texts: list[TextPrimitive] = []
 
 
 class Deletion(BaseModel):
-    """Takes the entity of this id out of the scene."""
+    """The removal of an entity from the scene."""
 
     timestamp: Time
     type: int = 0
@@ -108,7 +108,7 @@ class Deletion(BaseModel):
 
 
 class SceneUpdate(BaseModel):
-    """What is to be drawn anew, and what is gone."""
+    """A change of the scene: removed entities, and new or changed ones."""
 
     deletions: list[Deletion] = []
     entities: list[Entity] = []
@@ -126,20 +126,21 @@ def time_of(stamp_ns: int) -> Time:
 
 
 def world_scene(world: World, stamp_ns: int) -> SceneUpdate:
-    """Return what does not move: perimeter, walls, lanes, zones and the frames' names."""
+    """Return the fixed scene: perimeter, walls, lanes, zones and the frames' names."""
     lines = [_line(world.perimeter, WHITE, closed=True)]
     lines += [_line((wall.start, wall.end), GREY, wall.thickness_m) for wall in world.walls]
     lines += [_line(lane.points, BLUE) for lane in world.lanes.values()]
     lines += [_line(zone.polygon, RED, closed=True) for zone in world.zones.values()]
     texts = [
-        Label(pose=_pose(frame.at), color=WHITE, text=name) for name, frame in world.frames.items()
+        TextPrimitive(pose=_pose(frame.at), color=WHITE, text=name)
+        for name, frame in world.frames.items()
     ]
     ground = Entity(timestamp=time_of(stamp_ns), id="world", lines=lines, texts=texts)
     return SceneUpdate(entities=[ground])
 
 
 def picture_scene(picture: Picture, before: frozenset[str], stamp_ns: int) -> SceneUpdate:
-    """Return assets and tracks as they are known; entities of `before` that are gone go."""
+    """Return the assets and tracks of a picture, and remove other entities of `before`."""
     stamp = time_of(stamp_ns)
     entities = [_asset(asset, stamp) for asset in picture.assets.values()]
     entities += [_track(track, stamp) for track in picture.tracks.values()]
@@ -152,7 +153,9 @@ def _asset(asset: AssetTelemetry, stamp: Time) -> Entity:
     color = GREEN if asset.available else RED if asset.status == "failed" else AMBER
     pose = _pose(asset.position, asset.heading_deg)
     body = Solid(pose=pose, size=Vector(x=2.0, y=1.2, z=1.0), color=color)
-    label = Label(pose=_pose(asset.position, z=2.0), color=color, text=f"{asset.id} {asset.task}")
+    label = TextPrimitive(
+        pose=_pose(asset.position, z=2.0), color=color, text=f"{asset.id} {asset.task}"
+    )
     route = [_line((asset.position, *asset.route), color, 0.2)] if asset.route else []
     return Entity(timestamp=stamp, id=f"asset {asset.id}", cubes=[body], texts=[label], lines=route)
 
@@ -163,15 +166,15 @@ def _track(track: Track, stamp: Time) -> Entity:
     size = max(2.0, 2.0 * track.uncertainty_m)
     body = Solid(pose=_pose(track.position), size=Vector(x=size, y=size, z=2.0), color=color)
     words = f"{track.id} {track.identity} {track.status}"
-    label = Label(pose=_pose(track.position, z=3.0), color=color, text=words)
+    label = TextPrimitive(pose=_pose(track.position, z=3.0), color=color, text=words)
     return Entity(timestamp=stamp, id=f"track {track.id}", spheres=[body], texts=[label])
 
 
 def _line(
     points: Iterable[Point], color: Color, thickness: float = 0.5, *, closed: bool = False
-) -> Line:
+) -> LinePrimitive:
     row = [Vector(x=x, y=y) for x, y in points]
-    return Line(type=int(closed), thickness=thickness, points=row, color=color)
+    return LinePrimitive(type=int(closed), thickness=thickness, points=row, color=color)
 
 
 def _pose(at: Point, heading_deg: float = 0.0, z: float = 0.0) -> Pose:

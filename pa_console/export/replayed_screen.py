@@ -25,15 +25,15 @@ Size = tuple[int, int]
 """Columns and rows."""
 
 DRAWN_LIMIT_S = 10.0
-"""A screen that takes longer to be drawn once is not waited for."""
+"""The longest wait for the screen to be drawn once."""
 
 
 class TapeDriver(HeadlessDriver):
-    """A terminal that keeps what is written to it, and otherwise is none."""
+    """A driver that keeps the output for a terminal instead of writing it."""
 
     @property
     def is_headless(self) -> bool:
-        """Claim to be a terminal, or nothing would be written."""
+        """False, as for a terminal: a headless driver writes nothing."""
         return False
 
     def write(self, data: str) -> None:
@@ -42,13 +42,13 @@ class TapeDriver(HeadlessDriver):
 
 
 class ShotRecordingScreen(RecordingScreen):
-    """A recording that is moved by whoever takes the pictures."""
+    """A recording screen that is moved by the exporter."""
 
     shown: int | None = None
-    """How many events had been played when it was painted last."""
+    """The number of events that had been played at the last painting."""
 
     def show_now(self) -> None:
-        """Paint what has changed since, as the player's state has it."""
+        """Paint the views that have changed since the last painting."""
         self._moved()
         first, now = self.shown, self.player.index
         if first is None or now < first:
@@ -61,12 +61,12 @@ class ShotRecordingScreen(RecordingScreen):
 
 
 class ShotApp(ConsoleApp):
-    """The replaying console on a tape; time stands still, so that nothing moves by itself."""
+    """The replaying console on a tape, with a stopped clock so that nothing moves by itself."""
 
     CSS_PATH = Path(pa_console.tui.__path__[0]) / "console.tcss"
 
     def __init__(self, site: Site, player: Player) -> None:
-        """Show `player` in the world and under the rules of `site`."""
+        """Show `player` with the world and the rules of `site`."""
         retriever = Retriever(site.rulebook.rules)
         super().__init__(
             site.world, None, site.rulebook, retriever, player=player, clock=lambda: 0.0
@@ -79,11 +79,11 @@ class ShotApp(ConsoleApp):
         self.recording_screen: ShotRecordingScreen | None = None
 
     def get_driver_class(self) -> type[Driver]:
-        """Write to the tape instead of a terminal."""
+        """Return the driver that writes to the tape."""
         return TapeDriver
 
     def show_session(self) -> None:
-        """Show the recording in the screen that can be moved from here."""
+        """Show the recording in the screen that the exporter moves."""
         session, rules = self.session, self.controllers.rules.texts
         assert session.player is not None
         self.recording_screen = ShotRecordingScreen(
@@ -94,23 +94,23 @@ class ShotApp(ConsoleApp):
 
 
 class ReplayedScreen:
-    """What can be done between two pictures."""
+    """The exporter's handle on the screen between two pictures."""
 
     def __init__(self, app: ShotApp, pilot: Pilot[object], player: Player) -> None:
         self._app, self._pilot = app, pilot
         self.player = player
 
     async def show(self) -> None:
-        """Paint the state that the player was moved to."""
+        """Paint the present state of the player."""
         if self._app.recording_screen is not None:
             self._app.recording_screen.show_now()
         await self._pilot.pause()
         await self._drawn()
 
     async def _drawn(self) -> None:
-        """Wait until nothing more is painted, which a busy machine may be late with.
+        """Wait until painting is done, which may take long on a busy machine.
 
-        A console that breaks down paints no more: it is not waited for.
+        A console that has broken down no longer paints: there is no wait for it.
         """
         sent = -1
         while sent != len(self._app.tape):
@@ -121,13 +121,13 @@ class ReplayedScreen:
                 await asyncio.wait_for(drawn.wait(), DRAWN_LIMIT_S)
 
     def written(self) -> str:
-        """Return what a terminal would have been sent since the last call."""
+        """Return the output for a terminal since the last call."""
         text = "".join(self._app.tape)
         self._app.tape.clear()
         return text
 
     def svg(self, title: str) -> str:
-        """Return the screen as an SVG picture, in which every space counts in every viewer."""
+        """Return the screen as an SVG picture, with spaces preserved in every viewer."""
         picture = self._app.export_screenshot(title=visible_line(title))
         return picture.replace("<svg ", '<svg xml:space="preserve" ', 1)
 
@@ -135,9 +135,9 @@ class ReplayedScreen:
 async def picture_replay(
     site: Site, player: Player, size: Size, direct: Callable[[ReplayedScreen], Awaitable[None]]
 ) -> None:
-    """Show `player` on a screen of `size` while `direct` takes shots; what it raises is raised.
+    """Show `player` on a screen of `size` while `direct` takes shots; raise its errors.
 
-    Raises RuntimeError when the console itself breaks down.
+    Raises RuntimeError if the console itself breaks down.
     """
     app = ShotApp(site, player)
     directing: list[asyncio.Task[Any]] = []

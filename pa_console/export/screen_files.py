@@ -1,4 +1,4 @@
-"""Writes a replay as numbered SVG pictures or as an asciicast, version 2."""
+"""A replay as numbered SVG pictures or as an asciicast, version 2."""
 
 import json
 from collections.abc import Callable, Iterable, Iterator
@@ -15,7 +15,7 @@ from pa_console.schema.text.visible_text import visible_json, visible_line
 from pa_console.session.replay.recording import Recording
 
 JUST_BEFORE_S = 5e-7
-"""Half of the microsecond that time stamps are exact to."""
+"""Half of the resolution of time stamps, a microsecond."""
 
 KINDS = tuple(
     sorted(
@@ -24,12 +24,12 @@ KINDS = tuple(
         if issubclass(payload, Payload) and not payload.transient
     )
 )
-"""The kinds of events that a log tells of."""
+"""The kinds of events in a log."""
 
 
 @dataclass(frozen=True)
 class Shot:
-    """When a picture is taken, why, and after which event, None for all up to `seconds`."""
+    """The time of a picture and its reason; it is taken after event `index`, if that is given."""
 
     seconds: float
     name: str
@@ -37,11 +37,11 @@ class Shot:
 
 
 def shots_at(recording: Recording, kinds: Iterable[str], first: float, last: float) -> list[Shot]:
-    """Return a shot after every event of one of `kinds`, of which telemetry is none."""
+    """Return a shot after every event of one of `kinds`; telemetry is left out."""
     wanted = frozenset(kinds)
     span = range(recording.count_until(first - JUST_BEFORE_S), recording.count_until(last))
-    told = (index for index in span if not recording.is_telemetry(index))
-    found = [(index, recording[index].data.kind) for index in told]
+    others = (index for index in span if not recording.is_telemetry(index))
+    found = [(index, recording[index].data.kind) for index in others]
     return [Shot(recording.offset(index), kind, index) for index, kind in found if kind in wanted]
 
 
@@ -58,7 +58,7 @@ async def take(
     session: str,
     advance: Callable[[int], None],
 ) -> None:
-    """Write `folder`/0001-NAME.svg and so on; `shots` are in the order of time."""
+    """Write the files 0001-NAME.svg and so on to `folder`; `shots` are in the order of time."""
     digits = max(4, len(str(len(shots))))
     for number, shot in enumerate(shots, start=1):
         if shot.index is None:
@@ -79,7 +79,7 @@ END = "\x1b[0m\x1b[?25h\r\n"
 
 
 def positions(recording: Recording, first: float, last: float, step: float) -> list[float]:
-    """Return the seconds to be shown, `step` apart, leaving out those at which nothing is new."""
+    """Return seconds to show, `step` apart, without those at which there is no new event."""
     shown = [first]
     known = recording.count_until(first)
     for number in range(1, int((last - first) / step) + 1):
@@ -94,17 +94,17 @@ def positions(recording: Recording, first: float, last: float, step: float) -> l
 
 
 class CastWriter:
-    """Shoots the positions of a replay and writes what the terminal was sent at each."""
+    """A cast file: the terminal output at each position of a replay."""
 
     def __init__(
         self, target: BinaryIO, size: Size, speed: float, advance: Callable[[int], None]
     ) -> None:
-        """`speed` is recorded seconds a second; `advance` is told of every shot."""
+        """`speed` is recorded seconds in a second; `advance` is called after every shot."""
         self._target, self._size = target, size
         self._speed, self._advance = speed, advance
 
     def begin(self, start: datetime, title: str) -> None:
-        """Write the header; `start` is when the session was recorded."""
+        """Write the header; `start` is the time of the recording."""
         width, height = self._size
         header = {
             "version": 2,
@@ -142,7 +142,7 @@ class CastWriter:
 
 
 def _arrivals(recording: Recording, span: range) -> Iterator[str]:
-    """Yield id and text of every mission that arrives with the events of `span`."""
+    """Yield id and text of every mission that arrives in the events of `span`."""
     for index in span:
         if recording.of_mission(index):
             data = recording[index].data

@@ -1,4 +1,4 @@
-"""Opens a session log for an export, and writes its result wholly or not at all."""
+"""The source of an export, a session log with its rules and world, and its complete result."""
 
 import os
 import shutil
@@ -25,9 +25,9 @@ from pa_console.sim.worlds.world_file import open_world
 
 @contextmanager
 def whole_file(path: Path, log: Path) -> Generator[BinaryIO]:
-    """Yield a file that replaces `path` when the block ends well, and vanishes otherwise.
+    """Yield a file that replaces `path` if the block succeeds, and is removed otherwise.
 
-    Raises ValueError when `path` is a folder, the `log` itself or any other file of an audit.
+    Raises ValueError if `path` is a folder, the `log` itself or any other file of an audit.
     """
     if path.is_dir():
         raise ValueError(f"{path}: this is a folder; give the name of a file")
@@ -45,9 +45,9 @@ def whole_file(path: Path, log: Path) -> Generator[BinaryIO]:
 
 @contextmanager
 def whole_folder(path: Path) -> Generator[Path]:
-    """Yield a folder that gets the name `path` when the block ends well, and vanishes otherwise.
+    """Yield a folder that gets the name `path` if the block succeeds, and is removed otherwise.
 
-    Raises ValueError when something is there already that is not an empty folder.
+    Raises ValueError if `path` exists and is not an empty folder.
     """
     if path.exists() and not (path.is_dir() and not any(path.iterdir())):
         raise ValueError(f"{path}: exists already; name a new or an empty folder")
@@ -63,7 +63,7 @@ def whole_folder(path: Path) -> Generator[Path]:
 
 
 def _beside(path: Path) -> Path:
-    """Return a hidden name in the folder of `path`, which no other process uses."""
+    """Return a hidden path in the folder of `path`, unique to this process."""
     if not path.parent.is_dir():
         raise ValueError(f"{path}: the folder {path.parent} does not exist")
     return path.with_name(f".{path.name}.{os.getpid()}.part")
@@ -71,21 +71,21 @@ def _beside(path: Path) -> Path:
 
 @dataclass(frozen=True)
 class OpenedSession:
-    """A recording with the event that opens it."""
+    """A recording with its first event."""
 
     path: Path
     recording: Recording
     started: SessionStarted
 
     def final_state(self) -> SessionState:
-        """Return the session after its last event, by the fold that the screens show."""
+        """Return the state of the session after its last event, as screens show it."""
         player = Player(self.recording)
         player.seek(player.duration)
         return player.state
 
 
 def open_session(log: Path) -> OpenedSession:
-    """Read `log` up to its first bad line; raises ValueError or LogError without a beginning."""
+    """Read `log` up to its first bad line; raise ValueError or LogError without a start event."""
     if not log.is_file():
         raise ValueError(f"{log}: there is no such log")
     recording = Recording.read(log)
@@ -98,10 +98,10 @@ def open_session(log: Path) -> OpenedSession:
 
 
 def rules_of(started: SessionStarted, given: str | None) -> tuple[dict[str, Rule], str]:
-    """Return the session's rules by id, and what is not as it was then, empty if nothing.
+    """Return the session's rules by id, and a note if they are missing or have changed.
 
-    Rules that are not installed here leave an empty mapping; raises DocumentError for a file that
-    was `given` or found and cannot be read.
+    Rules that are not installed here leave an empty mapping. Raises DocumentError if the file that
+    was `given` or found cannot be read.
     """
     name = given or started.rules
     path = find_data("rules", name, "rules.yaml")
@@ -114,7 +114,7 @@ def rules_of(started: SessionStarted, given: str | None) -> tuple[dict[str, Rule
 
 
 def world_of(started: SessionStarted, given: str | None) -> World | None:
-    """Return the session's world, None when it is not installed here and none was `given`."""
+    """Return the session's world, None if none is `given` and it is not installed here."""
     name = given or started.world
     if given is None and not find_data("worlds", name, "world.yaml").is_file():
         return None
@@ -122,9 +122,9 @@ def world_of(started: SessionStarted, given: str | None) -> World | None:
 
 
 def site_of(started: SessionStarted, world: str | None, rules: str | None) -> Site:
-    """Return the world and rules to film a session in, the session's own unless given.
+    """Return the world and rules for pictures of a session, by default its own.
 
-    Raises ValueError when they are not installed here, DocumentError when they cannot be read.
+    Raises ValueError if they are not installed here, DocumentError if they cannot be read.
     """
     for kind, file, name, given in (
         ("worlds", "world.yaml", started.world, world),
@@ -141,7 +141,7 @@ def site_of(started: SessionStarted, world: str | None, rules: str | None) -> Si
 def choose_mission(missions: Mapping[str, MissionTrace], wanted: str | None) -> MissionTrace:
     """Return the mission whose id is or begins with `wanted`, or the only one.
 
-    Raises ValueError that lists those known.
+    Raises ValueError that lists the known missions.
     """
     if not missions:
         raise ValueError("the session has no mission")

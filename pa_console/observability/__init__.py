@@ -1,1 +1,1 @@
-"""What others see of a session: its missions as traces, and its numbers as metrics."""
+"""Observers of a session: missions as traces, numbers as metrics."""

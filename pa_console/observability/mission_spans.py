@@ -1,26 +1,63 @@
-"""Makes OpenTelemetry spans of a session's events: one trace a mission, one span a step.
+"""OpenTelemetry spans of a session's events: one trace for a mission, one span for a step.
 
-A span takes its times from the events, so it is as exact as the log, and whoever makes it need not
-be there in time. Nothing here needs more than `opentelemetry-api`.
+A span has the times of its events, so it is as exact as the log even if it is made later. Only
+`opentelemetry-api` is needed here.
 """
 
 from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
+from typing import Literal
 
 from opentelemetry.context import Context
 from opentelemetry.trace import Span, StatusCode, Tracer, set_span_in_context
 from opentelemetry.util.types import AttributeValue
 
-from pa_console.observability.step_names import NUMBERS, Step
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Usage
 
+Step = Literal[
+    "intake",
+    "retrieve",
+    "picture",
+    "prompt",
+    "plan",
+    "rehearse",
+    "safeguards",
+    "judge",
+    "read_again",
+    "decide",
+    "execute",
+    "verify",
+    "outcome",
+    "report",
+]
+"""The eight steps: 1 intake, 2 retrieve, 3 picture, 4 prompt, 5 plan, 6 rehearse to decide,
+7 execute to outcome, 8 report."""
+
+NUMBERS: dict[Step, int] = {
+    "intake": 1,
+    "retrieve": 2,
+    "picture": 3,
+    "prompt": 4,
+    "plan": 5,
+    "rehearse": 6,
+    "safeguards": 6,
+    "judge": 6,
+    "read_again": 6,
+    "decide": 6,
+    "execute": 7,
+    "verify": 7,
+    "outcome": 7,
+    "report": 8,
+}
+"""The number of each step among the eight."""
+
 MISSION = "mission"
-"""The name of the span that a whole mission is."""
+"""The name of the span of a whole mission."""
 MISSIONS_KEPT = 64
-"""So many finished missions are remembered, for verdicts on outcomes that come after them."""
+"""The number of finished missions kept for verdicts on outcomes that come later."""
 
 Attributes = Mapping[str, AttributeValue]
 
@@ -36,10 +73,10 @@ class _Traced:
 
 
 class MissionSpans:
-    """Turns events into spans of `tracer`; `take` is given every event of a session, in order.
+    """The spans of a session's missions, made by `tracer`; `take` gets every event, in order.
 
-    No attribute holds what an operator typed, what a model wrote, or who decided, unless `words`
-    are asked for: names of rules, assets and frames and numbers are all that is told.
+    Attributes are numbers and names of rules, assets and frames. Texts of operators and models and
+    the names of people are left out without `words`.
     """
 
     def __init__(self, tracer: Tracer, *, words: bool = False) -> None:
@@ -48,7 +85,7 @@ class MissionSpans:
         self._missions: OrderedDict[str, _Traced] = OrderedDict()
 
     def take(self, event: ev.Event) -> None:
-        """Take in one event; one of an unknown mission makes no span."""
+        """Apply one event; one of an unknown mission makes no span."""
         match event.data:
             case ev.SessionStarted():
                 self._begin_session(event.data)
@@ -77,17 +114,17 @@ class MissionSpans:
         }
 
     def _receive(self, name: str, received: ev.MissionReceived, t: datetime) -> None:
-        """Step 1: begin the trace of a mission, which waits in the queue."""
+        """Begin the trace of a mission, which waits in the queue, with step 1."""
         mission = received.mission
-        told: dict[str, AttributeValue] = {
+        about: dict[str, AttributeValue] = {
             **self._session,
             "pa.mission.id": name,
             "pa.mission.source": mission.source,
         }
         if self._words:
-            told["pa.mission.text"] = mission.said
+            about["pa.mission.text"] = mission.said
         root = self._tracer.start_span(
-            MISSION, context=Context(), attributes=told, start_time=_ns(t)
+            MISSION, context=Context(), attributes=about, start_time=_ns(t)
         )
         traced = _Traced(root, set_span_in_context(root, Context()))
         self._missions[name] = traced
@@ -96,7 +133,7 @@ class MissionSpans:
             self._missions.popitem(last=False)
 
     def _prepare(self, traced: _Traced, event: ev.Event) -> None:
-        """Steps 1 to 5: the queue, the rules, the picture, the prompt, the plan."""
+        """Apply an event of steps 1 to 5: queue, rules, picture, prompt and plan."""
         t = event.t
         match event.data:
             case ev.MissionStarted():
@@ -109,15 +146,15 @@ class MissionSpans:
                 self._note(traced, "question asked", t, {"pa.choices": len(choices)})
             case ev.RulesRetrieved(method=method, hits=hits, seconds=seconds):
                 rules = [hit.rule_id for hit in hits]
-                told = {"pa.retrieval.method": method, "pa.rules.retrieved": rules}
-                self._whole(traced, "retrieve", t, seconds, told)
+                about = {"pa.retrieval.method": method, "pa.rules.retrieved": rules}
+                self._whole(traced, "retrieve", t, seconds, about)
             case ev.PictureDigested(seconds=seconds):
                 self._whole(traced, "picture", t, seconds)
             case ev.PromptBuilt(role=role, attempt=attempt, seconds=seconds):
-                told = {"pa.role": role, "pa.attempt": attempt}
-                self._whole(traced, "prompt", t, seconds, told)
+                about = {"pa.role": role, "pa.attempt": attempt}
+                self._whole(traced, "prompt", t, seconds, about)
             case ev.PlanProposed(attempt=attempt, author=author, plan=plan, usage=usage):
-                told = {
+                about = {
                     "pa.attempt": attempt,
                     "pa.plan.author": author,
                     "pa.plan.readable": plan is not None,
@@ -125,39 +162,39 @@ class MissionSpans:
                     **_sure(event.data.confidence),
                 }
                 if self._words:
-                    told["pa.plan.text"] = event.data.text
-                self._asked(traced, "plan", t, usage, told)
+                    about["pa.plan.text"] = event.data.text
+                self._asked(traced, "plan", t, usage, about)
             case _:
                 pass
 
     def _examine(self, traced: _Traced, event: ev.Event) -> None:
-        """Step 6 as far as machines do it."""
+        """Apply an event of the automatic part of step 6."""
         t = event.t
         match event.data:
             case ev.PlanRehearsed(attempt=attempt, seconds=seconds):
                 self._whole(traced, "rehearse", t, seconds, {"pa.attempt": attempt})
             case ev.PlanChecked(attempt=attempt, findings=findings, seconds=seconds):
-                told = {
+                about = {
                     "pa.attempt": attempt,
                     "pa.rules.broken": [f.rule_id for f in findings if f.broken],
                     "pa.rules.blocking": [f.rule_id for f in findings if f.blocking],
                 }
-                self._whole(traced, "safeguards", t, seconds, told)
+                self._whole(traced, "safeguards", t, seconds, about)
             case ev.PlanJudged(attempt=attempt, verdict=verdict, usage=usage, confidence=sure):
-                told = {"pa.attempt": attempt, **_verdict(verdict), **_sure(sure)}
+                about = {"pa.attempt": attempt, **_verdict(verdict), **_sure(sure)}
                 if self._words and verdict is not None:
-                    told["pa.judge.feedback"] = verdict.feedback
-                self._asked(traced, "judge", t, usage, told)
+                    about["pa.judge.feedback"] = verdict.feedback
+                self._asked(traced, "judge", t, usage, about)
             case ev.OrderReadAgain(attempt=attempt, model=model, usage=usage):
-                told = {"pa.attempt": attempt, "pa.model": model}
-                self._asked(traced, "read_again", t, usage, told)
+                about = {"pa.attempt": attempt, "pa.model": model}
+                self._asked(traced, "read_again", t, usage, about)
             case ev.RepairRequested(attempt=attempt):
                 self._note(traced, "repair requested", t, {"pa.attempt": attempt})
             case _:
                 pass
 
     def _decide(self, traced: _Traced, event: ev.Event) -> None:
-        """Step 6 as far as a person does it."""
+        """Apply an event of the operator's part of step 6."""
         t = event.t
         match event.data:
             case ev.ApprovalRequested():
@@ -175,37 +212,37 @@ class MissionSpans:
                     },
                 )
             case ev.DecisionMade(decision=decision, accepted=accepted):
-                told: dict[str, AttributeValue] = {
+                about: dict[str, AttributeValue] = {
                     "pa.decision": decision.kind,
                     "pa.decision.standing": decision.standing,
                     "pa.decision.override": decision.override_judge,
                 }
                 if self._words:
-                    told |= {"pa.decision.by": decision.by, "pa.decision.reason": decision.reason}
+                    about |= {"pa.decision.by": decision.by, "pa.decision.reason": decision.reason}
                 if accepted:
-                    self._close(traced, "decide", t, told)
+                    self._close(traced, "decide", t, about)
                 else:
-                    self._note(traced, "decision not accepted", t, told)
+                    self._note(traced, "decision not accepted", t, about)
             case ev.PlanVoided(attempt=attempt):
                 self._note(traced, "plan void", t, {"pa.attempt": attempt})
             case _:
                 pass
 
     def _execute(self, traced: _Traced, event: ev.Event) -> None:
-        """Steps 7 and 8."""
+        """Apply an event of steps 7 and 8."""
         t = event.t
         match event.data:
             case ev.CommandSent(command=command):
                 if "execute" not in traced.open:
                     self._open(traced, "execute", t)
-                told = {"pa.agent": command.agent, "pa.command": command.verb}
-                traced.open["execute"].add_event("command sent", told, _ns(t))
+                about = {"pa.agent": command.agent, "pa.command": command.verb}
+                traced.open["execute"].add_event("command sent", about, _ns(t))
             case ev.CommandReplied(reply=reply) if "execute" in traced.open:
-                told = {"pa.agent": reply.agent, "pa.reply": reply.status}
-                traced.open["execute"].add_event("command replied", told, _ns(t))
+                about = {"pa.agent": reply.agent, "pa.reply": reply.status}
+                traced.open["execute"].add_event("command replied", about, _ns(t))
             case ev.CommandRefused(command=command):
-                told = {"pa.agent": command.agent, "pa.command": command.verb}
-                self._note(traced, "command refused", t, told)
+                about = {"pa.agent": command.agent, "pa.command": command.verb}
+                self._note(traced, "command refused", t, about)
             case ev.PlanHalted(attempt=attempt):
                 self._close(traced, "execute", t, {"pa.attempt": attempt, "pa.halted": True})
             case ev.MissionVerified(verification=found, seconds=seconds):
@@ -216,29 +253,29 @@ class MissionSpans:
             case ev.MissionReported():
                 self._whole(traced, "report", t, 0.0)
             case ev.MissionFinished(status=status, reason=reason, metrics=metrics):
-                told: dict[str, AttributeValue] = {
+                about: dict[str, AttributeValue] = {
                     "pa.mission.status": status,
                     "pa.mission.attempts": metrics.attempts,
                     "pa.mission.halts": metrics.halts,
                 }
                 if self._words:
-                    told["pa.mission.reason"] = reason
+                    about["pa.mission.reason"] = reason
                 if status == "failed":
                     traced.root.set_status(StatusCode.ERROR)
-                self._end(traced, t, told)
+                self._end(traced, t, about)
             case _:
                 pass
 
     def _asked(
-        self, traced: _Traced, step: Step, t: datetime, usage: Usage, told: Attributes
+        self, traced: _Traced, step: Step, t: datetime, usage: Usage, about: Attributes
     ) -> None:
-        """Tell of a step in which a model was asked, and what that cost."""
+        """Add the span of a step of a model, with its tokens."""
         tokens: dict[str, AttributeValue] = {
             "gen_ai.usage.input_tokens": usage.prompt_tokens,
             "gen_ai.usage.output_tokens": usage.completion_tokens,
             "pa.usage.cached_tokens": usage.cached_tokens,
         }
-        self._whole(traced, step, t, usage.seconds, {**told, **tokens})
+        self._whole(traced, step, t, usage.seconds, {**about, **tokens})
 
     def _whole(
         self,
@@ -246,49 +283,49 @@ class MissionSpans:
         step: Step,
         end: datetime,
         seconds: float,
-        told: Attributes | None = None,
+        about: Attributes | None = None,
     ) -> None:
-        """Tell of a step that is over and has taken so many `seconds`."""
+        """Add the span of a step that is over and took `seconds`."""
         until = _ns(end)
-        self._start(traced, step, until - round(seconds * 1e9), told).end(until)
+        self._start(traced, step, until - round(seconds * 1e9), about).end(until)
 
     def _open(
-        self, traced: _Traced, step: Step, t: datetime, told: Attributes | None = None
+        self, traced: _Traced, step: Step, t: datetime, about: Attributes | None = None
     ) -> None:
         self._close(traced, step, t)
-        traced.open[step] = self._start(traced, step, _ns(t), told)
+        traced.open[step] = self._start(traced, step, _ns(t), about)
 
     def _close(
-        self, traced: _Traced, step: Step, t: datetime, told: Attributes | None = None
+        self, traced: _Traced, step: Step, t: datetime, about: Attributes | None = None
     ) -> None:
         span = traced.open.pop(step, None)
         if span is not None:
-            span.set_attributes(told or {})
+            span.set_attributes(about or {})
             span.end(_ns(t))
 
-    def _start(self, traced: _Traced, step: Step, start: int, told: Attributes | None) -> Span:
-        attributes = {"pa.step": NUMBERS[step], **(told or {})}
+    def _start(self, traced: _Traced, step: Step, start: int, about: Attributes | None) -> Span:
+        attributes = {"pa.step": NUMBERS[step], **(about or {})}
         return self._tracer.start_span(
             step, context=traced.context, attributes=attributes, start_time=start
         )
 
     def _note(
-        self, traced: _Traced, name: str, t: datetime, told: Attributes | None = None
+        self, traced: _Traced, name: str, t: datetime, about: Attributes | None = None
     ) -> None:
         if not traced.ended:
-            traced.root.add_event(name, told, _ns(t))
+            traced.root.add_event(name, about, _ns(t))
 
-    def _end(self, traced: _Traced, t: datetime, told: Attributes) -> None:
+    def _end(self, traced: _Traced, t: datetime, about: Attributes) -> None:
         for step in tuple(traced.open):
             self._close(traced, step, t)
         if not traced.ended:
             traced.ended = True
-            traced.root.set_attributes(told)
+            traced.root.set_attributes(about)
             traced.root.end(_ns(t))
 
 
 def _ns(t: datetime) -> int:
-    """Return nanoseconds since 1970, exact to the microseconds that an event has."""
+    """Return nanoseconds since 1970, exact to the microseconds of an event's time."""
     return round(t.timestamp() * 1e6) * 1000
 
 

@@ -1,6 +1,6 @@
-"""What observes a session: it is given every event after the log, and can neither stop nor slow it.
+"""Observers of a session, which get every event after the log and cannot stop the session.
 
-An observer that fails is left out. Where nothing observes, no library is loaded for it.
+An observer that fails is left out. Without observers, their libraries are not loaded.
 """
 
 from collections.abc import Callable, Generator, Sequence
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pa_console.schema.events.event import Event
 
 Observer = Callable[[Event], None]
-"""Is given one event of a session after the other; what it raises ends its observing, no more."""
+"""A function that gets the events of a session one by one; an error ends its observing only."""
 
 
 def unobserved(_: Event) -> None:
@@ -19,11 +19,11 @@ def unobserved(_: Event) -> None:
 
 @dataclass(frozen=True)
 class Observing:
-    """What a session is observed with.
+    """The choice of a session's observers.
 
-    `traces` is the address of a collector, '' for none; `metrics_port` one of this machine, None
-    for none. With `trace_words`, spans have what operator and model wrote.
-    `version` is that of the program.
+    `traces` is the address of a collector, '' for none, and `metrics_port` a port of this machine,
+    None for none. With `trace_words`, spans have the texts of operator and model. `version` is that
+    of the program.
     """
 
     traces: str = ""
@@ -36,18 +36,18 @@ class Observing:
 def observed(
     asked: Observing, tell: Callable[[str], None], also: Sequence[Observer] = ()
 ) -> Generator[Observer]:
-    """Give what takes the events of a session; `tell` is told what went wrong, at the end.
+    """Yield a function that passes the events of a session to all observers, `also` included.
 
-    `also` are other observers, which are given every event too.
-
-    Where nothing observes, no library is loaded for it. Raises ValueError for a port that cannot
-    be listened on, and for a library that is not installed.
+    `tell` gets a line about a failed observer, and at the end one about a failed delivery. Raises
+    ValueError for a port that cannot be used, and for a library that is not installed.
     """
     with ExitStack() as stack:
         observers = list(also)
         if asked.metrics_port is not None:
-            from pa_console.observability.metrics_server import MetricsServer  # noqa: PLC0415
-            from pa_console.observability.session_metrics import SessionMetrics  # noqa: PLC0415
+            from pa_console.observability.session_metrics import (  # noqa: PLC0415
+                MetricsServer,
+                SessionMetrics,
+            )
 
             metrics = SessionMetrics()
             stack.enter_context(MetricsServer(metrics.registry, asked.metrics_port))
@@ -70,7 +70,7 @@ def observed(
 
 
 class _Each:
-    """Gives events to every observer; one that fails is told of and left out from then on."""
+    """Several observers as one; an observer that fails is reported once and left out."""
 
     def __init__(self, observers: Sequence[Observer], tell: Callable[[str], None]) -> None:
         self._observers, self._tell = list(observers), tell
@@ -80,7 +80,7 @@ class _Each:
         for observer in self._observers:
             try:
                 observer(event)
-            except Exception as error:  # whoever observes must not end what is observed
+            except Exception as error:  # a failing observer must not end the session
                 self._failed.append(observer)
                 self._tell(f"no more is observed: {type(error).__name__}: {error}")
         if self._failed:

@@ -1,24 +1,41 @@
-"""Folds a session's events into numbers that a Prometheus server scrapes."""
+"""Metrics of a session, folded from its events, and the server for Prometheus to scrape them."""
 
 from collections import Counter as Counts
+from collections.abc import Iterable
 from datetime import datetime
+from functools import partial
+from socketserver import TCPServer, ThreadingMixIn
+from threading import Thread
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+from wsgiref.simple_server import WSGIRequestHandler, WSGIServer
 
-from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
+from prometheus_client import (
+    CONTENT_TYPE_LATEST,
+    CollectorRegistry,
+    Counter,
+    Gauge,
+    Histogram,
+    generate_latest,
+)
 
-from pa_console.observability.step_names import Step
+from pa_console.observability.mission_spans import Step
 from pa_console.schema.alarm import ALARM_PRIORITIES
 from pa_console.schema.events import event as ev
 
+if TYPE_CHECKING:
+    from wsgiref.types import StartResponse, WSGIApplication, WSGIEnvironment
+
 DECISION_S = (1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0)
-"""The histogram of what a person takes, in seconds."""
+"""The buckets of a person's decision time, in seconds."""
 STEP_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0)
-"""The histogram of what a step takes, in seconds."""
+"""The buckets of a step's time, in seconds."""
 
 
 class SessionMetrics:
-    """The numbers of one session, in a `registry` of their own; `take` is given every event.
+    """The metrics of one session, in a `registry` of their own; `take` gets every event.
 
-    No label holds a word of the operator, so their number is bounded by rules, kinds and outcomes.
+    Labels are rules, kinds and outcomes, never a text of the operator, so their number is bounded.
     """
 
     def __init__(self) -> None:
@@ -84,7 +101,7 @@ class SessionMetrics:
             self._open.labels(priority).set(0)
 
     def take(self, event: ev.Event) -> None:
-        """Take in one event."""
+        """Apply one event."""
         self._take_session(event.data)
         self._take_alarm(event.data)
         self._take_step(event.data)
@@ -156,7 +173,7 @@ class SessionMetrics:
 
 
 def _taken(data: ev.EventPayload) -> tuple[Step, float] | None:
-    """Return which step is over by what `data` tells, and the seconds that it took."""
+    """Return the step that `data` ends, and its seconds; None for other events."""
     taken: tuple[Step, float] | None = None
     match data:
         case ev.RulesRetrieved(seconds=seconds):
@@ -182,3 +199,86 @@ def _taken(data: ev.EventPayload) -> tuple[Step, float] | None:
         case _:
             pass
     return taken
+
+
+ADDRESS = "127.0.0.1"
+LISTEN_S = 5.0
+"""The longest wait for a client's request."""
+CLOSES_WITHIN_S = 0.1
+
+
+class MetricsServer:
+    """A server of `registry` as Prometheus text at `/metrics`, on this machine alone.
+
+    It listens on loopback and answers requests to loopback's names only, so that a web page whose
+    host name resolves to this machine cannot read the metrics.
+    """
+
+    def __init__(self, registry: CollectorRegistry, port: int) -> None:
+        """`port` 0 takes a free one; raise ValueError if the port cannot be used."""
+        try:
+            self._server = _Server((ADDRESS, port), _Handler)
+        except OSError as error:
+            why = error.strerror or error
+            raise ValueError(
+                f"--metrics-port {port}: {ADDRESS} cannot be listened on there: {why}; "
+                "choose another port"
+            ) from error
+        self.port = self._server.server_port
+        self._server.set_app(_answering(registry, self.port))
+        serve = partial(self._server.serve_forever, poll_interval=CLOSES_WITHIN_S)
+        self._thread = Thread(target=serve, name="metrics", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._server.shutdown()
+        self._server.server_close()
+
+
+class _Server(ThreadingMixIn, WSGIServer):
+    daemon_threads = True
+    block_on_close = False
+
+    def handle_error(self, request: object, client_address: object) -> None:
+        """Ignore a lost client: no message may disturb the operator's screen."""
+
+    def server_bind(self) -> None:
+        """Bind without a name lookup for the address."""
+        TCPServer.server_bind(self)
+        self.server_name, self.server_port = ADDRESS, self.socket.getsockname()[1]
+        self.setup_environ()
+
+
+class _Handler(WSGIRequestHandler):
+    timeout = LISTEN_S
+
+    def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - the library's name
+        """Do not log a scrape."""
+
+
+def _answering(registry: CollectorRegistry, port: int) -> "WSGIApplication":
+    """Return the application that answers `/metrics` under loopback's names."""
+    names = {f"{name}:{port}" for name in (ADDRESS, "localhost")}
+
+    def answer(environ: "WSGIEnvironment", start: "StartResponse") -> Iterable[bytes]:
+        status, kind, body = "200 OK", CONTENT_TYPE_LATEST, b""
+        if environ.get("HTTP_HOST", "").lower() not in names:
+            status, body = "421 Misdirected Request", f"http://{ADDRESS}:{port}/metrics\n".encode()
+        elif environ.get("PATH_INFO") != "/metrics":
+            status, body = "404 Not Found", b"there is only /metrics\n"
+        elif environ.get("REQUEST_METHOD") not in ("GET", "HEAD"):
+            status, body = "405 Method Not Allowed", b"metrics are only read\n"
+        else:
+            body = generate_latest(registry)
+        start(status, [("Content-Type", kind if status == "200 OK" else "text/plain")])
+        return [body]
+
+    return answer

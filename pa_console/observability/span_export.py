@@ -1,4 +1,4 @@
-"""Sends spans to a collector over OTLP, in a thread of its own that nobody ever waits for.
+"""Export of spans to a collector over OTLP, in a thread that never delays the session.
 
 It needs the extra `telemetry`: the OpenTelemetry SDK and its exporter.
 """
@@ -16,27 +16,27 @@ from opentelemetry.sdk.trace.export import BatchSpanProcessor, SpanExporter
 from opentelemetry.trace import Tracer
 
 SEND_S = 3.0
-"""How long one delivery may take, further tries included."""
+"""The longest time of one delivery, with its retries."""
 LEAVE_S = 2.0
-"""How long the end of a session waits for the last spans."""
+"""The longest wait for the last spans at the end of a session."""
 PATH = "/v1/traces"
 _LIBRARY = "opentelemetry"
 
 
 class SpanExport:
-    """Gives a `tracer` whose spans go to the collector at `endpoint` while the context lasts.
+    """A `tracer` whose spans go to the collector at `endpoint` while the context lasts.
 
-    A collector that is slow or away costs spans, never time: the queue has an end, what does not
-    fit is dropped, and `problem` says so.
+    A slow or absent collector loses spans but takes no time from the session: a full queue drops
+    spans, and `problem` reports it.
     """
 
     def __init__(self, endpoint: str, version: str, exporter: SpanExporter | None = None) -> None:
-        """`endpoint` is a base address or a whole one, `version` that of the program.
+        """`endpoint` is a base address or a whole one, `version` the program's.
 
-        An `exporter` is used instead of OTLP.
+        An `exporter` replaces OTLP.
         """
         self._endpoint = endpoint if urlsplit(endpoint).path.strip("/") else _joined(endpoint)
-        self._told = _Told()
+        self._log = _LastProblem()
         sends = exporter or OTLPSpanExporter(endpoint=self._endpoint, timeout=SEND_S)
         resource = Resource.create({"service.name": "pa-console", "service.version": version})
         self._provider = TracerProvider(resource=resource, shutdown_on_exit=False)
@@ -45,17 +45,17 @@ class SpanExport:
 
     @property
     def tracer(self) -> Tracer:
-        """What makes the spans."""
+        """The tracer that makes the spans."""
         return self._tracer
 
     @property
     def problem(self) -> str:
-        """What last went wrong with the delivery, '' when nothing did."""
-        return f"traces for {self._endpoint}: {self._told.last}" if self._told.last else ""
+        """The last error of the delivery; '' if there was none."""
+        return f"traces for {self._endpoint}: {self._log.last}" if self._log.last else ""
 
     def __enter__(self) -> Self:
         library = logging.getLogger(_LIBRARY)
-        library.addHandler(self._told)
+        library.addHandler(self._log)
         library.propagate = False
         return self
 
@@ -65,27 +65,27 @@ class SpanExport:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Deliver what is left, for at most LEAVE_S seconds."""
+        """Deliver the remaining spans, for at most LEAVE_S seconds."""
         leaving = Thread(target=self._provider.shutdown, name="last-spans", daemon=True)
         leaving.start()
         leaving.join(LEAVE_S)
-        if leaving.is_alive():  # what it logs from now on is for nobody, too
-            self._told.last = self._told.last or "the last spans were not taken in time"
+        if leaving.is_alive():  # the handler stays: later messages must not reach the screen
+            self._log.last = self._log.last or "the last spans were not taken in time"
             return
         library = logging.getLogger(_LIBRARY)
-        library.removeHandler(self._told)
+        library.removeHandler(self._log)
         library.propagate = True
 
 
-class _Told(logging.Handler):
-    """Keeps what the library logs off the screen; `last` is the last thing that went wrong."""
+class _LastProblem(logging.Handler):
+    """A handler that keeps the library's messages off the screen; `last` is the last one."""
 
     def __init__(self) -> None:
         super().__init__(logging.WARNING)
         self.last = ""
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Note one message."""
+        """Keep one message."""
         self.last = " ".join(record.getMessage().split())[:300]
 
 

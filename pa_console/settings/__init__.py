@@ -1,1 +1,1 @@
-"""What a user may choose, where each choice comes from, and the file that keeps it."""
+"""Settings: their schema, their sources, and the user's file."""

@@ -1,4 +1,4 @@
-"""Changes the user's settings file: one field at a time, atomically, comments kept."""
+"""The user's settings file, changed one field at a time, atomically, with its comments kept."""
 
 import os
 import shutil
@@ -12,14 +12,14 @@ import yaml
 from pa_console.private_files import make_private_folder
 from pa_console.schema.document import Document, DocumentError, read_text
 
-HEAD = "# Settings of PA Console; `pa-console settings show` tells what there is to choose.\n"
+HEAD = "# Settings of PA Console; `pa-console settings show` lists them all.\n"
 
 
 def save_setting(path: Path, name: str, value: object) -> None:
-    """Write `name: value` into the file at `path`, made if need be; None takes the field out.
+    """Write `name: value` into the file at `path`, a new one if needed; None removes the field.
 
-    What else stands in the file stays as it was written. Raises DocumentError when the file cannot
-    be read as YAML, OSError when it cannot be written.
+    The rest of the file stays as it was written. Raises DocumentError if the file is not YAML,
+    OSError if it cannot be written.
     """
     path = path.resolve()  # a link to the file stays one
     text = read_text(path) if path.exists() else HEAD
@@ -27,10 +27,10 @@ def save_setting(path: Path, name: str, value: object) -> None:
 
 
 def changed_text(source: str, text: str, name: str, value: object) -> str:
-    """Return the settings file `text` with `name: value` in it, or without it when that is None.
+    """Return the settings file `text` with `name: value`, or without the field if it is None.
 
-    `source` names the file in the DocumentError that is raised when `text` is no such file, or
-    would be none with that value in it.
+    Raises DocumentError, with `source` as the name of the file, if `text` is not such a file or
+    would not be one with that value.
     """
     document = Document(source, text)
     if not isinstance(document.value, dict | None):
@@ -39,15 +39,15 @@ def changed_text(source: str, text: str, name: str, value: object) -> str:
     if value is None:
         del wanted[name]
     changed = _edited(document, text, name, value)
-    if _says(changed, wanted):
+    if _has_content(changed, wanted):
         return changed
     whole = HEAD + (yaml.safe_dump(wanted, sort_keys=False) if wanted else "")
-    Document(source, whole)  # what could not be read again is not written
+    Document(source, whole)  # a file that cannot be read back is not written
     return whole
 
 
 def _edited(document: Document, text: str, name: str, value: object) -> str:
-    """Return `text` with the lines of the top-level field `name` replaced, added or taken out."""
+    """Return `text` with the lines of the top-level field `name` replaced, added or removed."""
     line = "" if value is None else yaml.safe_dump({name: value}, sort_keys=False)
     root = document.root
     if isinstance(root, yaml.MappingNode):
@@ -62,14 +62,14 @@ def _edited(document: Document, text: str, name: str, value: object) -> str:
 
 
 def _end(node: yaml.Node) -> int:
-    """Return where what `node` says ends; a block's own mark lies behind the comments after it."""
+    """Return the end of a node's content; the end mark of a block is after later comments."""
     if isinstance(node, yaml.CollectionNode) and node.value and not node.flow_style:
         last = node.value[-1]
         return _end(cast(yaml.Node, last[1] if isinstance(last, tuple) else last))
     return node.end_mark.index
 
 
-def _says(text: str, wanted: dict[str, object]) -> bool:
+def _has_content(text: str, wanted: dict[str, object]) -> bool:
     try:
         return (Document("", text).value or {}) == wanted
     except DocumentError:
@@ -77,7 +77,7 @@ def _says(text: str, wanted: dict[str, object]) -> bool:
 
 
 def write_atomically(path: Path, text: str) -> None:
-    """Write `text` to `path` so that a reader sees the old file or the new one; raises OSError."""
+    """Write `text` to `path` so that a reader sees the old file or the new one; raise OSError."""
     make_private_folder(path.parent)
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
     try:
@@ -95,9 +95,9 @@ def write_atomically(path: Path, text: str) -> None:
 
 
 def reset_settings(path: Path) -> Path | None:
-    """Move the file at `path` aside and return where it went; None when there was none.
+    """Rename the file at `path` and return its new path; None if there is no file.
 
-    An older backup is never written over. Raises OSError.
+    An older backup is never overwritten. Raises OSError.
     """
     if not path.exists():
         return None

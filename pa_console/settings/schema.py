@@ -1,4 +1,4 @@
-"""Everything a user may choose: one schema, of which file, screen and help are made."""
+"""The schema of all settings, from which file, screen and help are made."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ ENV_PREFIX = "PA_CONSOLE_"
 
 
 def _whole(path: Path) -> Path:
-    """Return `path` with `~` resolved; a relative one would mean another folder every time."""
+    """Return `path` with `~` resolved; a relative path would depend on the working folder."""
     path = path.expanduser()
     if not path.is_absolute():
         raise ValueError("give the whole path, or one that begins with ~")
@@ -50,15 +50,15 @@ TakAddress = Annotated[str, AfterValidator(_tak_server)]
 
 
 def _about(group: str, *, restart: bool = True, form: str = "") -> dict[str, Any]:
-    """Return what the schema says of a field beyond its type: its group, and when it counts.
+    """Return a field's further properties: its group, and True if a change needs a restart.
 
-    `form` shows how a value that is more than one word or number is written.
+    `form` shows the form of a value that is more than one word or number.
     """
     return {"group": group, "restart": restart, "form": form}
 
 
 class Settings(BaseSettings):
-    """The choices in force; whoever loads them merges the sources, so that each can be named."""
+    """The settings in force; `sources` merges their origins, so that each can be named."""
 
     model_config = SettingsConfigDict(
         env_prefix=ENV_PREFIX, env_ignore_empty=True, extra="forbid", frozen=True
@@ -319,13 +319,13 @@ class Settings(BaseSettings):
         dotenv_settings: PydanticBaseSettingsSource,  # noqa: ARG003
         file_secret_settings: PydanticBaseSettingsSource,  # noqa: ARG003
     ) -> tuple[PydanticBaseSettingsSource, ...]:
-        """Take only what is given: `sources` merges, and so can say where a value is from."""
+        """Use the given values only: `sources` merges the others and keeps their origins."""
         return (init_settings,)
 
 
 @dataclass(frozen=True)
 class Setting:
-    """One field as a person meets it; `limits` is empty where every value of the type is good."""
+    """One setting for its user; `limits` is empty if every value of the type is valid."""
 
     name: str
     title: str
@@ -338,7 +338,7 @@ class Setting:
 
     @property
     def variable(self) -> str:
-        """The environment variable that sets it."""
+        """The environment variable of the setting."""
         return f"{ENV_PREFIX}{self.name.upper()}"
 
 
@@ -371,7 +371,7 @@ def _limits(about: Mapping[str, Any]) -> str:
 
 
 def value_text(value: object) -> str:
-    """Write a value as a person types it; nothing chosen is an empty text."""
+    """Return a value as a user types it; empty for None."""
     if isinstance(value, bool):
         return "on" if value else "off"
     if isinstance(value, float):

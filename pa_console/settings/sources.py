@@ -1,4 +1,4 @@
-"""Merges command line, environment, file and defaults, and says where each value comes from."""
+"""Settings merged from command line, environment, file and defaults, each with its origin."""
 
 import os
 from collections.abc import Mapping
@@ -18,30 +18,31 @@ from pa_console.signing import PASSPHRASE_VARIABLE
 FILE_VARIABLE = f"{ENV_PREFIX}SETTINGS"
 PATHS = ("logs", "cache", "signing_key")
 EXPORTED = ("cache", "signing_key")
-"""What the parts below read from the environment, and their child processes too."""
+"""Settings that lower layers and child processes read from the environment."""
 
 Source = Literal["command line", "environment", "file", "default"]
 
 
 @dataclass(frozen=True)
-class Origin:
-    """Where a value comes from; `place` is an option, a variable, or a file with its line."""
+class SettingOrigin:
+    """The origin of a value; `place` is an option, a variable, or a file with its line."""
 
     source: Source
     place: str = ""
 
 
 def settings_file() -> Path:
-    """Return the user's settings file; PA_CONSOLE_SETTINGS names another one."""
+    """Return the path of the user's settings file; PA_CONSOLE_SETTINGS overrides it."""
     given = os.environ.get(FILE_VARIABLE)
     return Path(given).expanduser() if given else user_config_path("pa-console") / "settings.yaml"
 
 
 @dataclass(frozen=True)
 class Loaded:
-    """The settings in force, with the sources that they were merged from.
+    """The settings in force, with their sources.
 
-    What is `given` comes from `--set`, or from the verb's own option for those in `options`.
+    Values `given` on the command line come from `--set`, or from the verb's own option for names in
+    `options`.
     """
 
     path: Path
@@ -53,22 +54,24 @@ class Loaded:
 
     @property
     def written(self) -> dict[str, object]:
-        """What the file says."""
+        """The values of the file."""
         return _mapping(self.document)
 
-    def origin(self, name: str) -> Origin:
-        """Return where the value of the field `name` comes from."""
+    def origin(self, name: str) -> SettingOrigin:
+        """Return the origin of the value of the field `name`."""
         if name in self.given:
-            return Origin("command line", f"--{'' if name in self.options else 'set '}{name}")
+            return SettingOrigin(
+                "command line", f"--{'' if name in self.options else 'set '}{name}"
+            )
         if name in self.environment:
-            return Origin("environment", f"{ENV_PREFIX}{name.upper()}")
+            return SettingOrigin("environment", f"{ENV_PREFIX}{name.upper()}")
         if self.document is not None and name in self.written:
-            return Origin("file", f"{self.path}:{self.document.line((name,))}")
-        return Origin("default")
+            return SettingOrigin("file", f"{self.path}:{self.document.line((name,))}")
+        return SettingOrigin("default")
 
     def error(self, field: FieldPath, problem: str) -> DocumentError:
-        """Return the error that says `problem` about `field`, where its value was given."""
-        origin = self.origin(str(field[0])) if field else Origin("file")
+        """Return the error with `problem` about `field`, at the origin of its value."""
+        origin = self.origin(str(field[0])) if field else SettingOrigin("file")
         if origin.source in ("command line", "environment"):
             rest = ".".join(map(str, field[1:]))
             return DocumentError(origin.place, 0, rest, problem)
@@ -77,7 +80,7 @@ class Loaded:
         return self.document.error(field, problem)
 
     def export(self) -> None:
-        """Put into the environment what is read from there; for this process and its children."""
+        """Set the environment variables that this process and its children read."""
         for name in EXPORTED:
             value: Path | None = getattr(self.values, name)
             if value is not None:
@@ -86,32 +89,32 @@ class Loaded:
             os.environ[FILE_VARIABLE] = str(self.path.absolute())
 
     def with_options(self, given: Mapping[str, object]) -> "Loaded":
-        """Return the settings with those that a verb's own options give."""
+        """Return the settings with the values of a verb's own options."""
         options = self.options | given.keys()
         return _merged(replace(self, given={**self.given, **given}, options=options))
 
     def again(self) -> "Loaded":
-        """Return the settings with the file as it is now; the other sources stay as they were."""
+        """Return the settings with the file read again; the other sources stay."""
         return _merged(replace(self, document=_read(self.path)))
 
 
 def load_settings(given: Mapping[str, object] | None = None) -> Loaded:
     """Merge `given` (the command line), the environment, the user's file and the defaults.
 
-    Raises DocumentError that names file and line, variable or option of what is wrong.
+    Raises DocumentError that names file and line, variable or option of an invalid value.
     """
     path = settings_file()
     return _merged(Loaded(path, given or {}, _environment(), _read(path), Settings()))
 
 
 def default_settings() -> Loaded:
-    """Return the defaults alone: for when what the user wrote cannot be used."""
+    """Return the defaults alone, for a user's file that cannot be used."""
     return Loaded(settings_file(), {}, {}, None, Settings())
 
 
 def unknown_variables() -> list[str]:
-    """Return the PA_CONSOLE_... variables of the environment that mean nothing."""
-    from pa_console.llm.servers.address import KEY_VARIABLES  # noqa: PLC0415 - when it is asked
+    """Return the PA_CONSOLE_... variables of the environment without a meaning."""
+    from pa_console.llm.servers.address import KEY_VARIABLES  # noqa: PLC0415 - rarely needed
 
     known = {setting.variable for setting in describe_settings().values()}
     known |= {FILE_VARIABLE, PASSPHRASE_VARIABLE, *KEY_VARIABLES}
@@ -140,7 +143,7 @@ def _environment() -> dict[str, object]:
 
 
 def _merged(loaded: Loaded) -> Loaded:
-    """Validate what the sources say together, the first source first."""
+    """Return the settings with the values of all sources, the first one first, validated."""
     document = loaded.document
     if document is not None and not isinstance(document.value, dict | None):
         raise document.error((), "expected lines like `theme: pa-console-light`")
@@ -155,7 +158,7 @@ def _merged(loaded: Loaded) -> Loaded:
 
 
 def _worded(field: FieldPath, problem: str, kind: str) -> str:
-    """Say what is wrong with `field` and what would be right."""
+    """Return the problem of `field` with its remedy."""
     about = describe_settings()
     name = str(field[0]) if field else ""
     if kind == "extra_forbidden":

@@ -9,9 +9,9 @@ from textual.theme import BUILTIN_THEMES
 
 from pa_console.llm.errors import ModelError
 from pa_console.llm.models.catalogue import Catalog
+from pa_console.private_files import unwritable
 from pa_console.resources import data_folder, find_data
 from pa_console.schema.document import FieldPath
-from pa_console.settings.folders import unwritable
 from pa_console.settings.schema import Settings, describe_settings, value_text
 from pa_console.settings.sources import PATHS, Loaded, problem_text
 from pa_console.tui.actions.keymap import KeymapError, check_keys, key_names, own_keys

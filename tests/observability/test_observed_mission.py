@@ -19,12 +19,10 @@ from prometheus_client import CollectorRegistry
 from prometheus_client.parser import text_string_to_metric_families
 
 from pa_console.observability import span_export
-from pa_console.observability.metrics_server import MetricsServer
-from pa_console.observability.mission_spans import MissionSpans
+from pa_console.observability.mission_spans import NUMBERS, MissionSpans
 from pa_console.observability.observers import Observing, observed, unobserved
-from pa_console.observability.session_metrics import SessionMetrics
+from pa_console.observability.session_metrics import MetricsServer, SessionMetrics
 from pa_console.observability.span_export import SpanExport
-from pa_console.observability.step_names import NUMBERS
 from pa_console.orchestrator.station.assembly import load_site
 from pa_console.schema.events import event as ev
 from tests.orchestrator.conftest import Rig

@@ -24,13 +24,12 @@ from pa_console.llm.models.catalogue import Catalog, ModelEntry
 from pa_console.llm.models.preparing import Preparation, find_recorded
 from pa_console.llm.worker.confinement import Restriction, try_out
 from pa_console.llm.worker.threads import idle_seconds, physical_cores
-from pa_console.private_files import loose
+from pa_console.private_files import loose, nearest_existing, unwritable
 from pa_console.schema.document import DocumentError
 from pa_console.schema.text.quantities import count
 from pa_console.session.log.chain import LogError
 from pa_console.session.log.session_index import check_index
 from pa_console.session.log.writer import default_folder
-from pa_console.settings.folders import nearest_existing, unwritable
 from pa_console.settings.sources import Loaded, default_settings, load_settings, unknown_variables
 from pa_console.signing import SigningError, key_path, known_keys
 

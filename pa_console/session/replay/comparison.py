@@ -121,7 +121,7 @@ def _same(a: Recording, at: int, b: Recording, bt: int, *, ticks: bool) -> bool:
 
 
 def _difference(a: Recording, at: int, b: Recording, bt: int) -> Difference:
-    """Return the difference of two events, one of which may be past the end."""
+    """Return the difference of two events, even if one is past the end."""
     first = a[at] if at < len(a) else None
     second = b[bt] if bt < len(b) else None
     if first is None or second is None or first.data.kind != second.data.kind:

@@ -216,7 +216,7 @@ class SessionState:
 
     @property
     def current(self) -> MissionTrace | None:
-        """The active mission, else the one that was active last, else the latest to arrive."""
+        """The active mission, else the last active one, else the latest to arrive."""
         chosen = self.active or self.last_active or self.latest
         return self.missions[chosen] if chosen is not None else None
 
