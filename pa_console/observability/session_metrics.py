@@ -6,7 +6,6 @@ from datetime import datetime
 from functools import partial
 from socketserver import TCPServer, ThreadingMixIn
 from threading import Thread
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 from wsgiref.simple_server import WSGIRequestHandler, WSGIServer
 
@@ -39,61 +38,44 @@ class SessionMetrics:
     """
 
     def __init__(self) -> None:
-        self.registry = registry = CollectorRegistry()
-        self._missions = Counter(
-            "pa_console_missions",
-            "Missions that ended, by outcome.",
-            ["outcome"],
-            registry=registry,
+        self.registry = CollectorRegistry()
+        counter = partial(Counter, registry=self.registry)
+        gauge = partial(Gauge, registry=self.registry)
+        histogram = partial(Histogram, registry=self.registry)
+        self._missions = counter(
+            "pa_console_missions", "Missions that ended, by outcome.", ["outcome"]
         )
-        self._decisions = Histogram(
+        self._decisions = histogram(
             "pa_console_decision_seconds",
             "Seconds from a plan being shown to the decision on it that was accepted.",
             ["decision"],
             buckets=DECISION_S,
-            registry=registry,
         )
-        self._steps = Histogram(
+        self._steps = histogram(
             "pa_console_step_seconds",
             "Seconds that a step of a mission took.",
             ["step"],
             buckets=STEP_S,
-            registry=registry,
         )
-        self._refusals = Counter(
+        self._refusals = counter(
             "pa_console_refusals",
             "Times that a rule kept a plan, or a mission before any plan, from being approved.",
             ["rule"],
-            registry=registry,
         )
-        self._kept_back = Counter(
-            "pa_console_commands_refused", "Commands kept back at the last gate.", registry=registry
+        self._kept_back = counter(
+            "pa_console_commands_refused", "Commands kept back at the last gate."
         )
-        self._sent = Counter(
-            "pa_console_commands_sent", "Commands sent to assets.", ["command"], registry=registry
+        self._sent = counter("pa_console_commands_sent", "Commands sent to assets.", ["command"])
+        self._queue = gauge("pa_console_queue_length", "Missions that wait.")
+        self._alarms = counter("pa_console_alarms", "Alarms that were raised.", ["kind"])
+        self._open = gauge("pa_console_open_alarms", "Alarms that are open.", ["priority"])
+        self._stopped = gauge("pa_console_stopped", "1 while everything is stopped.")
+        self._waits = gauge("pa_console_plan_waits", "1 while a plan waits for a decision.")
+        self._ready = gauge("pa_console_worker_ready", "1 while the model's worker is ready.")
+        self._restarts = counter(
+            "pa_console_worker_restarts", "Times the worker was started again."
         )
-        self._queue = Gauge("pa_console_queue_length", "Missions that wait.", registry=registry)
-        self._alarms = Counter(
-            "pa_console_alarms", "Alarms that were raised.", ["kind"], registry=registry
-        )
-        self._open = Gauge(
-            "pa_console_open_alarms", "Alarms that are open.", ["priority"], registry=registry
-        )
-        self._stopped = Gauge(
-            "pa_console_stopped", "1 while everything is stopped.", registry=registry
-        )
-        self._waits = Gauge(
-            "pa_console_plan_waits", "1 while a plan waits for a decision.", registry=registry
-        )
-        self._ready = Gauge(
-            "pa_console_worker_ready", "1 while the model's worker is ready.", registry=registry
-        )
-        self._restarts = Counter(
-            "pa_console_worker_restarts", "Times the worker was started again.", registry=registry
-        )
-        self._unlogged = Gauge(
-            "pa_console_log_troubled", "1 while the log cannot be written.", registry=registry
-        )
+        self._unlogged = gauge("pa_console_log_troubled", "1 while the log cannot be written.")
         self._raised: dict[str, str] = {}
         self._asked: dict[str, datetime] = {}
         self._died = False
@@ -233,12 +215,7 @@ class MetricsServer:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         self._server.shutdown()
         self._server.server_close()
 

@@ -5,7 +5,6 @@ It needs the extra `telemetry`: the OpenTelemetry SDK and its exporter.
 
 import logging
 from threading import Thread
-from types import TracebackType
 from typing import Self
 from urllib.parse import urlsplit
 
@@ -59,12 +58,7 @@ class SpanExport:
         library.propagate = False
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """Deliver the remaining spans, for at most LEAVE_S seconds."""
         leaving = Thread(target=self._provider.shutdown, name="last-spans", daemon=True)
         leaving.start()

@@ -18,7 +18,7 @@ be approved without a warning at any confidence (`orchestrator/planning/approval
 import math
 from typing import Literal, NamedTuple
 
-Second = Literal["", "same", "other", "alone"]
+SecondAnswer = Literal["", "same", "other", "alone"]
 """The second reader's answer: none, the reading of the plan, or another; or the plan is for a
 reading of the second reader alone."""
 
@@ -58,11 +58,11 @@ class Evidence(NamedTuple):
     chance: float | None
     """The lower chance of planner and judge; None if neither reports one."""
     gaps: bool = False
-    second: Second = ""
+    second: SecondAnswer = ""
     second_chance: float = 0.0
 
 
-def told_confidence(read: Evidence, by: Coefficients = FITTED) -> float | None:
+def calibrated_confidence(read: Evidence, by: Coefficients = FITTED) -> float | None:
     """Return the share of orders `read` like this one that are right; None without a chance."""
     chance = read.chance or 0.0
     match read.second:

@@ -101,18 +101,18 @@ def overriding(decision: Decision) -> str:
     A deviation is a changed plan, another reading of the order, an overridden objection of the
     judge, or an accepted breach.
     """
-    said: list[str] = []
+    words: list[str] = []
     if decision.kind == "modify":
-        said.append("the plan was changed")
+        words.append("the plan was changed")
     if decision.kind == "choose":
-        said.append(f"the order was read as “{plain_reading(decision.asked)}”")
+        words.append(f"the order was read as “{plain_reading(decision.asked)}”")
     if decision.kind == "approve" and decision.override_judge:
-        said.append("the judge was overridden")
+        words.append("the judge was overridden")
     if decision.kind == "approve" and decision.acknowledged:
-        said.append(f"broken {', '.join(decision.acknowledged)} accepted")
-    if not said:
+        words.append(f"broken {', '.join(decision.acknowledged)} accepted")
+    if not words:
         return ""
-    return f"{', '.join(said)} by {decision.by}" + (
+    return f"{', '.join(words)} by {decision.by}" + (
         f": {decision.reason}" if decision.reason else ""
     )
 
@@ -153,9 +153,9 @@ def asked_in_words(order: StandingOrder, allowed: Collection[str] | None = None)
     if not order.unasked:
         return "each mission waits for your approval"
     if allowed is None:
-        return "nobody is asked where the rules allow that"
+        return "no approval is asked for where the rules allow it"
     if not allowed:
-        return "it says that nobody need be asked; the rules do not allow that: you are asked"
+        return "it asks for no approval, which the rules do not allow: you are asked"
     return f"unasked where a plan only gives {', '.join(allowed)}; else you are asked"
 
 
@@ -170,133 +170,111 @@ def kind_in_words(kind: str) -> str:
     return kind.replace("_", " ")
 
 
+_EVENT_TEMPLATES: dict[str, str] = {
+    "session_started": "{world}, {rules}, {model}, seed {seed}",
+    "telemetry": "at {picture.time_s:g} s",
+    "noticed": "{subject}: {text}",
+    "worker": "{state} {detail}",
+    "server": "{server} {state}: {detail}",
+    "alarm_raised": "{alarm.priority}: {alarm.text}",
+    "alarm_acknowledged": "{alarm_id} by {by}",
+    "alarm_cleared": "{alarm_id}: {reason}",
+    "mission_received": "{mission.said}",
+    "mission_preempted": "{by} goes first: {reason}",
+    "prompt_built": "{role}, attempt {attempt}",
+    "standing_order_started": "by {order_id} for {subject}",
+    "plan_voided": "{reason}",
+    "command_replied": "{reply.agent}: {reply.status} {reply.detail}",
+    "command_resent": "{command_id}, {times} times",
+    "mission_verified": "{verification.outcome} {verification.reason}",
+    "mission_finished": "{status}: {reason}",
+    "all_stopped": "by {by}",
+    "stop_released": "by {by}",
+    "session_ended": "{reason}",
+    "tak": "{detail}",
+    "contact_lost": "{uid}: {reason}",
+    "contacts_left_out": "{outside} beyond the site, {too_many} too many, {unreadable} unreadable",
+}
+
+
 def event_in_words(data: ev.EventPayload) -> str:
     """Return the content of an event beyond its kind; empty for a kind without content."""
-    said = ""
+    if template := _EVENT_TEMPLATES.get(data.kind):
+        return template.format_map(vars(data)).strip()
+    return _session_event(data) or _planning_event(data) or _execution_event(data)
+
+
+def _session_event(data: ev.EventPayload) -> str:
+    """Return the words of events of the session, its queue, standing orders and contacts."""
+    words = ""
     match data:
-        case ev.SessionStarted():
-            said = f"{data.world}, {data.rules}, {data.model}, seed {data.seed}"
         case ev.RulesReplaced(changes=changes):
-            said = "; ".join(changes)
-        case ev.TelemetryReceived(picture=picture):
-            said = f"at {picture.time_s:g} s"
+            words = "; ".join(changes)
         case ev.IncidentHappened(incident=incident):
-            said = in_words(incident)
-        case ev.Noticed(subject=subject, text=text):
-            said = f"{subject}: {text}"
-        case ev.WorkerChanged(state=state, detail=detail):
-            said = f"{state} {detail}".strip()
-        case ev.ServerChanged(server=server, state=state, detail=detail):
-            said = f"{server} {state}: {detail}"
-        case ev.AlarmRaised(alarm=alarm):
-            said = f"{alarm.priority}: {alarm.text}"
-        case ev.AlarmAcknowledged(alarm_id=name, by=who):
-            said = f"{name} by {who}"
-        case ev.AlarmCleared(alarm_id=name, reason=reason):
-            said = f"{name}: {reason}"
-        case ev.MissionReceived(mission=mission):
-            said = mission.said
-        case ev.QuestionAsked(question=question, choices=choices):
-            said = f"{question} {' | '.join(choices)}".strip()
+            words = in_words(incident)
+        case ev.QueueChanged(entries=entries):
+            words = ", ".join(entry.mission.id for entry in entries) or "empty"
         case ev.QuestionAnswered():
-            said = answer_in_words(data)
+            words = answer_in_words(data)
+        case ev.ContactReported(contact=contact):
+            words = contact_in_words(contact)
+        case ev.StandingOrderRead(order=order) | ev.StandingOrderApproved(order=order):
+            words = standing_in_words(order)
+        case ev.StandingOrderWithheld(order_id=name, subject=subject, reason=reason):
+            words = f"{name}{f' for {subject}' if subject else ''}: {reason}"
+        case ev.StandingOrderRevoked(order_id=name, by=by, reason=reason):
+            words = f"{name} by {by}{f': {reason}' if reason else ''}"
+        case ev.SessionResumed(interrupted=interrupted):
+            words = f"ended as held: {', '.join(interrupted)}" if interrupted else ""
+        case ev.AuthorityChanged(refusal=refusal):
+            words = f"nothing is sent from here: {refusal}" if refusal else "in command"
+        case ev.CommandTaken():
+            words = command_taken_in_words(data)
+        case _:
+            pass
+    return words
+
+
+def _planning_event(data: ev.EventPayload) -> str:
+    """Return the words of events of steps 1 to 6."""
+    words = ""
+    match data:
+        case ev.QuestionAsked(question=question, choices=choices):
+            words = f"{question} {' | '.join(choices)}".strip()
         case ev.OrderRead(text=text, references=references):
-            said = f"{text} | {references_in_words(references)}"
-        case ev.MissionPreempted(by=who, reason=reason):
-            said = f"{who} goes first: {reason}"
+            words = f"{text} | {references_in_words(references)}"
         case ev.WorkflowMoved():
             step = data.phases[data.phase] if 0 <= data.phase < len(data.phases) else data.outcome
-            said = f"{data.track}: {step}"
+            words = f"{data.track}: {step}"
         case ev.RulesRetrieved(hits=hits):
-            said = ", ".join(hit.rule_id for hit in hits)
-        case ev.PromptBuilt(role=role, attempt=attempt):
-            said = f"{role}, attempt {attempt}"
-        case ev.QueueChanged(entries=entries):
-            said = ", ".join(entry.mission.id for entry in entries) or "empty"
-        case _:
-            said = _standing(data) or _planned(data) or _done(data) or _of_tak(data)
-    return said
-
-
-def _of_tak(data: ev.EventPayload) -> str:
-    """Return the words of what comes from a TAK server."""
-    said = ""
-    match data:
-        case ev.TakChanged(detail=detail):
-            said = detail
-        case ev.ContactReported(contact=contact):
-            said = contact_in_words(contact)
-        case ev.ContactLost(uid=uid, reason=reason):
-            said = f"{uid}: {reason}"
-        case ev.ContactsLeftOut():
-            said = (
-                f"{data.outside} beyond the site, {data.too_many} too many, "
-                f"{data.unreadable} unreadable"
-            )
-        case _:
-            pass
-    return said
-
-
-def contact_in_words(contact: ev.ReportedContact) -> str:
-    """Return the claims about a contact: *“ALPHA-1”, said to be a friend, vehicle, at (12, -3)*."""
-    x, y = contact.at
-    claimed = f"said to be {contact.affiliation}, {contact.what}"
-    return f"“{contact.name}”, {claimed}, at ({x:.0f}, {y:.0f})"
-
-
-def _standing(data: ev.EventPayload) -> str:
-    """Return the words of what standing orders do."""
-    said = ""
-    match data:
-        case ev.StandingOrderRead(order=order) | ev.StandingOrderApproved(order=order):
-            said = standing_in_words(order)
-        case ev.StandingOrderStarted(order_id=name, subject=subject):
-            said = f"by {name} for {subject}"
-        case ev.StandingOrderWithheld(order_id=name, subject=subject, reason=reason):
-            said = f"{name}{f' for {subject}' if subject else ''}: {reason}"
-        case ev.StandingOrderRevoked(order_id=name, by=who, reason=reason):
-            said = f"{name} by {who}{f': {reason}' if reason else ''}"
-        case _:
-            pass
-    return said
-
-
-def _planned(data: ev.EventPayload) -> str:
-    """Return the words of steps 5 and 6."""
-    said = ""
-    match data:
+            words = ", ".join(hit.rule_id for hit in hits)
         case ev.PlanProposed(plan=plan, error=error):
-            said = _plan(plan) if plan is not None else error
+            words = _plan(plan) if plan is not None else error
         case ev.PlanChecked(findings=findings, unmet=unmet):
             broken = [finding.rule_id for finding in findings if finding.broken]
-            said = f"broken: {', '.join(broken)}" if broken else "no rule broken"
-            said += "".join(f"; not met: {text}" for text in unmet)
+            words = f"broken: {', '.join(broken)}" if broken else "no rule broken"
+            words += "".join(f"; not met: {text}" for text in unmet)
         case (
             ev.PlanJudged(verdict=verdict, error=error)
             | ev.OutcomeJudged(verdict=verdict, error=error)
         ):
-            said = f"{verdict.verdict}: {verdict.feedback}" if verdict is not None else error
+            words = f"{verdict.verdict}: {verdict.feedback}" if verdict is not None else error
         case ev.OrderReadAgain(model=model, asked=asked, error=error):
-            said = f"{model}: {error or plain_reading(asked)}"
+            words = f"{model}: {error or plain_reading(asked)}"
         case ev.RepairRequested(reasons=reasons):
-            said = "; ".join(reasons)
+            words = "; ".join(reasons)
         case ev.ApprovalRequested(blocked_by=blocked, plan=plan, readings=readings):
-            said = "; ".join(blocked) if blocked else _plan(plan)
-            said = f"{_state(data)}{said}"
-            said += f" | if halted: {safety_in_words(data.if_halted)}" if data.if_halted else ""
-            said += "".join(f" | or: {plain_reading(asked)}" for asked in readings)
+            words = _state(data) + ("; ".join(blocked) if blocked else _plan(plan))
+            words += f" | if halted: {safety_in_words(data.if_halted)}" if data.if_halted else ""
+            words += "".join(f" | or: {plain_reading(asked)}" for asked in readings)
         case ev.DecisionMade(decision=decision, accepted=accepted, detail=detail):
-            taken = "" if accepted else f", not accepted: {detail}"
-            said = f"{decision.kind} by {decision.by} {decision.reason}".strip()
-            if otherwise := overriding(decision):
-                said = f"{decision.kind}: {otherwise}"
-            said += taken
-        case ev.PlanVoided(reason=reason):
-            said = reason
+            words = f"{decision.kind} by {decision.by} {decision.reason}".strip()
+            if deviations := overriding(decision):
+                words = f"{decision.kind}: {deviations}"
+            words += "" if accepted else f", not accepted: {detail}"
         case _:
             pass
-    return said
+    return words
 
 
 def _state(request: ev.ApprovalRequested) -> str:
@@ -305,43 +283,31 @@ def _state(request: ev.ApprovalRequested) -> str:
         return ""  # its one reason says so
     if request.blocked_by:
         return "blocked: "
-    told = request.state not in (None, "approve")
-    return f"{status_of('approval', request.state or '').word.lower()}: " if told else ""
+    if request.state in (None, "approve"):
+        return ""
+    return f"{status_of('approval', request.state).word.lower()}: "
 
 
-def _done(data: ev.EventPayload) -> str:
-    """Return the words of steps 7 and 8, and of the session's end."""
-    said = ""
+def _execution_event(data: ev.EventPayload) -> str:
+    """Return the words of events of steps 7 and 8."""
     match data:
         case ev.CommandSent(command=command):
-            said = f"{command.agent}: {order_in_words(command)}"
+            return f"{command.agent}: {order_in_words(command)}"
         case ev.CommandRefused(command=command, reason=reason):
-            said = f"{command.agent}: {order_in_words(command)}: {reason}"
-        case ev.CommandReplied(reply=reply):
-            said = f"{reply.agent}: {reply.status} {reply.detail}".strip()
-        case ev.CommandResent(command_id=name, times=times):
-            said = f"{name}, {times} times"
+            return f"{command.agent}: {order_in_words(command)}: {reason}"
         case ev.PlanHalted(reasons=reasons):
-            said = "; ".join(reasons)
-        case ev.MissionVerified(verification=verification):
-            said = f"{verification.outcome} {verification.reason}".strip()
+            return "; ".join(reasons)
         case ev.MissionReported(text=text):
-            said = " ".join(text.split())
-        case ev.MissionFinished(status=status, reason=reason):
-            said = f"{status}: {reason}"
-        case ev.AllStopped(by=who) | ev.StopReleased(by=who):
-            said = f"by {who}"
-        case ev.SessionEnded(reason=reason):
-            said = reason
-        case ev.SessionResumed(interrupted=interrupted):
-            said = f"ended as held: {', '.join(interrupted)}" if interrupted else ""
-        case ev.AuthorityChanged(refusal=refusal):
-            said = f"nothing is sent from here: {refusal}" if refusal else "in command"
-        case ev.CommandTaken():
-            said = command_taken_in_words(data)
+            return " ".join(text.split())
         case _:
-            pass
-    return said
+            return ""
+
+
+def contact_in_words(contact: ev.ReportedContact) -> str:
+    """Return the claims about a contact: *“ALPHA-1”, said to be a friend, vehicle, at (12, -3)*."""
+    x, y = contact.at
+    claimed = f"said to be {contact.affiliation}, {contact.what}"
+    return f"“{contact.name}”, {claimed}, at ({x:.0f}, {y:.0f})"
 
 
 def command_taken_in_words(taken: ev.CommandTaken) -> str:

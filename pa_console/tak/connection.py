@@ -10,7 +10,6 @@ from collections.abc import Awaitable, Callable, Iterable
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from threading import Event, Lock, Thread
-from types import TracebackType
 from typing import Self, cast
 
 from pytak import client_functions
@@ -125,12 +124,7 @@ class TakConnection:
         self._ready.wait()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        at: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         self._wake(self._closing)
         self._wake(self._news)
         self._thread.join(2 * FLUSH_S + GOODBYE_S)

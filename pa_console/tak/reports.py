@@ -212,7 +212,8 @@ class TakReports:
             return
         self._impostors[name] = None
         more = len(self._impostors) > MOST_IMPOSTORS
-        text = f"somebody on the TAK server speaks as {'others of ours too' if more else name}"
+        claimed = "other things of this site too" if more else name
+        text = f"another sender on the TAK server claims to be {claimed}"
         self._notices.append(Noticed(level="alarm", subject="TAK", text=text))
 
     def _not_shown(self, now: datetime) -> list[ContactsLeftOut]:

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterable
 from datetime import UTC, datetime, timedelta
 from threading import Condition, Thread
-from types import TracebackType
 from typing import Protocol, Self
 
 from pa_console.schema.events.event import Event, SessionEnded, TelemetryReceived
@@ -116,12 +115,7 @@ class InBackground:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        at: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         with self._news:
             self._over = True
             self._news.notify()

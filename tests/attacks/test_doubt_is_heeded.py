@@ -17,7 +17,7 @@ from pa_console.orchestrator.planning.approval import CheckedPlan, OrderAsRead, 
 from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.schema.finding import Verdict
 from pa_console.schema.plan import Plan
-from pa_console.session.confidence import UNSURE, Evidence, told_confidence
+from pa_console.session.confidence import UNSURE, Evidence, calibrated_confidence
 from pa_console.session.state.mission_trace import Attempt
 from pa_console.signing import KEY_VARIABLE
 from tests.cli.inside import Call, caller
@@ -118,7 +118,7 @@ def test_what_either_model_doubts_is_held(
     models.read("1 drone to EastGate", order, sure=sure, judge=judge)
     code, done = auto("Send one drone to the east gate.")
     assert (code, done["commands"]) == (3, {})
-    told = told_confidence(Evidence(min(sure, judge)))
+    told = calibrated_confidence(Evidence(min(sure, judge)))
     assert told is not None
     assert f"read with {told:.0%} confidence, 90% are needed" in done["reason"]
 

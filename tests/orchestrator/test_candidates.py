@@ -12,7 +12,7 @@ from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.finding import Verdict
 from pa_console.schema.plan import Action, Plan
-from pa_console.session.confidence import Evidence, told_confidence
+from pa_console.session.confidence import Evidence, calibrated_confidence
 from tests.orchestrator.conftest import Rig
 from tests.scripted import FAILURE, SUCCESS, ScriptedEngine, plan
 
@@ -72,7 +72,7 @@ async def test_another_plan_for_the_same_is_as_doubtful_as_the_first(rig: Rig) -
     chances = [(ASTRAY.index("EastGate"), math.log(0.4))]
     trace = await rig.run(ScriptedEngine([ASTRAY], others=[SOUND], chances=chances))
     assert [attempt.confidence for attempt in trace.attempts] == [0.4, 0.4]
-    told = told_confidence(Evidence(0.4))
+    told = calibrated_confidence(Evidence(0.4))
     assert told is not None
     assert f"{told:.0%} confidence" in trace.attempts[-1].doubt
 

@@ -17,7 +17,7 @@ from pa_console.orchestrator.station.headless import run_missions
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
-from pa_console.session.confidence import Evidence, told_confidence
+from pa_console.session.confidence import Evidence, calibrated_confidence
 from pa_console.session.state.mission_trace import MissionTrace
 from tests.llm.servers.fault_proxy import FaultProxy
 from tests.orchestrator.conftest import Rig
@@ -171,7 +171,7 @@ async def test_a_second_reader_on_a_server_offers_its_reading_and_decides_nothin
 
 async def test_a_second_reader_on_a_server_takes_no_doubt_away(rig: Rig) -> None:
     request = await read_again(rig, "1 drone to EastGate", 0.4)
-    assert request.confidence == pytest.approx(told_confidence(Evidence(0.4)), abs=0.001)
+    assert request.confidence == pytest.approx(calibrated_confidence(Evidence(0.4)), abs=0.001)
     assert request.state == "may_be_misunderstood"
 
 

@@ -4,21 +4,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.session.confidence import UNSURE, Evidence, Second, told_confidence
+from pa_console.session.confidence import UNSURE, Evidence, SecondAnswer, calibrated_confidence
 
 CHANCES = st.floats(0.0, 1.0)
 SECONDS = st.sampled_from(("", "same", "other", "alone"))
 
 
-def told(*, chance: float | None, gaps: bool = False, second: Second = "", sure: float = 0.0):
-    found = told_confidence(Evidence(chance, gaps, second, sure))
+def told(*, chance: float | None, gaps: bool = False, second: SecondAnswer = "", sure: float = 0.0):
+    found = calibrated_confidence(Evidence(chance, gaps, second, sure))
     assert found is not None
     return found
 
 
 @given(CHANCES, CHANCES, st.booleans(), SECONDS, CHANCES)
 def test_a_greater_chance_never_makes_it_less(
-    one: float, other: float, gaps: bool, second: Second, sure: float
+    one: float, other: float, gaps: bool, second: SecondAnswer, sure: float
 ) -> None:
     low, high = sorted((one, other))
     less = told(chance=low, gaps=gaps, second=second, sure=sure)
@@ -26,7 +26,7 @@ def test_a_greater_chance_never_makes_it_less(
 
 
 @given(CHANCES, SECONDS, CHANCES)
-def test_a_gap_never_makes_it_more(chance: float, second: Second, sure: float) -> None:
+def test_a_gap_never_makes_it_more(chance: float, second: SecondAnswer, sure: float) -> None:
     without = told(chance=chance, second=second, sure=sure)
     assert told(chance=chance, gaps=True, second=second, sure=sure) <= without
 
@@ -48,4 +48,4 @@ def test_an_unsure_reading_that_another_shares_is_understood() -> None:
 
 @pytest.mark.parametrize("gaps", [False, True])
 def test_nothing_is_told_where_nobody_tells(gaps: bool) -> None:
-    assert told_confidence(Evidence(None, gaps)) is None
+    assert calibrated_confidence(Evidence(None, gaps)) is None

@@ -144,7 +144,7 @@ def test_whoever_speaks_as_ours_is_told_of_and_is_no_contact(site: SiteOnMap, ta
         session.wait(
             lambda state: state.notices[-1].level == "alarm", lambda: client.send(fake.xml())
         )
-    assert session.lines[-1] == "alarm TAK somebody on the TAK server speaks as Drone_T04"
+    assert session.lines[-1] == "alarm TAK another sender on the TAK server claims to be Drone_T04"
     assert not session.state.reported_contacts
 
 
@@ -198,7 +198,7 @@ def test_impostors_of_many_are_told_of_a_few_times(
     told = [data for data in reports.news() if isinstance(data, Noticed)]
     assert len(told) == MOST_IMPOSTORS + 1
     assert {data.level for data in told} == {"alarm"}
-    assert told[-1].text.endswith("speaks as others of ours too")
+    assert told[-1].text.endswith("claims to be other things of this site too")
     assert not reports.news()
 
 

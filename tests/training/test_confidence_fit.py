@@ -2,7 +2,7 @@
 
 import random
 
-from pa_console.session.confidence import Evidence, told_confidence
+from pa_console.session.confidence import Evidence, calibrated_confidence
 from pa_training.confidence.fit import (
     Known,
     calibration_error,
@@ -26,7 +26,7 @@ def drawn(count: int) -> list[Known]:
 def test_chances_that_are_right_are_told_as_they_are() -> None:
     by = fit(drawn(2000))
     for chance in (0.3, 0.6, 0.9):
-        told = told_confidence(Evidence(chance), by)
+        told = calibrated_confidence(Evidence(chance), by)
         assert told is not None
         assert abs(told - chance) < 0.07
 

@@ -15,7 +15,11 @@ from pa_console.session.log.session_index import check_index, index_path
 from pa_console.session.log.signed_head import head_path
 from pa_console.session.log.verification import VerifyResult, verify
 from pa_console.session.log.witness import WitnessResult, check_witness
-from pa_console.session.replay.comparison import Difference, SessionComparison, compare_sessions
+from pa_console.session.replay.comparison import (
+    EventDifference,
+    SessionComparison,
+    compare_sessions,
+)
 from pa_console.session.replay.recording import Recording
 from pa_console.session.wording import event_in_words, kind_in_words
 from pa_console.settings.sources import Loaded
@@ -86,7 +90,9 @@ def _print(
         _print_difference("first difference beyond telemetry and ticks", found.beyond, both)
 
 
-def _print_difference(title: str, found: Difference, both: tuple[Recording, Recording]) -> None:
+def _print_difference(
+    title: str, found: EventDifference, both: tuple[Recording, Recording]
+) -> None:
     out.print(f"\n{title}", style="bold")
     for letter, recording, at in zip("AB", both, (found.a, found.b), strict=True):
         if at >= len(recording):

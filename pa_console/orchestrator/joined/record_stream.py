@@ -6,7 +6,7 @@ from pa_console.fleets.authorization import RefusedError, Trust
 from pa_console.fleets.vda5050.session_messages import SessionRecords
 from pa_console.fleets.vda5050.wire import UnreadableError
 from pa_console.schema.events.event import Event
-from pa_console.session.log.chain import Record, link_problem, parse
+from pa_console.session.log.chain import LogRecord, link_problem, parse
 
 
 class NotBelievedError(ValueError):
@@ -25,7 +25,7 @@ class RecordStream:
         self._trust, self._now = trust, now
         self.station, self.session = "", ""
         """The name of the station in the roster, and the id of its session; "" before the first."""
-        self._last: Record | None = None
+        self._last: LogRecord | None = None
         self.seen = 0
         """The last record that the station has told of."""
 

@@ -13,7 +13,7 @@ from pa_console.orders.order import Reading
 from pa_console.orders.reading import read_asked, read_reason
 from pa_console.schema.finding import Verdict
 from pa_console.schema.world import World
-from pa_console.session.confidence import Evidence, Second, told_confidence
+from pa_console.session.confidence import Evidence, SecondAnswer, calibrated_confidence
 
 LIKELIER_OTHERWISE = 0.5
 """Below this chance, something else was asked, in the model's own eyes, than what it wrote."""
@@ -94,9 +94,9 @@ class Candidate:
             return None
         else:
             read = Evidence(self.sure, gaps)
-        return told_confidence(read)
+        return calibrated_confidence(read)
 
-    def _second(self, again: ReadAgain) -> Second:
+    def _second(self, again: ReadAgain) -> SecondAnswer:
         """Return what the second reader says of the plan.
 
         Without a chance of the planner's, the plan is for what the second reader alone has read.

@@ -61,7 +61,7 @@ def os_error(path: Path, task: str, error: OSError) -> LogError:
 
 
 @dataclass(frozen=True)
-class Record:
+class LogRecord:
     """A line of the log as it was read; nothing about the chain has been checked yet."""
 
     text: str
@@ -118,7 +118,7 @@ def signed_part(fields: dict[str, Any]) -> bytes:
     return PURPOSE + canonical_json(rest).encode()
 
 
-def parse(line: bytes) -> Record:
+def parse(line: bytes) -> LogRecord:
     """Read one line (no line end) of a log; raise ValueError that names the first problem."""
     text, fields = _load(line)
     if tuple(fields) != FIELDS:
@@ -131,21 +131,21 @@ def parse(line: bytes) -> Record:
     content = {key: fields[key] for key in ("t", "tick", "mission")}
     content["data"] = {**cast(dict[str, Any], data), "kind": kind}
     try:
-        return Record(text, fields, Event.model_validate_json(_JSON.dump_json(content)))
+        return LogRecord(text, fields, Event.model_validate_json(_JSON.dump_json(content)))
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         field = ".".join(str(part) for part in first["loc"] if part != kind)
         raise ValueError(f"{field}: {first['msg']}") from error
 
 
-def own_problem(record: Record) -> str:
+def own_problem(record: LogRecord) -> str:
     """Return the problem of `record` by itself; empty if it is as it was written."""
     if _in_order(record.fields) != record.text or record.hash != digest(record.fields):
         return "the record was edited: its hash does not match what it says"
     return ""
 
 
-def link_problem(record: Record, before: Record | None) -> str:
+def link_problem(record: LogRecord, before: LogRecord | None) -> str:
     """Return the problem of `record` as the successor of `before`; empty if there is none."""
     fields = record.fields
     seq, prev = (before.fields["seq"] + 1, before.hash) if before else (1, GENESIS)

@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 
 from pa_console.private_files import make_private_folder, open_private
-from pa_console.session.log.chain import GENESIS, LogError, Record, os_error, own_problem, parse
+from pa_console.session.log.chain import GENESIS, LogError, LogRecord, os_error, own_problem, parse
 from pa_console.session.log.session_index import INDEX_NAME
 from pa_console.session.log.signed_head import head_path, require_head
 from pa_console.signing import KNOWN_FILE, key_path
@@ -123,7 +123,7 @@ class LogFile:
             self.seq, self.hash = last.fields["seq"], last.hash
         return torn
 
-    def _last_record(self, content: bytes, session: str) -> Record:
+    def _last_record(self, content: bytes, session: str) -> LogRecord:
         before, _, line = content.rpartition(b"\n")
         number = before.count(b"\n") + 2 if before else 1
         try:

@@ -10,7 +10,7 @@ from pa_console.schema.events.event import LogSigned
 from pa_console.session.log.chain import (
     TORN,
     LogError,
-    Record,
+    LogRecord,
     digest,
     lines_of,
     link_problem,
@@ -49,11 +49,11 @@ class SoundPart:
     """The sound beginning of a log: its last two records, and its lines under a signature."""
 
     lines: int = 0
-    before: Record | None = None
-    before_that: Record | None = None
+    before: LogRecord | None = None
+    before_that: LogRecord | None = None
     vouched: int = 0
 
-    def add(self, record: Record) -> None:
+    def add(self, record: LogRecord) -> None:
         """Add the next sound record."""
         self.lines += 1
         self.before_that, self.before = self.before, record
@@ -67,7 +67,7 @@ class _Context:
     `own_number_after` means that a later line has the same number as the bad one.
     """
 
-    following: Record | None = None
+    following: LogRecord | None = None
     same_before: int | None = None
     same_after: int | None = None
     wanted_after: int | None = None
@@ -93,7 +93,7 @@ def find_damage(
     return _edited(record, sound, following, head)
 
 
-def find_forgery(path: Path, sound: SoundPart, line: bytes, record: Record) -> Damage:
+def find_forgery(path: Path, sound: SoundPart, line: bytes, record: LogRecord) -> Damage:
     """Return the damage to a linked signed record whose signature does not fit.
 
     An attacker who changes an earlier line can recompute every hash, but not the signatures.
@@ -109,7 +109,7 @@ def find_forgery(path: Path, sound: SoundPart, line: bytes, record: Record) -> D
 
 
 def _edited(
-    record: Record, sound: SoundPart, following: Record | None, head: SignedHead | None
+    record: LogRecord, sound: SoundPart, following: LogRecord | None, head: SignedHead | None
 ) -> Damage:
     """Return the damage to a record whose hash does not fit its content."""
     number, true = sound.lines + 1, digest(record.fields)
@@ -141,7 +141,7 @@ def _wanted(sound: SoundPart) -> dict[str, object]:
 
 
 def _misplaced(
-    record: Record, sound: SoundPart, context: _Context, rejoined: bool, problem: str
+    record: LogRecord, sound: SoundPart, context: _Context, rejoined: bool, problem: str
 ) -> Damage:
     """Return the damage at a record that is sound by itself but does not follow the one before."""
     number, seq = sound.lines + 1, cast(object, record.fields["seq"])
@@ -174,7 +174,7 @@ def _too_early(seq: int, number: int, rejoined: bool, context: _Context, problem
 
 
 def _broken_link(
-    record: Record, sound: SoundPart, following: Record | None, problem: str
+    record: LogRecord, sound: SoundPart, following: LogRecord | None, problem: str
 ) -> Damage:
     """Return which of two records, each sound by itself but not linked, was replaced."""
     number = sound.lines + 1
@@ -213,7 +213,7 @@ def _look_around(path: Path, number: int, bad: bytes) -> _Context:
     return context
 
 
-def _record(line: bytes) -> Record | None:
+def _record(line: bytes) -> LogRecord | None:
     try:
         return parse(line)
     except ValueError:
@@ -325,7 +325,7 @@ class _Chain:
             return Damage("half-line", error.line, error.problem + problem)
         return None
 
-    def _add(self, record: Record, line: bytes) -> Damage | None:
+    def _add(self, record: LogRecord, line: bytes) -> Damage | None:
         number, signed = self.sound.lines + 1, record.event.data
         if isinstance(signed, LogSigned):
             if not is_signature(signed.signature, signed_part(record.fields), signed.key):

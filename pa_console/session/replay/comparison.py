@@ -38,7 +38,7 @@ _STEP = 4096
 
 
 @dataclass(frozen=True)
-class Change:
+class ChangedValue:
     """One value that differs; `path` is its place, as in `plan.actions[0].command`."""
 
     path: str
@@ -47,12 +47,12 @@ class Change:
 
 
 @dataclass(frozen=True)
-class Difference:
+class EventDifference:
     """Two events, counted from 0, that are not the same; a number past the end is no event."""
 
     a: int
     b: int
-    changes: tuple[Change, ...]
+    changes: tuple[ChangedValue, ...]
 
 
 @dataclass(frozen=True)
@@ -63,9 +63,9 @@ class SessionComparison:
     differs otherwise; None if there is none.
     """
 
-    started: tuple[Change, ...]
-    first: Difference | None
-    beyond: Difference | None
+    started: tuple[ChangedValue, ...]
+    first: EventDifference | None
+    beyond: EventDifference | None
 
     @property
     def same(self) -> bool:
@@ -96,7 +96,7 @@ def compare_sessions(
     return SessionComparison(started, first, beyond)
 
 
-def _is_timing(a: Recording, b: Recording, found: Difference) -> bool:
+def _is_timing(a: Recording, b: Recording, found: EventDifference) -> bool:
     """Return True for a difference of telemetry, or of the tick only."""
     if found.a >= len(a) or found.b >= len(b):
         return True
@@ -104,7 +104,7 @@ def _is_timing(a: Recording, b: Recording, found: Difference) -> bool:
     return telemetry or [change.path for change in found.changes] == [TICK]
 
 
-def _beyond(a: Recording, b: Recording, first: int) -> Difference | None:
+def _beyond(a: Recording, b: Recording, first: int) -> EventDifference | None:
     """Return the first difference from event `first` on that is neither telemetry nor a tick."""
     events = (r.timeline.without_telemetry(first, len(r)) for r in (a, b))
     for at, bt in zip_longest(*events):
@@ -120,18 +120,18 @@ def _same(a: Recording, at: int, b: Recording, bt: int, *, ticks: bool) -> bool:
     return a.content(at) == b.content(bt) or _meaning(a[at]) == _meaning(b[bt])
 
 
-def _difference(a: Recording, at: int, b: Recording, bt: int) -> Difference:
+def _difference(a: Recording, at: int, b: Recording, bt: int) -> EventDifference:
     """Return the difference of two events, even if one is past the end."""
     first = a[at] if at < len(a) else None
     second = b[bt] if bt < len(b) else None
     if first is None or second is None or first.data.kind != second.data.kind:
-        change = Change("event", _summary(first), _summary(second))
-        return Difference(at, bt, (change,))
+        change = ChangedValue("event", _summary(first), _summary(second))
+        return EventDifference(at, bt, (change,))
     changes = _changes(_meaning(first), _meaning(second))
     ticks = a.timeline.ticks[at], b.timeline.ticks[bt]
     if ticks[0] != ticks[1]:
-        changes = (Change(TICK, str(ticks[0]), str(ticks[1])), *changes)
-    return Difference(at, bt, changes)
+        changes = (ChangedValue(TICK, str(ticks[0]), str(ticks[1])), *changes)
+    return EventDifference(at, bt, changes)
 
 
 def _summary(event: Event | None) -> str:
@@ -163,7 +163,7 @@ def _plain(value: object) -> object:
     return value
 
 
-def _changes(a: object, b: object, path: str = "") -> tuple[Change, ...]:
+def _changes(a: object, b: object, path: str = "") -> tuple[ChangedValue, ...]:
     """Return every value that differs, in the order of the fields."""
     if isinstance(a, dict) and isinstance(b, dict):
         first, second = cast(dict[str, object], a), cast(dict[str, object], b)
@@ -177,7 +177,7 @@ def _changes(a: object, b: object, path: str = "") -> tuple[Change, ...]:
         pairs = zip_longest(cast(list[object], a), cast(list[object], b), fillvalue=ABSENT)
         parts = [_changes(x, y, f"{path}[{_name(x, place)}]") for place, (x, y) in enumerate(pairs)]
         return tuple(change for part in parts for change in part)
-    return () if a == b else (Change(path, _text(cast(object, a)), _text(b)),)
+    return () if a == b else (ChangedValue(path, _text(cast(object, a)), _text(b)),)
 
 
 def _name(value: object, place: int) -> str:

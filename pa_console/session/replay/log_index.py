@@ -1,4 +1,4 @@
-"""An index of a log, saved for the next time: places of events, their Timeline, and keyframes.
+"""An index of a log, saved for the next time: places of events, a timeline, and keyframes.
 
 A keyframe is the folded session at some event, as JSON without its picture, which the log has. Its
 missions are packed one by one, each again only when it has changed since the keyframe before. After
@@ -39,7 +39,7 @@ from pa_console.schema.base import StrictModel
 from pa_console.schema.events import event as ev
 from pa_console.schema.telemetry import Picture
 from pa_console.session.log.chain import RECORD_START, LogError, end_problem, lines_of, parse
-from pa_console.session.replay.timeline import Timeline, mark_of
+from pa_console.session.replay.timeline import RecordingTimeline, mark_of
 from pa_console.session.state.fold import NOTICES_KEPT, SessionState
 from pa_console.session.state.mission_trace import MissionTrace
 
@@ -67,7 +67,7 @@ class LogIndex:
 
         The file is closed with the last use of the index.
         """
-        self.timeline = Timeline()
+        self.timeline = RecordingTimeline()
         self.problem: LogError | None = None
         self.positions = array("Q", [0])
         self.frames, self.frame_at, self.frame_size = array("Q"), array("Q"), array("Q")

@@ -21,7 +21,7 @@ from pa_console.session.replay.log_index import (
     load_index,
     save_index,
 )
-from pa_console.session.replay.timeline import Timeline, mark_of
+from pa_console.session.replay.timeline import RecordingTimeline, mark_of
 from pa_console.session.state.fold import SessionState
 from pa_console.session.wording import event_in_words
 
@@ -90,7 +90,7 @@ class Recording:
         return recording
 
     @property
-    def timeline(self) -> Timeline:
+    def timeline(self) -> RecordingTimeline:
         """The time, kind and mark of every event."""
         return self.index.timeline
 

@@ -106,7 +106,7 @@ _MOST = 2**63 - 1
 _NOT_TELEMETRY = re.compile(b"[^" + re.escape(bytes((_TELEMETRY,))) + b"]")
 
 
-class Timeline:
+class RecordingTimeline:
     """Columns with an entry for each event; `seconds` and `ticks` never fall.
 
     `seconds` count from the first event by the events' own time stamps. `ticks` are those of the

@@ -17,7 +17,7 @@ from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.rule import RuleHit
 from pa_console.schema.telemetry import Digest
-from pa_console.session.confidence import UNSURE, Evidence, told_confidence
+from pa_console.session.confidence import UNSURE, Evidence, calibrated_confidence
 
 
 @dataclass
@@ -84,7 +84,7 @@ class Attempt:
         if self.shown_confidence is not None:
             return self.shown_confidence
         known = [c for c in (self.confidence, self.judge_confidence) if c is not None]
-        return told_confidence(Evidence(min(known, default=None), bool(self.gaps)))
+        return calibrated_confidence(Evidence(min(known, default=None), bool(self.gaps)))
 
     @property
     def doubt(self) -> str:

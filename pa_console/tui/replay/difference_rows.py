@@ -3,7 +3,7 @@
 from textual.content import Content
 
 from pa_console.schema.text.quantities import clock_text, count
-from pa_console.session.replay.comparison import ENDED, Difference, SessionComparison
+from pa_console.session.replay.comparison import ENDED, EventDifference, SessionComparison
 from pa_console.session.replay.recording import Recording
 from pa_console.session.wording import event_in_words, kind_in_words
 from pa_console.tui.status_words import BAD, GOOD, NOTE, QUIET, WARN
@@ -17,7 +17,7 @@ BEFORE, AFTER = 6, 3
 
 
 def heading(
-    found: SessionComparison | None, shown: Difference | None, problem: str, *, beyond: bool
+    found: SessionComparison | None, shown: EventDifference | None, problem: str, *, beyond: bool
 ) -> Content:
     """Return the line that says where the recordings part."""
     parts: list[tuple[str, str] | str] = [(" COMPARE ", "bold reverse $text-warning"), "  "]
@@ -58,7 +58,7 @@ def around(recording: Recording, at: int, width: int) -> tuple[Row, ...]:
 
 
 def change_rows(
-    found: SessionComparison, shown: Difference | None, names: tuple[str, str]
+    found: SessionComparison, shown: EventDifference | None, names: tuple[str, str]
 ) -> tuple[Row, ...]:
     """Return what differs in how the sessions were started, and at the difference, A over B."""
     rows: list[Row] = []

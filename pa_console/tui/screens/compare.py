@@ -14,7 +14,11 @@ from textual.widgets import Label, Static
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
 from pa_console.session.log.chain import LogError
-from pa_console.session.replay.comparison import Difference, SessionComparison, compare_sessions
+from pa_console.session.replay.comparison import (
+    EventDifference,
+    SessionComparison,
+    compare_sessions,
+)
 from pa_console.session.replay.player import Player
 from pa_console.session.replay.recording import Recording
 from pa_console.tui.protocols import Clock
@@ -109,7 +113,7 @@ class CompareScreen(ModalScreen[None]):
         return super().check_action(action, parameters)
 
     @property
-    def shown(self) -> Difference | None:
+    def shown(self) -> EventDifference | None:
         """The difference that is looked at."""
         if self._found is None:
             return None

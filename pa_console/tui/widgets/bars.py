@@ -10,7 +10,7 @@ from textual.widgets import Footer, Static
 
 from pa_console.schema.rule import RulesSeal
 from pa_console.schema.text.quantities import clock_text, count, few
-from pa_console.session.replay.timeline import MarkKind, Timeline
+from pa_console.session.replay.timeline import MarkKind, RecordingTimeline
 from pa_console.session.state.fold import SessionState, TakTrace
 from pa_console.tui.actions.registry import first_key
 from pa_console.tui.report_condition import cover_state
@@ -29,7 +29,7 @@ class Scrubber(Static):
             super().__init__()
             self.share = share
 
-    def __init__(self, timeline: Timeline, **kwargs: str) -> None:
+    def __init__(self, timeline: RecordingTimeline, **kwargs: str) -> None:
         super().__init__(id=kwargs.get("id"), markup=False)
         self._timeline = timeline
         self._marks: list[MarkKind | None] = []

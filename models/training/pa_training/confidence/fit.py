@@ -15,7 +15,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pa_console.session.confidence import UNSURE, Coefficients, Evidence, log_odds, told_confidence
+from pa_console.session.confidence import (
+    UNSURE,
+    Coefficients,
+    Evidence,
+    calibrated_confidence,
+    log_odds,
+)
 from pa_training.confidence.read_orders import ReadOrder
 
 FOLDS, BINS = 10, 10
@@ -90,7 +96,7 @@ def cross_validated(known: Sequence[Known]) -> list[tuple[float, bool]]:
             continue
         by = fit(rest)
         held = (one for one in known if one.group in out and one.main)
-        found += ((told_confidence(one.evidence, by) or 0.0, one.right) for one in held)
+        found += ((calibrated_confidence(one.evidence, by) or 0.0, one.right) for one in held)
     return found
 
 
