@@ -3,7 +3,8 @@
 import os
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal, Self
 
@@ -36,6 +37,8 @@ __all__ = [
     "verify",
 ]
 
+_WRITE, _HEAD = "write the session log", "write the signed head of the session log"
+_INDEX = "write the index of sessions"
 FLUSH_RECORDS = 50
 FLUSH_SECONDS = 1.0
 SIGN_RECORDS = 100
@@ -114,15 +117,15 @@ class LogWriter:
         self._file = LogFile(path, session, signer and signer.public)
         self._keeper = HeadKeeper(path, self._file.sync, self._seen)
         self._index, self._witness = index, witness
-        self._begun, self._unindexed = False, False
+        self._begun = False
         self._seq, self._hash = self._file.seq, self._file.hash
         self._first = self._seq, self._hash
         self._last: Event | None = None
         self._owed: Literal["nothing", "disk", "signature"] = "nothing"
         signed = self._file.head.seq if self._file.head is not None else 0
         self._unsigned, self._found = 0, self._seq - signed
-        self._refused: LogError | None = None
-        self._headless: LogError | None = None
+        self._problems: dict[str, LogError] = {}
+        """The error of each task that failed at its last attempt."""
         self._flushed_at = self._signed_at = clock()
         try:
             if signer is not None and self._file.head is None:
@@ -147,7 +150,7 @@ class LogWriter:
     @property
     def error(self) -> LogError | None:
         """The error of the last attempt to write the log or its signed head; None if it worked."""
-        return self._refused or self._headless
+        return self._problems.get(_WRITE) or self._problems.get(_HEAD)
 
     def news(self) -> str | None:
         """Return the problem of the witness if it has changed since the last call, else None."""
@@ -183,7 +186,8 @@ class LogWriter:
             self._owed = "disk"
         if first or commit:
             self.commit()
-        now, takes = self._clock(), self._refused is None
+        # While the disk refuses, only time calls for the next attempt, not every record.
+        now, takes = self._clock(), _WRITE not in self._problems
         due = self._unsigned >= SIGN_RECORDS or now - self._signed_at >= SIGN_SECONDS
         full = self._records >= FLUSH_RECORDS and takes
         if self._signer is not None and due and takes:
@@ -199,9 +203,9 @@ class LogWriter:
         if not self.owes:
             return
         signed = self._owed == "signature"
-        if not signed or self._refused is not None:
+        if not signed or _WRITE in self._problems:
             self.flush()
-        if signed and self._refused is None:
+        if signed and _WRITE not in self._problems:
             assert self._signer is not None
             assert self._last is not None
             self._sign(self._last, self._signer, at_once=True)
@@ -211,17 +215,11 @@ class LogWriter:
     def flush(self, *, durable: bool = True) -> None:
         """Write the pending records; `durable` also waits until they are on the disk."""
         self._flushed_at = self._clock()
-        try:
+        with self._reported(self.path, _WRITE):
             self._file.write(self._pending)
             self._records = 0
             if durable:
                 self._file.sync()
-        except OSError as error:
-            before, problem = self._refused, os_error(self.path, "write the session log", error)
-            self._refused = problem
-            self._report(problem, error, again=before is not None)
-        else:
-            self._refused = None
 
     def close(self) -> None:
         """Write everything and close the file; raise LogError if records are lost."""
@@ -234,7 +232,7 @@ class LogWriter:
                 self.flush()
             if self._records:
                 problem = f"{self._records} records at its end could not be written"
-                why = self._refused and self._refused.problem
+                why = self._problems[_WRITE].problem
                 raise LogError(str(self.path), 0, f"{problem}; {why}")
             if self._begun:
                 self._add_to_index(self._seq, self._hash, ended=True)
@@ -266,44 +264,41 @@ class LogWriter:
         signed = LogSigned(key=signer.public, closing=closing, found=self._found)
         self._put(Event(t=last.t, tick=last.tick, data=signed), signer)
         self._unsigned, self._found, self._signed_at = 0, 0, self._clock()
+        # A head must never cover records that a crash could still take from the disk.
         self.flush(durable=at_once)
-        if self._refused is not None:
+        if _WRITE in self._problems:
             return
         keep = self._keeper.keep_now if at_once else self._keeper.keep
-        try:
+        with self._reported(self.path, _HEAD):
             keep(sign_head(self.session, self._seq, self._hash, closing, signer))
-        except OSError as error:
-            before, task = self._headless, "write the signed head of the session log"
-            self._headless = os_error(self.path, task, error)
-            self._report(self._headless, error, again=before is not None)
-        else:
-            self._headless = None
         if at_once and not self._begun:
             self._begun = self._add_to_index(*self._first, ended=False)
 
     def _add_to_index(self, records: int, head: str, *, ended: bool) -> bool:
         """Add a line to the index of sessions; return False if that failed."""
-        if self._index is None:
-            return True
-        try:
-            self._index.add(self.path.name, self.session, records, head, ended=ended)
-        except OSError as error:
-            before, self._unindexed = self._unindexed, True
-            place, task = index_path(self.path.parent), "write the index of sessions"
-            self._report(os_error(place, task, error), error, again=before)
-            return False
-        self._unindexed = False
-        return True
+        if self._index is not None:
+            with self._reported(index_path(self.path.parent), _INDEX):
+                self._index.add(self.path.name, self.session, records, head, ended=ended)
+        return _INDEX not in self._problems
 
     def _seen(self, head: SignedHead, urgent: bool) -> None:
         if self._witness is not None:
             self._witness.see(head, urgent=urgent)
 
-    def _report(self, problem: LogError, error: OSError, *, again: bool) -> None:
-        if self._on_error is None:
-            raise problem from error
-        if not again:
-            self._on_error(problem)
+    @contextmanager
+    def _reported(self, path: Path, task: str) -> Generator[None]:
+        """Report the OSError of a `task` once, until the task succeeds again."""
+        try:
+            yield
+        except OSError as error:
+            again, problem = task in self._problems, os_error(path, task, error)
+            self._problems[task] = problem
+            if self._on_error is None:
+                raise problem from error
+            if not again:
+                self._on_error(problem)
+        else:
+            self._problems.pop(task, None)
 
 
 def open_session_log(
