@@ -165,7 +165,46 @@ def test_a_hold_is_never_too_old_and_comes_from_before_the_start() -> None:
     robot.time += timedelta(hours=1)
     assert [c.verb for c in robot.hold(1, sent=START - timedelta(hours=1))] == ["hold"]
     assert robot.vehicle.paused
-    assert robot.hold(1) == []
+
+
+def test_a_stop_under_an_id_that_was_used_before_stops_all_the_same() -> None:
+    robot = Robot()
+    robot.hold(1)
+    robot.answer(1, "done")
+    robot.resume(1)
+    robot.time += timedelta(seconds=1)
+    assert [c.verb for c in robot.order(2)] == ["move_to"]
+    robot.time += timedelta(seconds=1)
+    assert [c.verb for c in robot.hold(1)] == ["hold"]
+    assert robot.vehicle.paused
+    assert robot.states()["c1"] == "WAITING", "the answer to the earlier stop is none to this one"
+
+
+@pytest.mark.parametrize("relays", [False, True])
+def test_a_stop_under_the_id_of_an_order_stops_and_the_order_never_comes_back(relays: bool) -> None:
+    robot = Robot(relays=relays)
+    robot.order(1)
+    assert [c.verb for c in robot.hold(1)] == ["hold"]
+    assert "move_to" not in {c.verb for c in robot.order(1)}
+
+
+def test_an_order_that_was_sent_before_a_stop_is_refused_after_it() -> None:
+    robot = Robot()
+    robot.time += timedelta(seconds=2)
+    robot.hold(1)
+    robot.resume(1)
+    robot.time += timedelta(seconds=1)
+    assert robot.order(2, sent=START + timedelta(seconds=1)) == []
+    assert robot.refused() == ["it was sent before this robot was told to stop"]
+    assert [c.verb for c in robot.order(3)] == ["move_to"]
+
+
+def test_a_stop_that_claims_to_come_from_the_future_keeps_no_later_order_out() -> None:
+    robot = Robot()
+    robot.hold(1, sent=START + timedelta(days=1))
+    robot.resume(1)
+    robot.time += timedelta(seconds=1)
+    assert [c.verb for c in robot.order(2)] == ["move_to"]
 
 
 def test_an_order_waits_for_the_end_of_a_pause_and_dies_with_the_next_stop() -> None:
@@ -236,7 +275,8 @@ def test_whatever_comes_is_carried_out_once_and_only_with_a_good_token(
         robot.time += timedelta(seconds=1)
         match what:
             case ("hold",):
-                robot.hold(number)
+                assert [command.verb for command in robot.hold(number)] == ["hold"]
+                assert robot.vehicle.paused
             case ("resume",):
                 robot.resume(number)
             case (_, verb, target, token, identity, age_s):
@@ -250,5 +290,5 @@ def test_whatever_comes_is_carried_out_once_and_only_with_a_good_token(
                     assert command.verb in OFFERS
             case _:
                 raise AssertionError(what)
-    ids = Counter(command.command_id for command in robot.got)
+    ids = Counter(command.command_id for command in robot.got if command.verb != "hold")
     assert not [command_id for command_id, times in ids.items() if times > 1]

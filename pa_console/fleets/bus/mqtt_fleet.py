@@ -37,6 +37,9 @@ from pa_console.sim.picture import picture as station_side
 AHEAD_S = 2.0
 """A message that claims to be from so far in the future comes from a wrong clock."""
 
+BEHIND_S = 10.0
+"""Detections from so long ago are set aside: a track is estimated from what sensors see now."""
+
 RETAIN_AGAIN_S = 1.0
 """An older roster, revocation or takeover is replaced on the bus so soon, and no more often."""
 SUBJECT, KEYS_SUBJECT = "bus", "keys"
@@ -57,7 +60,8 @@ class MqttFleet:
         self._period = station_side.period_ticks(world)
         self._robots: dict[str, Robot] = {}
         self._numbers, self._signed_numbers = Numbers(), Numbers()
-        self._session, self._asked_states = secrets.token_hex(4), 0
+        self._session, self._asked_states = secrets.token_hex(8), 0
+        """Begins every action id of this connection, so that no other sender can use one up."""
         self._told, self._dropped = Told(), 0
         self._replies: list[CommandReply] = []
         self._shared: SharedSession | None = None
@@ -69,11 +73,11 @@ class MqttFleet:
         self._weather: Weather = joined.site.weather if joined.site is not None else "clear"
         self._tick, self._connected, self._ready = 0, True, False
         for delivery in joined.deliveries:
-            self._take(delivery)
+            self._take_or_set_aside(delivery)
         self._ready = True
         self._request_states()
         self.publish_signed()
-        self._known.show(self._weather)
+        self._show()
 
     @property
     def world(self) -> World:
@@ -125,14 +129,15 @@ class MqttFleet:
         if why := robot.cannot(command):
             self._reply(command, commands.Answer("refused", why))
             return
-        robot.ask(command)
+        on_wire = command.model_copy(update={"command_id": f"{self._session}.{command.command_id}"})
+        robot.ask(on_wire.command_id, command)
         robot.waiting = None
-        if commands.is_order(command):
-            self._order(robot, command)
+        if commands.is_order(on_wire):
+            self._order(robot, on_wire)
         else:
-            token = None if command.verb == "hold" else self._token(command)
+            token = None if command.verb == "hold" else self._token(on_wire)
             robot.held = robot.held or command.verb == "hold"
-            self._send(robot, self._at_once(robot, *commands.actions_at_once(command, token)))
+            self._send(robot, self._at_once(robot, *commands.actions_at_once(on_wire, token)))
 
     def step(self) -> Received:
         """Move the clock on by `world.dt_s`; return what came in since the last step."""
@@ -143,7 +148,7 @@ class MqttFleet:
         if self._older_there and self.time_s - self._published_s >= RETAIN_AGAIN_S:
             self.publish_signed()
         if self._tick % self._period == 0:
-            self._known.show(self._weather)
+            self._show()
         self._share()
         replies, self._replies = tuple(self._replies), []
         countersigned, self._countersigned = tuple(self._countersigned), []
@@ -164,7 +169,22 @@ class MqttFleet:
     def _receive(self) -> None:
         """Take in what has come."""
         for delivery in self._link.take():
+            self._take_or_set_aside(delivery)
+
+    def _take_or_set_aside(self, delivery: Delivery) -> None:
+        """Take one message in; no message ends the session that it reaches."""
+        try:
             self._take(delivery)
+        except Exception as error:
+            name, topic = delivery.topic.identity.serial_number, delivery.topic.name
+            text = f"its message on {topic!r} is set aside: {type(error).__name__}: {error}"
+            self._say("alarm", name, text, f"fault {topic}")
+
+    def _show(self) -> None:
+        """Make the picture anew, and name those whose messages it had to be made without."""
+        for name in dict.fromkeys(self._known.show(self._weather)):
+            text = "what it reports cannot be shown in any picture and is set aside"
+            self._say("alarm", name, text, "fault picture")
 
     def close(self) -> None:
         """Let go of the bus; the robots do what they do without a station."""
@@ -172,7 +192,10 @@ class MqttFleet:
         self._link.close()
 
     def _order(self, robot: Robot, command: DeviceCommand) -> None:
-        """Send an order, after the end of the pause or of the order before, where that is due."""
+        """Send an order, after the end of the pause or of the order before, where that is due.
+
+        `command` has its id on the wire.
+        """
         replaces = robot.factsheet is not None and robot.factsheet.replaces_orders
         if robot.busy and not replaces and not self._has_order(robot, command):
             robot.waiting = command
@@ -429,8 +452,9 @@ class MqttFleet:
         said = telemetry_of(state, robot.name, kind, terrain, terrain.seconds(max(stamp, 0)))
         if said is None:
             self._say("alarm", robot.name, "does not know where it is", "lost")
-        else:
-            self._known.report(robot.name, stamp, said)
+            return
+        own = robot.command_id(said.command_id)
+        self._known.report(robot.name, stamp, said.model_copy(update={"command_id": own}))
 
     def _take_detections(self, delivery: Delivery, seen: additions.Detections) -> None:
         name = delivery.topic.identity.serial_number
@@ -439,7 +463,13 @@ class MqttFleet:
             if robot is None:
                 return
         stamp = self._stamp(delivery, seen, name)
-        if stamp is not None:
+        if stamp is None:
+            return
+        age_s = (self._tick - stamp) * self.world.dt_s
+        if age_s > BEHIND_S:
+            text = f"its detections are {age_s:.0f} s old, or its clock is behind: set aside"
+            self._say("alarm", name, text, "behind")
+        elif stamp >= 0:  # what sensors saw before the session began, they report again by now
             self._known.detect(name, stamp, seen)
 
     def _stamp(self, delivery: Delivery, message: Header, name: str) -> int | None:

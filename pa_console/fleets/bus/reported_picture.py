@@ -6,7 +6,8 @@ position doubtful, and what the detections of all sensors make of a contact.
 
 import math
 import random
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 
 from pa_console.fleets.vda5050.additions import Detections, SeenContact
 from pa_console.schema.base import Point
@@ -28,7 +29,8 @@ SEEN_PERIODS = 2.0
 class ReportedPicture:
     """Takes in reports and detections by the tick at which they were sent; gives the picture.
 
-    Ticks are steps of `world.dt_s` on the station's own clock.
+    Ticks are steps of `world.dt_s` on the station's own clock. Whatever a message says, a picture
+    comes out of it: a message with which none can be made is left out, and `show` names its sender.
     """
 
     def __init__(self, world: World) -> None:
@@ -48,6 +50,8 @@ class ReportedPicture:
         self._never = tick - math.ceil(max(world.link_lost_s, world.stale_s) / world.dt_s) - 1
         self._cameras: dict[str, tuple[int, bool]] = {}
         self._recognised: dict[str, tuple[int, Point]] = {}
+        self._taken: list[tuple[str, Callable[[], None]]] = []
+        """By sender: what was taken in since the last picture."""
         for index, (name, spec) in enumerate(world.assets.items()):
             at = world.frames[spec.post].at
             scene.assets[name] = AssetState(
@@ -57,10 +61,14 @@ class ReportedPicture:
             scene.station.heard[name] = Heard(
                 unheard, self._never, marks=station_side.marks_of("ok")
             )
+        self._keep()
         self.show()
 
     def report(self, name: str, stamp: int, said: AssetTelemetry) -> None:
         """Take in what asset `name` said of itself at tick `stamp`; older news are left out."""
+        self._take(name, partial(self._report, name, stamp, said))
+
+    def _report(self, name: str, stamp: int, said: AssetTelemetry) -> None:
         scene = self._scene
         heard = scene.station.heard[name]
         if stamp <= heard.stamp:
@@ -75,6 +83,9 @@ class ReportedPicture:
 
     def break_link(self, name: str) -> None:
         """Note that asset `name` has no connection any more, as the broker says."""
+        self._take(name, partial(self._break_link, name))
+
+    def _break_link(self, name: str) -> None:
         heard = self._scene.station.heard[name]
         self._scene.station.heard[name] = heard._replace(stamp=min(heard.stamp, self._lost_stamp()))
 
@@ -83,6 +94,9 @@ class ReportedPicture:
 
         What a suspect asset detects is ignored: it may not be where it says it is.
         """
+        self._take(sensor, partial(self._detect, sensor, stamp, seen))
+
+    def _detect(self, sensor: str, stamp: int, seen: Detections) -> None:
         scene, world = self._scene, self.world
         if sensor in world.cameras:
             if stamp < self._cameras.get(sensor, (stamp, True))[0]:
@@ -100,6 +114,9 @@ class ReportedPicture:
 
     def carried(self, name: str) -> None:
         """Note that an asset was carried elsewhere, so that nobody takes it for a forgery."""
+        self._take(name, partial(self._carried, name))
+
+    def _carried(self, name: str) -> None:
         heard = self._scene.station.heard[name]
         trust = Trust(stood=heard.trust.stood, carried_tick=self._scene.tick)
         self._scene.station.heard[name] = heard._replace(trust=trust)
@@ -108,8 +125,56 @@ class ReportedPicture:
         """Go on to `tick`."""
         self._scene.tick = tick
 
-    def show(self, weather: Weather = "clear") -> None:
-        """Make the picture anew from what is known now."""
+    def show(self, weather: Weather = "clear") -> tuple[str, ...]:
+        """Make the picture anew from what is known now.
+
+        Return the senders of messages with which no picture could be made; those were left out.
+        """
+        try:
+            self._build(weather)
+        except Exception:  # whatever a message has done to what is known, there is a picture
+            return self._show_without_faults(weather)
+        self._keep()
+        return ()
+
+    def _take(self, sender: str, take: Callable[[], None]) -> None:
+        """Take a message in and remember it until the next picture; raises what `take` does."""
+        take()
+        self._taken.append((sender, take))
+
+    def _keep(self) -> None:
+        """Remember what is known, of which a picture can be made."""
+        self._good = self._scene.copy(), dict(self._cameras), dict(self._recognised)
+        self._taken.clear()
+
+    def _restore(self) -> None:
+        tick = self._scene.tick
+        scene, cameras, recognised = self._good
+        self._scene = scene.copy()
+        self._scene.tick, self._cameras, self._recognised = tick, dict(cameras), dict(recognised)
+
+    def _show_without_faults(self, weather: Weather) -> tuple[str, ...]:
+        """Take in again, one by one, what has come since the last picture, and leave faults out."""
+        taken, faulty = self._taken[:], list[str]()
+        self._restore()
+        self._taken.clear()
+        for sender, take in taken:
+            try:
+                take()
+                self._build(weather)
+            except Exception:
+                faulty.append(sender)
+                self._restore()
+            else:
+                self._keep()
+        try:
+            self._build(weather)
+        except Exception:  # then nothing that is known can be relied on: every asset is unheard
+            self.begin(self._scene.tick)
+        self._keep()
+        return tuple(faulty)
+
+    def _build(self, weather: Weather) -> None:
         scene = self._scene
         silent_since = scene.tick - round(self.world.stale_s / self.world.dt_s)
         scene.sensing.weather = weather
@@ -120,13 +185,10 @@ class ReportedPicture:
             or known[0] < silent_since
         )
         integrity.compare(self.terrain, scene, self._seen())
-        self._draft = station_side.build(self.terrain, scene, scene.assets)
-        self._picture: Picture | None = None
+        self._picture = station_side.build(self.terrain, scene, scene.assets).picture()
 
     def picture(self) -> Picture:
         """Return the picture as it was made last."""
-        if self._picture is None:
-            self._picture = self._draft.picture()
         return self._picture
 
     def forecast(self) -> Checkpoint:

@@ -17,7 +17,7 @@ MOST_ASKED = 512
 
 @dataclass(frozen=True)
 class _Asked:
-    """A command that was sent, and what its robot said of it last."""
+    """A command as the station knows it, and what its robot answered last."""
 
     command: DeviceCommand
     said: Answer | None = None
@@ -38,6 +38,7 @@ class Robot:
     waiting: DeviceCommand | None = None
     """An order that goes out once its running one is cancelled."""
     asked: OrderedDict[str, _Asked] = field(default_factory=OrderedDict[str, _Asked])
+    """By action id on the wire."""
 
     @property
     def name(self) -> str:
@@ -60,20 +61,25 @@ class Robot:
             return ""
         return f"its factsheet does not offer {command.verb}"
 
-    def ask(self, command: DeviceCommand) -> None:
-        """Note that `command` was sent, once more perhaps: what it says next is told again."""
-        self.asked[command.command_id] = _Asked(command)
-        self.asked.move_to_end(command.command_id)
+    def ask(self, action_id: str, command: DeviceCommand) -> None:
+        """Note that `command` goes out as `action_id`; a repeated one is answered anew."""
+        self.asked[action_id] = _Asked(command)
+        self.asked.move_to_end(action_id)
         if len(self.asked) > MOST_ASKED:
             self.asked.popitem(last=False)
+
+    def command_id(self, action_id: str | None) -> str | None:
+        """Return the id of the command that went out as `action_id`; of another sender's, itself."""
+        asked = self.asked.get(action_id) if action_id is not None else None
+        return asked.command.command_id if asked is not None else action_id
 
     def answers(self, state: State) -> Iterator[tuple[DeviceCommand, Answer]]:
         """Take in `state`; yield what is new in it of the commands that were sent."""
         self.state = state
-        for command_id, asked in list(self.asked.items()):
+        for action_id, asked in list(self.asked.items()):
             if asked.said is not None and asked.said.status in FINAL_REPLIES:
                 continue
-            said = answer_of(command_id, asked.command.verb, state)
+            said = answer_of(action_id, asked.command.verb, state)
             if said is not None and said != asked.said:
-                self.asked[command_id] = replace(asked, said=said)
+                self.asked[action_id] = replace(asked, said=said)
                 yield asked.command, said

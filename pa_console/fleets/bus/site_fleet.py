@@ -42,7 +42,7 @@ class SiteFleet(MqttFleet):
                 self.close()
                 raise ValueError("the site does not answer; is another station driving it?")
             self._wait(self._all_heard)
-            self._known.show(self._weather)
+            self._show()
 
     @property
     def paced(self) -> bool:
@@ -81,7 +81,7 @@ class SiteFleet(MqttFleet):
             additions.IncidentMessage(**header, number=number, incident=incident.model_dump_json())
         )
         self._wait(lambda: number in self._problems and self._numbers.has_seen(self._after))
-        self._known.show(self._weather)
+        self._show()
         problem = self._problems.pop(number, "the site did not answer")
         if problem:
             raise ValueError(problem)

@@ -88,7 +88,8 @@ def order_of(
 def answer_of(command_id: str, verb: str, state: State) -> Answer | None:
     """Return what `state` says of a command, None when it does not know of it.
 
-    A hold has ended when the pause has begun and no order is left.
+    A hold has ended when the pause has begun, no order is left, and this very state shows that the
+    robot stands: an acknowledgement alone never ends one.
     """
     for error in reversed(state.errors):
         if error.refers_to(command_id) and error.error_level == "WARNING":
@@ -107,6 +108,8 @@ def answer_of(command_id: str, verb: str, state: State) -> Answer | None:
                 return Answer("acknowledged", detail)
             if verb == "hold" and state.node_states:
                 return Answer("acknowledged", "an order is left")
+            if verb == "hold" and state.moves:
+                return Answer("acknowledged", "it still moves")
             return Answer("done", detail)
         case "RUNNING" | "PAUSED" | "RETRIABLE":
             return Answer("progress", detail)

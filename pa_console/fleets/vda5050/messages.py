@@ -4,6 +4,7 @@ What the standard has beyond these fields (loads, trajectories to follow, reques
 edges) is neither sent nor read.
 """
 
+import math
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, JsonValue
@@ -21,6 +22,9 @@ from pa_console.fleets.vda5050.wire import (
 Angle = Annotated[float, Field(ge=-3.1415926536, le=3.1415926536)]
 """Radians; 0 east, a quarter turn north."""
 Charge = Annotated[float, Field(ge=0.0, le=100.0)]
+STANDS_MPS = 0.05
+"""A robot that reports no more than this stands: measured speeds are never quite zero."""
+
 MAP = "site"
 """The one map that every position is on."""
 
@@ -244,6 +248,13 @@ class State(Header):
     velocity: Velocity | None = None
     zone_sets: tuple[KnownZoneSet, ...] | None = Field(default=None, max_length=MOST_ITEMS)
     information: tuple[Info, ...] = Field(default=(), max_length=MOST_ITEMS)
+
+    @property
+    def moves(self) -> bool:
+        """Whether the robot drives, or has a speed, by its own report."""
+        velocity = self.velocity or Velocity()
+        speed_mps = math.hypot(velocity.vx or 0.0, velocity.vy or 0.0)
+        return self.driving or speed_mps > STANDS_MPS
 
 
 class Vertex(Wire):

@@ -32,6 +32,9 @@ Verify = Callable[[str | None, DeviceCommand], str]
 
 AUTHORIZATION, TARGET = "authorization", "target"
 PAUSE, CANCEL, RESUME = "startPause", "cancelOrder", "stopPause"
+STOPPING = (PAUSE, CANCEL, "hold")
+"""Instant actions that stop a robot: carried out whenever they come, even under a known id."""
+
 STATE_REQUEST, FACTSHEET_REQUEST = "stateRequest", "factsheetRequest"
 EXPIRY_S = 10.0
 """An order is good for so long after it was sent; the broker drops it then, and so does a robot."""
@@ -82,6 +85,9 @@ class _Refusal:
 class Vehicle:
     """One robot; `offers` are the verbs that it can carry out, `now` is its own clock (UTC).
 
+    A stop is carried out however often its id has come: an id that somebody has used up beforehand
+    must not keep a stop out. No order that was sent before a stop is carried out after it.
+
     With `relays` it speaks for a device beyond a radio that loses messages: it says nothing of a
     command before the device does, and hands one that comes again on until it has ended. Such a
     device has to take each id once, too.
@@ -108,6 +114,8 @@ class Vehicle:
         self._held_back: DeviceCommand | None = None
         """An order that was taken while paused; whether it may be is checked when that ends."""
         self._held_token: str | None = None
+        self._stopped = self._began
+        """When the latest stop was sent, by the station's clock and never later than now."""
 
     def take_order(self, order: Order) -> Iterator[DeviceCommand]:
         """Take `order`, or refuse it in the state; yield the command that the device gets."""
@@ -145,14 +153,16 @@ class Vehicle:
         misdirected = self._misdirected(message)
         stopping = ""
         for action in message.actions:
-            if action.action_id in self._known:
+            stops = action.action_type in STOPPING
+            if action.action_id in self._known and not stops:
                 yield from self._again((action.action_id,))
                 continue
             about = (("actionId", action.action_id),)
             if misdirected or not action.action_id:
                 self._refuse("INVALID_INSTANT_ACTION", misdirected or "it has no id", about)
-            elif action.action_type in (PAUSE, CANCEL, "hold"):
+            elif stops:
                 self._end_held_back("cancelled")
+                self._stopped = max(self._stopped, min(message.timestamp, self._now()))
                 self.paused = self.paused or action.action_type == PAUSE
                 if not stopping:
                     stopping = action.action_id
@@ -264,6 +274,8 @@ class Vehicle:
             return why
         if message.timestamp < self._began:
             return "it was sent before this robot started"
+        if message.timestamp < self._stopped:
+            return "it was sent before this robot was told to stop"
         if age_s > EXPIRY_S:
             return f"it was sent {age_s:.0f} s ago and has expired"
         if age_s < -EXPIRY_S:
@@ -312,6 +324,8 @@ class Vehicle:
             answered=status in ENDED,
         )
         self._remember(action.action_id, known)
+        if action.action_id in self._told:
+            self._told.remove(action.action_id)
         self._told.append(action.action_id)
         ended = [told for told in self._told if self._has_ended(told)]
         for told in ended[:-MOST_TOLD]:

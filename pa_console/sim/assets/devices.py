@@ -63,7 +63,8 @@ def accept(
 ) -> Iterator[CommandReply]:
     """Take a command in as the device does, if it does `admit` it; yield its answers.
 
-    A command id is carried out once: when it comes again, the last answer to it is repeated.
+    A command id is carried out once: when it comes again, the last answer to it is repeated. A
+    hold is the exception: an asset under way is stopped by it however often its id has come.
     """
     asset = scene.assets.get(command.agent)
     if asset is None:
@@ -71,7 +72,8 @@ def accept(
         yield _answer(scene, command, "refused", f"there is no asset of this name; known: {known}")
         return
     known_reply = next((r for r in asset.answered if r.command_id == command.command_id), None)
-    if known_reply is not None:
+    under_way = asset.command is not None or bool(asset.route)
+    if known_reply is not None and not (command.verb == "hold" and under_way):
         yield known_reply
         return
     problem = admit(command) if admit is not None else ""

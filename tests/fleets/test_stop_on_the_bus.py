@@ -1,0 +1,71 @@
+"""STOP on a bus: every reachable vehicle stands, whatever an earlier session or a stranger has sent."""
+
+import json
+from contextlib import closing
+from datetime import UTC, datetime
+
+import pytest
+
+from pa_console.fleets.bus.address import BrokerAddress
+from pa_console.fleets.bus.mqtt_fleet import MqttFleet
+from pa_console.orchestrator.execution.command_gate import CommandGate
+from pa_console.orchestrator.execution.emergency_stop import EmergencyStop
+from pa_console.orchestrator.station.journal import Journal
+from pa_console.schema.command import DeviceCommand
+from pa_console.schema.events import event as ev
+from pa_console.schema.world import World
+from tests.fleets.conftest import joined, running
+from tests.fleets.intruder import intruder
+from tests.fleets.test_example_robot import Driven, found, robot  # noqa: F401 - fixtures
+
+DRONE = "Drone_T04"
+
+
+class Session:
+    """The part of a station that orders and stops, stepped by the test."""
+
+    def __init__(self, fleet: MqttFleet) -> None:
+        self.fleet = fleet
+        self.stops = EmergencyStop(fleet, CommandGate(fleet, Journal()))
+        self.events: list[ev.EventPayload] = []
+
+    def go(self, steps: int) -> None:
+        """Let time pass; follow the stops."""
+        for _ in range(steps):
+            replies = self.fleet.step().replies
+            self.events += self.stops.step((self.fleet.tick, replies))
+
+    def stop(self) -> None:
+        """Press STOP."""
+        self.events += self.stops.hold_all()
+
+    @property
+    def position(self) -> tuple[float, float]:
+        """Where the drone is in the picture."""
+        return self.fleet.picture().assets[DRONE].position
+
+
+@pytest.mark.parametrize("earlier_stops", [1, 2])
+def test_a_later_session_stops_a_vehicle_that_an_earlier_one_has_stopped(
+    earlier_stops: int, world: World, address: BrokerAddress
+) -> None:
+    with running(world, address, paced=True) as site:
+        with joined(world, address) as fleet:
+            first = Session(fleet)
+            for _ in range(earlier_stops):
+                first.stop()
+                first.go(20)
+        with joined(world, address) as fleet:
+            second = Session(fleet)
+            second.go(10)
+            order = DeviceCommand(
+                command_id="M001.1.1", agent=DRONE, verb="move_to", target="WestGate"
+            )
+            fleet.send(order)
+            second.go(20)
+            second.stop()
+            second.go(10)
+            stood = site.site.checkpoint.truth().assets[DRONE]
+            assert stood.speed_mps == 0.0
+            second.go(50)
+            assert site.site.checkpoint.truth().assets[DRONE].position == stood.position
