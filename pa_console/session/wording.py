@@ -1,7 +1,7 @@
 """Events, incidents, orders and decisions in words, one short line each."""
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from pa_console.orders.plain_words import plain_reading
 from pa_console.schema.alarm import Alarm
@@ -299,6 +299,8 @@ def _execution_event(data: ev.EventPayload) -> str:
             return "; ".join(reasons)
         case ev.MissionReported(text=text):
             return " ".join(text.split())
+        case ev.StopUnconfirmed(assets=assets):
+            return unconfirmed_in_words(assets)
         case _:
             return ""
 
@@ -308,6 +310,14 @@ def contact_in_words(contact: ev.ReportedContact) -> str:
     x, y = contact.at
     claimed = f"said to be {contact.affiliation}, {contact.what}"
     return f"“{contact.name}”, {claimed}, at ({x:.0f}, {y:.0f})"
+
+
+def unconfirmed_in_words(assets: Mapping[str, str]) -> str:
+    """Return which assets are not known to stand after a stop, and why."""
+    if not assets:
+        return "every asset stands, as telemetry shows"
+    each = ", ".join(f"{name} ({why})" for name, why in assets.items())
+    return f"STOP not confirmed by {each}"
 
 
 def command_taken_in_words(taken: ev.CommandTaken) -> str:

@@ -17,7 +17,10 @@ def status_lines(state: SessionState) -> list[str]:
         )
     if state.stop is not None:
         held, open_ = state.stop.held, state.stop.unconfirmed
-        waits = f"; not confirmed by {', '.join(open_)}" if open_ else ""
+        named = [
+            f"{name} ({why})" if (why := state.stop.overdue.get(name)) else name for name in open_
+        ]
+        waits = f"; not confirmed by {', '.join(named)}" if named else ""
         lines.append(f"STOPPED: {held} assets hold{waits}; release ends the stop")
     if state.log_problem:
         lines.append(f"the log cannot be written, nothing is dispatched: {state.log_problem}")

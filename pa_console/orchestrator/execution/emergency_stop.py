@@ -1,13 +1,13 @@
-"""Commands that bring assets to a stop: sent at once, and again until every device has answered."""
+"""Commands that bring assets to a stop: sent at once, and again until each is known to stand."""
 
-from collections.abc import Iterator, Sequence
-from math import inf
+from collections.abc import Iterator, Mapping, Sequence
 
 from pa_console.fleets.fleet import Fleet
 from pa_console.orchestrator.execution.command_gate import CommandGate
 from pa_console.orchestrator.execution.dispatch import Dispatch
 from pa_console.orchestrator.execution.step_feed import Step
-from pa_console.schema.command import DeviceCommand
+from pa_console.orchestrator.execution.stop_confirmation import StopConfirmation
+from pa_console.schema.command import CommandReply, DeviceCommand
 from pa_console.schema.events import event as ev
 
 SAFETY_LIMIT_S = 60.0
@@ -20,28 +20,46 @@ class EmergencyStop:
     def __init__(self, fleet: Fleet, gate: CommandGate) -> None:
         self._fleet, self._gate = fleet, gate
         self._open: list[Dispatch] = []
+        self._stop: StopConfirmation | None = None
+        self._overdue: Mapping[str, str] = {}
 
     @property
     def waiting(self) -> bool:
-        """Whether a device has not answered yet."""
-        return bool(self._open)
+        """Whether a way to safety is not answered, or an asset not known to stand after a stop."""
+        return bool(self._open) or (self._stop is not None and not self._stop.confirmed)
 
     def hold_all(self) -> list[ev.EventPayload]:
-        """Stop everything and tell every asset to hold, whatever is known of it; return the events.
+        """Stop everything: send every asset a hold, whatever is known of it; return the events.
 
-        A hold is sent again until its device has answered or gets another command, however long
-        that takes: nothing but a device's own word ends a stop.
+        A hold is sent again until telemetry shows that its asset stands, however long that takes,
+        and whenever an asset moves again before `release`.
         """
         self._open.clear()
-        return list(self._follow(self._gate.stop_all(), inf))
+        holds = self._gate.stop_all()
+        events = [self._gate.send(hold) for hold in holds]
+        fleet = self._fleet
+        self._stop = StopConfirmation(holds, fleet.world, fleet.tick, fleet.time_s)
+        self._overdue = {}
+        return list(events)
+
+    def release(self) -> None:
+        """Watch the assets no more: the operator has released the stop."""
+        self._stop, self._overdue = None, {}
 
     def follow(self, commands: Sequence[DeviceCommand]) -> Iterator[ev.EventPayload]:
         """Send a mission's way to safety and see to the answers from now on; yield the events."""
-        return self._follow(commands, SAFETY_LIMIT_S)
+        told = [self._gate.send(command) for command in commands]
+        yield from told
+        sent = [payload.command for payload in told if isinstance(payload, ev.CommandSent)]
+        if sent:
+            tick, dt_s = self._fleet.tick, self._fleet.world.dt_s
+            self._open.append(Dispatch(sent, tick, dt_s, SAFETY_LIMIT_S, SAFETY_LIMIT_S))
 
     def step(self, step: Step) -> Iterator[ev.EventPayload]:
         """Take in one step's replies; send again what was not answered and still stands."""
         tick, replies = step
+        if self._stop is not None:
+            yield from self._confirm(self._stop, tick, replies)
         for stop in self._open:
             for reply in stop.advance(tick, replies):
                 yield ev.CommandReplied(reply=reply)
@@ -53,13 +71,17 @@ class EmergencyStop:
                     stop.forget(command)
         self._open = [stop for stop in self._open if not stop.finished]
 
-    def _follow(
-        self, commands: Sequence[DeviceCommand], limit_s: float
+    def _confirm(
+        self, stop: StopConfirmation, tick: int, replies: Sequence[CommandReply]
     ) -> Iterator[ev.EventPayload]:
-        told = [self._gate.send(command) for command in commands]
-        yield from told
-        sent = [payload.command for payload in told if isinstance(payload, ev.CommandSent)]
-        if sent:
-            self._open.append(
-                Dispatch(sent, self._fleet.tick, self._fleet.world.dt_s, limit_s, limit_s)
-            )
+        """Compare a stop with answers and telemetry; report each change of what is in doubt."""
+        for reply in stop.answer(replies):
+            yield ev.CommandReplied(reply=reply)
+        overdue = stop.look(self._fleet.picture(), self._fleet.time_s)
+        if overdue != self._overdue:
+            self._overdue = overdue
+            yield ev.StopUnconfirmed(assets=dict(overdue))
+        for command, times in stop.resends(tick, overdue):
+            resent = self._gate.resend(command, times)
+            if resent is not None:
+                yield resent

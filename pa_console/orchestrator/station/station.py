@@ -395,6 +395,7 @@ class Station:
         """
         self._writable()
         self._gate.release()
+        self._emergency_stop.release()
         self._emit(ev.StopReleased(by=by))
         for payload, mission in self._intake.resume(self._worker.handled):
             self._emit(payload, mission)

@@ -19,6 +19,7 @@ from pa_console.schema.events.execution import (
     OutcomeJudged,
     PlanHalted,
     StopReleased,
+    StopUnconfirmed,
 )
 from pa_console.schema.events.intake import (
     AlarmAcknowledged,
@@ -158,6 +159,7 @@ __all__ = (
     "StandingOrderStarted",
     "StandingOrderWithheld",
     "StopReleased",
+    "StopUnconfirmed",
     "TakChanged",
     "TakState",
     "TelemetryReceived",
@@ -176,7 +178,7 @@ EventPayload = Annotated[
     | TextStreamed | PlanProposed | PlanRehearsed | PlanChecked | PlanJudged | OrderReadAgain
     | RepairRequested | ApprovalRequested | DecisionMade | PlanVoided | CommandSent | CommandReplied
     | MissionVerified | OutcomeJudged | MissionReported | MissionFinished | AllStopped
-    | StopReleased | CommandRefused | RulesReplaced | SessionEnded | SessionResumed | CommandTaken
+    | StopReleased | StopUnconfirmed | CommandRefused | RulesReplaced | SessionEnded | SessionResumed | CommandTaken
     | AuthorityChanged | LogSigned | LogTroubled | StandingOrderRead | StandingOrderApproved
     | StandingOrderStarted | StandingOrderWithheld | StandingOrderRevoked | QuestionAnswered
     | TakChanged | ContactReported | ContactLost | ContactsLeftOut,

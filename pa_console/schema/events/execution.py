@@ -4,6 +4,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
+from pa_console.schema.base import Name
 from pa_console.schema.command import CommandReply, DeviceCommand
 from pa_console.schema.events.base import Payload
 from pa_console.schema.finding import Usage, Verdict
@@ -101,6 +102,13 @@ class AllStopped(Payload):
 
     kind: Literal["all_stopped"] = "all_stopped"
     by: str
+
+
+class StopUnconfirmed(Payload):
+    """Which assets are not known to stand though everything was stopped, and why; none: all do."""
+
+    kind: Literal["stop_unconfirmed"] = "stop_unconfirmed"
+    assets: dict[Name, str]
 
 
 class StopReleased(Payload):

@@ -23,6 +23,7 @@ from pa_console.session.wording import (
     in_words,
     order_in_words,
     overriding,
+    unconfirmed_in_words,
 )
 
 NOTICES_KEPT = 500
@@ -61,11 +62,15 @@ class Stop:
     by: str
     tick: int
     orders: dict[str, CommandTrace] = field(default_factory=dict[str, CommandTrace])
+    overdue: dict[str, str] = field(default_factory=dict[str, str])
+    """Assets that are not known to stand though it is time, each with why."""
 
     @property
     def unconfirmed(self) -> tuple[str, ...]:
-        """The assets that were ordered to hold and have not reported that they do."""
-        return tuple(name for name, sent in self.orders.items() if not _is_done(sent))
+        """The assets that were ordered to hold and have not answered, or are not seen to stand."""
+        return tuple(
+            name for name, sent in self.orders.items() if name in self.overdue or not _is_done(sent)
+        )
 
     @property
     def held(self) -> int:
@@ -314,6 +319,11 @@ class SessionState:
                 self.stop = Stop(by, event.tick, orders)
                 self.loose_orders = {}
                 self._notice(event, "alarm", "stop", f"all assets hold, ordered by {by}")
+            case ev.StopUnconfirmed(assets=assets) if self.stop is not None:
+                text = unconfirmed_in_words(assets)
+                level = "alarm" if assets else "info"
+                self.stop.overdue = dict(assets)
+                self._notice(event, level, "stop", text)
             case ev.StopReleased(by=by):
                 self.stop = None
                 self._notice(event, "warning", "stop", f"released by {by}")

@@ -127,7 +127,12 @@ def _stop(stop: Stop | None) -> Iterator[Part]:
     told = f"  {stop.held} hold" if stop.orders else ""
     yield (" ■ ALL STOPPED ", f"bold {_FILL[BAD]}")
     yield (told, "bold")
-    if stop.unconfirmed:
+    if stop.overdue:
+        first, *others = stop.overdue
+        more = f" and {len(others)} more" if others else ""
+        yield "  "
+        yield (f" STOP not confirmed by {first}{more} ", f"bold {_FILL[BAD]}")
+    elif stop.unconfirmed:
         yield (f", {len(stop.unconfirmed)} not confirmed", f"bold {WARN}")
     yield "  "
 
