@@ -1,8 +1,4 @@
-"""STOP on a bus: every reachable vehicle stands, whatever an earlier session or a stranger has sent."""
-
-import json
-from contextlib import closing
-from datetime import UTC, datetime
+"""STOP on a bus: every reachable vehicle stands, whatever was sent to it before."""
 
 import pytest
 
@@ -15,7 +11,6 @@ from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.world import World
 from tests.fleets.conftest import joined, running
-from tests.fleets.intruder import intruder
 from tests.fleets.test_example_robot import Driven, found, robot  # noqa: F401 - fixtures
 
 DRONE = "Drone_T04"

@@ -23,6 +23,7 @@ from pa_console.orchestrator.planning.rehearsal import device_commands
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from tests.fleets.keyring import KEYS, PUBLIC, RULES, TO_SOUTH
+from tests.orchestrator.gate import send
 from tests.orchestrator.test_two_people import BOOK, Site, decision_on, request
 
 SENT = datetime(2026, 1, 1, tzinfo=UTC)
@@ -122,7 +123,7 @@ def test_no_history_of_messages_approves_what_two_people_have_not_signed(
         assert decision.signatures.keys() >= {"ann"}
         assert decision.signatures.keys() - {"ann"} <= signed
         site.gate.grant(asked, decision, BOOK)
-        sent = site.gate.send(device_commands(asked.plan, asked.request_id)[0])
+        sent = send(site.gate, device_commands(asked.plan, asked.request_id)[0])
         assert isinstance(sent, ev.CommandSent), "the vehicle has checked both"
 
 

@@ -33,6 +33,7 @@ from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rule import Rule, RuleSet, StandingLimits
 from pa_console.schema.standing import StandingOrder
 from pa_console.schema.telemetry import Picture
+from tests.orchestrator.gate import send
 from tests.orchestrator.pictures import GATES, asset, picture
 from tests.orchestrator.test_command_gate import WORLD, Link
 
@@ -171,7 +172,7 @@ class History:
             self.gate.release()
         else:
             for hold in self.gate.stop_all():
-                self.gate.send(hold)
+                send(self.gate, hold)
             self.granted.clear()
             self.open.clear()
         self.stopped = not self.stopped
@@ -273,7 +274,7 @@ class History:
             self.moved[mission] = Moved(moved, since_s)
             self.orders.moves(mission, moved)
         for command in (*commands, *self.stray()):
-            told = self.gate.send(command)
+            told = send(self.gate, command)
             if isinstance(told, ev.CommandSent):
                 assert command in self.granted, "sent without the approval that it needs"
                 self.granted.discard(command)

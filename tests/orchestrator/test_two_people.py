@@ -29,6 +29,7 @@ from tests.fleets.keyring import (
     TO_SOUTH,
     Clock,
 )
+from tests.orchestrator.gate import send
 from tests.orchestrator.test_command_gate import WORLD
 
 ASKED = {"block": 2, "override": 2, "acknowledge": 2}
@@ -180,14 +181,14 @@ def test_in_any_history_no_command_goes_out_with_fewer_approvals_than_it_needs(
                 )  # fmt: skip
                 for command in (ordered, away):
                     if act == "send":
-                        gate.send(command)
+                        send(gate, command)
             case "halt":
                 gate.halt()
             case "finish":
                 gate.finish()
             case "stop":
                 for hold in gate.stop_all():
-                    assert isinstance(gate.send(hold), ev.CommandSent), "a stop waits for nobody"
+                    assert isinstance(send(gate, hold), ev.CommandSent), "a stop waits for nobody"
             case "release" if gate.stopped:
                 gate.release()
             case "takeover":
@@ -213,7 +214,7 @@ def test_the_second_person_completes_what_the_first_began() -> None:
     both = site.decision(("ann", "bob"), asked)
     assert site.gate.inadmissible(asked, both, BOOK) == ""
     site.gate.grant(asked, both, BOOK)
-    sent = site.gate.send(device_commands(asked.plan, asked.request_id)[0])
+    sent = send(site.gate, device_commands(asked.plan, asked.request_id)[0])
     assert isinstance(sent, ev.CommandSent)
 
 

@@ -28,6 +28,7 @@ from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
 from pa_console.session.confidence import UNSURE
 from tests.orchestrator.conftest import Rig
+from tests.orchestrator.gate import send
 from tests.scripted import ScriptedEngine, plan
 
 TEXTS = yaml.safe_load(
@@ -96,7 +97,7 @@ def test_the_last_gate_lets_no_movement_pass_for_it_whoever_asks(site: Site, kin
         gate.grant(request, decision, site.rulebook)
     for command in device_commands(MOVES, "M1.1"):
         assert command.verb not in STILL
-        assert isinstance(gate.send(command), ev.CommandRefused)
+        assert isinstance(send(gate, command), ev.CommandRefused)
 
 
 @given(orders_as_read, verdicts, st.floats(0.0, 1.0), st.sampled_from(["", "seen by eye"]))

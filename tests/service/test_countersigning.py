@@ -30,6 +30,7 @@ from pa_console.service.tokens import Bearer, TokenBook
 from pa_console.service.views import DecisionBody, SignatureBody, shown_sha256
 from pa_console.session.state.fold import SessionState
 from tests.fleets.keyring import KEYS, PUBLIC, RULES, TO_SOUTH
+from tests.orchestrator.gate import send
 from tests.orchestrator.test_two_people import BOOK, Site, decision_on, request
 
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
@@ -194,7 +195,7 @@ async def _history(kind: str, acts: list[Act]) -> None:
         assert len(decision.signatures) >= 2
         if not revoked and not relieved:
             one.site.gate.grant(one.decided.result().request, decision, BOOK)
-            sent = one.site.gate.send(device_commands(one.asked.plan, one.asked.request_id)[0])
+            sent = send(one.site.gate, device_commands(one.asked.plan, one.asked.request_id)[0])
             assert isinstance(sent, ev.CommandSent), "the vehicle has checked both"
 
 

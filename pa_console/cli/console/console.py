@@ -16,6 +16,7 @@ from pa_console.cli.chosen_models import chosen_models, open_servers
 from pa_console.cli.console.asked import Asked
 from pa_console.cli.output import (
     DRIVER,
+    FAILED,
     AcceptRulesOption,
     CertificatesOption,
     FleetOption,
@@ -31,6 +32,7 @@ from pa_console.cli.output import (
     UnsignedOption,
     WitnessOption,
     WorldOption,
+    errors,
     require_keys,
 )
 from pa_console.cli.settings_defaults import settings_of
@@ -193,6 +195,9 @@ def _open(
         ended_by = prepared(loop)
     if ended_by:
         raise typer.Exit(exit_code_of(ended_by))
+    if opened.station.failure:
+        errors.print(opened.station.failure, style="bold red", markup=False, soft_wrap=True)
+        raise typer.Exit(FAILED)
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from socket import socket
 from pa_console.cli.console.asked import Asked
 from pa_console.cli.console.live_session import LiveSession, open_live
 from pa_console.cli.observing import observing
-from pa_console.cli.output import errors, out
+from pa_console.cli.output import FAILED, errors, out
 from pa_console.cli.serve.token_verbs import this_user, token_book
 from pa_console.cli.session_log import open_log, tell_of_witness
 from pa_console.end_signals import end_signals, exit_code_of
@@ -58,6 +58,9 @@ def serve_session(
             loop.run(_serve(opened, writer, tokens, listening, beside.observer, ending))
         tell_of_witness(writer)
         out.print(f"session log: {writer.path}", markup=False, soft_wrap=True)
+    if opened.station.failure:
+        errors.print(opened.station.failure, style="bold red", markup=False, soft_wrap=True)
+        return FAILED
     return exit_code_of(ending.ended_by) if ending.ended_by else 0
 
 

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 KEEPALIVE_S = 5
 FIRST_RETRY_S, LAST_RETRY_S = 0.1, 1.0
 CONNECT_S = 5.0
-MOST_QUEUED = 50_000
+MOST_QUEUED = 2_000
+"""Messages between the socket and `heard`, which empties them as they come."""
+
 QUIET = logging.getLogger("pa_console.bus")
 QUIET.addHandler(logging.NullHandler())
 QUIET.propagate = False

@@ -11,7 +11,7 @@ from pa_console.fleets.vda5050.factsheet import Factsheet
 from pa_console.fleets.vda5050.session_messages import Countersignature, RecordsAsked, StopAsked
 from pa_console.fleets.vda5050.topics import Identity
 
-HEARD = (
+TELEMETRY = (
     messages.Connection,
     messages.State,
     Factsheet,
@@ -20,11 +20,12 @@ HEARD = (
     additions.ClockDone,
     additions.IncidentDone,
     additions.Told,
-    *additions.SIGNED,
-    RecordsAsked,
-    Countersignature,
-    StopAsked,
 )
+"""What robots, cameras and a simulated site send."""
+
+FROM_PEOPLE = (*additions.SIGNED, RecordsAsked, Countersignature, StopAsked)
+"""What people send: who belongs to the site and commands it, and what a joined console asks for."""
+
 CONNECT_S = 5.0
 RETAINED_S = 0.3
 """What is retained has come when nothing of it did for so long; live messages never end."""
@@ -44,9 +45,19 @@ class Joined:
     deliveries: tuple[Delivery, ...]
 
 
-def join(address: BrokerAddress, credentials: Credentials | None = None) -> Joined:
-    """Connect to the broker and hear what is retained there; raises ValueError without a broker."""
-    link = StationLink(address, f"station-{secrets.token_hex(4)}", HEARD, credentials)
+def join(
+    address: BrokerAddress,
+    credentials: Credentials | None = None,
+    telemetry: Credentials | None = None,
+) -> Joined:
+    """Connect to the broker and receive what is retained there; raises ValueError without a broker.
+
+    `telemetry` are the credentials of the connection that only receives.
+    """
+    link = StationLink(
+        address, f"station-{secrets.token_hex(4)}", FROM_PEOPLE, credentials,
+        telemetry=TELEMETRY, telemetry_as=telemetry,
+    )  # fmt: skip
     if not link.wait_connected(CONNECT_S):
         problem = link.problem
         link.close()

@@ -275,6 +275,9 @@ class MqttFleet:
                 self._say("info", SUBJECT, "connected to the broker again", "up")
                 self._request_states()
                 self.publish_signed()
+        for sender, count in self._link.take_flooded().items():
+            text = f"floods the bus: {count} messages were set aside unread"
+            self._say("alarm", sender.serial_number, text, "flood")
         if dropped > self._dropped:
             text = f"{dropped - self._dropped} messages came too fast and were dropped"
             self._dropped = dropped

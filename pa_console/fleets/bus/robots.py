@@ -69,7 +69,7 @@ class Robot:
             self.asked.popitem(last=False)
 
     def command_id(self, action_id: str | None) -> str | None:
-        """Return the id of the command that went out as `action_id`; of another sender's, itself."""
+        """Return the id of the command that went out as `action_id`, or an unknown one itself."""
         asked = self.asked.get(action_id) if action_id is not None else None
         return asked.command.command_id if asked is not None else action_id
 

@@ -34,6 +34,8 @@ class SiteFleet(MqttFleet):
         self._began, self._moved = site.tick, False
         self._after: dict[str, int] = {}
         self._incidents, self._problems = 0, dict[int, str]()
+        if site.paced:  # it sends as fast as this station steps, and each message is waited for
+            joined.link.limit = None
         super().__init__(world, joined, keys)
         if site.paced:
             self._move_site(0)

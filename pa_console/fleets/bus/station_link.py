@@ -1,22 +1,31 @@
-"""A station's connection to the broker, in a thread of its own: no message waits for the screen."""
+"""A station's connection to the broker, in threads of its own: no message waits for the screen.
+
+Commands and what people send go over one connection, telemetry comes over another: however much
+robots report, a stop is not queued behind it.
+"""
 
 import asyncio
 import threading
-from collections import deque
-from collections.abc import Sequence
+from collections import Counter, deque
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
+from functools import lru_cache, partial
+from time import monotonic
 from typing import NamedTuple
 
 from pa_console.fleets.bus.address import BrokerAddress, Credentials
 from pa_console.fleets.bus.client import BusClient, Received, Sent, say_nothing
-from pa_console.fleets.vda5050.topics import Topic
+from pa_console.fleets.bus.rate_limit import RateLimit
+from pa_console.fleets.vda5050.topics import Identity, Topic
 from pa_console.fleets.vda5050.wire import Header, UnreadableError
 
 MOST_WAITING = 20_000
 """So many messages wait to be taken in; what comes beyond is dropped, and counted."""
 
 GOODBYE_S = 2.0
+_topic_of = lru_cache(maxsize=8192)(Topic.of)
+Kinds = Sequence[type[Header]]
 
 
 class Delivery(NamedTuple):
@@ -29,34 +38,60 @@ class Delivery(NamedTuple):
 
 
 class StationLink:
-    """Hears the topics of every robot of a site that `kinds` are read from, and sends."""
+    """Receives the messages of `kinds` from every robot and station of a site, and sends.
+
+    `telemetry` are the kinds that come over a connection of their own, with the credentials
+    `telemetry_as` where the broker asks for a certificate; on one connection for all of them where
+    it asks and there are none. Messages of one sender that come faster than any robot reports are
+    set aside before they are read.
+    """
 
     def __init__(
         self,
         address: BrokerAddress,
         name: str,
-        kinds: Sequence[type[Header]],
+        kinds: Kinds,
         credentials: Credentials | None = None,
+        *,
+        telemetry: Kinds = (),
+        telemetry_as: Credentials | None = None,
     ) -> None:
-        self.address, self._kinds = address, {kind.TOPIC: kind for kind in kinds}
+        self.address = address
         self._waiting: deque[Delivery] = deque()
+        self._flooded: Counter[Identity] = Counter()
         self.dropped = 0
         """How many messages were dropped, as too many had come."""
-        self.problem = "not connected yet"
-        """Why there is no connection, "" while there is one."""
-        self._news, self._up = threading.Event(), threading.Event()
-        self._loop, self._ending = asyncio.new_event_loop(), asyncio.Event()
-        self._loop.set_exception_handler(say_nothing)
-        topics = [f"{address.site}/v3/+/+/{topic}" for topic in self._kinds]
-        self._client = BusClient(
-            address, name, self._heard, self._changed, topics, credentials=credentials
+        self.limit: RateLimit | None = RateLimit(monotonic)
+        """Which messages are read; None reads every one, as from a site that waits for its station.
+        """
+        self._news = threading.Event()
+        apart = bool(telemetry) and (credentials is None or telemetry_as is not None)
+        self._main = self._open(name, kinds if apart else (*kinds, *telemetry), credentials)
+        self._channels = [self._main]
+        if apart:
+            self._channels.append(self._open(f"{name}-telemetry", telemetry, telemetry_as))
+
+    def _open(self, name: str, kinds: Kinds, credentials: Credentials | None) -> "_Channel":
+        by_topic = {kind.TOPIC: kind for kind in kinds}
+        client = partial(
+            BusClient,
+            self.address,
+            name,
+            partial(self._heard, by_topic),
+            topics=[f"{self.address.site}/v3/+/+/{topic}" for topic in by_topic],
+            credentials=credentials,
         )
-        self._thread = threading.Thread(target=self._run, name="station link", daemon=True)
-        self._thread.start()
+        return _Channel(client, name, self._news.set)
+
+    @property
+    def problem(self) -> str:
+        """Why there is no connection, "" while there is one."""
+        return next((channel.problem for channel in self._channels if channel.problem), "")
 
     def wait_connected(self, seconds: float) -> bool:
         """Return whether there is a connection within `seconds`."""
-        return self._up.wait(seconds)
+        until = monotonic() + seconds
+        return all(channel.up.wait(max(until - monotonic(), 0.0)) for channel in self._channels)
 
     def wait_news(self, seconds: float) -> bool:
         """Return whether something is to be taken, within `seconds`."""
@@ -66,25 +101,78 @@ class StationLink:
 
     def take(self) -> list[Delivery]:
         """Return what has come since the last call, in order."""
-        taken: list[Delivery] = []
-        while self._waiting:
-            taken.append(self._waiting.popleft())
-        return taken
+        return [self._waiting.popleft() for _ in range(len(self._waiting))]
+
+    def take_flooded(self) -> Mapping[Identity, int]:
+        """Return how many messages of each sender were set aside unread since the last call."""
+        flooded, self._flooded = self._flooded, Counter()
+        return flooded
 
     def publish(self, *messages: Sent) -> bool:
         """Send the messages in order; return False, and send none, without a connection."""
-        if not self._up.is_set():
+        return self._main.publish(messages)
+
+    def close(self) -> None:
+        """End the connection, once what was sent is out."""
+        for channel in self._channels:
+            channel.end()
+        for channel in self._channels:
+            channel.join()
+
+    def _heard(self, kinds: Mapping[str, type[Header]], received: Received) -> None:
+        topic = _topic_of(received.topic)
+        if topic is None or topic.name not in kinds:
+            return
+        if self.limit is not None and not self.limit.allows(topic, len(received.payload)):
+            self._flooded[topic.identity] += 1
+            return
+        if len(self._waiting) >= MOST_WAITING:
+            self.dropped += 1
+            return
+        message: Header | UnreadableError
+        try:
+            message = kinds[topic.name].read(received.payload)
+            if (message.manufacturer, message.serial_number) != topic.identity:
+                message = UnreadableError("it says that it is another robot's")
+        except UnreadableError as error:
+            message = error
+        self._waiting.append(Delivery(topic, message, received.retained, datetime.now(UTC)))
+        self._news.set()
+
+
+class _Channel:
+    """One connection in a thread of its own; `news` is called when it breaks, or is there again."""
+
+    def __init__(
+        self, client: Callable[..., BusClient], name: str, news: Callable[[], None]
+    ) -> None:
+        self._news = news
+        self.problem = "not connected yet"
+        """Why there is no connection, "" while there is one."""
+        self.up = threading.Event()
+        self._loop, self._ending = asyncio.new_event_loop(), asyncio.Event()
+        self._loop.set_exception_handler(say_nothing)
+        self._client = client(changed=self._changed)
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    def publish(self, messages: Sequence[Sent]) -> bool:
+        """Send the messages in order; return False, and send none, without a connection."""
+        if not self.up.is_set():
             return False
         with suppress(RuntimeError):  # the link is closed
             self._loop.call_soon_threadsafe(self._send, messages)
         return True
 
-    def close(self) -> None:
-        """End the connection, once what was sent is out."""
+    def end(self) -> None:
+        """Begin to end the connection, once what was sent is out."""
         if self._thread.is_alive():
             with suppress(RuntimeError):
                 self._loop.call_soon_threadsafe(self._ending.set)
-            self._thread.join(GOODBYE_S + 1.0)
+
+    def join(self) -> None:
+        """Wait until the connection has ended."""
+        self._thread.join(GOODBYE_S + 1.0)
 
     def _send(self, messages: Sequence[Sent]) -> None:
         for message in messages:
@@ -114,24 +202,7 @@ class StationLink:
     def _changed(self, connected: bool, why: str) -> None:
         self.problem = why
         if connected:
-            self._up.set()
+            self.up.set()
         else:
-            self._up.clear()
-        self._news.set()
-
-    def _heard(self, received: Received) -> None:
-        topic = Topic.of(received.topic)
-        if topic is None or topic.name not in self._kinds:
-            return
-        if len(self._waiting) >= MOST_WAITING:
-            self.dropped += 1
-            return
-        message: Header | UnreadableError
-        try:
-            message = self._kinds[topic.name].read(received.payload)
-            if (message.manufacturer, message.serial_number) != topic.identity:
-                message = UnreadableError("it says that it is another robot's")
-        except UnreadableError as error:
-            message = error
-        self._waiting.append(Delivery(topic, message, received.retained, datetime.now(UTC)))
-        self._news.set()
+            self.up.clear()
+        self._news()

@@ -103,18 +103,22 @@ def answer_of(command_id: str, verb: str, state: State) -> Answer | None:
         case "FAILED":
             return Answer("failed", detail)
         case "FINISHED":
-            cancelled = _find(states, f"{command_id}.cancel")
-            if verb == "hold" and cancelled is not None and cancelled.action_status not in ENDED:
-                return Answer("acknowledged", detail)
-            if verb == "hold" and state.node_states:
-                return Answer("acknowledged", "an order is left")
-            if verb == "hold" and state.moves:
-                return Answer("acknowledged", "it still moves")
-            return Answer("done", detail)
+            left = _left_of_hold(command_id, state) if verb == "hold" else None
+            return Answer("done", detail) if left is None else Answer("acknowledged", left)
         case "RUNNING" | "PAUSED" | "RETRIABLE":
             return Answer("progress", detail)
         case "WAITING" | "INITIALIZING":
             return Answer("acknowledged", detail)
+
+
+def _left_of_hold(command_id: str, state: State) -> str | None:
+    """Return what keeps a robot that has paused from holding, None once it stands."""
+    cancelled = _find(state.instant_action_states, f"{command_id}.cancel")
+    if cancelled is not None and cancelled.action_status not in ENDED:
+        return "its order is being cancelled"
+    if state.node_states:
+        return "an order is left"
+    return "it still moves" if state.moves else None
 
 
 def _find(states: Sequence[ActionState], action_id: str) -> ActionState | None:

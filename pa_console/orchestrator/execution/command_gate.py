@@ -1,6 +1,6 @@
 """The last gate before the link: what nobody decided does not pass, and nothing after STOP."""
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Sequence
 from typing import Protocol
 
 from pa_console.fleets.fleet import Fleet
@@ -20,6 +20,8 @@ STILL = frozenset(("hold", "report"))
 
 STOPPED = "everything is stopped, and nobody has released the stop"
 UNDECIDED = "it is part of no approved plan and of no declared way to safety"
+Passage = ev.CommandSent | ev.CommandRefused
+"""What became of a command at the gate."""
 
 
 class Authority(Protocol):
@@ -61,8 +63,9 @@ class CommandGate:
     That is an approved plan (each of its commands once), the way to safety that was declared with
     it (once the plan is halted), or the operator's own stop. The stop is latched: until `release`
     nothing but its holds and what moves nothing passes, whatever was approved before. The gate
-    decides by what it was shown, the request and the decision, and not by who calls it when. While
-    the `journal` cannot be written nothing of a plan passes: nobody could tell later that it did.
+    decides by what it was shown, the request and the decision, and not by who calls it when.
+    No log, no action: a plan's command is on the disk before it is on the link, and while the
+    `journal` cannot be written none passes. A stop and a way to safety wait for no disk.
     What the rules ask more than one person for passes once so many have signed that they approve
     it. Without an `authority` nobody can sign, and whoever decides counts as one. A decision of one
     of the `orders` that stand counts only for a mission that it started, while it is in force, and
@@ -211,24 +214,62 @@ class CommandGate:
             raise ValueError("nothing is stopped")
         self.stopped = False
 
-    def send(self, command: DeviceCommand) -> ev.CommandSent | ev.CommandRefused:
-        """Put `command` on the link if it was decided; return what is to be told of it."""
-        why = self._refusal(command)
-        if why:
-            return ev.CommandRefused(command=command, reason=why)
-        self._orders.discard(command)
-        self._holds.discard(command)
+    def send(
+        self, commands: Sequence[DeviceCommand], emit: Callable[[Passage], object]
+    ) -> tuple[Passage, ...]:
+        """Put `commands` on the link, as far as they were decided; emit what became of each.
+
+        What stops assets or makes them safe goes out at once, and is logged then. Of the others
+        none goes out unless all may, and each is on the disk by then.
+        """
+        passages: list[Passage] = []
+        logged_first: list[DeviceCommand] = []
+        refused = False
+        for command in commands:
+            if why := self._refusal(command):
+                refused = True
+                passages.append(ev.CommandRefused(command=command, reason=why))
+                continue
+            self._orders.discard(command)
+            self._holds.discard(command)
+            if self._waits_for_log(command):
+                logged_first.append(command)
+            else:
+                self._transmit(command)
+                passages.append(ev.CommandSent(command=command))
+        if not refused:
+            passages += [ev.CommandSent(command=command) for command in logged_first]
+        for passage in passages:
+            emit(passage)
+        if refused or not logged_first:
+            return tuple(passages)
+        if problem := self._journal.commit():
+            held = [ev.CommandRefused(command=command, reason=problem) for command in logged_first]
+            for passage in held:
+                emit(passage)
+            return (*passages, *held)
+        for command in logged_first:
+            self._transmit(command)
+        return tuple(passages)
+
+    def _transmit(self, command: DeviceCommand) -> None:
         self._standing[command.agent] = command
         self._fleet.send(command)
-        return ev.CommandSent(command=command)
+
+    def _waits_for_log(self, command: DeviceCommand) -> bool:
+        """Whether `command` may go out only once the log has it: it moves an asset for a plan."""
+        return command.verb not in STILL and not (self._halted and self._is_safety(command))
 
     def resend(self, command: DeviceCommand, times: int) -> ev.CommandResent | None:
         """Put a command that was not answered on the link again, for the time number `times`.
 
         Nothing is sent, and None returned, when it stands no more: its device got another command
-        since, its plan was halted, everything was stopped, or another station is in command.
+        since, its plan was halted, everything was stopped, or another station is in command. While
+        the log cannot be written no asset is told again to move for a plan.
         """
         if self._standing.get(command.agent) != command or self._unauthorized(command):
+            return None
+        if self._journal.problem and self._waits_for_log(command):
             return None
         self._fleet.send(command)
         return ev.CommandResent(command_id=command.command_id, times=times)

@@ -36,11 +36,12 @@ class EmergencyStop:
         """
         self._open.clear()
         holds = self._gate.stop_all()
-        events = [self._gate.send(hold) for hold in holds]
+        events: list[ev.EventPayload] = []
+        self._gate.send(holds, events.append)
         fleet = self._fleet
         self._stop = StopConfirmation(holds, fleet.world, fleet.tick, fleet.time_s)
         self._overdue = {}
-        return list(events)
+        return events
 
     def release(self) -> None:
         """Watch the assets no more: the operator has released the stop."""
@@ -48,9 +49,10 @@ class EmergencyStop:
 
     def follow(self, commands: Sequence[DeviceCommand]) -> Iterator[ev.EventPayload]:
         """Send a mission's way to safety and see to the answers from now on; yield the events."""
-        told = [self._gate.send(command) for command in commands]
-        yield from told
-        sent = [payload.command for payload in told if isinstance(payload, ev.CommandSent)]
+        events: list[ev.CommandSent | ev.CommandRefused] = []
+        self._gate.send(commands, events.append)
+        yield from events
+        sent = [event.command for event in events if isinstance(event, ev.CommandSent)]
         if sent:
             tick, dt_s = self._fleet.tick, self._fleet.world.dt_s
             self._open.append(Dispatch(sent, tick, dt_s, SAFETY_LIMIT_S, SAFETY_LIMIT_S))

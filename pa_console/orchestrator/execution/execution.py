@@ -126,11 +126,10 @@ class Execution:
     def _send(self, commands: Sequence[DeviceCommand]) -> tuple[str, ...]:
         """Send every command; return why the plan is halted if the gate keeps one back."""
         with self._context.stopwatch.time("dispatch_s"):
-            for command in commands:
-                told = self._services.gate.send(command)
-                self._context.emit(told)
-                if isinstance(told, ev.CommandRefused):
-                    return (f"{command.agent} {command.verb}: {told.reason}",)
+            for passage in self._services.gate.send(commands, self._context.emit):
+                if isinstance(passage, ev.CommandRefused):
+                    command = passage.command
+                    return (f"{command.agent} {command.verb}: {passage.reason}",)
         return ()
 
     async def _until_ended(
@@ -169,8 +168,7 @@ class Execution:
         """
         fleet = self._services.fleet
         commands = self.halt()
-        for command in commands:
-            self._context.emit(self._services.gate.send(command))
+        self._services.gate.send(commands, self._context.emit)
         self._context.emit(
             ev.PlanHalted(
                 attempt=attempt,

@@ -106,6 +106,8 @@ class Station:
                 resumed.alarms, resumed.waiting, resumed.missions, resumed.unanswered
             )
         self._ending: asyncio.Task[None] | None = None
+        self.failure = ""
+        """The internal error that ended the session, '' for none."""
 
     @property
     def session(self) -> str:
@@ -491,4 +493,5 @@ class Station:
 
     def _broken(self, error: BaseException) -> None:
         """End the session in order when one of its own tasks broke."""
-        self._ending = asyncio.create_task(self.close(f"internal error: {error}"))
+        self.failure = f"internal error: {type(error).__name__}: {error}"
+        self._ending = asyncio.create_task(self.close(self.failure))

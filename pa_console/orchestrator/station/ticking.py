@@ -1,7 +1,8 @@
 """Moves the world on when the clock says so, and takes in what is seen of it."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from time import perf_counter
 from typing import Protocol
 
@@ -13,6 +14,8 @@ from pa_console.schema.telemetry import Picture
 
 MAX_STEPS_AT_ONCE = 20
 IDLE_S = 0.005
+FAULT_AGAIN_S = 10.0
+"""An internal error that recurs is reported this often."""
 
 
 class Clock(Protocol):
@@ -109,7 +112,7 @@ class Ticking:
         self.first = self._fleet.picture()
         """The picture that the session begins with."""
         self._noticer = Noticer(self.first)
-        self._refusal = ""
+        self._refusal, self._fault = "", ("", 0.0)
         self._services.sightings.look(self.first)
 
     async def run(self) -> None:
@@ -121,19 +124,39 @@ class Ticking:
         every = max(1, round(world.telemetry_period_s / world.dt_s))
         while True:
             for _ in range(await self._clock.due(world.dt_s, self._wanted)):
-                self._services.journal.commit()
-                received = self._fleet.step()
-                if received.stop_asked:
-                    self._stop(received.stop_asked)
-                self._feed.publish(self._fleet.tick, received.replies)
-                for told in received.told:
-                    self.happened(told)
-                for signed in received.countersigned:
-                    self._worker.countersign(signed)
-                for payload in self._emergency_stop.step((self._fleet.tick, received.replies)):
-                    self._emit(payload, None)
+                with self._kept_going():
+                    self._step()
                 if self._fleet.tick % every == 0:
-                    self._look()
+                    with self._kept_going():
+                        self._look()
+
+    def _step(self) -> None:
+        """Move the world on by one step; a stop goes before everything else that came in."""
+        self._services.journal.commit()
+        received = self._fleet.step()
+        if received.stop_asked:
+            self._stop(received.stop_asked)
+        for payload in self._emergency_stop.step((self._fleet.tick, received.replies)):
+            self._emit(payload, None)
+        self._feed.publish(self._fleet.tick, received.replies)
+        for told in received.told:
+            self.happened(told)
+        for signed in received.countersigned:
+            self._worker.countersign(signed)
+
+    @contextmanager
+    def _kept_going(self) -> Generator[None]:
+        """Report an error and go on: a session that ended by it could not stop anybody any more."""
+        try:
+            yield
+        except Exception as error:
+            fault = f"{type(error).__name__}: {error}"
+            now_s = perf_counter()
+            if fault == self._fault[0] and now_s - self._fault[1] < FAULT_AGAIN_S:
+                return
+            self._fault = fault, now_s
+            text = f"the picture may be out of date, STOP works: internal error: {fault}"[:500]
+            self._emit(ev.Noticed(level="alarm", subject="station", text=text), None)
 
     def happened(self, told: ev.IncidentHappened | ev.Noticed) -> None:
         """Pass on what the fleet tells of; the incident that strikes the model does so here."""

@@ -178,8 +178,8 @@ EventPayload = Annotated[
     | TextStreamed | PlanProposed | PlanRehearsed | PlanChecked | PlanJudged | OrderReadAgain
     | RepairRequested | ApprovalRequested | DecisionMade | PlanVoided | CommandSent | CommandReplied
     | MissionVerified | OutcomeJudged | MissionReported | MissionFinished | AllStopped
-    | StopReleased | StopUnconfirmed | CommandRefused | RulesReplaced | SessionEnded | SessionResumed | CommandTaken
-    | AuthorityChanged | LogSigned | LogTroubled | StandingOrderRead | StandingOrderApproved
+    | StopReleased | StopUnconfirmed | CommandRefused | RulesReplaced | SessionEnded
+    | SessionResumed | CommandTaken | AuthorityChanged | LogSigned | LogTroubled | StandingOrderRead | StandingOrderApproved
     | StandingOrderStarted | StandingOrderWithheld | StandingOrderRevoked | QuestionAnswered
     | TakChanged | ContactReported | ContactLost | ContactsLeftOut,
     Field(discriminator="kind"),
