@@ -179,7 +179,8 @@ EventPayload = Annotated[
     | RepairRequested | ApprovalRequested | DecisionMade | PlanVoided | CommandSent | CommandReplied
     | MissionVerified | OutcomeJudged | MissionReported | MissionFinished | AllStopped
     | StopReleased | StopUnconfirmed | CommandRefused | RulesReplaced | SessionEnded
-    | SessionResumed | CommandTaken | AuthorityChanged | LogSigned | LogTroubled | StandingOrderRead | StandingOrderApproved
+    | SessionResumed | CommandTaken | AuthorityChanged | LogSigned | LogTroubled
+    | StandingOrderRead | StandingOrderApproved
     | StandingOrderStarted | StandingOrderWithheld | StandingOrderRevoked | QuestionAnswered
     | TakChanged | ContactReported | ContactLost | ContactsLeftOut,
     Field(discriminator="kind"),
