@@ -1,5 +1,7 @@
 """STOP on a bus: every reachable vehicle stands, whatever was sent to it before."""
 
+import json
+
 import pytest
 
 from pa_console.fleets.bus.address import BrokerAddress
@@ -11,7 +13,7 @@ from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.world import World
 from tests.fleets.conftest import joined, running
-from tests.fleets.test_example_robot import Driven, found, robot  # noqa: F401 - fixtures
+from tests.fleets.intruder import intruder
 
 DRONE = "Drone_T04"
 
@@ -64,3 +66,46 @@ def test_a_later_session_stops_a_vehicle_that_an_earlier_one_has_stopped(
             assert stood.speed_mps == 0.0
             second.go(50)
             assert site.site.checkpoint.truth().assets[DRONE].position == stood.position
+
+
+def test_a_stop_whose_id_somebody_has_used_up_beforehand_stops_all_the_same(
+    world: World, address: BrokerAddress
+) -> None:
+    with (
+        intruder(address) as evil,
+        running(world, address, paced=True) as site,
+        joined(world, address) as fleet,
+    ):
+        session = Session(fleet)
+        session.go(10)
+        header = json.loads(evil.heard[evil.topic(DRONE, "state")])
+        for name in ("stop1.4", "stop1.4.cancel"):
+            action = {"actionId": name, "actionType": "stateRequest", "blockingType": "NONE"}
+            evil.send(
+                evil.topic(DRONE, "instantActions"),
+                json.dumps({**header, "actions": [action]}).encode(),
+            )
+        fleet.send(
+            DeviceCommand(command_id="M001.1.1", agent=DRONE, verb="move_to", target="WestGate")
+        )
+        session.go(20)
+        session.stop()
+        session.go(20)
+        assert site.site.checkpoint.truth().assets[DRONE].speed_mps == 0.0
+        assert not session.stops.waiting
+        assert not [e for e in session.events if isinstance(e, ev.StopUnconfirmed)]
+
+
+def test_no_two_connections_use_one_action_id(world: World, address: BrokerAddress) -> None:
+    ids: list[str] = []
+    with intruder(address) as ear, running(world, address, paced=True):
+        for _ in range(2):
+            with joined(world, address) as fleet:
+                session = Session(fleet)
+                session.stop()
+                session.go(5)
+        for topic, payload in ear.all:
+            if topic.endswith("/instantActions"):
+                ids += [action["actionId"] for action in json.loads(payload)["actions"]]
+    assert len(ids) > 2 * len(world.assets)
+    assert len(set(ids)) == len(ids)

@@ -9,12 +9,16 @@ import pytest
 
 from pa_console.fleets.bus.address import BrokerAddress
 from pa_console.fleets.bus.mqtt_fleet import MqttFleet
+from pa_console.fleets.bus.reported_picture import ReportedPicture
 from pa_console.fleets.fleet import Simulated
 from pa_console.fleets.simulated import SimulatedFleet
+from pa_console.fleets.vda5050.additions import Detections, SeenContact
 from pa_console.fleets.vda5050.wire import MOST_BYTES
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events.event import Noticed
 from pa_console.schema.world import World
+from pa_console.sim.worlds.scenario_file import open_scenario
+from pa_console.sim.worlds.world_file import open_world
 from tests.fleets.conftest import joined, running
 from tests.fleets.hostile import draw
 from tests.fleets.intruder import Intruder, intruder
@@ -159,6 +163,68 @@ def joined_without_site(world: World, address: BrokerAddress) -> Any:
     from pa_console.fleets.bus.joining import join  # noqa: PLC0415
 
     return closing(MqttFleet(world, join(address)))
+
+
+@pytest.mark.parametrize("situation", ["situation-1-unauthorized", "situation-2"])
+def test_a_bus_with_a_contact_in_view_is_joined(
+    situation: str, world: World, address: BrokerAddress
+) -> None:
+    _, path = open_world("checkpoint")
+    scenario = open_scenario(world, path, situation).scenario
+    with running(world, address, scenario, rate=20.0):
+        with joined(world, address) as fleet:
+            until_tracked(fleet)
+        for _ in range(10):
+            with joined(world, address) as fleet:
+                lines = until_tracked(fleet)
+            assert not [line for line in lines if line.level == "alarm"]
+
+
+def until_tracked(fleet: MqttFleet) -> list[Noticed]:
+    """Step until the picture has a track; return what was reported meanwhile."""
+    lines: list[Noticed] = []
+    for _ in range(3000):
+        lines += told(fleet)
+        if fleet.picture().tracks:
+            return lines
+        fleet.wait(0.1)
+    raise TimeoutError("no track came into the picture")
+
+
+def test_a_contact_that_was_seen_an_hour_ago_and_now_ends_no_session(
+    world: World, address: BrokerAddress
+) -> None:
+    with (
+        intruder(address) as evil,
+        running(world, address, paced=True),
+        joined(world, address) as fleet,
+    ):
+        told(fleet, 20)
+        true = evil.heard[evil.topic(*STATE)]
+        seen = {"signature": "x", "kind": "vehicle", "x": 0.0, "y": 60.0, "sigmaM": 1.0}
+        topic = evil.topic("Drone_T01", "detections")
+        for age_s in (3600.0, 0.0):
+            evil.send(topic, changed(true, timestamp=later(true, -age_s), contacts=[seen]))
+        lines = told(fleet, 30)
+        assert [line.text for line in lines if "3600 s old" in line.text]
+        assert all(track.first_seen_s >= 0.0 for track in fleet.picture().tracks.values())
+
+
+def test_a_message_with_which_no_picture_can_be_made_is_left_out_and_its_sender_named(
+    world: World,
+) -> None:
+    known, camera = ReportedPicture(world), next(iter(world.cameras))
+    contact = SeenContact(signature="x", kind="vehicle", x=0.0, y=60.0, sigma_m=1.0)
+    unheard = contact.model_copy(update={"signature": "y", "kind": "tank"})
+    known.advance(5)
+    for contacts in ((contact,), (unheard,)):
+        known.detect(camera, 5, Detections.model_construct(contacts=contacts))
+    assert known.show() == (camera,)
+    assert [track.kind for track in known.picture().tracks.values()] == ["vehicle"]
+    known.advance(10)
+    known.detect(camera, 10, Detections.model_construct(contacts=(contact,)))
+    assert known.show() == ()
+    assert [track.stamp_s for track in known.picture().tracks.values()] == [1.0]
 
 
 def test_hostile_messages_change_nothing_and_break_nothing(

@@ -1,0 +1,120 @@
+"""Whatever comes from the bus, the session goes on, and STOP goes out."""
+
+import asyncio
+from collections.abc import Callable
+from datetime import UTC, datetime
+from random import Random
+
+import pytest
+
+from pa_console.fleets.bus.address import BrokerAddress
+from pa_console.fleets.bus.client import Received, Sent
+from pa_console.fleets.bus.joining import FROM_PEOPLE, TELEMETRY, Joined
+from pa_console.fleets.bus.mqtt_fleet import MqttFleet
+from pa_console.fleets.bus.station_link import StationLink
+from pa_console.orchestrator.station.assembly import Site, load_site, open_station
+from pa_console.schema.events import event as ev
+from pa_console.schema.world import World
+from tests.fleets.conftest import joined, running
+from tests.fleets.hostile import absurd, draw
+from tests.fleets.intruder import intruder
+from tests.scripted import ScriptedEngine
+
+MESSAGES, A_STEP = 50_000, 50
+
+
+class Link(StationLink):
+    """A link without a broker: the test delivers, and looks at what goes out."""
+
+    def __init__(self, address: BrokerAddress) -> None:
+        self.out: list[Sent] = []
+        super().__init__(address, "fuzz", ())
+        self.limit = None
+        self._kinds = {kind.TOPIC: kind for kind in (*FROM_PEOPLE, *TELEMETRY)}
+
+    @property
+    def problem(self) -> str:
+        """None: the test is the broker."""
+        return ""
+
+    def publish(self, *messages: Sent) -> bool:
+        """Keep what goes out."""
+        self.out += messages
+        return True
+
+    def deliver(self, topic: str, payload: bytes) -> None:
+        """Let a message come."""
+        self._heard(self._kinds, Received(topic, payload, False))
+
+
+class Steps:
+    """A clock that steps as fast as it can; before each step it calls `before`."""
+
+    waits, rate = False, 1.0
+
+    def __init__(self, before: Callable[[], None]) -> None:
+        self._before = before
+
+    async def due(self, dt_s: float, waiting: Callable[[], bool]) -> int:
+        """Return one step."""
+        await asyncio.sleep(0)
+        self._before()
+        return 1
+
+
+def true_messages(world: World, address: BrokerAddress) -> dict[str, bytes]:
+    """What a site sends, by topic."""
+    with (
+        intruder(address) as ear,
+        running(world, address, paced=True),
+        joined(world, address) as fleet,
+    ):
+        for _ in range(20):
+            fleet.step()
+        return dict(ear.heard)
+
+
+@pytest.mark.long
+async def test_no_message_ends_the_session_or_keeps_a_stop_in(
+    world: World, address: BrokerAddress
+) -> None:
+    random, heard = Random(1), true_messages(world, address)
+    site: Site = load_site("checkpoint", "checkpoint")
+    link = Link(address)
+    fleet = MqttFleet(site.world, Joined(link, None, {}, frozenset(), ()))
+    for topic, payload in heard.items():
+        link.deliver(topic, payload)
+    left = MESSAGES
+
+    def flood() -> None:
+        nonlocal left
+        for _ in range(min(A_STEP, left)):
+            hostile = random.random() < 0.3
+            now = datetime.now(UTC)
+            link.deliver(*(draw(random, heard) if hostile else absurd(random, heard, now)))
+            left -= 1
+
+    station = open_station(
+        site, ScriptedEngine([]).engine(), Steps(flood), fleet=fleet, read_unasked=False
+    )
+    faults: list[str] = []
+    pictures = 0
+    async for event in station.run():
+        match event.data:
+            case ev.Noticed(subject="station", text=text):
+                faults.append(text)
+            case ev.TelemetryReceived():
+                pictures += 1
+            case _:
+                pass
+        if left <= 0:
+            break
+    assert faults == []
+    assert station.failure == ""
+    assert pictures >= MESSAGES // A_STEP // 5
+    link.out.clear()
+    station.stop_all()
+    stopped = {
+        message.topic.split("/")[3] for message in link.out if b"startPause" in message.payload
+    }
+    assert stopped == set(site.world.assets)
