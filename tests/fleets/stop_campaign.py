@@ -1,0 +1,371 @@
+"""`python -m tests.fleets.stop_campaign`: STOP over a real broker, in random histories.
+
+Each history has two sessions on one site, orders and stops, and some of: a takeover, a flood, deaf
+and lying robots, reconnects, a broker that is killed. Positions are the simulation's own.
+"""
+
+import argparse
+import math
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Generator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from multiprocessing import get_context
+from random import Random
+from socket import SHUT_RDWR
+
+from pa_console.fleets.bus.address import BrokerAddress
+from pa_console.fleets.bus.joining import join
+from pa_console.fleets.bus.mqtt_fleet import MqttFleet
+from pa_console.fleets.bus.opening import fleet_of
+from pa_console.fleets.site.gateway import Gateway
+from pa_console.fleets.vda5050.messages import InstantActions
+from pa_console.fleets.vda5050.wire import Header
+from pa_console.orchestrator.execution.command_gate import CommandGate
+from pa_console.orchestrator.execution.emergency_stop import EmergencyStop
+from pa_console.orchestrator.planning.rehearsal import device_commands
+from pa_console.orchestrator.station.journal import Journal
+from pa_console.policy.rulebook import Rulebook
+from pa_console.resources import find_data
+from pa_console.schema.command import CommandReply, DeviceCommand
+from pa_console.schema.events import event as ev
+from pa_console.schema.mission import Decision
+from pa_console.schema.plan import Action, Plan
+from pa_console.schema.world import World
+from pa_console.sim.worlds.world_file import load_world
+from tests.fleets.broker import Broker, address_of, any_broker
+from tests.fleets.conftest import SHA, RunningSite, running
+
+RATE = 4.0
+"""Seconds at the site in one."""
+GRACE_S = 0.4
+"""Real seconds from STOP until a reachable asset stands: 250 ms, and a busy machine."""
+WATCH_S, NAMED_S, LIE_S = 2.5, 1.5, 6.0
+"""Real seconds an asset is watched; seconds of the fleet until one in doubt, or a liar, is named."""
+BACK_S = 4.0
+"""Real seconds more that are given to a broker that was killed, and to robots that reconnect."""
+STOOD_M = 0.05
+RULES = Rulebook("none", "", ())
+Position = tuple[float, float]
+
+
+class Session:
+    """What a station does of ordering and stopping, in the fleet's own time."""
+
+    def __init__(self, world: World, address: BrokerAddress) -> None:
+        self.fleet: MqttFleet = fleet_of(join(address), world, SHA)
+        self.gate = CommandGate(self.fleet, Journal())
+        self.stops = EmergencyStop(self.fleet, self.gate)
+        self.named: dict[str, float] = {}
+        """When each asset was first in doubt after STOP, on the fleet's clock."""
+        self.doubted: set[str] = set()
+        self.pressed_s = math.inf
+        self._due, self._orders = time.perf_counter(), 0
+
+    def step(self) -> None:
+        """Wait until the next step is due, and take it."""
+        self._due = max(self._due + self.fleet.world.dt_s / RATE, time.perf_counter() - 0.2)
+        time.sleep(max(self._due - time.perf_counter(), 0.0))
+        received = self.fleet.step()
+        for event in self.stops.step((self.fleet.tick, received.replies)):
+            self._note(event)
+
+    def go(self, seconds: float) -> None:
+        """Let real time pass."""
+        until = time.perf_counter() + seconds
+        while time.perf_counter() < until:
+            self.step()
+
+    def order(self, agent: str, gate: str) -> None:
+        """Let an approved plan of one command go out."""
+        self._orders += 1
+        request = ev.ApprovalRequested(
+            request_id=f"M{self._orders}.1",
+            attempt=1,
+            plan=Plan(reason="r", actions=(Action(agent=agent, command=f"move_to {gate}"),)),
+        )
+        self.gate.grant(request, Decision(kind="approve"), RULES)
+        self.gate.send(device_commands(request.plan, request.request_id), lambda _: None)
+
+    def stop(self) -> None:
+        """Press STOP."""
+        self.pressed_s = self.fleet.time_s
+        for event in self.stops.hold_all():
+            self._note(event)
+
+    def _note(self, event: ev.EventPayload) -> None:
+        if isinstance(event, ev.StopUnconfirmed):
+            self.doubted = set(event.assets)
+            for name in event.assets:
+                self.named.setdefault(name, self.fleet.time_s)
+
+
+@contextmanager
+def deaf(gateway: Gateway) -> Generator[None]:
+    """Let a robot hear orders and no stop."""
+    take = gateway._take  # pyright: ignore[reportPrivateUsage]
+
+    def hear(message: Header) -> None:
+        if not isinstance(message, InstantActions):
+            take(message)
+
+    gateway._take = hear  # pyright: ignore[reportPrivateUsage]
+    yield
+    del gateway._take  # pyright: ignore[reportPrivateUsage]
+
+
+@contextmanager
+def lying(gateway: Gateway) -> Generator[None]:
+    """Let a robot answer every stop as done at once, and drive on."""
+    forward = gateway._forward  # pyright: ignore[reportPrivateUsage]
+
+    def answer(command: DeviceCommand) -> None:
+        if command.verb != "hold":
+            forward(command)
+            return
+        done = CommandReply(
+            command_id=command.command_id, agent=command.agent, status="done", tick=0
+        )
+        gateway.vehicle.hear(done)
+
+    gateway._forward = answer  # pyright: ignore[reportPrivateUsage]
+    yield
+    gateway._forward = forward  # pyright: ignore[reportPrivateUsage]
+
+
+POUR = """
+import sys, time
+from paho.mqtt.client import Client
+from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
+client = Client(CallbackAPIVersion.VERSION2, protocol=MQTTProtocolVersion.MQTTv5)
+client.connect(sys.argv[1], int(sys.argv[2]))
+client.loop_start()
+payload = b'{"headerId": 1, "contacts": [' + b'{"signature": "x"}, ' * 5_700 + b"{}]}"
+while True:
+    client.publish(sys.argv[3], payload)
+    time.sleep(0.005)
+"""
+
+
+@contextmanager
+def flood(address: BrokerAddress, name: str) -> Generator[None]:
+    """Let a process send 200 messages of 114 KB a second in the name of a robot."""
+    topic = f"{address.site}/v3/pa-console/{name}/detections"
+    words = [sys.executable, "-c", POUR, address.host, str(address.port), topic]
+    process = subprocess.Popen(words)
+    yield
+    process.kill()
+    process.wait()
+
+
+@dataclass
+class Outcome:
+    """What the histories came to."""
+
+    histories: int = 0
+    stops: int = 0
+    kinds: Counter[str] = field(default_factory=Counter[str])
+    farthest_m: float = 0.0
+    """The farthest that a reachable asset has driven after STOP."""
+    drove_on: list[str] = field(default_factory=list[str])
+    unnamed: list[str] = field(default_factory=list[str])
+    slowest_named_s: float = 0.0
+    false_alarms: int = 0
+    """Histories without any fault in which an asset was named all the same."""
+
+    def add(self, other: "Outcome") -> None:
+        """Take in what other histories came to."""
+        self.histories += other.histories
+        self.stops += other.stops
+        self.kinds += other.kinds
+        self.farthest_m = max(self.farthest_m, other.farthest_m)
+        self.slowest_named_s = max(self.slowest_named_s, other.slowest_named_s)
+        self.drove_on += other.drove_on
+        self.unnamed += other.unnamed
+        self.false_alarms += other.false_alarms
+
+    def summary(self) -> str:
+        """Return all of it in words."""
+        kinds = ", ".join(f"{name} {count}" for name, count in sorted(self.kinds.items()))
+        return (
+            f"{self.histories} histories, {self.stops} stops ({kinds}): "
+            f"{len(self.drove_on)} reachable assets drove on, farthest {self.farthest_m:.1f} m; "
+            f"{len(self.unnamed)} in doubt were not named, slowest {self.slowest_named_s:.2f} s; "
+            f"named without a fault in {self.false_alarms} histories"
+        )
+
+
+class History:
+    """One random history on a running site."""
+
+    def __init__(self, world: World, site: RunningSite, broker: Broker, seed: int) -> None:
+        self.world, self.site, self.broker, self.random = world, site, broker, Random(seed)
+        self.name = f"history {seed}"
+        self.address = next(iter(site.site.robots.values())).client.address
+        self.out = Outcome(histories=1)
+
+    def run(self) -> Outcome:
+        """Play it; return what it came to."""
+        random, names = self.random, list(self.world.assets)
+        with ExitStack() as faults:
+            faulty = set(random.sample(names, random.choice((0, 0, 1, 2, 3))))
+            deaf_ones = {name for name in sorted(faulty) if random.random() < 0.5}
+            liars = faulty - deaf_ones
+            first = Session(self.world, self.address)
+            self._drive(first)
+            if random.random() < 0.6:
+                first.stop()
+                self.out.stops += 1
+                first.go(random.uniform(0.0, 0.4))
+            takeover = random.random() < 0.4
+            if not takeover:
+                first.fleet.close()
+            second = Session(self.world, self.address)
+            self._drive(second)
+            for name in sorted(faulty):
+                robot = self.site.site.robots[name]
+                faults.enter_context(deaf(robot) if name in deaf_ones else lying(robot))
+            self.out.kinds += Counter(deaf=len(deaf_ones), lying=len(liars), takeover=takeover)
+            if random.random() < 0.2:
+                flooder = random.choice(names)
+                faults.enter_context(flood(self.address, flooder))
+                self.out.kinds["flood"] += 1
+                second.go(1.0)
+            self._stop(second, deaf_ones, liars)
+            for session in (second, *((first,) if takeover else ())):
+                session.fleet.close()
+        return self.out
+
+    def _drive(self, session: Session) -> None:
+        """Let some assets set out."""
+        random = self.random
+        session.go(random.uniform(0.15, 0.4))
+        for name in random.sample(list(self.world.assets), random.randrange(2, 6)):
+            session.order(name, random.choice(list(self.world.gates)))
+        session.go(random.uniform(0.1, 0.5))
+
+    def _stop(self, session: Session, deaf_ones: set[str], liars: set[str]) -> None:
+        """Press STOP, watch, and judge."""
+        random = self.random
+        killed = random.random() < 0.15
+        cut = set[str]()
+        if not killed and random.random() < 0.2:
+            cut = set(random.sample(list(self.world.assets), random.randrange(1, 3)))
+            self.out.kinds["reconnect"] += 1
+            self._break(cut)
+        if killed:
+            self.broker.kill()
+            self.out.kinds["broker killed"] += 1
+        before = self._positions()
+        session.stop()
+        self.out.stops += 1
+        session.go(GRACE_S)
+        stood = self._positions()
+        if killed:
+            session.go(random.uniform(0.0, 0.6))
+            self.broker.start()
+        session.go(WATCH_S if not killed and not cut else BACK_S)
+        settled = self._positions()
+        session.go(0.5)
+        end = self._positions()
+        lost = set(self.world.assets) if killed else cut
+        for name in self.world.assets:
+            if name in deaf_ones or name in liars:
+                continue
+            first, last = (settled, end) if name in lost else (stood, end)
+            away = name in lost and name in session.doubted
+            if math.dist(first[name], last[name]) > STOOD_M and not away:
+                far_m = math.dist(first[name], last[name])
+                said = ", ".join(sorted(+self.out.kinds))
+                self.out.drove_on.append(f"{self.name} ({said}): {name} drove on {far_m:.1f} m")
+            if name not in lost:
+                driven = math.dist(before[name], end[name])
+                self.out.farthest_m = max(self.out.farthest_m, driven)
+        self._judge_names(session, deaf_ones, liars, lost, stood, end)
+
+    def _judge_names(
+        self,
+        session: Session,
+        deaf_ones: set[str],
+        liars: set[str],
+        lost: set[str],
+        stood: dict[str, Position],
+        end: dict[str, Position],
+    ) -> None:
+        moving_liars = {name for name in liars if math.dist(stood[name], end[name]) > 3.0}
+        # One that was away for a moment may have heard STOP all the same: then it is no doubt.
+        expected = {name: NAMED_S for name in deaf_ones}
+        expected |= {name: LIE_S for name in moving_liars if name not in lost}
+        if len(lost) == len(self.world.assets):
+            expected |= dict.fromkeys(lost, NAMED_S)
+        for name, within_s in expected.items():
+            after_s = session.named.get(name, math.inf) - session.pressed_s
+            if after_s > within_s + 1e-6:
+                self.out.unnamed.append(f"{self.name}: {name} named after {after_s:.2f} s")
+            elif name not in moving_liars:
+                self.out.slowest_named_s = max(self.out.slowest_named_s, after_s)
+        if not (deaf_ones or liars or lost) and session.named and not self.out.kinds["flood"]:
+            self.out.false_alarms += 1
+
+    def _break(self, names: set[str]) -> None:
+        """Break the connections of robots; their clients connect again by themselves."""
+        loop = self.site._loop  # pyright: ignore[reportPrivateUsage]
+        for name in names:
+            client = self.site.site.robots[name].client._client  # pyright: ignore[reportPrivateUsage]
+            socket = client._client.socket() if client is not None else None  # pyright: ignore
+            if socket is not None:
+                loop.call_soon_threadsafe(socket.shutdown, SHUT_RDWR)
+
+    def _positions(self) -> dict[str, Position]:
+        assets = self.site.site.checkpoint._scene.assets  # pyright: ignore[reportPrivateUsage]
+        return {name: asset.position for name, asset in assets.items()}
+
+
+def play(histories: int, seed: int) -> Outcome:
+    """Play histories one after another on one site and one broker; return what they came to."""
+    world = load_world(find_data("worlds", "checkpoint", "world.yaml"))
+    broker, out = any_broker(), Outcome()
+    broker.start()
+    try:
+        with running(world, address_of(broker, f"stop{seed}"), rate=RATE) as site:
+            until = time.monotonic() + 20.0
+            while not site.site._site.client.connected:  # pyright: ignore[reportPrivateUsage]
+                if time.monotonic() > until:
+                    raise TimeoutError("the site did not come up")
+                time.sleep(0.05)
+            for number in range(histories):
+                out.add(History(world, site, broker, seed + number).run())
+    finally:
+        broker.kill()
+    return out
+
+
+def main() -> None:
+    """Play as many histories as are asked for, in several processes; print what they came to."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--histories", type=int, default=100)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--batch", type=int, default=10)
+    given = parser.parse_args()
+    starts = range(given.seed, given.seed + given.histories, given.batch)
+    out = Outcome()
+    with ProcessPoolExecutor(given.workers, mp_context=get_context("spawn")) as pool:
+        jobs = [
+            pool.submit(play, min(given.batch, given.seed + given.histories - start), start)
+            for start in starts
+        ]
+        for job in jobs:
+            out.add(job.result())
+            print(f"\r{out.histories} of {given.histories}", end="", flush=True)
+    print()
+    print(out.summary())
+    print(*out.drove_on[:20], *out.unnamed[:20], sep="\n")
+
+
+if __name__ == "__main__":
+    main()
