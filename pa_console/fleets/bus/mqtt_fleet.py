@@ -38,7 +38,7 @@ AHEAD_S = 2.0
 """A message that claims to be from so far in the future comes from a wrong clock."""
 
 BEHIND_S = 10.0
-"""Detections from so long ago are set aside: a track is estimated from what sensors see now."""
+"""Older detections, in real seconds, are set aside: a track is of what sensors see now."""
 
 RETAIN_AGAIN_S = 1.0
 """An older roster, revocation or takeover is replaced on the bus so soon, and no more often."""
@@ -469,7 +469,7 @@ class MqttFleet:
         if stamp is None:
             return
         age_s = (self._tick - stamp) * self.world.dt_s
-        if age_s > BEHIND_S:
+        if age_s > BEHIND_S * self._rate:
             text = f"its detections are {age_s:.0f} s old, or its clock is behind: set aside"
             self._say("alarm", name, text, "behind")
         elif stamp >= 0:  # what sensors saw before the session began, they report again by now
