@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from multiprocessing import get_context
 from random import Random
 from socket import SHUT_RDWR
+from typing import Any
 
 from pa_console.fleets.bus.address import BrokerAddress
 from pa_console.fleets.bus.joining import join
@@ -45,7 +46,7 @@ RATE = 4.0
 GRACE_S = 0.4
 """Real seconds from STOP until a reachable asset stands: 250 ms, and a busy machine."""
 WATCH_S, NAMED_S, LIE_S = 2.5, 1.5, 6.0
-"""Real seconds an asset is watched; seconds of the fleet until one in doubt, or a liar, is named."""
+"""Real seconds of watching; seconds of the fleet until one in doubt, or a liar, is named."""
 BACK_S = 4.0
 """Real seconds more that are given to a broker that was killed, and to robots that reconnect."""
 STOOD_M = 0.05
@@ -273,8 +274,9 @@ class History:
         session.go(0.5)
         end = self._positions()
         lost = set(self.world.assets) if killed else cut
+        faulty = deaf_ones | liars
         for name in self.world.assets:
-            if name in deaf_ones or name in liars:
+            if name in faulty:
                 continue
             first, last = (settled, end) if name in lost else (stood, end)
             away = name in lost and name in session.doubted
@@ -285,20 +287,17 @@ class History:
             if name not in lost:
                 driven = math.dist(before[name], end[name])
                 self.out.farthest_m = max(self.out.farthest_m, driven)
-        self._judge_names(session, deaf_ones, liars, lost, stood, end)
+        moving_liars = {name for name in liars if math.dist(stood[name], end[name]) > 3.0}
+        self._judge_names(session, deaf_ones, moving_liars, lost)
+        if not (faulty or lost) and session.named and not self.out.kinds["flood"]:
+            self.out.false_alarms += 1
 
     def _judge_names(
-        self,
-        session: Session,
-        deaf_ones: set[str],
-        liars: set[str],
-        lost: set[str],
-        stood: dict[str, Position],
-        end: dict[str, Position],
+        self, session: Session, deaf_ones: set[str], moving_liars: set[str], lost: set[str]
     ) -> None:
-        moving_liars = {name for name in liars if math.dist(stood[name], end[name]) > 3.0}
+        """Note who was not named in time."""
         # One that was away for a moment may have heard STOP all the same: then it is no doubt.
-        expected = {name: NAMED_S for name in deaf_ones}
+        expected = dict.fromkeys(deaf_ones, NAMED_S)
         expected |= {name: LIE_S for name in moving_liars if name not in lost}
         if len(lost) == len(self.world.assets):
             expected |= dict.fromkeys(lost, NAMED_S)
@@ -308,17 +307,17 @@ class History:
                 self.out.unnamed.append(f"{self.name}: {name} named after {after_s:.2f} s")
             elif name not in moving_liars:
                 self.out.slowest_named_s = max(self.out.slowest_named_s, after_s)
-        if not (deaf_ones or liars or lost) and session.named and not self.out.kinds["flood"]:
-            self.out.false_alarms += 1
 
     def _break(self, names: set[str]) -> None:
         """Break the connections of robots; their clients connect again by themselves."""
         loop = self.site._loop  # pyright: ignore[reportPrivateUsage]
         for name in names:
             client = self.site.site.robots[name].client._client  # pyright: ignore[reportPrivateUsage]
-            socket = client._client.socket() if client is not None else None  # pyright: ignore
-            if socket is not None:
-                loop.call_soon_threadsafe(socket.shutdown, SHUT_RDWR)
+            if client is None:
+                continue
+            opened: Any = client._client.socket()  # pyright: ignore[reportPrivateUsage]
+            if opened is not None:
+                loop.call_soon_threadsafe(opened.shutdown, SHUT_RDWR)
 
     def _positions(self) -> dict[str, Position]:
         assets = self.site.site.checkpoint._scene.assets  # pyright: ignore[reportPrivateUsage]
