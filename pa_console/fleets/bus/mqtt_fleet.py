@@ -440,7 +440,8 @@ class MqttFleet:
                 return
         stamp = self._stamp(delivery, seen, name)
         if stamp is not None:
-            self._known.detect(name, stamp, seen)
+            for aside in self._known.detect(name, stamp, seen):
+                self._say("alarm", aside.sensor, aside.text, aside.kind)
 
     def _stamp(self, delivery: Delivery, message: Header, name: str) -> int | None:
         """Return the tick at which a report was sent, None for one that is not believed."""
