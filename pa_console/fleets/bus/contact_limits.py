@@ -29,11 +29,7 @@ Three sensors that lie do not fill them. When they are full, a sensor that sees 
 the place of one that reports many."""
 
 SIGMAS = 5.0
-"""A measurement is wrong by more than this once in 200,000 times."""
-
-LARGEST_SIGMA = 0.05
-"""The error that a sensor may claim, as a part of its range: one that claims a larger error could
-report contacts anywhere."""
+"""A measurement is off by more than so much of its sensor's noise once in 200,000 times."""
 
 
 class SetAside(NamedTuple):
@@ -45,17 +41,17 @@ class SetAside(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """The place of a sensor, which may have moved by `moved_m` since, and its range."""
+    """The place of a sensor and its range; with its noise and movement, `doubt_m` more."""
 
     at: Point
     range_m: float
-    moved_m: float = 0.0
+    doubt_m: float
 
     @classmethod
     def of_camera(cls, world: World, name: str) -> "Reach":
         """Return the reach of a fixed camera."""
         camera = world.cameras[name]
-        return cls(camera.at, camera.sensor_range_m)
+        return cls(camera.at, camera.sensor_range_m, SIGMAS * camera.position_noise_m)
 
     @classmethod
     def of_asset(cls, world: World, name: str, heard: Heard, stamp: int) -> "Reach":
@@ -63,12 +59,12 @@ class Reach(NamedTuple):
         platform = world.platforms[world.assets[name].kind]
         elapsed_s = abs(stamp - heard.stamp) * world.dt_s
         moved_m = SPEED_MARGIN * platform.speed_mps * elapsed_s + NOISE_M
-        return cls(heard.telemetry.like.position, platform.sensor_range_m, moved_m)
+        doubt_m = moved_m + SIGMAS * platform.position_noise_m
+        return cls(heard.telemetry.like.position, platform.sensor_range_m, doubt_m)
 
-    def covers(self, at: Point, sigma_m: float = 0.0) -> bool:
-        """Return whether a measurement `at` a place, with that error, may be of a thing in view."""
-        error_m = SIGMAS * min(sigma_m, LARGEST_SIGMA * self.range_m)
-        return math.dist(self.at, at) <= self.range_m + self.moved_m + error_m
+    def covers(self, at: Point) -> bool:
+        """Return whether a thing that was measured `at` a place may be in view."""
+        return math.dist(self.at, at) <= self.range_m + self.doubt_m
 
 
 def beyond(sensor: str, reach: Reach, number: int) -> SetAside:
@@ -142,4 +138,4 @@ def _make_room(files: dict[str, TrackFile], sensor: str, alone: int) -> str | No
 
 def _sensors(file: TrackFile) -> frozenset[str]:
     """Return the sensors that have detected the contact of a track."""
-    return frozenset(sensor for sensor, _ in file.seen)
+    return frozenset(sighting.sensor for sighting in file.seen)

@@ -110,11 +110,7 @@ class ReportedPicture:
             if robot.name in scene.assets and robot.name != sensor:
                 self._recognised[robot.name] = (stamp, (robot.x, robot.y))
         found = [_detection(contact, stamp, world.dt_s) for contact in seen.contacts]
-        near = [
-            each
-            for each in found
-            if each.position is None or reach.covers(each.position, each.sigma_m)
-        ]
+        near = [each for each in found if each.position is None or reach.covers(each.position)]
         taken, aside = within_share(scene.sensing.files, sensor, near)
         sensing.receive(self.terrain, scene, sensor, stamp, tuple(taken))
         far = len(seen.team) - len(team) + len(found) - len(near)
