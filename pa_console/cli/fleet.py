@@ -75,7 +75,10 @@ def find_fleet(
         raise ValueError("a site plays its own situation: 'pa-console site --scenario NAME'")
     address = BrokerAddress.parse(url)
     loaded, path = open_world(world)
-    joined = join(address, claim_credentials(address, certificates, STATION))
+    own, receives = claim_credentials(address, certificates, STATION), None
+    if certificates is not None and (certificates / f"{TELEMETRY}.crt").is_file():
+        receives = claim_credentials(address, certificates, TELEMETRY)
+    joined = join(address, own, receives)
     try:
         sha256 = hashlib.sha256(read_bytes(path)).hexdigest()
         larger, told = with_newcomers(loaded, joined)

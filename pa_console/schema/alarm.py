@@ -10,7 +10,7 @@ from pa_console.schema.mission import Mission
 AlarmKind = Literal[
     "hostile_track", "defiant_track", "unknown_track", "unauthorized_track",
     "coverage_lost", "coverage_unknown", "asset_failed", "link_lost", "low_battery",
-    "camera_lost", "suspect_telemetry",
+    "camera_lost", "suspect_telemetry", "many_contacts",
 ]  # fmt: skip
 AlarmPriority = Literal["emergency", "high", "medium", "low"]
 ALARM_PRIORITIES: tuple[AlarmPriority, ...] = ("emergency", "high", "medium", "low")
@@ -26,7 +26,7 @@ class Alarm(StrictModel):
     id: str
     kind: AlarmKind
     priority: AlarmPriority
-    subject: Name = Field(description="the track, asset, gate or camera it is about")
+    subject: Name = Field(description="the track, asset, gate, camera or sensor it is about")
     gate: Name | None = None
     text: str
     command: str = ""

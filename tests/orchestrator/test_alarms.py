@@ -7,7 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.orchestrator.intake.alarms import MOST_MINOR, AlarmBook, Change
+from pa_console.orchestrator.intake.alarms import (
+    MOST_ALIKE,
+    MOST_IDS,
+    MOST_MINOR,
+    AlarmBook,
+    Change,
+)
 from pa_console.resources import find_data
 from pa_console.schema.alarm import ALARM_PRIORITIES, Alarm
 from pa_console.schema.events.event import AlarmCleared, AlarmRaised
@@ -289,6 +295,64 @@ def test_a_thousand_silent_assets_do_not_flood_the_operator() -> None:
     picture = scene(10.0)
     alarms = raised(book.look(picture.model_copy(update={"assets": picture.assets | crowd})))
     assert len(alarms) == MOST_MINOR
+
+
+def crowd(number: int, *sensors: str, first: int = 1, **changes: Any) -> list[Track]:
+    """Return tracks that the same sensors report."""
+    names = (f"T{first + n:03d}" for n in range(number))
+    return [track(name, "EastGate", seen_by=sensors, **changes) for name in names]
+
+
+def test_a_crowd_of_one_sensor_is_some_alarms_and_one_that_counts_the_rest() -> None:
+    book = AlarmBook(WORLD)
+    lies = crowd(30, "Drone_T03")
+    alarms = raised(play(book, every(3, *lies)))
+    assert len([a for a in alarms if a.kind == "unknown_track"]) == MOST_ALIKE
+    (summary,) = (a for a in alarms if a.kind == "many_contacts")
+    assert (summary.subject, summary.priority, summary.command) == ("Drone_T03", "high", "")
+    assert summary.text == (
+        f"Drone_T03 alone reports 30 contacts that need a response: {MOST_ALIKE} have an alarm "
+        "each, the rest is set aside"
+    )
+    true = track("T900", "NorthGate", seen_by=("NorthCamera",), distance_m=80.0)
+    (alarm,) = raised(play(book, every(3, true, *lies, start=4)))
+    assert alarm.subject == "T900"
+    few = play(book, every(10, true, *lies[:MOST_ALIKE], start=8))
+    gone = [change.alarm_id for change in few if isinstance(change, AlarmCleared)]
+    assert summary.id in gone
+    assert raised(few) == []
+
+
+def test_what_gets_worse_counts_where_it_then_belongs() -> None:
+    """No order of growing worse opens more alarms of a kind than one sensor is given."""
+    book, worse = AlarmBook(WORLD), list[Track]()
+    steps: tuple[dict[str, Any], ...] = (
+        {"intent": "benign"}, {}, {"identity": "unauthorized"}, {"defiant": True},
+    )  # fmt: skip
+    for number in range(20):
+        crowds = zip(steps, range(1, 200, 40), strict=False)
+        worse = [
+            each
+            for changes, first in crowds
+            for each in crowd(number, "Drone_T03", first=first + number % 3, **changes)
+        ]
+        play(book, every(2, *worse, start=3.0 * number))
+        urgent = [a.kind for a in book.open if a.priority in ("emergency", "high")]
+        assert max(urgent.count(kind) for kind in {*urgent, "many_contacts"}) <= MOST_ALIKE
+    assert {"unknown_track", "unauthorized_track", "defiant_track"} <= {a.kind for a in book.open}
+
+
+def test_contacts_come_and_go_for_ever_and_no_two_share_an_id() -> None:
+    book, ids = AlarmBook(WORLD), list[str]()
+    subjects = [f"T{number}" for number in range(MOST_IDS + 200)]
+    for number, name in enumerate((*subjects, subjects[-1])):
+        here = track(name, "EastGate", intent="hostile", hostile_by=("A", "B"))
+        (alarm,) = raised(book.look(scene(20.0 * number, here)))
+        ids.append(alarm.id)
+        book.look(scene(20.0 * number + 10.0))
+        assert book.open == ()
+    assert len(set(ids)) == len(subjects)
+    assert ids[-1] == ids[-2], "one that comes back is the same alarm"
 
 
 changes_of_an_asset = st.sampled_from(

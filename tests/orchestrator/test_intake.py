@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import pytest
 
-from pa_console.orchestrator.intake.intake import Arrivals, Intake
+from pa_console.orchestrator.intake.alarms import MOST_ALIKE
+from pa_console.orchestrator.intake.intake import MOST_FROM_ALARMS, Arrivals, Intake
 from pa_console.resources import data_folder
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Mission
@@ -101,6 +102,37 @@ def test_a_mission_that_gave_way_comes_back_only_while_its_alarm_is_open() -> No
     own, _ = desk.submit("look around", active=False)
     assert desk.next() == own
     assert desk.put_back(own), "an operator's mission needs no alarm"
+
+
+def test_alarms_beyond_what_may_wait_get_their_mission_once_there_is_room() -> None:
+    desk = intake()
+    tracks = [
+        track(f"Track_{n}", "WestGate", distance_m=float(n), seen_by=(f"Camera_{n % 10}",))
+        for n in range(1, 41)
+    ]
+    first = missions(play(desk, 1.0, 5.0, *tracks))
+    assert [mission.subject for mission in first] == [f"Track_{n}" for n in range(1, 33)]
+    assert len(desk.open_alarms) == 40
+    assert missions(play(desk, 5.0, 6.0, *tracks)) == []
+    taken = desk.next()
+    assert taken is not None
+    (late,) = missions(play(desk, 6.0, 8.0, *tracks, handled=["Track_1"]))
+    assert late.subject == "Track_33"
+    assert len(desk) == MOST_FROM_ALARMS
+
+
+def test_one_sensor_s_contacts_leave_room_for_missions_about_those_of_others() -> None:
+    desk = intake()
+    lies = [
+        track(f"Track_{n}", "WestGate", identity=identity, seen_by=("Drone_T03",))
+        for n, identity in enumerate(("unknown", "unauthorized") * 20)
+    ]
+    assert len(missions(play(desk, 1.0, 5.0, *lies))) == MOST_ALIKE
+    true = track("Track_99", "WestGate", distance_m=90.0, seen_by=("NorthCamera", "Drone_T03"))
+    (mission,) = missions(play(desk, 5.0, 8.0, *lies, true))
+    assert mission.subject == "Track_99"
+    assert desk.withdraw(mission.id) == mission
+    assert missions(play(desk, 8.0, 9.0, *lies, true)) == [], "the operator does not want it"
 
 
 def test_an_emergency_goes_before_the_operators_mission_and_not_before_another() -> None:

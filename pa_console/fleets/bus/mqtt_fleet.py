@@ -473,7 +473,8 @@ class MqttFleet:
             text = f"its detections are {age_s:.0f} s old, or its clock is behind: set aside"
             self._say("alarm", name, text, "behind")
         elif stamp >= 0:  # what sensors saw before the session began, they report again by now
-            self._known.detect(name, stamp, seen)
+            for aside in self._known.detect(name, stamp, seen):
+                self._say("alarm", aside.sensor, aside.text, aside.kind)
 
     def _stamp(self, delivery: Delivery, message: Header, name: str) -> int | None:
         """Return the tick at which a report was sent, None for one that is not believed."""

@@ -8,7 +8,15 @@ import math
 import random
 from collections.abc import Callable, Mapping
 from functools import partial
+from typing import TypeVar
 
+from pa_console.fleets.bus.contact_limits import (
+    Reach,
+    SetAside,
+    beyond,
+    within_share,
+    without_place,
+)
 from pa_console.fleets.vda5050.additions import Detections, SeenContact
 from pa_console.schema.base import Point
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Weather
@@ -22,6 +30,7 @@ from pa_console.sim.state.scene import AssetState, Scene
 from pa_console.sim.state.sensing_state import Detection
 from pa_console.sim.worlds.terrain import Terrain
 
+T = TypeVar("T")
 SEEN_PERIODS = 2.0
 """Where a sensor has recognised an asset counts for so many telemetry periods."""
 
@@ -50,7 +59,7 @@ class ReportedPicture:
         self._never = tick - math.ceil(max(world.link_lost_s, world.stale_s) / world.dt_s) - 1
         self._cameras: dict[str, tuple[int, bool]] = {}
         self._recognised: dict[str, tuple[int, Point]] = {}
-        self._taken: list[tuple[str, Callable[[], None]]] = []
+        self._taken: list[tuple[str, Callable[[], object]]] = []
         """By sender: what was taken in since the last picture."""
         for index, (name, spec) in enumerate(world.assets.items()):
             at = world.frames[spec.post].at
@@ -89,28 +98,39 @@ class ReportedPicture:
         heard = self._scene.station.heard[name]
         self._scene.station.heard[name] = heard._replace(stamp=min(heard.stamp, self._lost_stamp()))
 
-    def detect(self, sensor: str, stamp: int, seen: Detections) -> None:
-        """Take in what an asset or a camera detected at tick `stamp`.
+    def detect(self, sensor: str, stamp: int, seen: Detections) -> tuple[SetAside, ...]:
+        """Take in what an asset or a camera detected at tick `stamp`; return what was set aside.
 
-        What a suspect asset detects is ignored: it may not be where it says it is.
+        Detections of a suspect asset are ignored: it may not be where it says it is.
         """
-        self._take(sensor, partial(self._detect, sensor, stamp, seen))
+        return self._take(sensor, partial(self._detect, sensor, stamp, seen))
 
-    def _detect(self, sensor: str, stamp: int, seen: Detections) -> None:
+    def _detect(self, sensor: str, stamp: int, seen: Detections) -> tuple[SetAside, ...]:
         scene, world = self._scene, self.world
         if sensor in world.cameras:
             if stamp < self._cameras.get(sensor, (stamp, True))[0]:
-                return
+                return ()
             self._cameras[sensor] = (stamp, seen.works)
             if not seen.works:
-                return
-        elif scene.station.heard[sensor].trust.suspect:
-            return
-        for robot in seen.team:
+                return ()
+            reach = Reach.of_camera(world, sensor)
+        else:
+            heard = scene.station.heard[sensor]
+            if heard.trust.suspect:
+                return ()
+            if heard.stamp <= self._never:
+                return (without_place(sensor),) if seen.contacts else ()
+            reach = Reach.of_asset(world, sensor, heard, stamp)
+        team = [robot for robot in seen.team if reach.covers((robot.x, robot.y))]
+        for robot in team:
             if robot.name in scene.assets and robot.name != sensor:
                 self._recognised[robot.name] = (stamp, (robot.x, robot.y))
-        found = tuple(_detection(contact, stamp, world.dt_s) for contact in seen.contacts)
-        sensing.receive(self.terrain, scene, sensor, stamp, found)
+        found = [_detection(contact, stamp, world.dt_s) for contact in seen.contacts]
+        near = [each for each in found if each.position is None or reach.covers(each.position)]
+        taken, aside = within_share(scene.sensing.files, sensor, near)
+        sensing.receive(self.terrain, scene, sensor, stamp, tuple(taken))
+        far = len(seen.team) - len(team) + len(found) - len(near)
+        return (*aside, beyond(sensor, reach, far)) if far else tuple(aside)
 
     def carried(self, name: str) -> None:
         """Note that an asset was carried elsewhere, so that nobody takes it for a forgery."""
@@ -137,10 +157,11 @@ class ReportedPicture:
         self._keep()
         return ()
 
-    def _take(self, sender: str, take: Callable[[], None]) -> None:
+    def _take(self, sender: str, take: Callable[[], T]) -> T:
         """Take a message in and remember it until the next picture; raises what `take` does."""
-        take()
+        result = take()
         self._taken.append((sender, take))
+        return result
 
     def _keep(self) -> None:
         """Remember what is known, of which a picture can be made."""

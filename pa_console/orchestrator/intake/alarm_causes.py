@@ -1,6 +1,6 @@
 """What one picture shows that may need a response, and the mission that would answer it."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -9,7 +9,7 @@ from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Trac
 from pa_console.schema.world import World
 from pa_console.session.wording import TRACK_PLACES
 
-Topic = Literal["threat", "track", "cover", "asset", "battery", "camera"]
+Topic = Literal["threat", "track", "cover", "asset", "battery", "camera", "sensor"]
 BATTERY_MARGIN_PCT = 3.0
 """A battery alarm stays open until the battery is so much above the limit, or on its way home."""
 
@@ -33,11 +33,13 @@ class Cause:
     settle_s: float = 0.0
     linger_s: float = 3.0
     raises: bool = True
+    sensors: tuple[str, ...] = ()
+    """Those that detect the track it is about."""
 
     @property
     def key(self) -> tuple[Topic, str]:
         """What makes two causes the same alarm."""
-        return self.topic, self.subject
+        return self.topic, " ".join(self.sensors) if self.topic == "sensor" else self.subject
 
 
 def causes(picture: Picture, world: World, guards: Mapping[str, tuple[str, ...]]) -> list[Cause]:
@@ -104,7 +106,27 @@ def _track(track: Track) -> Cause | None:
         topic, kind, priority, track.id, track.gate,
         text=f"{track.id}: {what[0].lower()}{what[1:]}, {track.distance_m:.0f} m{disputed}",
         command=f"{what}{care}." if order and care else f"{what}{order}" if order else "",
-        distance_m=track.distance_m, settle_s=settle_s, linger_s=5.0,
+        distance_m=track.distance_m, settle_s=settle_s, linger_s=5.0, sensors=track.seen_by,
+    )  # fmt: skip
+
+
+def many_contacts(sensors: tuple[str, ...], held: Sequence[Cause], opened: int) -> Cause:
+    """Return one reason for the alarms that are not opened: `held`, beside `opened` ones.
+
+    All of them, most urgent first, are about contacts that the same `sensors` report.
+    """
+    needs, number = "contacts that need a response", opened + len(held)
+    if len(sensors) == 1:
+        reported = f"{sensors[0]} alone reports {number} {needs}"
+    elif sensors:
+        reported = f"{', '.join(sensors)} report {number} {needs}"
+    else:
+        reported = f"{number} {needs} are reported by no sensor now"
+    worst = held[0]
+    return Cause(
+        "sensor", "many_contacts", worst.priority, sensors[0] if sensors else worst.subject,
+        worst.gate, text=f"{reported}: {opened} have an alarm each, the rest is set aside",
+        linger_s=5.0, sensors=sensors,
     )  # fmt: skip
 
 

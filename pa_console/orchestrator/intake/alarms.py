@@ -1,18 +1,35 @@
 """The alarms of a site: raised once for one cause, kept open through noise, cleared with it."""
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
-from pa_console.orchestrator.intake.alarm_causes import Cause, Topic, almost_low, causes
-from pa_console.schema.alarm import ALARM_PRIORITIES, Alarm, AlarmKind
+from pa_console.orchestrator.intake.alarm_causes import (
+    Cause,
+    Topic,
+    almost_low,
+    causes,
+    many_contacts,
+)
+from pa_console.schema.alarm import ALARM_PRIORITIES, Alarm, AlarmKind, AlarmPriority
 from pa_console.schema.events.event import AlarmAcknowledged, AlarmCleared, AlarmRaised
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 
 Key = tuple[Topic, str]
 Change = AlarmRaised | AlarmCleared
+Sensors = tuple[str, ...]
 MOST_MINOR = 12
 """So many medium and low alarms of one kind stay open at a time; the rest wait for room."""
+
+MOST_ALIKE = 8
+"""So many alarms of one kind stay open about contacts that the same sensors report, and as many
+medium and low ones. For the rest of the emergency and high ones, one alarm names those sensors: a
+sensor that lies hides no contact of the others behind its own."""
+
+MOST_IDS = 1024
+"""So many subjects keep their ids, those with the latest alarms: tracks come and go for ever."""
 
 CLEARS_WHEN: dict[AlarmKind, str] = {
     "hostile_track": "the threat is over",
@@ -26,6 +43,7 @@ CLEARS_WHEN: dict[AlarmKind, str] = {
     "suspect_telemetry": "the telemetry is sound again",
     "low_battery": "the asset charges, is on its way to the base, or was taken care of",
     "camera_lost": "the camera works again",
+    "many_contacts": "fewer contacts are reported",
 }
 """What an alarm of each kind waits for; it clears with these words."""
 
@@ -34,13 +52,34 @@ CLEARS_WHEN: dict[AlarmKind, str] = {
 class _Watched:
     """A cause under observation: since when it shows in its present kind, when it last did.
 
-    Both are simulated seconds.
+    Both are simulated seconds. `sensors` have ever detected the track that it is about.
     """
 
     cause: Cause
     since_s: float
     seen_s: float
     alarm: Alarm | None = None
+    sensors: Sensors = ()
+
+    def counts_as(self, kind: AlarmKind, priority: AlarmPriority) -> "_Alike | None":
+        """Return which alarms an alarm about it would be one of; None for those without limit."""
+        minor = priority in ("medium", "low")
+        if self.cause.topic in ("threat", "track"):
+            return _Alike(kind, minor, self.sensors)
+        return _Alike(kind, minor) if minor else None
+
+
+class _Alike(NamedTuple):
+    """Alarms of one kind, minor or not, of which only so many stay open: those of `sensors`."""
+
+    kind: AlarmKind
+    minor: bool
+    sensors: Sensors | None = None
+    """Those that report the contacts; None for alarms about something else."""
+
+    @property
+    def most(self) -> int:
+        return MOST_MINOR if self.sensors is None else MOST_ALIKE
 
 
 @dataclass
@@ -56,6 +95,7 @@ class AlarmBook:
     acknowledged: set[str] = field(default_factory=set[str])
     _watched: dict[Key, _Watched] = field(default_factory=dict[Key, _Watched])
     _ids: dict[Key, str] = field(default_factory=dict[Key, str])
+    _numbered: int = 0
     _guards: dict[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
 
     @property
@@ -63,6 +103,15 @@ class AlarmBook:
         """The open alarms: the worst first, then the nearest, then the oldest."""
         alarms = [entry.alarm for entry in self._watched.values() if entry.alarm is not None]
         return tuple(sorted(alarms, key=_open_order))
+
+    @property
+    def sensors(self) -> dict[str, Sensors | None]:
+        """By open alarm: the sensors of its contact; None for an alarm about something else."""
+        return {
+            entry.alarm.id: entry.sensors if key[0] in ("threat", "track") else None
+            for key, entry in self._watched.items()
+            if entry.alarm is not None
+        }
 
     def acknowledge(self, alarm_id: str, by: str) -> AlarmAcknowledged:
         """Note that `by` has seen an open alarm; raises ValueError when it is not open."""
@@ -100,8 +149,12 @@ class AlarmBook:
             entry = self._watched.get(key)
             if entry is None:
                 if cause.raises:
-                    self._watched[key] = _Watched(cause, now_s, now_s)
+                    before = self._watched.get(("track", cause.subject))
+                    known = before.sensors if before is not None else ()
+                    sensors = _both(known, cause.sensors)
+                    self._watched[key] = _Watched(cause, now_s, now_s, sensors=sensors)
                 continue
+            entry.sensors = _both(entry.sensors, cause.sensors)
             if entry.alarm is not None:
                 entry.alarm = entry.alarm.model_copy(
                     update={
@@ -129,13 +182,53 @@ class AlarmBook:
             and (entry.alarm is None or _changed(entry.alarm, entry.cause))
             and not self._outdone(entry.cause)
         ]
+        opened = self._opened()
+        held: dict[Sensors, list[Cause]] = {}
         raised: list[AlarmRaised] = []
         for entry in sorted(due, key=lambda entry: _cause_order(entry.cause)):
-            if entry.alarm is None and self._crowded(entry.cause):
-                continue
+            alarm, cause = entry.alarm, entry.cause
+            before = entry.counts_as(alarm.kind, alarm.priority) if alarm is not None else None
+            alike = entry.counts_as(cause.kind, cause.priority)
+            if alike is not None and alike != before and opened[alike] >= alike.most:
+                if alike.sensors is not None and not alike.minor:
+                    held.setdefault(alike.sensors, []).append(cause)
+                if alike.sensors is not None or alarm is None:
+                    continue
+            opened[before] -= 1
+            opened[alike] += 1
             entry.alarm = self._alarm(entry, now_s)
             raised.append(AlarmRaised(alarm=entry.alarm))
+        raised += self._sum_up(held, opened, now_s)
+        return sorted(raised, key=lambda change: ALARM_PRIORITIES.index(change.alarm.priority))
+
+    def _sum_up(
+        self, held: Mapping[Sensors, Sequence[Cause]], opened: Counter[_Alike | None], now_s: float
+    ) -> list[AlarmRaised]:
+        """Keep one alarm open for all those of the same sensors that are not opened."""
+        raised: list[AlarmRaised] = []
+        for sensors, rest in held.items():
+            beside = sum(
+                number
+                for alike, number in opened.items()
+                if alike is not None and alike.sensors == sensors and not alike.minor
+            )
+            cause = many_contacts(sensors, rest, beside)
+            entry = self._watched.setdefault(cause.key, _Watched(cause, now_s, now_s))
+            entry.cause, entry.seen_s = cause, now_s
+            if entry.alarm is None or _changed(entry.alarm, cause):
+                entry.alarm = self._alarm(entry, now_s)
+                raised.append(AlarmRaised(alarm=entry.alarm))
+            else:
+                entry.alarm = entry.alarm.model_copy(update={"text": cause.text})
         return raised
+
+    def _opened(self) -> Counter[_Alike | None]:
+        """Return how many alarms that are alike are open."""
+        return Counter(
+            entry.counts_as(entry.alarm.kind, entry.alarm.priority)
+            for entry in self._watched.values()
+            if entry.alarm is not None
+        )
 
     def _clear(self, now_s: float, raised: Iterable[AlarmRaised]) -> list[AlarmCleared]:
         """Close what is long gone or superseded; forget passing causes that never raised."""
@@ -158,9 +251,8 @@ class AlarmBook:
 
     def _alarm(self, entry: _Watched, now_s: float) -> Alarm:
         cause = entry.cause
-        known = self._ids.setdefault(cause.key, f"A{len(self._ids) + 1:03d}")
         return Alarm(
-            id=known,
+            id=entry.alarm.id if entry.alarm is not None else self._id_of(cause.key),
             kind=cause.kind,
             priority=cause.priority,
             subject=cause.subject,
@@ -176,9 +268,16 @@ class AlarmBook:
         threat = self._watched.get(("threat", cause.subject)) if cause.topic == "track" else None
         return threat is not None
 
-    def _crowded(self, cause: Cause) -> bool:
-        alike = [a for a in self.open if a.kind == cause.kind and a.priority in ("medium", "low")]
-        return cause.priority in ("medium", "low") and len(alike) >= MOST_MINOR
+    def _id_of(self, key: Key) -> str:
+        """Return the id of the alarm about a subject, the same as before if it had one lately."""
+        known = self._ids.pop(key, "")
+        if not known:
+            self._numbered += 1
+            known = f"A{self._numbered:03d}"
+        self._ids[key] = known
+        if len(self._ids) > MOST_IDS:
+            del self._ids[next(iter(self._ids))]
+        return known
 
 
 def _settled(entry: _Watched) -> bool:
@@ -189,6 +288,11 @@ def _changed(alarm: Alarm, cause: Cause) -> bool:
     """Whether the alarm is another one now; a mere return to a lower priority is none."""
     worse = ALARM_PRIORITIES.index(cause.priority) < ALARM_PRIORITIES.index(alarm.priority)
     return cause.kind != alarm.kind or worse
+
+
+def _both(some: Sensors, others: Sensors) -> Sensors:
+    """Return the sensors that are among `some` or `others`, sorted."""
+    return tuple(sorted({*some, *others}))
 
 
 def _cause_order(cause: Cause) -> tuple[int, float, str, str, str]:

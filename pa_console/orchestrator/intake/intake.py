@@ -1,10 +1,11 @@
 """Step 1: alarms become missions, missions wait in their order, and some never get a turn."""
 
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 
-from pa_console.orchestrator.intake.alarms import AlarmBook
+from pa_console.orchestrator.intake.alarms import MOST_ALIKE, AlarmBook
 from pa_console.orchestrator.intake.mission_queue import MissionQueue
 from pa_console.orchestrator.intake.standing_orders import Due
 from pa_console.policy.checks.plain_text import compatible_form
@@ -13,6 +14,11 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import MAX_MISSION_TEXT, Mission
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
+
+MOST_FROM_ALARMS = 32
+"""So many missions that alarms started wait at a time: hours of work for one operator. An alarm
+beyond that gets its mission once there is room, the most urgent first. Of those about contacts that
+the same sensors report MOST_ALIKE wait, so that a sensor that lies leaves room for the others."""
 
 
 @dataclass
@@ -34,9 +40,11 @@ class Intake:
         self._session, self._respond = session, respond
         self._count = 0
         self._told: tuple[tuple[str, str, bool], ...] = ()
+        self._postponed: set[str] = set()
+        """Open alarms that get a mission once there is room."""
 
     def __len__(self) -> int:
-        return len(self._queue.entries)
+        return len(self._queue.missions)
 
     def look(
         self, picture: Picture, handled: Collection[str], *, stopped: bool = False
@@ -53,13 +61,18 @@ class Intake:
                 case ev.AlarmRaised(alarm=alarm) if not stopped:
                     arrivals.payloads += self._answers([alarm], handled)
                 case ev.AlarmCleared(alarm_id=alarm_id):
-                    gone = [e.mission for e in self._queue.entries if e.mission.alarm == alarm_id]
+                    gone = [m for m in self._queue.missions if m.alarm == alarm_id]
                     arrivals.obsolete += gone
                     for mission in gone:
                         self._queue.remove(mission.id)
                 case _:
                     pass
-        self._queue.refresh(self._book.open)
+        alarms = self._book.open
+        if not stopped:
+            postponed, self._postponed = self._postponed, set()
+            waiting = [alarm for alarm in alarms if alarm.id in postponed]
+            arrivals.payloads += self._answers(waiting, handled)
+        self._queue.refresh(alarms)
         return arrivals
 
     def resume(self, handled: Collection[str]) -> list[tuple[ev.EventPayload, str]]:
@@ -127,7 +140,7 @@ class Intake:
     @property
     def subjects(self) -> frozenset[str]:
         """The assets, tracks and gates that the missions that wait are about."""
-        waiting = (entry.mission.subject for entry in self._queue.entries)
+        waiting = (mission.subject for mission in self._queue.missions)
         return frozenset(subject for subject in waiting if subject is not None)
 
     def of_standing(self, order_id: str) -> tuple[Mission, ...]:
@@ -201,13 +214,27 @@ class Intake:
     def _answers(
         self, alarms: Iterable[Alarm], handled: Collection[str]
     ) -> list[tuple[ev.EventPayload, str]]:
-        """Queue a mission for each alarm that asks for one and has none; return the events."""
-        return [
-            self._mission_for(alarm)
-            for alarm in alarms
-            if self._respond and alarm.command
-            if alarm.subject not in handled and not self._is_queued(alarm.id)
-        ]
+        """Queue a mission for each alarm that asks for one and has none; return the events.
+
+        An alarm for whose mission there is no room is postponed.
+        """
+        queued = {mission.alarm for mission in self._queue.missions if mission.source == "alarm"}
+        sensors = self._book.sensors
+        alike = Counter(sensors.get(alarm_id) for alarm_id in queued)
+        made: list[tuple[ev.EventPayload, str]] = []
+        for alarm in alarms:
+            wanted = self._respond and alarm.command and alarm.subject not in handled
+            if not wanted or alarm.id in queued:
+                continue
+            same = sensors.get(alarm.id)
+            full = same is not None and alike[same] >= MOST_ALIKE
+            if full or len(queued) >= MOST_FROM_ALARMS:
+                self._postponed.add(alarm.id)
+                continue
+            queued.add(alarm.id)
+            alike[same] += 1
+            made.append(self._mission_for(alarm))
+        return made
 
     def _mission_for(self, alarm: Alarm) -> tuple[ev.EventPayload, str]:
         mission = Mission(
@@ -223,9 +250,6 @@ class Intake:
         received = ev.MissionReceived(mission=mission, position=self._position(mission))
         return received, mission.id
 
-    def _is_queued(self, alarm_id: str) -> bool:
-        return any(entry.mission.alarm == alarm_id for entry in self._queue.entries)
-
     def _waiting(self, mission_id: str) -> str:
         waiting = [entry.mission.id for entry in self._queue.entries]
         if mission_id not in waiting:
@@ -233,8 +257,7 @@ class Intake:
         return mission_id
 
     def _position(self, mission: Mission) -> int:
-        order = [entry.mission.id for entry in self._queue.entries]
-        return order.index(mission.id)
+        return self._queue.position(mission.id)
 
     def _new_id(self) -> str:
         self._count += 1

@@ -9,6 +9,9 @@ from typing import Literal
 from pa_console.schema.alarm import ALARM_PRIORITIES, Alarm, AlarmPriority, QueueEntry
 from pa_console.schema.mission import Mission
 
+MOST_REMEMBERED = 1024
+"""So many missions keep the place of their first arrival, those that arrived last."""
+
 OPERATOR_PRIORITY: AlarmPriority = "high"
 """An operator's mission ranks so, before the alarms of the same priority."""
 
@@ -47,6 +50,7 @@ class MissionQueue:
         self._before: set[tuple[str, str]] = set()
         """Pairs (a, b): the operator wants a before b."""
         self._arrivals: dict[str, int] = {}
+        self._arrived = 0
 
     def add(self, mission: Mission, alarm: Alarm | None = None) -> None:
         """Queue a mission, or queue it again in its old place among equals.
@@ -55,8 +59,12 @@ class MissionQueue:
         """
         if mission.id in self._waiting:
             raise ValueError(f"{mission.id} waits already")
-        arrival = self._arrivals.setdefault(mission.id, len(self._arrivals))
-        self._waiting[mission.id] = _Waiting(mission, alarm, arrival)
+        if mission.id not in self._arrivals:
+            self._arrivals[mission.id] = self._arrived
+            self._arrived += 1
+            if len(self._arrivals) > MOST_REMEMBERED:
+                del self._arrivals[next(iter(self._arrivals))]
+        self._waiting[mission.id] = _Waiting(mission, alarm, self._arrivals[mission.id])
 
     def resume(self, entries: Sequence[QueueEntry], alarms: Mapping[str, Alarm]) -> None:
         """Queue the missions of `entries` as they waited, with the open `alarms` by their ids."""
@@ -110,6 +118,15 @@ class MissionQueue:
         for entry in self._waiting.values():
             if entry.alarm is not None:
                 entry.alarm = known.get(entry.alarm.id, entry.alarm)
+
+    @property
+    def missions(self) -> tuple[Mission, ...]:
+        """Every mission that waits, in no order."""
+        return tuple(entry.mission for entry in self._waiting.values())
+
+    def position(self, mission_id: str) -> int:
+        """Return how many missions go before one that waits."""
+        return [entry.mission.id for entry in self._order()].index(mission_id)
 
     @property
     def entries(self) -> tuple[QueueEntry, ...]:
