@@ -11,7 +11,7 @@ from pa_console.schema.text.quantities import count, few
 from pa_console.schema.world import World
 from pa_console.session.state.mission_trace import Attempt, MissionTrace
 from pa_console.session.status_words import status_of
-from pa_console.session.trace.standing import progress
+from pa_console.session.trace.layout import progress
 from pa_console.session.wording import (
     asked_in_words,
     order_in_words,
