@@ -1,4 +1,4 @@
-"""Where a site's broker is, and with which certificates one is let in."""
+"""The address of a site's broker, and the certificates of its clients."""
 
 import fcntl
 import ipaddress
@@ -24,7 +24,7 @@ NUMBERS = ("", "-2")
 
 @dataclass(frozen=True)
 class Credentials:
-    """A certificate with its key, and that of the authority which vouches for the broker."""
+    """A certificate, its key, and the certificate of the authority that signed the broker's."""
 
     ca: Path
     certificate: Path
