@@ -221,7 +221,8 @@ class Station:
         whoever is first; `leave_to_clients` leaves it to them. It needs the extra `serve`. Raises
         ValueError for a port that cannot be listened on.
         """
-        from pa_console.service.http_server import listen, serving  # noqa: PLC0415 - FastAPI
+        from pa_console.service.connections import listen  # noqa: PLC0415 - with the extra
+        from pa_console.service.http_server import serving  # noqa: PLC0415 - FastAPI
         from pa_console.service.served_session import ServedSession  # noqa: PLC0415
         from pa_console.service.tokens import TOKENS_FILE, TokenBook  # noqa: PLC0415
 

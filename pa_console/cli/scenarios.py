@@ -9,7 +9,7 @@ from rich.table import Table
 from pa_console.cli.output import JsonOption, WorldOption, out, print_json
 from pa_console.schema.scenario import After, AssetIs, AssetReach, Condition, TrackIs
 from pa_console.schema.text.quantities import count
-from pa_console.session.wording import truth_in_words
+from pa_console.session.wording import incident_truth_in_words
 from pa_console.sim.worlds.scenario_file import list_scenarios, open_scenario
 from pa_console.sim.worlds.world_file import open_world
 
@@ -59,11 +59,11 @@ def show(
     for event in scenario.events:
         when = f"{event.at_s:g} s" if event.at_s is not None else _condition(event.when)
         delay = f" + {event.delay_s:g} s" if event.delay_s else ""
-        table.add_row(when + delay, truth_in_words(event.do))
+        table.add_row(when + delay, incident_truth_in_words(event.do))
     for drawn in scenario.random:
         for incident in drawn.do:
             when = f"now and then, {drawn.mean_s:g} s apart"
-            table.add_row(when, truth_in_words(incident))
+            table.add_row(when, incident_truth_in_words(incident))
     out.print(table, highlight=False)
 
 

@@ -7,7 +7,7 @@ import typer
 
 from pa_console.cli.output import errors, out, print_document
 from pa_console.schema.text.quantities import count
-from pa_console.session.log.log_file import refuse_audit_file
+from pa_console.session.log.writer import refuse_audit_file
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.world_file import open_world
 from pa_console.sim.worlds.world_generator import generate_world, world_yaml

@@ -9,7 +9,7 @@ from pa_console.schema.events.event import SessionStarted
 from pa_console.schema.rule import Rule
 from pa_console.schema.text.visible_text import visible, visible_line
 from pa_console.session.state.mission_trace import MissionTrace
-from pa_console.session.trace.layout import lay_out
+from pa_console.session.trace.layout import lay_out, progress
 from pa_console.session.trace.parts import (
     Block,
     Detail,
@@ -20,7 +20,6 @@ from pa_console.session.trace.parts import (
     Text,
     TraceOptions,
 )
-from pa_console.session.trace.standing import progress
 
 _OPTIONS = TraceOptions(Detail.RECORD, evidence=True)
 _DEEPEST = 6

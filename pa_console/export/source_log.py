@@ -15,7 +15,7 @@ from pa_console.schema.events.event import SessionStarted
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
 from pa_console.session.log.chain import LogError
-from pa_console.session.log.log_file import refuse_audit_file
+from pa_console.session.log.writer import refuse_audit_file
 from pa_console.session.replay.player import Player
 from pa_console.session.replay.recording import Recording
 from pa_console.session.state.fold import SessionState

@@ -9,8 +9,11 @@ from ipaddress import ip_address
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from pa_console.service.connections import Listening
 from pa_console.service.problems import ProblemError, internal_error
 
+CONNECTION = "pa_console.connection"
+"""Where the scope of a request has its `Connection`."""
 MOST_BYTES = 65_536
 """The longest body of a request."""
 BODY_S = 10.0
@@ -32,12 +35,16 @@ HEADERS = (
 class Guard:
     """Lets requests to `app` pass that come from loopback, for one of this machine's names.
 
-    The names are those at `port`: a page of another site whose name leads here is refused, and so
-    is what a browser sends for a page of another site. `failed` is told of a defect.
+    The names are those at the port that is listened at: a page of another site whose name leads
+    here is refused, and so is what a browser sends for a page of another site. `failed` is told of
+    a defect.
     """
 
-    def __init__(self, app: ASGIApp, port: int, failed: Callable[[Exception], None]) -> None:
-        self._app, self._failed = app, failed
+    def __init__(
+        self, app: ASGIApp, listening: Listening, failed: Callable[[Exception], None]
+    ) -> None:
+        self._app, self._listening, self._failed = app, listening, failed
+        port: int = listening.getsockname()[1]
         self._hosts = {f"{name}:{port}" for name in NAMES}
         self._origins = {f"http://{host}" for host in self._hosts}
 
@@ -49,14 +56,15 @@ class Guard:
         if scope["type"] != "http":
             return
         answer = _Answer(send)
-        try:
-            self._admit(scope)
-            await self._app(scope, _Body(scope, receive), answer)
-        except ProblemError as problem:
-            await self._tell(problem, scope, receive, answer)
-        except Exception as error:
-            self._failed(error)
-            await self._tell(internal_error(), scope, receive, answer)
+        with self._listening.request(scope["client"]) as scope[CONNECTION]:
+            try:
+                self._admit(scope)
+                await self._app(scope, _Body(scope, receive), answer)
+            except ProblemError as problem:
+                await self._tell(problem, scope, receive, answer)
+            except Exception as error:
+                self._failed(error)
+                await self._tell(internal_error(), scope, receive, answer)
 
     def _admit(self, scope: Scope) -> None:
         client = scope.get("client")

@@ -18,6 +18,7 @@ from pa_console.fleets.authorization import RefusedError, Role
 from pa_console.schema.events import event as ev
 from pa_console.service import views
 from pa_console.service.event_feed import Numbered
+from pa_console.service.guard import CONNECTION
 from pa_console.service.problems import ProblemDetails, ProblemError, internal_error
 from pa_console.service.rates import Rate
 from pa_console.service.served_session import ServedSession
@@ -119,19 +120,26 @@ class _Doors:
 
 
 def _observer(request: Request, given: Given) -> Bearer:
-    return _doors(request).observer(given)
+    return _through(request, _doors(request).observer(given))
 
 
 def _asker(request: Request, given: Given) -> Bearer:
-    return _doors(request).asker(given)
+    return _through(request, _doors(request).asker(given))
 
 
 def _operator(request: Request, given: Given) -> Bearer:
-    return _doors(request).operator(given)
+    return _through(request, _doors(request).operator(given))
 
 
 def _stopper(request: Request, given: Given) -> Bearer:
-    return _doors(request).stopper(given)
+    return _through(request, _doors(request).stopper(given))
+
+
+def _through(request: Request, bearer: Bearer) -> Bearer:
+    """Return who was let in, and note that on the connection, which the guard has found."""
+    if CONNECTION in request.scope:
+        request.scope[CONNECTION].let_in(commands=bearer.may("operator"))
+    return bearer
 
 
 def _doors(request: Request) -> _Doors:

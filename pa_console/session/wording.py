@@ -64,7 +64,7 @@ def alarm_now(alarm: Alarm, picture: Picture | None) -> Alarm:
     return alarm.model_copy(update={"text": text, "distance_m": track.distance_m})
 
 
-def in_words(incident: Incident) -> str:
+def incident_in_words(incident: Incident) -> str:
     """Return `incident` as an operator can observe it; the truth behind a track stays hidden."""
     values = incident.model_dump()
     match incident.kind:
@@ -81,7 +81,7 @@ def in_words(incident: Incident) -> str:
     return _TEMPLATES[incident.kind].format_map(values)
 
 
-def truth_in_words(incident: Incident) -> str:
+def incident_truth_in_words(incident: Incident) -> str:
     """Return all of `incident`, with the truth behind a track, for the reader of a script."""
     match incident:
         case SpawnTrack(name=name, track=track, gate=gate):
@@ -89,13 +89,13 @@ def truth_in_words(incident: Incident) -> str:
         case RevealTrack(track=track):
             who = f"{track} from now on"
         case _:
-            return in_words(incident)
+            return incident_in_words(incident)
     truth = [known for known in (incident.identity, incident.intent) if known]
     truth += [_REACTIONS[incident.when_warned]] if incident.when_warned else []
     return f"{who}: {', '.join(truth)}" if truth else who
 
 
-def overriding(decision: Decision) -> str:
+def deviations_in_words(decision: Decision) -> str:
     """Return the operator's deviations from the console's proposal; empty if there are none.
 
     A deviation is a changed plan, another reading of the order, an overridden objection of the
@@ -211,7 +211,7 @@ def _session_event(data: ev.EventPayload) -> str:
         case ev.RulesReplaced(changes=changes):
             words = "; ".join(changes)
         case ev.IncidentHappened(incident=incident):
-            words = in_words(incident)
+            words = incident_in_words(incident)
         case ev.QueueChanged(entries=entries):
             words = ", ".join(entry.mission.id for entry in entries) or "empty"
         case ev.QuestionAnswered():
@@ -269,7 +269,7 @@ def _planning_event(data: ev.EventPayload) -> str:
             words += "".join(f" | or: {plain_reading(asked)}" for asked in readings)
         case ev.DecisionMade(decision=decision, accepted=accepted, detail=detail):
             words = f"{decision.kind} by {decision.by} {decision.reason}".strip()
-            if deviations := overriding(decision):
+            if deviations := deviations_in_words(decision):
                 words = f"{decision.kind}: {deviations}"
             words += "" if accepted else f", not accepted: {detail}"
         case _:

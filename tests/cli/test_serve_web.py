@@ -4,7 +4,7 @@ import asyncio
 import signal
 import sys
 from collections.abc import AsyncGenerator, Sequence
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 
 import aiohttp
@@ -12,7 +12,8 @@ import pytest
 from yarl import URL
 
 from pa_console.cli.serve import web
-from pa_console.service.http_server import listen
+from pa_console.service import connections
+from pa_console.service.connections import listen
 from pa_console.service.tokens import TokenBook
 
 APP = """
@@ -87,8 +88,8 @@ async def served(folder: Path, command: Sequence[str] = ()) -> AsyncGenerator[Se
     tokens.make("olaf", "observer")
     with listen(0) as listening:
         port: int = listening.getsockname()[1]
-        console = web.ServedConsole(command or stand_in, tokens, port)
-        work = asyncio.create_task(console.until_ended(listening))
+        console = web.ServedConsole(command or stand_in, tokens, listening)
+        work = asyncio.create_task(console.until_ended())
         jar = aiohttp.CookieJar(unsafe=True)
         async with aiohttp.ClientSession(cookie_jar=jar) as client:
             browser = Browser(client, f"http://127.0.0.1:{port}")
@@ -164,3 +165,58 @@ async def test_an_observer_s_console_is_read_only_and_ends_with_the_token(
         )
         assert await browser.get("/") == 303
     assert (tmp_path / "ended").exists()
+
+
+async def test_an_operator_opens_the_window_that_an_observer_holds(tmp_path: Path) -> None:
+    async with served(tmp_path) as (browser, tokens):
+        assert await browser.login(tokens.make("olga", "observer")) == 303
+        watching = await browser.open()
+        assert await watching.receive_bytes() == b"--readonly"
+        with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+            await browser.open()
+        assert refused.value.status == 409
+        assert await browser.login(tokens.make("anna", "operator")) == 303
+        reading = asyncio.create_task(watching.receive())
+        console = await browser.open()
+        assert (await reading).type in (aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSED)
+        assert (tmp_path / "ended").exists()
+        assert await console.receive_bytes() == b"console"
+        assert await browser.login(tokens.make("olga", "observer")) == 303
+        with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+            await browser.open()
+        assert refused.value.status == 409
+
+
+async def test_a_window_whose_console_died_is_closed_and_free_again(tmp_path: Path) -> None:
+    async with served(tmp_path, [sys.executable, "-c", "raise SystemExit(3)"]) as (browser, tokens):
+        assert await browser.login(tokens.make("anna", "operator")) == 303
+        window = await browser.open()
+        assert (await window.receive()).type in (aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSED)
+        again = None
+        while again is None:
+            with suppress(aiohttp.WSServerHandshakeError):
+                again = await browser.open()
+        await again.receive()
+
+
+@pytest.mark.parametrize(
+    "sent", ["", "POST /login HTTP/1.1\r\nHost: HERE\r\nOrigin: http://HERE\r\n"
+             "Content-Type: application/x-www-form-urlencoded\r\nContent-Length: 99\r\n\r\ntoken="]
+)  # fmt: skip
+async def test_an_idle_connection_is_closed_and_an_open_window_is_not(
+    sent: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connections, "IDLE_S", 0.05)
+    monkeypatch.setattr(web, "BODY_S", 0.05)
+    async with served(tmp_path) as (browser, tokens):
+        assert await browser.login(tokens.make("anna", "operator")) == 303
+        console = await browser.open()
+        assert await console.receive_bytes() == b"console"
+        for _ in range(2):
+            reader, writer = await asyncio.open_connection("127.0.0.1", browser.port)
+            writer.write(sent.replace("HERE", f"127.0.0.1:{browser.port}").encode())
+            async with asyncio.timeout(30):
+                await reader.read()
+            writer.close()
+        await console.send_json(["stdin", "still here"])
+        assert await console.receive_bytes() == b"typed still here"

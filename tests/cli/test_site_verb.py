@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from pa_console.fleets.bus.address import NUMBERS
 from tests.cli.inside import Call
 from tests.fleets.broker import free_port
 
@@ -30,10 +31,11 @@ def test_another_machine_has_a_folder_of_its_own_and_keeps_its_rights(
 ) -> None:
     folder = tmp_path / "site"
     assert call("site", "init", str(folder), "--station", "south", "--joined", "bob").code == 0
-    numbers = ("", "-2")
-    south = {f"{role}{end}" for role in ("station", "telemetry", "joined") for end in numbers}
+    south = {f"{role}{end}" for role in ("station", "telemetry", "joined") for end in NUMBERS}
     assert {path.stem for path in (folder / "south").glob("*.key")} == south
-    assert {path.stem for path in (folder / "bob").glob("*.key")} == {"joined", "joined-2"}
+    assert {path.stem for path in (folder / "bob").glob("*.key")} == {
+        f"joined{end}" for end in NUMBERS
+    }
     for name in ("south", "bob"):
         assert (folder / name / "ca.crt").read_bytes() == (folder / "ca.crt").read_bytes()
         assert not (folder / name / "ca.key").exists()

@@ -96,8 +96,9 @@ def test_a_site_and_two_consoles_and_the_keys_are_on_the_bus_side_by_side(
 def test_a_certificate_is_for_one_program_at_a_time(tmp_path: Path) -> None:
     """A third program is refused before it ends the connection of another."""
     write_site(tmp_path, "yard", (), ("localhost",), 8883)
-    first, second = (Credentials.claim(tmp_path, STATION) for _ in range(2))
-    assert (first.key.name, second.key.name) == ("station.key", "station-2.key")
+    first, *others = (Credentials.claim(tmp_path, STATION) for _ in range(3))
+    assert first.key.name == "station.key"
+    assert [each.key.name for each in others] == ["station-2.key", "station-3.key"]
     with pytest.raises(ValueError, match="site init FOLDER --station NAME"):
         Credentials.claim(tmp_path, STATION)
     assert Credentials.claim(tmp_path, JOINED).key.name == "joined.key"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.fleets.bus.address import BrokerAddress, Credentials
+from pa_console.fleets.bus.address import NUMBERS, BrokerAddress, Credentials
 from pa_console.fleets.site.site_files import ROBOT_READS, ROBOT_WRITES, access, write_site
 from tests.fleets.broker import free_port, mosquitto, wait_open
 from tests.fleets.intruder import Intruder
@@ -16,7 +16,7 @@ from tests.fleets.intruder import Intruder
 def test_files_are_private_and_what_is_there_stays(tmp_path: Path) -> None:
     folder = tmp_path / "site"
     first = write_site(folder, "yard", ("Drone_T01",), ("localhost",), 8883)
-    roles = ("station", "station-2", "telemetry", "telemetry-2", "joined", "joined-2")
+    roles = [f"{role}{end}" for role in ("station", "telemetry", "joined") for end in NUMBERS]
     assert first.made == ("broker", *roles, "site", "Drone_T01")
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     again = write_site(folder, "yard", ("Drone_T01", "Robot_T03"), ("localhost",), 8883)

@@ -11,7 +11,7 @@ from pa_console.schema.finding import Usage, Verdict
 from pa_console.schema.incident import FailAsset, Incident
 from pa_console.schema.mission import Decision, Metrics, Mission, Verification
 from pa_console.session.state.fold import SessionState
-from pa_console.session.wording import in_words
+from pa_console.session.wording import incident_in_words
 from tests.schema.strategies import PAYLOADS, models, values
 from tests.session.story import PLAN, START, at, session_started
 from tests.tui import living, site
@@ -220,7 +220,7 @@ def test_the_scenario_is_that_of_the_session() -> None:
 @given(values(Incident))
 @settings(max_examples=60, deadline=None)
 def test_every_incident_can_be_said(incident: Incident) -> None:
-    assert in_words(incident)
+    assert incident_in_words(incident)
 
 
 @given(st.data())

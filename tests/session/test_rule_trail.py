@@ -7,9 +7,11 @@ from pa_console.schema.finding import Finding, RuleOpinion, Verdict
 from pa_console.schema.mission import Decision, Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.rule import RuleExample, RuleHit
+from pa_console.session.state.fold import SessionState
 from pa_console.session.state.mission_trace import Attempt
-from pa_console.session.state.rule_trail import RuleDeed, evidence_of, trail_of
+from pa_console.session.state.rule_trail import RuleDeed, evidence_of, trail_of, uses_of
 from tests.session.story import PLAN, START, at, session_started
+from tests.tui import story
 
 RULE = "WF-03"
 MISSION = Mission(id="M1", text="watch gate A", created=START)
@@ -117,3 +119,28 @@ def test_a_decision_leads_back_to_the_telemetry_it_was_made_by() -> None:
     held = evidence_of(attempt)
     assert held is not None
     assert [f.rule_id for f in held.deciding] == ["ROE-01"]
+
+
+def missions(*broken: str) -> SessionState:
+    state = SessionState()
+    for event in story.stamped(story.told("approval", broken=broken)):
+        state.apply(event)
+    return state
+
+
+def test_a_rule_is_followed_to_its_missions() -> None:
+    traces = missions("WF-03").missions.values()
+    (use,) = uses_of("WF-03", traces)
+    assert use.mission == story.MISSION.id
+    assert use.hit is not None
+    assert use.hit.score == 0.38
+    assert [(number, found.status) for number, found in use.decided] == [(1, "violates")]
+    assert use.broken
+    (judged,) = uses_of("ROE-01", traces)
+    assert judged.hit is not None
+    assert judged.hit.pinned
+    assert not judged.decided
+    (checked,) = uses_of("CAP-01", traces)
+    assert checked.hit is None
+    assert not checked.broken
+    assert uses_of("WF-09", traces) == ()

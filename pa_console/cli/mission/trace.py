@@ -11,7 +11,7 @@ from pa_console.schema.events.questions import QuestionAnswered
 from pa_console.schema.text.visible_text import visible
 from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.session.status_words import Tone
-from pa_console.session.trace.layout import answered, lay_out, lay_out_proposal
+from pa_console.session.trace.layout import answered, headline, lay_out, lay_out_proposal, progress
 from pa_console.session.trace.parts import (
     Detail,
     HangingRow,
@@ -21,7 +21,6 @@ from pa_console.session.trace.parts import (
     rows_of,
     title_of,
 )
-from pa_console.session.trace.standing import headline, progress
 
 COLOURS: dict[Tone, str] = {
     "": "",

@@ -2,7 +2,7 @@
 
 from pa_console.schema.text.quantities import clock_text, count
 from pa_console.session.state.fold import SessionState
-from pa_console.session.trace.standing import progress
+from pa_console.session.trace.layout import progress
 from pa_console.session.wording import standing_in_words
 
 

@@ -5,7 +5,6 @@ import signal
 from asyncio import Runner
 from collections.abc import Callable
 from contextlib import aclosing
-from socket import socket
 
 from pa_console.cli.console.asked import Asked
 from pa_console.cli.console.live_session import LiveSession, open_live
@@ -17,7 +16,8 @@ from pa_console.end_signals import end_signals, exit_code_of
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.observability.observers import Observer
-from pa_console.service.http_server import listen, serving
+from pa_console.service.connections import Listening, listen
+from pa_console.service.http_server import serving
 from pa_console.service.served_session import ServedSession
 from pa_console.service.tokens import TokenBook
 from pa_console.session.log.chain import LogError
@@ -80,7 +80,7 @@ async def _serve(
     opened: LiveSession,
     writer: LogWriter,
     tokens: TokenBook,
-    listening: socket,
+    listening: Listening,
     observer: Observer,
     ending: _Ending,
 ) -> None:

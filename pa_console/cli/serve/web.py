@@ -1,7 +1,7 @@
 """The console in a browser: `textual-serve` behind tokens, on loopback, for one browser at a time.
 
 Every browser that comes in has a console of its own, which is a session of its own: so there is
-one at most, and another one is told to wait.
+one at most, and another one is told to wait. An operator does not wait for an observer.
 """
 
 import asyncio
@@ -25,8 +25,8 @@ from pa_console.cli.output import errors, out
 from pa_console.cli.serve.token_verbs import this_user, token_book
 from pa_console.end_signals import end_signals, exit_code_of
 from pa_console.fleets.authorization import RefusedError
-from pa_console.service.guard import MOST_BYTES, NAMES
-from pa_console.service.http_server import ADDRESS, listen
+from pa_console.service.connections import ADDRESS, BACKLOG, Listening, listen
+from pa_console.service.guard import BODY_S, MOST_BYTES, NAMES
 from pa_console.service.rates import Rate
 from pa_console.service.tokens import Bearer, TokenBook
 
@@ -35,6 +35,8 @@ COOKIE = "pa-console-{port}"
 port in its name takes it."""
 LOOK_S = 5.0
 """How often it is looked whether the token of an open console still holds, in seconds."""
+CLOSE_S = 1.0
+"""How long a browser has to take note that its window is closed, in seconds."""
 LEAVE_S = 20.0
 """How long a console has to bring its assets to safety and to close its log."""
 WRONG = (0.5, 10)
@@ -67,27 +69,31 @@ def serve_console(command: Sequence[str], port: int) -> int:
         logging.getLogger(library).addHandler(logging.NullHandler())
         logging.getLogger(library).propagate = False
     with listen(port) as listening:
-        served = ServedConsole(command, token_book(), listening.getsockname()[1])
-        return asyncio.run(served.until_ended(listening))
+        listening.failed = _report
+        served = ServedConsole(command, token_book(), listening)
+        return asyncio.run(served.until_ended())
 
 
 class ServedConsole(Server):
     """Serves one console at a time to whoever has a token."""
 
-    def __init__(self, command: Sequence[str], tokens: TokenBook, port: int) -> None:
+    def __init__(self, command: Sequence[str], tokens: TokenBook, listening: Listening) -> None:
+        port: int = listening.getsockname()[1]
         super().__init__("", ADDRESS, port, "PA Console", f"http://{ADDRESS}:{port}")
         self._commands = {True: _in_shell(command), False: _in_shell([*command, "--readonly"])}
-        self._tokens, self._wrong = tokens, Rate(*WRONG)
+        self._listening, self._tokens, self._wrong = listening, tokens, Rate(*WRONG)
         self._hosts = {f"{name}:{port}" for name in NAMES}
         self._cookie = COOKIE.format(port=port)
         self._let_in: dict[str, str] = {}
         """The token of each browser that was let in, by its cookie."""
         self._open: asyncio.Task[Any] | None = None
+        self._watched = False
+        """Whether the console that is open is an observer's."""
         self.begun = asyncio.Event()
         """Set once it listens, and signals end it in order."""
         self._left = asyncio.Event()
 
-    async def until_ended(self, listening: Any) -> int:
+    async def until_ended(self) -> int:
         """Serve until a signal; then end the console that is open, in order."""
         app = await self._make_app()
         app.middlewares.append(self._guard)
@@ -95,7 +101,7 @@ class ServedConsole(Server):
         app.on_response_prepare.append(_with_headers)
         runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.5)
         await runner.setup()
-        await web.SockSite(runner, listening).start()
+        await web.SockSite(runner, self._listening, backlog=BACKLOG).start()
         loop, over, ended_by = asyncio.get_running_loop(), asyncio.Event(), list[int]()
 
         def end(number: int) -> None:
@@ -107,10 +113,7 @@ class ServedConsole(Server):
             self._greet()
             self.begun.set()
             await over.wait()
-            if self._open is not None:
-                self._open.cancel()
-                with suppress(TimeoutError):
-                    await asyncio.wait_for(self._left.wait(), LEAVE_S)
+            await self._close_window()
             await runner.cleanup()
         loop.remove_signal_handler(signal.SIGINT)
         return exit_code_of(ended_by[0]) if ended_by else 0
@@ -134,7 +137,19 @@ class ServedConsole(Server):
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        """Let in what this machine asks of its own name, from its own page, with a token."""
+        """Answer what passes, and note on its connection for whom that is."""
+        address = request.transport.get_extra_info("peername") if request.transport else None
+        with self._listening.request(address) as connection:
+            self._admit(request)
+            bearer = self._bearer(request)
+            if bearer is not None:
+                connection.let_in(commands=bearer.may("operator"))
+            elif request.path != "/login":
+                raise web.HTTPSeeOther("/login") if request.path == "/" else web.HTTPUnauthorized()
+            return await handler(request)
+
+    def _admit(self, request: web.Request) -> None:
+        """Let in what this machine asks of its own name, from its own page."""
         if request.remote is None or not ip_address(request.remote).is_loopback:
             raise web.HTTPForbidden(text="only this machine is let in")
         if request.headers.getall("Host", []) != [request.host] or (
@@ -145,9 +160,6 @@ class ServedConsole(Server):
         asks = request.method != "GET" or "Upgrade" in request.headers
         if origin not in (None, f"http://{request.host}") or (asks and origin is None):
             raise web.HTTPForbidden(text="a page of another site may ask nothing")
-        if request.path != "/login" and self._bearer(request) is None:
-            raise web.HTTPSeeOther("/login") if request.path == "/" else web.HTTPUnauthorized()
-        return await handler(request)
 
     def _bearer(self, request: web.Request) -> Bearer | None:
         """Return who the browser was let in as, None for nobody."""
@@ -164,7 +176,12 @@ class ServedConsole(Server):
 
     async def _login(self, request: web.Request) -> web.Response:
         """Let a browser in whose operator has a token."""
-        token = str((await request.post()).get("token", "")).strip()
+        try:
+            async with asyncio.timeout(BODY_S):
+                given = await request.post()
+        except TimeoutError as error:
+            raise web.HTTPRequestTimeout from error
+        token = str(given.get("token", "")).strip()
         if self._found(token) is None:
             wait = self._wrong.take("")
             again = f"; wait {wait} s" if wait else ""
@@ -176,25 +193,38 @@ class ServedConsole(Server):
         return answer
 
     async def handle_websocket(self, request: web.Request) -> web.WebSocketResponse:
-        """Open a console for one browser, read-only for an observer."""
+        """Open a console for one browser, read-only for an observer.
+
+        An operator's takes the place of an observer's, which is closed in order.
+        """
         bearer, own = self._bearer(request), asyncio.current_task()
         if bearer is None or own is None:
             raise web.HTTPUnauthorized
+        commands = bearer.may("operator")
+        if self._watched and commands:
+            await self._close_window()
         if self._open is not None:
             raise web.HTTPConflict(text="a console is open in another window; close it first")
-        self._open = own
+        self._open, self._watched = own, not commands
         self._left.clear()
         looking = asyncio.create_task(self._look(request, own))
         try:
-            return await self._show(request, self._commands[bearer.may("operator")])
+            return await self._show(request, self._commands[commands])
         finally:
             looking.cancel()
-            self._open = None
+            self._open, self._watched = None, False
             self._left.set()
+
+    async def _close_window(self) -> None:
+        """End the console that is open, if one is, in order."""
+        if self._open is not None:
+            self._open.cancel()
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._left.wait(), LEAVE_S)
 
     async def _show(self, request: web.Request, command: str) -> web.WebSocketResponse:
         """Run the console for one browser; it has ended, in order, before its window is closed."""
-        websocket = web.WebSocketResponse(heartbeat=15, max_msg_size=MOST_BYTES)
+        websocket = web.WebSocketResponse(timeout=CLOSE_S, heartbeat=15, max_msg_size=MOST_BYTES)
         await websocket.prepare(request)
 
         async def close() -> None:
@@ -242,6 +272,10 @@ class _Console(AppService):
 def _in_shell(command: Sequence[str]) -> str:
     """Return what has a shell become `command` in the folder of children."""
     return f"cd {OWN_FOLDER} && exec {shlex.join(command)}"
+
+
+def _report(error: Exception) -> None:
+    errors.print(str(error), style="bold red", markup=False, soft_wrap=True)
 
 
 def _page(problem: str, status: int = 200) -> web.Response:

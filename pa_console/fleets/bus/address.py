@@ -1,4 +1,4 @@
-"""Where a site's broker is, and with which certificates one is let in."""
+"""The address of a site's broker, and the certificates of its clients."""
 
 import fcntl
 import ipaddress
@@ -17,14 +17,14 @@ PORTS = {"mqtt": 1883, "mqtts": 8883}
 INTERFACE = "vda5050"
 CA_FILE = "ca.crt"
 FORM = "mqtts://HOST[:PORT][/SITE]"
-NUMBERS = ("", "-2")
+NUMBERS = ("", "-2", "-3")
 """The endings of the certificates that one machine has for a role, such as `station` and
-`station-2`: a console and one program beside it."""
+`station-2`: a console, a script beside it, and a verb of `keys` beside both."""
 
 
 @dataclass(frozen=True)
 class Credentials:
-    """A certificate with its key, and that of the authority which vouches for the broker."""
+    """A certificate, its key, and the certificate of the authority that signed the broker's."""
 
     ca: Path
     certificate: Path
@@ -57,7 +57,7 @@ class Credentials:
             with suppress(BlockingIOError):
                 return replace(found, claimed=_lock(found.key))
         raise ValueError(
-            f"other programs of this machine use {' and '.join(f'{name}.crt' for name in names)} "
+            f"other programs of this machine use {', '.join(f'{name}.crt' for name in names)} "
             f"in {folder}, and each connection needs a certificate of its own; end one of them, or "
             "make more where ca.key is: 'pa-console site init FOLDER --station NAME' makes a "
             "folder NAME in it, to be given with --certificates"

@@ -18,15 +18,15 @@ from pa_console.sim.state.link_state import Heard
 from pa_console.sim.state.sensing_state import Detection, TrackFile
 
 MOST_CONTACTS = 64
-"""So many contacts of one message are looked at; a busy gate has about ten."""
+"""Most contacts of one message that are taken in; a busy gate has about ten."""
 
 MOST_ALONE = 32
-"""So many tracks may rest on one sensor alone: more than any crowd at a gate so far."""
+"""Most tracks that rest on one sensor alone: more than a crowd at a gate."""
 
 MOST_TRACKS = 128
-"""So many tracks there are at most: rules, rehearsal and map take in each of them at every picture.
-Three sensors that lie do not fill them. When they are full, a sensor that sees few contacts takes
-the place of one that reports many."""
+"""Most tracks in all: rules, rehearsal and map take in each of them at every picture. Three sensors
+that lie do not fill them. In a full picture, a contact of a sensor that reports few takes the place
+of one of a sensor that reports many."""
 
 SIGMAS = 5.0
 """A measurement is off by more than so much of its sensor's noise once in 200,000 times."""
@@ -84,10 +84,10 @@ def without_place(sensor: str) -> SetAside:
 def within_share(
     files: dict[str, TrackFile], sensor: str, found: Sequence[Detection]
 ) -> tuple[list[Detection], list[SetAside]]:
-    """Return the detections that are taken in, and what was set aside of this or another sensor.
+    """Return the detections that are taken in, and notes on those of any sensor that are not.
 
-    Those of contacts that are tracked come first. To let a contact in while all tracks are taken,
-    a track of a sensor that reports more is removed from `files`.
+    Contacts that have tracks come first. If all tracks are taken, a track of a sensor that reports
+    more is removed from `files` for a new contact.
     """
     ordered = sorted(found, key=lambda detection: detection.contact not in files)
     own = frozenset((sensor,))

@@ -46,8 +46,8 @@ ROBOT_READS = ("order", "instantActions", "zoneSet", "responses")
 SITE_WRITES = ("connection", "site", "clockDone", "incidentDone", "told")
 SITE_READS = ("clock", "incident")
 BINDING = ("use_identity_as_username true", "use_username_as_clientid true")
-"""What ties a client id to a certificate. Without it whoever has any certificate of the site can
-connect with the client id of another; the broker then drops that one, which misses its stops."""
+"""Lines that tie a client id to a certificate. Without them a client can connect with the client id
+of another; the broker then ends the connection of the other, which misses its stops."""
 
 _CONFIGURATION = """\
 # Mosquitto for the site {site}: start it with  mosquitto -c {folder}/{file}
@@ -87,12 +87,12 @@ class Machines:
     joined: tuple[str, ...] = ()
 
     def of(self, role: str) -> tuple[str, ...]:
-        """Return the machines that have certificates of `role`, "" for that of the folder."""
+        """Return the machines that have certificates of `role`, "" for the site's own."""
         others = self.stations if role != JOINED else (*self.stations, *self.joined)
         return ("", *dict.fromkeys(others))
 
     def and_those_in(self, access_list: str) -> "Machines":
-        """Return these machines and those that an access list of before names."""
+        """Return these machines and the machines that an earlier access list names."""
 
         def named(role: str) -> tuple[str, ...]:
             return tuple(re.findall(rf"^user {role}-([A-Za-z]\w*)$", access_list, re.MULTILINE))

@@ -11,11 +11,11 @@ from pa_console.schema.text.quantities import count, few
 from pa_console.schema.world import World
 from pa_console.session.state.mission_trace import Attempt, MissionTrace
 from pa_console.session.status_words import status_of
-from pa_console.session.trace.standing import progress
+from pa_console.session.trace.layout import progress
 from pa_console.session.wording import (
     asked_in_words,
+    deviations_in_words,
     order_in_words,
-    overriding,
     references_in_words,
     standing_in_words,
 )
@@ -168,9 +168,9 @@ def end_lines(trace: MissionTrace) -> Iterator[AnswerLine]:
         done = status_of("decision", decision.kind).word
         if decision.kind == "answer":
             done = f"answered “{decision.asked}”"
-        told = decision.standing or bool(overriding(decision))
+        told = decision.standing or bool(deviations_in_words(decision))
         why = f": {decision.reason}" if decision.reason and not told else ""
-        also = f"; {overriding(decision)}" if overriding(decision) else ""
+        also = f"; {deviations_in_words(decision)}" if deviations_in_words(decision) else ""
         taken = "" if made.accepted else f", not accepted: {made.detail}"
         yield _line("decision", f"{done} by {decision.by}{why}{also}{taken}")
     if trace.voided:

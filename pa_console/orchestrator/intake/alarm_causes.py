@@ -1,4 +1,4 @@
-"""What one picture shows that may need a response, and the mission that would answer it."""
+"""The causes for alarms that one picture shows, and the mission that would answer each."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -34,11 +34,11 @@ class Cause:
     linger_s: float = 3.0
     raises: bool = True
     sensors: tuple[str, ...] = ()
-    """Those that detect the track it is about."""
+    """The sensors that detect its track."""
 
     @property
     def key(self) -> tuple[Topic, str]:
-        """What makes two causes the same alarm."""
+        """The identity of its alarm: causes of the same key are one alarm."""
         return self.topic, " ".join(self.sensors) if self.topic == "sensor" else self.subject
 
 
@@ -111,9 +111,10 @@ def _track(track: Track) -> Cause | None:
 
 
 def many_contacts(sensors: tuple[str, ...], held: Sequence[Cause], opened: int) -> Cause:
-    """Return one reason for the alarms that are not opened: `held`, beside `opened` ones.
+    """Return one cause in place of the causes `held`, for which no alarm is opened.
 
-    All of them, most urgent first, are about contacts that the same `sensors` report.
+    They are sorted, the most urgent first. Beside them `opened` alarms are open about contacts of
+    the same `sensors`.
     """
     needs, number = "contacts that need a response", opened + len(held)
     if len(sensors) == 1:
@@ -161,7 +162,7 @@ def _cover(
 
 
 def _asset(asset: AssetTelemetry, alone_at: str | None, time_s: float) -> Iterator[Cause]:
-    """Yield what is wrong with an asset: the worst of failed, silent and suspect; its battery."""
+    """Yield the causes of an asset: the worst of failed, silent and suspect; its battery."""
     place = alone_at or (asset.at if asset.at == asset.post else None)
     priority: AlarmPriority = "high" if alone_at else "medium"
     name = f"{asset.id} at {place}" if place else asset.id

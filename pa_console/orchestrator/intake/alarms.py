@@ -21,15 +21,15 @@ Key = tuple[Topic, str]
 Change = AlarmRaised | AlarmCleared
 Sensors = tuple[str, ...]
 MOST_MINOR = 12
-"""So many medium and low alarms of one kind stay open at a time; the rest wait for room."""
+"""Most medium and low alarms of one kind that are open at a time; the rest wait for room."""
 
 MOST_ALIKE = 8
-"""So many alarms of one kind stay open about contacts that the same sensors report, and as many
-medium and low ones. For the rest of the emergency and high ones, one alarm names those sensors: a
-sensor that lies hides no contact of the others behind its own."""
+"""Most emergency and high alarms of one kind that are open about contacts of the same sensors, and
+most medium and low ones. One alarm names the sensors and counts the rest: a sensor that lies hides
+no contact of the others behind its own."""
 
 MOST_IDS = 1024
-"""So many subjects keep their ids, those with the latest alarms: tracks come and go for ever."""
+"""Most subjects that keep their ids, the latest ones: tracks come and go without end."""
 
 CLEARS_WHEN: dict[AlarmKind, str] = {
     "hostile_track": "the threat is over",
@@ -45,7 +45,7 @@ CLEARS_WHEN: dict[AlarmKind, str] = {
     "camera_lost": "the camera works again",
     "many_contacts": "fewer contacts are reported",
 }
-"""What an alarm of each kind waits for; it clears with these words."""
+"""The reason with which an alarm of each kind clears."""
 
 
 @dataclass
@@ -62,7 +62,7 @@ class _Watched:
     sensors: Sensors = ()
 
     def counts_as(self, kind: AlarmKind, priority: AlarmPriority) -> "_Alike | None":
-        """Return which alarms an alarm about it would be one of; None for those without limit."""
+        """Return the group that an alarm about it would count in; None where no limit holds."""
         minor = priority in ("medium", "low")
         if self.cause.topic in ("threat", "track"):
             return _Alike(kind, minor, self.sensors)
@@ -70,12 +70,12 @@ class _Watched:
 
 
 class _Alike(NamedTuple):
-    """Alarms of one kind, minor or not, of which only so many stay open: those of `sensors`."""
+    """A group of alarms with a limit: of one kind, minor or not, about contacts of `sensors`."""
 
     kind: AlarmKind
     minor: bool
     sensors: Sensors | None = None
-    """Those that report the contacts; None for alarms about something else."""
+    """The sensors that report the contacts; None for alarms about something else."""
 
     @property
     def most(self) -> int:
@@ -106,7 +106,7 @@ class AlarmBook:
 
     @property
     def sensors(self) -> dict[str, Sensors | None]:
-        """By open alarm: the sensors of its contact; None for an alarm about something else."""
+        """The sensors of each open alarm's contact; None for an alarm about something else."""
         return {
             entry.alarm.id: entry.sensors if key[0] in ("threat", "track") else None
             for key, entry in self._watched.items()
@@ -131,7 +131,7 @@ class AlarmBook:
         return [*cleared, *raised]
 
     def _remember_guards(self, picture: Picture) -> None:
-        """Keep who last covered each gate for certain, and who is known to have left it since."""
+        """Keep the assets that last covered each gate for certain, until they leave it."""
         for gate, cover in picture.gates.items():
             if cover.covered:
                 self._guards[gate] = cover.by
@@ -231,7 +231,7 @@ class AlarmBook:
         )
 
     def _clear(self, now_s: float, raised: Iterable[AlarmRaised]) -> list[AlarmCleared]:
-        """Close what is long gone or superseded; forget passing causes that never raised."""
+        """Close alarms whose cause is long gone or superseded; forget causes that never raised."""
         threats = {r.alarm.subject: r.alarm.id for r in raised if r.alarm.priority == "emergency"}
         cleared: list[AlarmCleared] = []
         for key, entry in list(self._watched.items()):
@@ -264,7 +264,7 @@ class AlarmBook:
         )
 
     def _outdone(self, cause: Cause) -> bool:
-        """Whether a threat alarm about the same track is open."""
+        """Return whether a threat alarm about the same track is open."""
         threat = self._watched.get(("threat", cause.subject)) if cause.topic == "track" else None
         return threat is not None
 
@@ -285,7 +285,7 @@ def _settled(entry: _Watched) -> bool:
 
 
 def _changed(alarm: Alarm, cause: Cause) -> bool:
-    """Whether the alarm is another one now; a mere return to a lower priority is none."""
+    """Return whether the alarm is another one now; a return to a lower priority is no change."""
     worse = ALARM_PRIORITIES.index(cause.priority) < ALARM_PRIORITIES.index(alarm.priority)
     return cause.kind != alarm.kind or worse
 

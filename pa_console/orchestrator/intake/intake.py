@@ -16,14 +16,14 @@ from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 
 MOST_FROM_ALARMS = 32
-"""So many missions that alarms started wait at a time: hours of work for one operator. An alarm
-beyond that gets its mission once there is room, the most urgent first. Of those about contacts that
-the same sensors report MOST_ALIKE wait, so that a sensor that lies leaves room for the others."""
+"""Most missions from alarms that wait at a time: hours of work for one operator. The other alarms
+get their missions once there is room, the most urgent first. At most MOST_ALIKE of the missions are
+about contacts of the same sensors, so that a sensor that lies leaves room for the others."""
 
 
 @dataclass
 class Arrivals:
-    """What a new picture brought: events to tell, and queued missions whose cause is gone."""
+    """The outcome of a new picture: events to emit, and queued missions whose cause is gone."""
 
     payloads: list[tuple[ev.EventPayload, str | None]] = field(
         default_factory=list[tuple[ev.EventPayload, str | None]]
@@ -35,7 +35,7 @@ class Intake:
     """The alarms of the site and the missions that wait; yields events, knows no simulator."""
 
     def __init__(self, world: World, session: str, *, respond: bool) -> None:
-        """With `respond`, an alarm that needs a response becomes a mission by itself."""
+        """Make an intake without alarms; with `respond`, alarms become missions."""
         self._book, self._queue = AlarmBook(world), MissionQueue()
         self._session, self._respond = session, respond
         self._count = 0
@@ -76,7 +76,7 @@ class Intake:
         return arrivals
 
     def resume(self, handled: Collection[str]) -> list[tuple[ev.EventPayload, str]]:
-        """Let every open alarm that nobody deals with become a mission: the stop was released."""
+        """Queue a mission for every open alarm that no mission answers: the stop was released."""
         return self._answers(self._book.open, handled)
 
     def take_up(
@@ -177,7 +177,7 @@ class Intake:
         return self._book.open
 
     def acknowledge(self, alarm_id: str, by: str) -> ev.AlarmAcknowledged:
-        """Note that somebody has seen the alarm; raises ValueError for an unknown one."""
+        """Note that `by` has seen the alarm; raises ValueError for an unknown one."""
         return self._book.acknowledge(alarm_id, by)
 
     def move(self, mission_id: str, by: int) -> None:
@@ -204,7 +204,7 @@ class Intake:
         return waiting
 
     def changes(self) -> Iterable[ev.QueueChanged]:
-        """Yield the queue when its order, a priority or a deferral is not what was told last."""
+        """Yield the queue if its order, a priority or a deferral has changed since last time."""
         entries = self._queue.entries
         order = tuple((entry.mission.id, entry.priority, entry.deferred) for entry in entries)
         if order != self._told:

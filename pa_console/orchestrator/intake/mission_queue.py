@@ -10,7 +10,7 @@ from pa_console.schema.alarm import ALARM_PRIORITIES, Alarm, AlarmPriority, Queu
 from pa_console.schema.mission import Mission
 
 MOST_REMEMBERED = 1024
-"""So many missions keep the place of their first arrival, those that arrived last."""
+"""Most missions whose order of arrival is kept for when they come back, the latest ones."""
 
 OPERATOR_PRIORITY: AlarmPriority = "high"
 """An operator's mission ranks so, before the alarms of the same priority."""

@@ -14,7 +14,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident
 from pa_console.session.log.chain import KINDS
 from pa_console.session.state.fold import SessionState
-from pa_console.session.wording import overriding
+from pa_console.session.wording import deviations_in_words
 
 MarkKind = Literal["fault", "refusal", "alarm", "finding", "mission"]
 """Kinds of events that a viewer jumps to, worst first: the worst of one place is shown."""
@@ -49,7 +49,7 @@ def _is_finding(data: ev.EventPayload) -> bool:
         case ev.MissionVerified(verification=verification):
             return verification.outcome == "fail"
         case ev.DecisionMade(accepted=True, decision=decision):
-            return bool(overriding(decision))
+            return bool(deviations_in_words(decision))
         case _:
             return False
 

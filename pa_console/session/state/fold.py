@@ -20,9 +20,9 @@ from pa_console.session.wording import (
     answer_in_words,
     command_taken_in_words,
     contact_in_words,
-    in_words,
+    deviations_in_words,
+    incident_in_words,
     order_in_words,
-    overriding,
     unconfirmed_in_words,
 )
 
@@ -291,7 +291,7 @@ class SessionState:
             case ev.IncidentHappened(incident=incident, source=source):
                 subject = "what-if" if source == "operator" else "scenario"
                 hidden = source == "scenario"
-                self._notice(event, "warning", subject, in_words(incident), hidden=hidden)
+                self._notice(event, "warning", subject, incident_in_words(incident), hidden=hidden)
             case ev.CommandRefused(command=command, reason=reason):
                 self._notice(event, "alarm", command.agent, f"{order_in_words(command)}: {reason}")
             case ev.LogTroubled(problem=problem):
@@ -379,7 +379,7 @@ class SessionState:
             case ev.PlanHalted(reasons=reasons):
                 self._notice(event, "alarm", event.mission or "", f"halted: {'; '.join(reasons)}")
             case ev.DecisionMade(accepted=True, decision=decision, attempt=number):
-                if said := overriding(decision):
+                if said := deviations_in_words(decision):
                     self._notice(event, "warning", event.mission or "", f"plan {number}: {said}")
                 if decision.standing_order:
                     said = f"approved by standing order {decision.standing_order}, unasked"

@@ -6,7 +6,7 @@ from textual.content import Content
 
 from pa_console.schema.text.visible_text import visible
 from pa_console.session.state.mission_trace import MissionTrace
-from pa_console.session.trace import parts, standing
+from pa_console.session.trace import layout, parts
 from pa_console.session.trace.layout import lay_out
 from pa_console.session.trace.parts import Span, TraceOptions, rows_of, title_of
 from pa_console.session.trace.planning import Rules
@@ -55,10 +55,10 @@ def _style(span: Span) -> str:
 
 def progress(trace: MissionTrace) -> Content:
     """Return the line that shows how far the mission is, or how it ended and why."""
-    words = content(standing.progress(trace))
+    words = content(layout.progress(trace))
     if trace.status is not None:
         return words
-    step, last = standing.step_of(trace), len(standing.STEPS) - 1
+    step, last = layout.step_of(trace), len(layout.STEPS) - 1
     bar = Content.assemble(
         ("━━" * step, "$text-success"), ("━╸", "$text-accent"), ("──" * (last - step), "$faint")
     )
@@ -67,4 +67,4 @@ def progress(trace: MissionTrace) -> Content:
 
 def headline(trace: MissionTrace) -> list[Row]:
     """Return the mission's id, origin and text, and where it stands in each workflow."""
-    return [row("", content(line)) for line in standing.headline(trace)]
+    return [row("", content(line)) for line in layout.headline(trace)]

@@ -1,0 +1,151 @@
+"""The port that a service listens at: an end to idle connections, and to their number.
+
+Every program on this machine can connect, also without a token. What a connection is let in for
+decides how long it is kept when there are too many: an operator finds a place at any time.
+"""
+
+import asyncio
+import errno
+import os
+import socket
+from collections.abc import Callable, Generator
+from contextlib import contextmanager, suppress
+from typing import Any
+
+ADDRESS = "127.0.0.1"
+MOST = 128
+"""Connections at once. One more takes the place of the oldest among those that matter least."""
+IDLE_S = 10.0
+"""A connection without a request, or with one that has not come wholly, ends after this time."""
+BACKLOG = 100
+"""Connections that are accepted in one go."""
+EXHAUSTED = frozenset((errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM))
+
+
+class Connection:
+    """One connection: how much it matters, and since when it asks for nothing."""
+
+    def __init__(self, accepted: socket.socket | None, now: float) -> None:
+        self._accepted = accepted
+        self.requests, self.since, self.quiet_since = 0, now, now
+        self.rank = 0
+        """0 for a stranger, 1 for whose token lets read, 2 for whose token lets command."""
+
+    @property
+    def closed(self) -> bool:
+        """Whether the connection is over."""
+        return self._accepted is None or self._accepted.fileno() == -1
+
+    def let_in(self, *, commands: bool) -> None:
+        """Note that a token let somebody in on it, who may also command or may not."""
+        self.rank = 1 + commands
+
+    def end(self) -> None:
+        """End the connection; whoever serves it notices and closes it."""
+        if self._accepted is not None:
+            with suppress(OSError):
+                self._accepted.shutdown(socket.SHUT_RDWR)
+
+
+class Listening(socket.socket):
+    """A socket that listens at a port of loopback, and keeps count of what it accepts.
+
+    It belongs to one event loop, whose servers accept from it. `failed` is told, once, that the
+    system has no room for connections.
+    """
+
+    def __init__(self, port: int) -> None:
+        """Listen at `port`, 0 for a free one; raises OSError."""
+        super().__init__(fileno=socket.create_server((ADDRESS, port)).detach())
+        self.failed: Callable[[Exception], None] = lambda _error: None
+        self._open: dict[Any, Connection] = {}
+        self._spare = os.open(os.devnull, os.O_RDONLY)
+        self._reported = False
+
+    def accept(self) -> tuple[socket.socket, Any]:
+        """Return a new connection; raises BlockingIOError while there is none."""
+        try:
+            accepted, address = super().accept()
+        except OSError as error:
+            if error.errno not in EXHAUSTED:
+                raise
+            self._turn_away(error)
+            raise BlockingIOError from error
+        if not self._make_room():
+            accepted.close()
+            raise BlockingIOError
+        loop = asyncio.get_running_loop()
+        connection = self._open[address] = Connection(accepted, loop.time())
+        loop.call_later(IDLE_S, self._look, connection)
+        return accepted, address
+
+    def close(self) -> None:
+        """Listen no more."""
+        super().close()
+        if self._spare >= 0:
+            os.close(self._spare)
+            self._spare = -1
+
+    @contextmanager
+    def request(self, address: object) -> Generator[Connection]:
+        """Give the connection from `address`, which asks for something in the context."""
+        loop = asyncio.get_running_loop()
+        connection = self._open.get(address) or Connection(None, loop.time())
+        connection.requests += 1
+        try:
+            yield connection
+        finally:
+            connection.requests -= 1
+            connection.quiet_since = loop.time()
+
+    def _make_room(self) -> bool:
+        """End the connection that matters least if there are too many; return whether one may."""
+        self._open = {where: one for where, one in self._open.items() if not one.closed}
+        if len(self._open) < MOST:
+            return True
+        least = min(self._open, key=lambda where: (self._open[where].rank, self._open[where].since))
+        if self._open[least].rank > 1:
+            return False
+        self._open.pop(least).end()
+        return True
+
+    def _look(self, connection: Connection) -> None:
+        """End a connection that asks for nothing, else look again when it may be due."""
+        loop = asyncio.get_running_loop()
+        left = IDLE_S if connection.requests else connection.quiet_since + IDLE_S - loop.time()
+        if left <= 0:
+            connection.end()
+        elif not connection.closed:
+            loop.call_later(left, self._look, connection)
+
+    def _turn_away(self, error: OSError) -> None:
+        """Close the connection that waits, by the descriptor that is kept for that.
+
+        As long as it waited, the event loop would look at it again at once, for ever.
+        """
+        if self._spare < 0:
+            raise error
+        os.close(self._spare)
+        self._spare = -1
+        try:
+            super().accept()[0].close()
+        finally:
+            with suppress(OSError):
+                self._spare = os.open(os.devnull, os.O_RDONLY)
+        if not self._reported:
+            self._reported = True
+            self.failed(OSError(error.errno, f"connections are turned away: {error.strerror}"))
+
+
+def listen(port: int) -> Listening:
+    """Return a socket that listens at `port` of loopback, 0 for a free one.
+
+    Raises ValueError where that cannot be.
+    """
+    try:
+        return Listening(port)
+    except OSError as error:
+        why = error.strerror or error
+        raise ValueError(
+            f"--port {port}: {ADDRESS} cannot be listened on there: {why}; choose another port"
+        ) from error
