@@ -5,19 +5,25 @@ and lying robots, reconnects, a broker that is killed. Positions are the simulat
 """
 
 import argparse
+import asyncio
 import math
 import subprocess
 import sys
+import tempfile
 import time
 from collections import Counter
 from collections.abc import Generator
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from multiprocessing import get_context
+from pathlib import Path
 from random import Random
 from socket import SHUT_RDWR
 from typing import Any
+
+from paho.mqtt.client import Client, MQTTMessage
+from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 
 from pa_console.fleets.bus.address import BrokerAddress
 from pa_console.fleets.bus.joining import join
@@ -29,7 +35,10 @@ from pa_console.fleets.vda5050.wire import Header
 from pa_console.orchestrator.execution.command_gate import CommandGate
 from pa_console.orchestrator.execution.emergency_stop import EmergencyStop
 from pa_console.orchestrator.planning.rehearsal import device_commands
+from pa_console.orchestrator.station.assembly import load_site, open_station
 from pa_console.orchestrator.station.journal import Journal
+from pa_console.orchestrator.station.station import Station
+from pa_console.orchestrator.station.ticking import DevicesClock
 from pa_console.policy.rulebook import Rulebook
 from pa_console.resources import find_data
 from pa_console.schema.command import CommandReply, DeviceCommand
@@ -37,9 +46,11 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.world import World
+from pa_console.session.log.writer import LogWriter
 from pa_console.sim.worlds.world_file import load_world
 from tests.fleets.broker import Broker, address_of, any_broker
 from tests.fleets.conftest import SHA, RunningSite, running
+from tests.scripted import ScriptedEngine, plan
 
 RATE = 4.0
 """Seconds at the site in one."""
@@ -139,25 +150,42 @@ def lying(gateway: Gateway) -> Generator[None]:
 
 
 POUR = """
-import sys, time
+import json, sys, time
+from datetime import UTC, datetime
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
+host, port, site, name, kind = sys.argv[1:]
 client = Client(CallbackAPIVersion.VERSION2, protocol=MQTTProtocolVersion.MQTTv5)
-client.connect(sys.argv[1], int(sys.argv[2]))
+client.connect(host, int(port))
 client.loop_start()
-payload = b'{"headerId": 1, "contacts": [' + b'{"signature": "x"}, ' * 5_700 + b"{}]}"
+garbage = b'{"headerId": 1, "contacts": [' + b'{"signature": "x"}, ' * 5_700 + b"{}]}"
+number = 0
 while True:
-    client.publish(sys.argv[3], payload)
-    time.sleep(0.005)
+    number += 1
+    payload = garbage
+    if kind == "phantoms":
+        now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S.%f")[:-3] + "Z"
+        contacts = [
+            {"signature": f"p{each}", "kind": "vehicle", "x": each % 30 - 15.0,
+             "y": 40.0 + each % 9, "sigmaM": 1.0, "identity": "unauthorized", "opinion": "hostile"}
+            for each in range(900)
+        ]
+        header = {"headerId": number, "timestamp": now, "version": "3.0.0",
+                  "manufacturer": "pa-console", "serialNumber": name}
+        payload = json.dumps({**header, "contacts": contacts}).encode()
+    client.publish(f"{site}/v3/pa-console/{name}/detections", payload)
+    time.sleep(0.1 if kind == "phantoms" else 0.005)
 """
 
 
 @contextmanager
-def flood(address: BrokerAddress, name: str) -> Generator[None]:
-    """Let a process send 200 messages of 114 KB a second in the name of a robot."""
-    topic = f"{address.site}/v3/pa-console/{name}/detections"
-    words = [sys.executable, "-c", POUR, address.host, str(address.port), topic]
-    process = subprocess.Popen(words)
+def flood(address: BrokerAddress, name: str, kind: str = "garbage") -> Generator[None]:
+    """Let a process send much in the name of a robot.
+
+    That is 200 messages of 114 KB of garbage a second, or 10 a second with 900 phantom contacts.
+    """
+    words = [address.host, str(address.port), address.site, name, kind]
+    process = subprocess.Popen([sys.executable, "-c", POUR, *words])
     yield
     process.kill()
     process.wait()
@@ -343,6 +371,84 @@ def play(histories: int, seed: int) -> Outcome:
     return out
 
 
+class Pressed:
+    """A whole station on a site of another process; STOP is pressed there at random moments."""
+
+    def __init__(self, address: BrokerAddress, presses: int, seed: int) -> None:
+        self._address, self._presses, self._random = address, presses, Random(seed)
+        self._site = load_site("checkpoint", "checkpoint")
+        self._holds: dict[str, float] = {}
+        """When the hold of each robot was on the wire."""
+        self.took_ms: list[float] = []
+
+    async def run(self) -> list[float]:
+        """Return the time from each press that was due to the last hold on the wire, sorted, ms."""
+        ear = Client(CallbackAPIVersion.VERSION2, protocol=MQTTProtocolVersion.MQTTv5)
+        ear.on_message = self._note
+        ear.connect(self._address.host, self._address.port)
+        ear.subscribe(f"{self._address.site}/v3/+/+/instantActions", qos=1)
+        ear.loop_start()
+        engine = ScriptedEngine([plan()]).engine()
+        fleet = fleet_of(join(self._address), self._site.world, self._site.world_sha256)
+        station = open_station(
+            self._site, engine, DevicesClock(), fleet=fleet, respond=True, read_unasked=False
+        )
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            LogWriter(Path(folder) / "log.jsonl", station.session) as log,
+        ):
+            station.write_to(log)
+            pressing = asyncio.create_task(self._press(station))
+            async for _ in station.run():
+                pass
+            await pressing
+        ear.disconnect()
+        ear.loop_stop()
+        return sorted(self.took_ms)
+
+    async def _press(self, station: Station) -> None:
+        loop = asyncio.get_running_loop()
+        await asyncio.sleep(3.0)
+        for _ in range(self._presses):
+            wait_s = self._random.uniform(0.3, 0.8)
+            due = time.perf_counter() + wait_s
+            self._holds.clear()
+            loop.call_later(wait_s, station.stop_all)
+            while len(self._holds) < len(self._site.world.assets):
+                await asyncio.sleep(0.01)
+            self.took_ms.append((max(self._holds.values()) - due) * 1e3)
+            station.release()
+        await station.close()
+
+    def _note(self, _client: Client, _data: object, message: MQTTMessage) -> None:
+        if b"startPause" in message.payload:
+            self._holds.setdefault(message.topic.split("/")[3], time.perf_counter())
+
+
+def press(presses: int, seed: int) -> None:
+    """Press STOP many times under each flood; print how long the last hold took to be sent."""
+    for kind in ("none", "garbage", "phantoms"):
+        broker = any_broker()
+        broker.start()
+        address = address_of(broker, "press")
+        words = [sys.executable, "-m", "pa_console", "site", "--broker", str(address)]
+        site = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        try:
+            while (found := join(address)).site is None:
+                found.link.close()
+            found.link.close()
+            with flood(address, "Drone_T02", kind) if kind != "none" else nullcontext():
+                took = asyncio.run(Pressed(address, presses, seed).run())
+        finally:
+            site.kill()
+            site.wait()
+            broker.kill()
+        share = {name: took[min(int(part * len(took)), len(took) - 1)]
+                 for name, part in (("p50", 0.5), ("p99", 0.99))}  # fmt: skip
+        words = ", ".join(f"{name} {value:.0f} ms" for name, value in share.items())
+        print(f"{presses} presses, flood {kind}: {words}, most {took[-1]:.0f} ms")
+
+
 def main() -> None:
     """Play as many histories as are asked for, in several processes; print what they came to."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -350,7 +456,11 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--batch", type=int, default=10)
+    parser.add_argument("--presses", type=int, default=0, help="time STOP under floods instead")
     given = parser.parse_args()
+    if given.presses:
+        press(given.presses, given.seed)
+        return
     starts = range(given.seed, given.seed + given.histories, given.batch)
     out = Outcome()
     with ProcessPoolExecutor(given.workers, mp_context=get_context("spawn")) as pool:
