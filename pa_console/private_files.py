@@ -82,13 +82,26 @@ def read_private(path: Path, loose: int = 0o077) -> bytes:
         return stream.read()
 
 
-def loose(folder: Path) -> int:
-    """Return the mode of `folder` if other users have a right to it; 0 otherwise."""
-    try:
-        mode = stat.S_IMODE(folder.stat().st_mode)
-    except FileNotFoundError:
-        return 0
-    return mode if mode & 0o077 else 0
+def exposed(folder: Path, rights: int) -> tuple[str, str] | None:
+    """Return how other users can use `folder`, and the remedy; None if they cannot.
+
+    They can if they have one of `rights` to it (0o077: any, 0o022: to write), or if they can put
+    another folder in the place of it, of the one that a link leads to, or of one above these.
+    """
+    if not folder.is_dir():
+        return None
+    place = folder.resolve()
+    named = f"{folder}" if place == folder.absolute() else f"{folder} is a link to {place}"
+    mode = stat.S_IMODE(place.stat().st_mode)
+    if mode & rights:
+        may = "write there" if mode & 0o022 else "look into it"
+        return f"{named}: others may {may} (mode {mode:04o})", f"chmod 700 '{place}'"
+    for above in (*place.parents, *folder.absolute().parents):
+        mode = stat.S_IMODE(above.stat().st_mode)
+        if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
+            problem = f"others may put another folder in its place: they may write to {above}"
+            return f"{named}: {problem} (mode {mode:04o})", f"chmod o-w '{above}'"
+    return None
 
 
 def nearest_existing(path: Path) -> Path:

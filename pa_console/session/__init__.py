@@ -1,1 +1,1 @@
-"""The session's memory: hash-chained log, the fold over events, replay."""
+"""A session: its hash-chained log, its state as a fold over events, its replay and its traces."""

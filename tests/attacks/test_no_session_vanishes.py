@@ -119,6 +119,33 @@ def test_a_log_in_the_place_of_another_is_named(folder: Path, signer: Signer) ->
     assert "record 1 is not the one that session S1 had" in checked(folder, signer).all_problems[0]
 
 
+def test_a_copy_of_a_log_under_another_name_is_named(
+    folder: Path, signer: Signer, call: Call
+) -> None:
+    """The copy is signed and whole by itself: only the index knows that it is no session more."""
+    copy = folder / "S1-again.jsonl"
+    for name in ("", ".head"):
+        shutil.copy(f"{folder / 'S1.jsonl'}{name}", f"{copy}{name}")
+    problem = "S1-again.jsonl: a copy of S1.jsonl, the log of session S1"
+    assert checked(folder, signer).all_problems == (problem,)
+    assert problem in check_sessions(folder).found
+    done = call("replay", str(copy), "--verify", "--chain-only")
+    assert done.code == 2
+    assert problem in done.said
+    assert call("replay", str(folder / "S1.jsonl"), "--verify", "--chain-only").code == 0
+    (folder / "S1.jsonl").unlink()
+    assert problem in checked(folder, signer).all_problems
+
+
+def test_a_log_that_no_index_has_is_no_copy(folder: Path, signer: Signer) -> None:
+    with LogWriter(folder / "own-name.jsonl", "S7", signer=signer, clock=lambda: 0.0) as writer:
+        writer.append(long_story()[0])
+    (folder / "notes.jsonl").write_text("[1]\n")
+    (folder / "empty.jsonl").write_text("")
+    (folder / "folder.jsonl").mkdir()
+    assert checked(folder, signer).all_problems == ()
+
+
 @settings(
     max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )

@@ -1,9 +1,12 @@
 """`pa-console replay --verify`: what it says of a log, and with which code it leaves."""
 
+from datetime import timedelta
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
+from pa_console.session.log.chain import line_of, read_log
 from pa_console.session.log.signed_head import head_path
 from pa_console.session.log.writer import LogWriter
 from pa_console.signing import load_signer
@@ -90,3 +93,33 @@ def test_a_session_that_goes_on_is_neither_intact_nor_damaged(call: Call, tmp_pa
     assert done.code == 1
     assert "up to line 2 only" in done.said
     assert "4 unsigned records" in done.said
+
+
+def test_a_clock_that_was_set_back_within_a_session_is_named(call: Call, tmp_path: Path) -> None:
+    told = long_story()
+    back = [event.model_copy(update={"t": event.t - timedelta(hours=1)}) for event in told[9:20]]
+    events = [*told[:9], *back, *told[20:]]
+    log = write_signed(tmp_path / "s.jsonl", signer=load_signer(), events=events)
+    done = call("replay", str(log), "--verify", "--chain-only")
+    assert done.code == 0
+    back_by = timedelta(seconds=round((told[8].t - back[0].t).total_seconds()))
+    number = next(
+        number
+        for number, (one, other) in enumerate(pairwise(read_log(log)), start=2)
+        if other.t < one.t
+    )
+    place = f"before line {line_of(log, number)}"
+    assert f"The clock was set back by {back_by} {place}" in done.said
+    jumps = [*told[:9], *back, *told[20:25], *back[:2]]
+    log = write_signed(tmp_path / "t.jsonl", signer=load_signer(), events=jumps)
+    done = call("replay", str(log), "--verify", "--chain-only")
+    assert f"The clock was set back 2 times, first by {back_by} {place}" in done.said
+
+
+def test_a_clock_that_is_adjusted_by_less_than_a_second_is_no_remark(
+    call: Call, tmp_path: Path
+) -> None:
+    told = long_story()
+    told[9] = told[9].model_copy(update={"t": told[8].t - timedelta(milliseconds=900)})
+    log = write_signed(tmp_path / "s.jsonl", signer=load_signer(), events=told)
+    assert "the clock" not in call("replay", str(log), "--verify", "--chain-only").said.lower()

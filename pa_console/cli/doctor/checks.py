@@ -24,14 +24,14 @@ from pa_console.llm.models.catalogue import Catalog, ModelEntry
 from pa_console.llm.models.preparing import Preparation, find_recorded
 from pa_console.llm.worker.confinement import Restriction, try_out
 from pa_console.llm.worker.threads import idle_seconds, physical_cores
-from pa_console.private_files import loose, nearest_existing, unwritable
+from pa_console.private_files import exposed, nearest_existing, unwritable
 from pa_console.schema.document import DocumentError
 from pa_console.schema.text.quantities import count
 from pa_console.session.log.chain import LogError
 from pa_console.session.log.session_index import check_index
 from pa_console.session.log.writer import default_folder
 from pa_console.settings.sources import Loaded, default_settings, load_settings, unknown_variables
-from pa_console.signing import SigningError, key_path, known_keys
+from pa_console.signing import SigningError, key_path, known_keys, site_keys
 
 State = Literal["ok", "warning", "missing"]
 PACKAGE = "pa-console"
@@ -281,14 +281,21 @@ def check_load(
 
 
 def check_folders(loaded: Loaded) -> Iterator[Check]:
-    """Look whether config, logs, cache and key can be written, and how much room is left."""
-    for name, folder, field in (
-        ("config folder", loaded.path.parent, "PA_CONSOLE_SETTINGS"),
-        ("log folder", loaded.values.logs or default_folder(), "pa-console settings set logs"),
-        ("cache folder", cache_folder(), "pa-console settings set cache"),
-        ("signing key", key_path().parent, "pa-console settings set signing_key"),
+    """Look whether config, logs, cache and keys can be written, by their owner alone; at room."""
+    logs, change = loaded.values.logs or default_folder(), "pa-console settings set"
+    for name, folder, field, rights in (
+        ("config folder", loaded.path.parent, "PA_CONSOLE_SETTINGS", 0o022),
+        ("log folder", logs, f"{change} logs", 0o077),
+        ("cache folder", cache_folder(), f"{change} cache", 0),
+        ("signing key", key_path().parent, f"{change} signing_key", 0o022),
+        ("site keys", site_keys(), f"{change} signing_key", 0o022),
     ):
-        yield check_folder(name, folder, field)
+        if name == "site keys" and not folder.exists():
+            continue
+        found = check_folder(name, folder, field)
+        if rights and found.state == "ok" and (exposure := exposed(folder, rights)) is not None:
+            found = Check(name, "warning", *exposure)
+        yield found
 
 
 def check_sessions(folder: Path) -> Check:
@@ -300,9 +307,6 @@ def check_sessions(folder: Path) -> Check:
         return Check(name, "warning", str(error), "look at that file")
     if found.all_problems:
         return Check(name, "warning", "; ".join(found.all_problems), remedy)
-    if others := loose(folder):
-        words = f"{folder}: others may look into it (mode {others:04o})"
-        return Check(name, "warning", words, f"chmod 700 '{folder}'")
     return Check(name, "ok", f"{count(len(found.sessions), 'session')} in the index, none is lost")
 
 

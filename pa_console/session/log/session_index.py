@@ -25,7 +25,7 @@ from pa_console.private_files import (
     write_all,
 )
 from pa_console.schema.base import Hex32
-from pa_console.session.log.chain import GENESIS, encodable, os_error
+from pa_console.session.log.chain import GENESIS, LINE_LIMIT, encodable, os_error
 from pa_console.signing import SignedLine, Signer, fingerprint, key_path
 
 INDEX_NAME = "sessions.index"
@@ -162,21 +162,29 @@ class IndexedSession:
 
 @dataclass(frozen=True)
 class IndexReport:
-    """The sessions of an index in their order, and the problems of the index itself."""
+    """The sessions of an index in their order, and the problems of the index itself.
+
+    `copies` are logs in the folder that repeat the log of a session under another name.
+    """
 
     sessions: tuple[IndexedSession, ...] = ()
     problems: tuple[str, ...] = ()
+    copies: tuple[IndexedSession, ...] = ()
 
     @property
     def all_problems(self) -> tuple[str, ...]:
         """The problems of the index and of the logs, a sentence each."""
-        logs = (f"{found.log}: {found.problem}" for found in self.sessions if found.problem)
+        logs = (f"{found.log}: {found.problem}" for found in self._logs if found.problem)
         return (*self.problems, *logs)
 
     def of(self, log: Path) -> str:
         """Return the problem of `log` by the index; empty if it has none or is not in the index."""
-        problems = (found.problem for found in self.sessions if found.log == log.name)
+        problems = (found.problem for found in self._logs if found.log == log.name)
         return next(filter(None, problems), "")
+
+    @property
+    def _logs(self) -> tuple[IndexedSession, ...]:
+        return (*self.sessions, *self.copies)
 
 
 def check_index(folder: Path, known: Collection[str]) -> IndexReport:
@@ -197,7 +205,8 @@ def check_index(folder: Path, known: Collection[str]) -> IndexReport:
     problems = list(_chain(path.name, content, known, entries))
     if anchor and anchor not in content.splitlines(keepends=True):
         problems.append(f"{path.name}: its last line that this machine wrote is gone")
-    return IndexReport(tuple(_sessions(folder, entries)), tuple(problems))
+    sessions, copies = _sessions(folder, entries), _copies(folder, entries)
+    return IndexReport(tuple(sessions), tuple(problems), tuple(copies))
 
 
 def _chain(
@@ -230,6 +239,21 @@ def _sessions(folder: Path, entries: list[IndexLine]) -> Iterator[IndexedSession
     for (log, session), lines in by_log.items():
         ended = any(line.ended for line in lines)
         yield IndexedSession(log, session, ended, _problem(folder / log, session, lines))
+
+
+def _copies(folder: Path, entries: list[IndexLine]) -> Iterator[IndexedSession]:
+    """Find the logs that are not in the index and begin as one that is."""
+    begun = {entry.hash: entry for entry in entries if entry.records == 1}
+    names = {entry.log for entry in entries}
+    if not begun:
+        return
+    for path in sorted(folder.glob("*.jsonl")):
+        if path.name in names or not path.is_file():
+            continue
+        entry = begun.get(str(_first(path).get("hash")))
+        if entry is not None:
+            problem = f"a copy of {entry.log}, the log of session {entry.session}"
+            yield IndexedSession(path.name, entry.session, ended=False, problem=problem)
 
 
 def _problem(log: Path, session: str, lines: list[IndexLine]) -> str:
@@ -266,6 +290,15 @@ def _ends(log: Path) -> tuple[dict[str, Any], dict[str, Any]]:
             at = start
     lines = tail[: tail.rfind(b"\n") + 1].splitlines()
     return _record(first), _record(lines[-1] if lines else b"")
+
+
+def _first(log: Path) -> dict[str, Any]:
+    """Return the first record of `log`, {} for one that is none or cannot be read."""
+    try:
+        with log.open("rb") as file:
+            return _record(file.readline(LINE_LIMIT))
+    except OSError:
+        return {}
 
 
 def _record(line: bytes) -> dict[str, Any]:

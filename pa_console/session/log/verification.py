@@ -3,6 +3,7 @@
 import re
 from collections.abc import Collection
 from dataclasses import dataclass
+from datetime import timedelta
 from pathlib import Path
 from typing import Literal, cast
 
@@ -222,6 +223,8 @@ def _record(line: bytes) -> LogRecord | None:
 
 Standing = Literal["signed", "open", "not signed"]
 """Signed to its end; signed, but not closed; without any signature."""
+ADJUSTED = timedelta(seconds=1)
+"""A clock that is kept in time by the network is set back by less."""
 FIRST_SIGNED = 2
 """The line of a log's first signature; the line before it names the session."""
 
@@ -299,6 +302,8 @@ class _Chain:
         self._key_line = 0
         self._hash_at_head = ""
         self._notes: list[str] = []
+        self._set_back: list[tuple[timedelta, int]] = []
+        """By how much the clock was set back, before the line of that number."""
 
     def read(self) -> Damage | None:
         """Read every line; return the first damage to the chain or to a signature."""
@@ -327,6 +332,9 @@ class _Chain:
 
     def _add(self, record: LogRecord, line: bytes) -> Damage | None:
         number, signed = self.sound.lines + 1, record.event.data
+        before = self.sound.before
+        if before is not None and (back := before.event.t - record.event.t) >= ADJUSTED:
+            self._set_back.append((back, number))
         if isinstance(signed, LogSigned):
             if not is_signature(signed.signature, signed_part(record.fields), signed.key):
                 return find_forgery(self._path, self.sound, line, record)
@@ -394,6 +402,11 @@ class _Chain:
         """Return remarks on a log without damage."""
         last, standing = self.sound.before, self.standing()
         notes = self._notes.copy()
+        if self._set_back:
+            (back, line), times = self._set_back[0], len(self._set_back)
+            often = f"{times} times, first " if times > 1 else ""
+            by = timedelta(seconds=round(back.total_seconds()))
+            notes.append(f"the clock was set back {often}by {by} before line {line}")
         if last is None:
             notes.append("the log is empty")
         elif standing == "not signed" and last.event.data.kind != "session_ended":
