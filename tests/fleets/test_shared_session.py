@@ -6,11 +6,15 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
+import pytest
+
 from pa_console.fleets import authorization as auth
 from pa_console.fleets.bus.address import BrokerAddress
 from pa_console.fleets.bus.session_sharing import SharedSession
 from pa_console.fleets.bus.station_link import StationLink
 from pa_console.fleets.station_authority import Keys, StationAuthority, Vehicles
+from pa_console.fleets.vda5050.session_messages import StopAsked
+from pa_console.fleets.vda5050.wire import Header
 from pa_console.orchestrator.joined.joined_station import JoinedStation, Signatory
 from pa_console.orchestrator.joined.shared_log import HEARD, SharedLog, read_so_far
 from pa_console.orchestrator.joined.site_copy import SiteCopy
@@ -80,11 +84,29 @@ class Watched:
         """The plan that waits."""
         return self.state.current.approval if self.state.current is not None else None
 
+    def notices(self) -> str:
+        """What was reported, line by line."""
+        return "\n".join(each.text for each in self.state.notices)
+
     @property
     def signers(self) -> set[str]:
         """Who has signed the current mission's plan."""
         made = self.state.current.decisions if self.state.current is not None else []
         return {name for each in made for name in each.decision.signatures}
+
+
+def lose_stops(monkeypatch: pytest.MonkeyPatch, console: JoinedStation, count: int) -> None:
+    """Let the first `count` stops that a console asks for get lost on the way."""
+    log, left = console._log, [count]  # pyright: ignore[reportPrivateUsage]
+    publish = log.publish
+
+    def lossy(message: Header, expiry_s: int | None = None) -> bool:
+        if isinstance(message, StopAsked) and left[0] > 0:
+            left[0] -= 1
+            return True
+        return publish(message, expiry_s)
+
+    monkeypatch.setattr(log, "publish", lossy)
 
 
 async def ask(joined: JoinedStation, watched: Watched) -> None:
@@ -96,8 +118,18 @@ async def ask(joined: JoinedStation, watched: Watched) -> None:
     assert {line.about for line in told.lines} == {"Ugv_T01"}
 
 
+async def stop_from(console: JoinedStation, watched: Watched, station: Watched) -> None:
+    """Press STOP at a joined console; it asks until the station has stopped, and says so."""
+    console.stop_all()
+    await until(lambda: station.state.stop and watched.state.stop)
+    await until(lambda: "STOP not confirmed by north" in watched.notices())
+    await until(lambda: "north has stopped" in watched.notices())
+    (stop,) = [each.data for each in station.events if isinstance(each.data, ev.AllStopped)]
+    assert stop.by == "otto at another station"
+
+
 async def test_a_block_is_carried_out_once_both_have_signed(
-    world: World, address: BrokerAddress, tmp_path: Path
+    world: World, address: BrokerAddress, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     site = two_people(tmp_path)
     told = messages(site)
@@ -141,10 +173,8 @@ async def test_a_block_is_carried_out_once_both_have_signed(
         assert mission.status == "verified", mission
         assert ann.signers == {"ann", "bob"} == second.signers == third.signers
         await ask(otto, third)
-        otto.stop_all()
-        await until(lambda: ann.state.stop and second.state.stop)
-        (stop,) = [each.data for each in ann.events if isinstance(each.data, ev.AllStopped)]
-        assert stop.by == "otto at another station"
+        lose_stops(monkeypatch, otto, 3)
+        await stop_from(otto, third, ann)
         await station.close()
         await until(lambda: second.state.ended and third.state.ended)
         await asyncio.gather(ann.task, second.task, third.task)

@@ -8,8 +8,9 @@ again. What a person asks is answered here, and told to nobody else.
 import asyncio
 import time
 from collections import deque
-from collections.abc import AsyncGenerator, Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import AsyncGenerator, Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from time import monotonic
 
@@ -21,6 +22,7 @@ from pa_console.fleets.station_authority import approval_of
 from pa_console.fleets.vda5050.session_messages import Countersignature, StopAsked
 from pa_console.fleets.vda5050.vehicle import EXPIRY_S
 from pa_console.orchestrator.answers.alternatives import Alternative
+from pa_console.orchestrator.execution.stop_confirmation import CONFIRM_S
 from pa_console.orchestrator.joined.shared_log import LOOK_S, SharedLog
 from pa_console.orchestrator.joined.site_copy import SiteCopy
 from pa_console.orchestrator.planning.approval import inadmissible
@@ -35,6 +37,9 @@ from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.session.state.fold import SessionState
 
 SILENT_S = 5.0
+STOP_AGAIN_S = 0.5
+"""A stop is asked for so often, until the station's log has it."""
+
 SUBJECT = "joined"
 
 
@@ -65,6 +70,7 @@ class JoinedStation:
         self._answered = deque[ev.Event]()
         """What was answered here: it is shown here, and is in no log."""
         self._closing = False
+        self._stop_asked: _StopAsked | None = None
         for event in before:
             self._state.apply(event)
 
@@ -109,7 +115,7 @@ class JoinedStation:
             for event in events:
                 self._state.apply(event)
                 yield event
-            for told in self._news.take(heard=bool(events)):
+            for told in (*self._news.take(heard=bool(events)), *self._follow_stop()):
                 yield ev.Event(t=datetime.now(UTC), tick=self._state.tick, data=told)
             while self._answered:
                 yield self._answered.popleft()
@@ -163,13 +169,39 @@ class JoinedStation:
         return request
 
     def stop_all(self) -> None:
-        """Ask the station to stop everybody; raises ValueError when nothing can be sent."""
+        """Ask the station to stop all assets, and again until its log has the stop.
+
+        Raises ValueError when nothing can be sent.
+        """
+        self._ask_to_stop()
+        self._stop_asked = _StopAsked(monotonic())
+
+    def _ask_to_stop(self) -> None:
         log = self._log
         asked = StopAsked(
             **log.header(StopAsked), session=log.stream.session, person=self._signatory.name
         )
         if not log.publish(asked, round(EXPIRY_S)):
             raise ValueError(f"nothing reaches the broker: {log.link.problem}")
+
+    def _follow_stop(self) -> Iterator[ev.Noticed]:
+        """Ask again for a stop that the station has not logged; report when that takes long."""
+        asked, now_s = self._stop_asked, monotonic()
+        if asked is None:
+            return
+        if self._state.stop is not None:
+            self._stop_asked = None
+            if asked.late:
+                yield ev.Noticed(level="info", subject="stop", text=f"{self.station} has stopped")
+            return
+        if now_s - asked.sent_s >= STOP_AGAIN_S:
+            asked.sent_s = now_s
+            with suppress(ValueError):  # the connection is reported as broken anyway
+                self._ask_to_stop()
+        if not asked.late and now_s - asked.pressed_s > CONFIRM_S:
+            asked.late = True
+            text = f"STOP not confirmed by {self.station}: it is asked again and again"
+            yield ev.Noticed(level="alarm", subject="stop", text=text)
 
     async def close(self, reason: str = "") -> None:  # noqa: ARG002 - the session goes on
         """Leave; the session goes on without this console."""
@@ -280,6 +312,18 @@ class JoinedStation:
     @property
     def _refusal(self) -> ValueError:
         return ValueError(f"this is the session of {self.station}: it is commanded there")
+
+
+@dataclass
+class _StopAsked:
+    """A stop that was asked for here, in this machine's seconds, until the station has logged it."""
+
+    pressed_s: float
+    late: bool = False
+    sent_s: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.sent_s = self.pressed_s
 
 
 class _ConnectionNews:
