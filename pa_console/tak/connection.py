@@ -237,6 +237,7 @@ class TakConnection:
         while data := await reader.read(READ_BYTES):
             if self._reports is not None:
                 self._reports.received(data)
+            # The pause limits the rate and lets the sender run.
             await asyncio.sleep(len(data) / BYTES_A_SECOND)
 
     async def _send_all(self, writer: StreamWriter) -> None:

@@ -35,6 +35,7 @@ class _Known:
         """Return True if the contact is new, or has changed since its last report in time."""
         if self.reported is None or self.reported_at is None:
             return True
+        # A negative difference means that the clock was set back: waiting could take for ever.
         if timedelta() <= now - self.reported_at < REPORTED_EVERY:
             return False
         before, here = self.reported, self.contact

@@ -51,6 +51,7 @@ class SessionOnMap:
         match event.data:
             case TelemetryReceived(picture=picture):
                 moment = min(event.t, self._now())
+                # A negative difference means that the clock was set back: the picture is shown.
                 if self._last is not None and timedelta() <= moment - self._last < self._every:
                     return
                 self._last = moment

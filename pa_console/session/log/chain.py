@@ -130,6 +130,7 @@ def parse(line: bytes) -> LogRecord:
         raise ValueError("data must be an object")
     content = {key: fields[key] for key in ("t", "tick", "mission")}
     content["data"] = {**cast(dict[str, Any], data), "kind": kind}
+    # Strict models read dates and tuples from JSON only, so the event goes through JSON again.
     try:
         return LogRecord(text, fields, Event.model_validate_json(_JSON.dump_json(content)))
     except ValidationError as error:
@@ -140,6 +141,7 @@ def parse(line: bytes) -> LogRecord:
 
 def own_problem(record: LogRecord) -> str:
     """Return the problem of `record` by itself; empty if it is as it was written."""
+    # The text is compared too: another spelling of the same JSON has the same hash.
     if _in_order(record.fields) != record.text or record.hash != digest(record.fields):
         return "the record was edited: its hash does not match what it says"
     return ""

@@ -96,6 +96,7 @@ class SessionIndex:
                 session=encodable(session),
             ).line
             write_all(file, torn + line)
+            # The line is on the disk before its anchor: else a crash would look like a cut index.
             os.fsync(file)
             replace_private(anchor, line)
             with suppress(OSError):
@@ -122,6 +123,7 @@ def _end(lines: list[bytes], anchor: bytes) -> tuple[int, str]:
     last = lines[-1] if lines else b""
     found = _number(last) if last else 0
     kept = _number(anchor) if anchor else 0
+    # After a cut, the new line follows the anchor, so that the gap in the numbers stays.
     if kept > found or (kept == found and last != anchor):
         return kept, line_hash(anchor)
     return (found or len(lines), line_hash(last)) if last else (0, GENESIS)

@@ -94,6 +94,7 @@ class Witness:
             else:
                 self.problem = ""
             with self._changed:
+                # A newer head may have come while this one was sent.
                 if not self.problem and self._next is head:
                     self._next = None
                 if last:

@@ -117,6 +117,7 @@ class LogFile:
             self._lock()
             torn = self._find_end(session)
             self.head = require_head(path, session, self.seq, public)
+            # Nothing is changed before the head has accepted the log.
             if torn:
                 self._set_aside(torn)
         except BaseException:

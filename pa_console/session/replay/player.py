@@ -141,6 +141,7 @@ class Player:
         """Make `state` that after `index` events; of skipped telemetry, only the last is read."""
         recording, timeline = self.recording, self.recording.timeline
         frame = recording.index.frame_before(index)
+        # A keyframe helps backward, or beyond the present event; else the fold goes on from here.
         if index < self.index or frame > self.index:
             state, first, shown = recording.index.state_at(frame), frame, 0
         else:
