@@ -56,7 +56,7 @@ RATE = 4.0
 """Seconds at the site in one."""
 GRACE_S = 0.4
 """Real seconds from STOP until a reachable asset stands: 250 ms, and a busy machine."""
-WATCH_S, NAMED_S, LIE_S = 2.5, 1.5, 6.0
+WATCH_S, NAMED_S, LIE_S = 1.5, 1.5, 6.0
 """Real seconds of watching; seconds of the fleet until one in doubt, or a liar, is named."""
 BACK_S = 4.0
 """Real seconds more that are given to a broker that was killed, and to robots that reconnect."""

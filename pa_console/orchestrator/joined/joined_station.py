@@ -316,7 +316,7 @@ class JoinedStation:
 
 @dataclass
 class _StopAsked:
-    """A stop that was asked for here, in this machine's seconds, until the station has logged it."""
+    """A stop asked for here, in this machine's seconds, until the station has logged it."""
 
     pressed_s: float
     late: bool = False
