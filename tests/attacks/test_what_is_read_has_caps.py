@@ -1,7 +1,6 @@
 """Downloads, archives and lines of a log: what is larger than it can be is not read to its end."""
 
 import hashlib
-import sys
 import tracemalloc
 from pathlib import Path
 from zipfile import ZIP_DEFLATED, ZipFile
@@ -81,7 +80,7 @@ def test_a_download_that_does_not_end_is_given_up(tmp_path: Path) -> None:
     endless = "import sys\nwhile True: open(sys.argv[1], 'ab').write(bytes(1 << 20))"
     with pytest.raises(PullError, match="more than 20 MB arrived"):
         run_watched(
-            (sys.executable, "-c", endless, str(folder / "file")),
+            ("-c", endless, str(folder / "file")),
             environment={},
             folder=folder,
             report=lambda _: None,
@@ -94,9 +93,7 @@ def test_the_last_words_of_a_talkative_downloader_are_found_at_its_end(tmp_path:
     tracemalloc.start()
     try:
         with pytest.raises(PullError, match=r"^no such thing$"):
-            run_watched(
-                (sys.executable, "-c", talk), environment={}, folder=tmp_path, report=lambda _: None
-            )
+            run_watched(("-c", talk), environment={}, folder=tmp_path, report=lambda _: None)
         assert tracemalloc.get_traced_memory()[1] < 4 * MIB
     finally:
         tracemalloc.stop()
